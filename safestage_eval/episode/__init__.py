@@ -1,0 +1,31 @@
+"""The data model of one recorded rollout. Reads nothing, writes nothing, judges nothing."""
+
+from .body import Body, Cavity, Geom, Joint, Quat, Record, Tcp, Vec3
+from .contacts import ContactTable
+from .episode import Episode
+from .frames import RobotFrames
+from .header import SCHEMA_VERSION, Header, Source
+from .invariants import check
+from .mesh import Mesh
+from .track import Track, still_track
+
+__all__ = [
+    "SCHEMA_VERSION",
+    "Body",
+    "Cavity",
+    "ContactTable",
+    "Episode",
+    "Geom",
+    "Header",
+    "Joint",
+    "Mesh",
+    "Quat",
+    "Record",
+    "RobotFrames",
+    "Source",
+    "Tcp",
+    "Track",
+    "Vec3",
+    "check",
+    "still_track",
+]

@@ -1,0 +1,117 @@
+"""Bodies, their shapes, cavities and joints: the part of a scene that does not move in time.
+
+All lengths in metres, masses in kilograms, angles in radians. Poses written ``position`` +
+``orientation`` map local coordinates to the parent frame named in the field's docstring;
+quaternions are wxyz and of unit norm.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict
+
+Vec3 = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+GeomKind = Literal[
+    "sphere", "box", "cylinder", "capsule", "ellipsoid", "plane", "convex_mesh", "mesh"
+]
+BodyKind = Literal["robot", "gripper", "object", "fixture", "region"]
+
+IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
+ORIGIN: Vec3 = (0.0, 0.0, 0.0)
+
+
+class Record(BaseModel):
+    """Base of all stored records: immutable, unknown fields ignored (a newer minor may add some)."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore")
+
+
+class Geom(Record):
+    """One collision shape of a body."""
+
+    name: str = ""
+    """Unique within its body when not empty."""
+    kind: GeomKind
+    size: tuple[float, ...] = ()
+    """m. sphere ``(radius,)``; box ``(half_x, half_y, half_z)``; cylinder and capsule
+    ``(radius, half_length)`` along local z (a capsule's half length excludes its caps);
+    ellipsoid ``(radius_x, radius_y, radius_z)``; plane and meshes ``()``. A plane is the
+    half-space local z <= 0."""
+    position: Vec3 = ORIGIN
+    """m, geom frame in the body frame."""
+    orientation: Quat = IDENTITY
+    """wxyz, geom frame to body frame."""
+    friction: tuple[float, float, float] = (1.0, 0.02, 0.001)
+    """Sliding (1), torsional (m), rolling (m)."""
+    mesh: str | None = None
+    """Key into ``Episode.meshes`` (the mesh's content hash) for ``convex_mesh`` and ``mesh``."""
+
+
+class Cavity(Record):
+    """The room inside a container. Its frame's +z axis points out of the opening; the rim is its top."""
+
+    kind: Literal["box", "cylinder"]
+    size: tuple[float, ...]
+    """m. box ``(half_x, half_y, half_z)``; cylinder ``(radius, half_height)``."""
+    position: Vec3 = ORIGIN
+    """m, centre of the cavity in the body frame."""
+    orientation: Quat = IDENTITY
+    """wxyz, cavity frame to body frame."""
+
+
+class Tcp(Record):
+    """Tool centre point: local z is the approach direction, local x the closing direction."""
+
+    position: Vec3
+    """m, in the body frame."""
+    orientation: Quat
+    """wxyz, TCP frame to body frame."""
+
+
+class Body(Record):
+    """One rigid body."""
+
+    name: str
+    """Unique within the episode."""
+    kind: BodyKind
+    movable: bool = True
+    """False: one pose for the whole episode (tables, the robot's base)."""
+    mass: float | None = None
+    """kg; None where unknown (fixtures)."""
+    com: Vec3 = ORIGIN
+    """m, centre of mass in the body frame."""
+    inertia: Vec3 | None = None
+    """kg m², principal moments about the COM; None where unknown."""
+    inertia_orientation: Quat = IDENTITY
+    """wxyz, principal frame to body frame."""
+    up_axis: Vec3 | None = None
+    """Unit vector in the body frame that points up when the object stands as intended;
+    None for objects without one (an orange): they have no tilt."""
+    finger: Literal["left", "right"] | None = None
+    """Side, for the bodies of a gripper that close on an object."""
+    tcp: Tcp | None = None
+    """On the gripper body that carries it."""
+    material: str | None = None
+    """Row of ``[material.NAME]`` in rule files."""
+    tags: tuple[str, ...] = ()
+    """fragile, sharp, heavy, hot, liquid, electronics, … (free)."""
+    parent: str | None = None
+    """Name of the body this one is jointed to (robot links, drawers)."""
+    excluded: tuple[str, ...] = ()
+    """Names of the bodies whose contacts with this one the model ignores."""
+    geoms: tuple[Geom, ...] = ()
+    cavity: Cavity | None = None
+
+
+class Joint(Record):
+    """A one-degree-of-freedom joint of the robot or of an articulated fixture."""
+
+    name: str
+    kind: Literal["revolute", "prismatic"]
+    body: str | None = None
+    """The body that the joint moves."""
+    limits: tuple[float, float] | None = None
+    """rad or m."""

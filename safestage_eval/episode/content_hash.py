@@ -1,0 +1,56 @@
+"""One number for the physical content of an episode, whatever file it stands in."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .episode import Episode
+
+_DESCRIPTIVE = {"material", "tags"}
+"""Body fields that describe rather than measure: an importer may correct them later."""
+
+
+def content_hash(episode: Episode) -> str:
+    """SHA-256 (hex) over time, motion, contacts, commands and geometry.
+
+    The header's names for the episode (id, task, policy, roles, success, …) are left out, so that
+    correcting them keeps the hash; body names, masses and shapes are in. Floats are hashed in the
+    precision in which they are stored: float32, time in float64.
+    """
+    header = episode.header
+    scene = {
+        "physics_dt": header.physics_dt,
+        "frame_dt": header.frame_dt,
+        "control_dt": header.control_dt,
+        "gravity": header.gravity,
+        "bodies": [body.model_dump(mode="json", exclude=_DESCRIPTIVE) for body in header.bodies],
+        "joints": [joint.model_dump(mode="json") for joint in header.joints],
+        "meshes": sorted(episode.meshes),
+    }
+    digest = hashlib.sha256(json.dumps(scene, sort_keys=True).encode())
+
+    def feed(name: str, array: NDArray[np.generic], dtype: str) -> None:
+        digest.update(f"{name}{array.shape}".encode())
+        digest.update(np.ascontiguousarray(array, dtype).tobytes())
+
+    feed("t", episode.t, "<f8")
+    for body in header.bodies:
+        track = episode.tracks[body.name]
+        for column in fields(track):
+            feed(f"{body.name}.{column.name}", getattr(track, column.name), "<f4")
+    contacts, frames = episode.contacts, episode.frames
+    for column in fields(contacts):
+        array = getattr(contacts, column.name)
+        feed(column.name, array, array.dtype.newbyteorder("<").str)
+    for column in fields(frames):
+        feed(column.name, getattr(frames, column.name), "<f4")
+    for key in sorted(episode.channels):
+        feed(f"channel {key}", episode.channels[key], "<f4")
+    return digest.hexdigest()

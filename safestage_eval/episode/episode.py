@@ -1,0 +1,90 @@
+"""The episode: one rollout, whole, as everything downstream reads it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .body import Body
+from .contacts import ContactTable
+from .content_hash import content_hash
+from .frames import RobotFrames
+from .header import Header
+from .mesh import Mesh
+from .track import Track
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """One rollout, read-only. Columns may be loaded from disk when they are first asked for.
+
+    Attributes:
+        header: everything that is said once.
+        t: (T,) s from the episode's start, strictly increasing.
+        tracks: body name → its motion; fixed bodies have a single row.
+        meshes: mesh key → mesh, for the geoms that have one.
+        channels: (body name, channel name) → (T,) optional recorded scalars.
+        path: the file it was read from, if any.
+    """
+
+    header: Header
+    t: NDArray[np.float64]
+    tracks: Mapping[str, Track]
+    _contacts: ContactTable | None = field(default=None, repr=False)
+    _frames: RobotFrames | None = field(default=None, repr=False)
+    meshes: Mapping[str, Mesh] = field(default_factory=dict, repr=False)
+    channels: Mapping[tuple[str, str], NDArray[np.float32]] = field(
+        default_factory=dict, repr=False
+    )
+    path: Path | None = None
+
+    def __len__(self) -> int:
+        """T, the number of frames."""
+        return len(self.t)
+
+    @property
+    def contacts(self) -> ContactTable:
+        """All contacts, in canonical order."""
+        return self._contacts if self._contacts is not None else ContactTable.empty()
+
+    @property
+    def frames(self) -> RobotFrames:
+        """Joint state and commands."""
+        return self._frames if self._frames is not None else RobotFrames.empty(len(self))
+
+    @cached_property
+    def bodies(self) -> dict[str, Body]:
+        """Name → body, in the header's order."""
+        return {body.name: body for body in self.header.bodies}
+
+    @cached_property
+    def body_index(self) -> dict[str, int]:
+        """Name → index in ``header.bodies``, as used in the contact table."""
+        return {body.name: i for i, body in enumerate(self.header.bodies)}
+
+    @cached_property
+    def geom_owner(self) -> NDArray[np.int16]:
+        """(G,) index of the body each geom belongs to."""
+        return np.repeat(
+            np.arange(len(self.header.bodies), dtype=np.int16),
+            [len(body.geoms) for body in self.header.bodies],
+        )
+
+    def track(self, name: str) -> Track:
+        """The motion of a body over all T frames (a fixed body's row repeated)."""
+        return self.tracks[name].over(len(self))
+
+    @cached_property
+    def dt(self) -> float:
+        """s, spacing of frames: the median of the recorded time steps (``frame_dt`` if T < 2)."""
+        return float(np.median(np.diff(self.t))) if len(self.t) > 1 else self.header.frame_dt
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 over the physical data (docs/traces.md): the same in every format."""
+        return content_hash(self)

@@ -1,0 +1,77 @@
+"""The header of an episode: everything that is said once."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from .body import Body, Joint, Record, Vec3
+
+SCHEMA_VERSION = "1.0"
+
+Stage = Literal["ISH", "ETS", "FSH"]
+Termination = Literal["success", "horizon", "policy", "error", "truncated"]
+ForceSource = Literal["recorded", "recomputed", "none"]
+
+
+class Source(Record):
+    """Where the episode comes from."""
+
+    simulator: str | None = None
+    simulator_version: str | None = None
+    recorder: str | None = None
+    """Recorder or importer."""
+    recorder_version: str | None = None
+    licence: str | None = None
+
+
+class Header(Record):
+    """One per episode. Units SI; world frame with z up."""
+
+    schema_version: str = SCHEMA_VERSION
+    """``major.minor``: a minor only adds nullable fields; a newer major is refused."""
+    episode_id: str
+    """Assigned once; survives corrections of the header. Labels hang on it."""
+    task: str | None = None
+    stage: Stage | None = None
+    family: str | None = None
+    instruction: str | None = None
+    prompt: str | None = None
+    """Prompt condition: default, generic, specific, or free text."""
+    policy: str | None = None
+    seed: int | None = None
+    """Environment seed."""
+    rollout: int | None = None
+    """Index of the rollout under the same seed."""
+    physics_dt: float
+    """s, integration step."""
+    frame_dt: float
+    """s, nominal spacing of recorded frames."""
+    control_dt: float | None = None
+    """s between actions."""
+    gravity: Vec3 = (0.0, 0.0, -9.81)
+    """m/s², world."""
+    success: bool | None = None
+    """Native task success; None where the source does not tell."""
+    success_time: float | None = None
+    """s, the frame that confirmed success."""
+    termination: Termination | None = None
+    horizon: float | None = None
+    """s allowed for reaching the goal."""
+    post_success_hold: float | None = None
+    """s recorded after success with the robot frozen."""
+    roles: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+    """Role name → names of the bodies (or named parts) that play it."""
+    goal: str | dict[str, Any] | None = None
+    """Native goal: the name of a ``[goal.NAME]``, or such a table itself, in the rule language."""
+    rules: tuple[str, ...] = ()
+    """Codes of the assigned rules: the task's evaluator. Violated if any of them is."""
+    parameters: dict[str, str] = Field(default_factory=dict)
+    """The task's own values of shared rule parameters (``{"min_clearance": "12 cm"}``)."""
+    force_source: ForceSource = "none"
+    source: Source = Source()
+    notes: tuple[str, ...] = ()
+    """What an importer had to leave out, recompute or guess; what a recorder wants to say."""
+    bodies: tuple[Body, ...] = ()
+    joints: tuple[Joint, ...] = ()

@@ -1,0 +1,183 @@
+"""What every episode must satisfy, whatever file it came from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import TraceError
+from .header import SCHEMA_VERSION
+
+if TYPE_CHECKING:
+    from .episode import Episode
+    from .header import Header
+    from .track import Track
+
+UNIT_TOLERANCE = 1e-3
+"""Allowed deviation of a quaternion's norm from 1: float32 rounding with two decades to spare."""
+
+SIZE_COUNTS = {
+    "sphere": 1,
+    "box": 3,
+    "cylinder": 2,
+    "capsule": 2,
+    "ellipsoid": 3,
+    "plane": 0,
+    "convex_mesh": 0,
+    "mesh": 0,
+}
+"""Numbers in ``Geom.size`` by kind."""
+
+
+def check(episode: Episode) -> list[TraceError]:
+    """Every broken invariant of the episode; empty when it is sound. Reads all of its columns."""
+    where = str(episode.path or episode.header.episode_id)
+    found = list(check_header(episode.header, where))
+    found += check_time(episode.t, where)
+    for body in episode.header.bodies:
+        if body.name not in episode.tracks:
+            found.append(TraceError(where, f"body {body.name!r} has no poses"))
+            continue
+        found += check_track(episode.tracks[body.name], body.name, len(episode), where)
+    for geom in (g for body in episode.header.bodies for g in body.geoms):
+        if geom.mesh is not None and geom.mesh not in episode.meshes:
+            found.append(
+                TraceError(where, f"geom {geom.name!r}: mesh {geom.mesh[:12]}… is missing")
+            )
+    found += _check_contacts(episode, where)
+    for column in fields(episode.frames):
+        array = getattr(episode.frames, column.name)
+        if len(array) != len(episode):
+            found.append(
+                TraceError(where, f"{column.name} has {len(array)} rows, time has {len(episode)}")
+            )
+        found += _finite(array, f"frames.{column.name}", where)
+    for (body_name, name), values in episode.channels.items():
+        if body_name not in episode.bodies:
+            found.append(TraceError(where, f"channel {name!r} belongs to no body: {body_name!r}"))
+        found += _finite(values, f"channel {name} of {body_name}", where)
+    return found
+
+
+def check_header(header: Header, where: str) -> Iterator[TraceError]:
+    """Version, names, roles and shapes."""
+    major = header.schema_version.partition(".")[0]
+    if major != SCHEMA_VERSION.partition(".")[0]:
+        yield TraceError(
+            where,
+            f"trace schema {header.schema_version} cannot be read by this version.",
+            f"{SCHEMA_VERSION.partition('.')[0]}.x",
+            "install a newer safestage" if major.isdigit() else "",
+        )
+    names = [body.name for body in header.bodies]
+    for name in sorted({n for n in names if names.count(n) > 1}):
+        yield TraceError(where, f"two bodies are named {name!r}", fix="give each body its own name")
+    for role, players in header.roles.items():
+        for player in players:
+            if player not in names:
+                yield TraceError(
+                    where, f"role {role!r} names {player!r}, which is no body", ", ".join(names)
+                )
+    for step in ("physics_dt", "frame_dt", "control_dt"):
+        value = getattr(header, step)
+        if value is not None and not (np.isfinite(value) and value > 0):
+            yield TraceError(where, f"{step} is {value}", "a positive number of seconds")
+    for body in header.bodies:
+        for i, geom in enumerate(body.geoms):
+            place = f"{where}: body {body.name!r}, geom {i}"
+            if len(geom.size) != SIZE_COUNTS[geom.kind]:
+                yield TraceError(
+                    place,
+                    f"a {geom.kind} with {len(geom.size)} sizes.",
+                    f"{SIZE_COUNTS[geom.kind]}",
+                )
+            elif not all(np.isfinite(s) and s > 0 for s in geom.size):
+                yield TraceError(place, f"size {geom.size} is not positive and finite")
+            if (geom.kind in ("mesh", "convex_mesh")) != (geom.mesh is not None):
+                yield TraceError(place, f"a {geom.kind} with mesh = {geom.mesh!r}")
+
+
+def check_time(t: NDArray[np.float64], where: str) -> list[TraceError]:
+    """Finite and strictly increasing, at least one frame."""
+    if len(t) == 0:
+        return [TraceError(where, "the episode has no frames")]
+    found = _finite(t, "time", where)
+    back = np.flatnonzero(np.diff(t) <= 0)
+    if len(back) and not found:
+        i = int(back[0]) + 1
+        found.append(
+            TraceError(
+                where,
+                f"time does not increase at frame {i}: {t[i - 1]:.6f} s, then {t[i]:.6f} s.",
+                "strictly increasing timestamps",
+                "sort the frames by time and drop duplicates before writing",
+            )
+        )
+    return found
+
+
+def check_track(track: Track, name: str, frames: int, where: str) -> list[TraceError]:
+    """Row count, finite values, unit quaternions."""
+    found = []
+    for column in fields(track):
+        array = getattr(track, column.name)
+        if len(array) not in (1, frames):
+            found.append(
+                TraceError(
+                    where, f"{column.name} of {name!r} has {len(array)} rows, time has {frames}"
+                )
+            )
+        found += _finite(array, f"{column.name} of {name!r}", where)
+    norm = np.linalg.norm(track.orientation.astype(np.float64), axis=1)
+    off = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE)
+    if len(off):
+        i = int(off[0])
+        found.append(
+            TraceError(
+                where,
+                f"orientation of {name!r} at frame {i} has norm {norm[i]:.4f} "
+                f"({len(off)} frames in all).",
+                f"unit quaternions, wxyz, within {UNIT_TOLERANCE}",
+                "normalise the quaternions, and check that they are not stored as Euler angles",
+            )
+        )
+    return found
+
+
+def _check_contacts(episode: Episode, where: str) -> list[TraceError]:
+    contacts, found = episode.contacts, []
+    for name in ("position", "normal", "force", "peak_force", "depth"):
+        found += _finite(getattr(contacts, name), f"contact {name}", where)
+    if not len(contacts):
+        return found
+    bodies, geoms = len(episode.header.bodies), len(episode.geom_owner)
+    for name, limit in (("frame", len(episode)), ("body1", bodies), ("body2", bodies)):
+        column = getattr(contacts, name)
+        if column.min() < 0 or column.max() >= limit:
+            found.append(
+                TraceError(
+                    where, f"contact {name} {column.max()} is out of range.", f"0…{limit - 1}"
+                )
+            )
+    for name in ("geom1", "geom2"):
+        if getattr(contacts, name).max() >= geoms:
+            found.append(TraceError(where, f"contact {name} names a geom that is not there"))
+    return found
+
+
+def _finite(array: NDArray[np.floating], name: str, where: str) -> list[TraceError]:
+    bad = ~np.isfinite(array)
+    if not bad.any():
+        return []
+    first = int(np.argwhere(bad)[0][0])
+    return [
+        TraceError(
+            where,
+            f"{name} is not a finite number at row {first} ({int(bad.sum())} values in all).",
+            "finite numbers; leave out what was not measured",
+        )
+    ]
