@@ -1,0 +1,1 @@
+"""Relations between bodies, frame by frame: support, dependence, containment, grasp."""

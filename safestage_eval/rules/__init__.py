@@ -1,0 +1,1 @@
+"""Rule files: TOML in, a checked and hashed rule set out. No geometry."""

@@ -1,0 +1,339 @@
+"""The abstract syntax of the rule language: what a checked rule file means, with SI numbers.
+
+Everything here is frozen, hashable and free of geometry. ``text`` fields keep what the author
+wrote, for messages and explanations; they are not part of the meaning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its dimension: ``value`` in SI (``"8 cm"`` → 0.08, "length")."""
+
+    value: float
+    dimension: str
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class Duration:
+    """A length of time: ``amount`` seconds, or frames of the trace when ``frames`` is true.
+
+    ``"3 frames @ 120 Hz"`` is 0.025 s; bare ``"3 frames"`` counts frames of the trace.
+    """
+
+    amount: float
+    frames: bool = False
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A reference to ``[param]`` by name, in a limit or as a duration; ``negative`` flips its sign."""
+
+    name: str
+    negative: bool = False
+
+
+@dataclass(frozen=True)
+class Column:
+    """A reference to a material column of the body that plays ``role``: ``max_tilt(target)``."""
+
+    name: str
+    role: str
+    negative: bool = False
+
+
+Value = Quantity | Parameter | Column
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A comparison: ``>= 2 cm``."""
+
+    op: Literal[">=", "<=", ">", "<"]
+    value: Value
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class Call:
+    """A name applied to roles: ``clearance(target, protected)``."""
+
+    name: str
+    args: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """As written in rule files."""
+        return f"{self.name}({', '.join(self.args)})"
+
+
+@dataclass(frozen=True)
+class Event:
+    """A moment, or the frames of a state where a set of frames is asked for.
+
+    kind ``start``, ``end`` (of the episode), ``success``, or ``state``: then ``call`` names it and
+    ``edge`` says whether its beginning, its end, or (None) the bare state is meant.
+    """
+
+    kind: Literal["start", "end", "success", "state"]
+    call: Call | None = None
+    edge: Literal["start", "end"] | None = None
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class SignalAtom:
+    """Limits on a signal; all of them must hold. ``since`` moves its reference to an event."""
+
+    call: Call
+    limits: tuple[Limit, ...]
+    since: Event | None = None
+
+
+@dataclass(frozen=True)
+class StateAtom:
+    """A state or relation that must be true (or false)."""
+
+    call: Call
+    want: bool
+
+
+@dataclass(frozen=True)
+class CountAtom:
+    """``"at least 2 fruit"`` / ``"at most 1 fruit"``: over the bodies that play ``role``."""
+
+    call: Call
+    bound: Literal["least", "most"]
+    count: int
+    role: str
+
+
+@dataclass(frozen=True)
+class AnyOf:
+    """At least one of the alternatives holds."""
+
+    alternatives: tuple[Alternative, ...]
+
+
+Atom = SignalAtom | StateAtom | CountAtom | AnyOf
+
+
+@dataclass(frozen=True)
+class Condition:
+    """All atoms hold."""
+
+    atoms: tuple[Atom, ...]
+
+
+Alternative = Condition | Event
+
+
+@dataclass(frozen=True)
+class Whole:
+    """Span: the whole episode."""
+
+
+@dataclass(frozen=True)
+class PhaseSpan:
+    """Span: a declared ``[phase.NAME]``, with the roles passed to it."""
+
+    call: Call
+
+
+@dataclass(frozen=True)
+class StateSpan:
+    """Span: every run of frames in which a state is true."""
+
+    call: Call
+
+
+@dataclass(frozen=True)
+class Part:
+    """Span: the first or last stretch of another span."""
+
+    which: Literal["first", "last"]
+    duration: Duration | Parameter
+    of: Span
+
+
+@dataclass(frozen=True)
+class Around:
+    """Span: a stretch before or after each occurrence of an event."""
+
+    which: Literal["before", "after"]
+    duration: Duration | Parameter
+    event: Event
+
+
+@dataclass(frozen=True)
+class FromTo:
+    """Span: from each occurrence of one event to the next of the other."""
+
+    begin: Event
+    stop: Event
+
+
+Span = Whole | PhaseSpan | StateSpan | Part | Around | FromTo
+
+
+@dataclass(frozen=True)
+class RoleSpec:
+    """What may play a role: ``"every object tagged fragile except target, support"``."""
+
+    kind: str
+    every: bool = False
+    tag: str | None = None
+    excluding: tuple[str, ...] = ()
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class SignalDef:
+    """``[signal.NAME]``: a variant of a built-in signal."""
+
+    name: str
+    base: str
+    options: tuple[tuple[str, str | float], ...] = ()
+
+
+@dataclass(frozen=True)
+class StateDef:
+    """``[state.NAME]``: a condition over formal arguments, made persistent."""
+
+    name: str
+    of: tuple[str, ...]
+    when: Condition
+    for_: Duration | Parameter | None = None
+    gap: Duration | Parameter | None = None
+    until: Event | None = None
+    fallback: Condition | None = None
+
+
+@dataclass(frozen=True)
+class PhaseDef:
+    """``[phase.NAME]``: a span with formal arguments, and what stands in for it when it is empty."""
+
+    name: str
+    of: tuple[str, ...]
+    span: Span
+    fallback: Span | None = None
+
+
+@dataclass(frozen=True)
+class GoalDef:
+    """``[goal.NAME]``: native success as a condition."""
+
+    name: str
+    roles: tuple[tuple[str, RoleSpec], ...]
+    require: Condition
+    for_: Duration | Parameter | None = None
+
+
+@dataclass(frozen=True)
+class Rule:
+    """``[[rule]]``: one safety requirement."""
+
+    code: str
+    title: str
+    roles: tuple[tuple[str, RoleSpec], ...]
+    given: Condition | None = None
+    during: Span | None = None
+    at: Event | None = None
+    until: Event | None = None
+    require: Condition | None = None
+    forbid: tuple[Alternative, ...] = ()
+    reach: Alternative | None = None
+    for_: Duration | Parameter | None = None
+    severity: tuple[tuple[str, tuple[tuple[str, Quantity | Duration], ...]], ...] = ()
+    """Level → parameter overrides under which the rule is judged again, mildest first."""
+    set: tuple[tuple[str, Quantity | Duration], ...] = ()
+    """The rule's own values of shared parameters."""
+    why: str = field(default="", compare=False)
+    explain: str = field(default="", compare=False)
+    violates: tuple[str, ...] = field(default=(), compare=False)
+    passes: tuple[str, ...] = field(default=(), compare=False)
+    path: str = field(default="", compare=False)
+    line: int = field(default=0, compare=False)
+
+    @property
+    def stage(self) -> str:
+        """The three letters of the code: ISH, ETS, FSH, or another benchmark's."""
+        return self.code[:3]
+
+
+@dataclass(frozen=True)
+class Charge:
+    """One entry of a cost: ``add`` per start, second or step that ``when`` holds or ``of`` exceeds."""
+
+    add: float
+    per: Literal["start", "second", "step"]
+    when: Alternative | None = None
+    of: Call | None = None
+    above: Value | None = None
+
+
+@dataclass(frozen=True)
+class Cost:
+    """``[[cost]]``: a running sum; only a budget makes it a verdict."""
+
+    code: str
+    title: str
+    roles: tuple[tuple[str, RoleSpec], ...]
+    charge: tuple[Charge, ...]
+    given: Condition | None = None
+    during: Span | None = None
+    at: Event | None = None
+    until: Event | None = None
+    budget: float | None = None
+    set: tuple[tuple[str, Quantity | Duration], ...] = ()
+    why: str = field(default="", compare=False)
+    explain: str = field(default="", compare=False)
+    path: str = field(default="", compare=False)
+    line: int = field(default=0, compare=False)
+
+
+@dataclass(frozen=True)
+class FamilyDef:
+    """``[family.X]``: rules and parameter values shared by a family of tasks."""
+
+    name: str
+    rules: tuple[str, ...] = ()
+    set: tuple[tuple[str, Quantity | Duration], ...] = ()
+
+
+@dataclass(frozen=True)
+class TaskDef:
+    """``[task.X]``: what a rule file binds for a task; it overrides the trace's header."""
+
+    name: str
+    family: str | None = None
+    rules: tuple[str, ...] = ()
+    goal: str | None = None
+    roles: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    set: tuple[tuple[str, Quantity | Duration], ...] = ()
+
+
+@dataclass(frozen=True)
+class RuleSet:
+    """Everything that one or more rule files declare, resolved through ``extends``."""
+
+    name: str
+    version: str
+    baseline: Span
+    params: dict[str, Quantity | Duration]
+    materials: dict[str, dict[str, Quantity]]
+    """Material → column → value; the row ``default`` has every column."""
+    signals: dict[str, SignalDef]
+    states: dict[str, StateDef]
+    phases: dict[str, PhaseDef]
+    goals: dict[str, GoalDef]
+    families: dict[str, FamilyDef]
+    tasks: dict[str, TaskDef]
+    rules: dict[str, Rule]
+    """By code. Only the rules of the files that were asked for, not of those they extend."""
+    costs: dict[str, Cost]

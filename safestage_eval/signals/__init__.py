@@ -1,0 +1,1 @@
+"""Signals: ``(T,)`` series with a unit, measured from an episode. No thresholds."""

@@ -1,0 +1,62 @@
+"""Units of measurement: parsing what people write, printing what people read.
+
+Inside SafeStage every number is in SI; units appear only in rule files and in reports.
+"""
+
+from __future__ import annotations
+
+import math
+
+DIMENSIONS: dict[str, dict[str, float]] = {
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "angle": {"rad": 1.0, "deg": math.pi / 180},
+    "speed": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3},
+    "rate": {"rad/s": 1.0, "deg/s": math.pi / 180},
+    "force": {"N": 1.0, "mN": 1e-3},
+    "impulse": {"N s": 1.0},
+    "torque": {"N m": 1.0},
+    "time": {"s": 1.0, "ms": 1e-3, "min": 60.0},
+    "temperature": {"degC": 1.0},
+    "ratio": {"%": 1e-2},
+}
+"""Dimension → unit → factor to SI. A ratio may also be written without a unit."""
+
+UNIT_DIMENSION: dict[str, str] = {
+    unit: dimension for dimension, units in DIMENSIONS.items() for unit in units
+}
+"""Unit → dimension; every unit belongs to exactly one."""
+
+_PREFERRED = {
+    "length": ("cm", 1),
+    "angle": ("deg", 1),
+    "speed": ("cm/s", 1),
+    "rate": ("rad/s", 3),
+    "force": ("N", 2),
+    "impulse": ("N s", 3),
+    "torque": ("N m", 2),
+    "time": ("s", 2),
+    "temperature": ("degC", 1),
+    "ratio": ("%", 1),
+}
+
+
+def unit_of(dimension: str) -> str:
+    """The unit in which reports print a dimension (``cm`` for a length); "" if it has none."""
+    return _PREFERRED.get(dimension, ("", 3))[0]
+
+
+def in_unit(value: float, dimension: str) -> float:
+    """An SI value in the unit that reports print (0.08 m → 8.0 cm)."""
+    unit = unit_of(dimension)
+    return value / DIMENSIONS[dimension][unit] if unit else value
+
+
+def format_quantity(value: float, dimension: str) -> str:
+    """An SI value as people read it: 0.0799 m → ``"8.0 cm"``; below 1 mm, in mm."""
+    unit, digits = _PREFERRED.get(dimension, ("", 3))
+    if dimension == "length" and 0 < abs(value) < 1e-3:
+        unit, digits = "mm", 2
+    if not math.isfinite(value):
+        return "∞" if value > 0 else "−∞" if value < 0 else "unknown"
+    shown = value / DIMENSIONS[dimension][unit] if unit else value
+    return f"{shown:.{digits}f} {unit}".rstrip()

@@ -1,0 +1,148 @@
+"""What a rule says of an episode, and the witness for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+VerdictName = Literal["pass", "violation", "not_applicable", "inconclusive"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One rule on one episode. SI units; times in seconds from the episode's start."""
+
+    rule: str
+    """Code."""
+    title: str
+    stage: str
+    """ISH, ETS or FSH: where the rule belongs."""
+    assigned: bool
+    """True for the rules that are the task's own evaluator."""
+    verdict: VerdictName
+    time: float | None = None
+    """First violation."""
+    worst_time: float | None = None
+    """Frame of the decisive value: the worst of a violation, the closest call of a pass."""
+    phase: str | None = None
+    """The span judged, as written in the rule, or before/execution/hold by time."""
+    signal: str | None = None
+    """The decisive atom with the bodies' names: ``clearance(dumbbell, glasses)``."""
+    value: float | None = None
+    limit: float | None = None
+    dimension: str | None = None
+    """Of value, limit and margin, as in ``units.DIMENSIONS``."""
+    margin: float | None = None
+    """Distance of the value from its limit, negative when violated. For an ordering rule,
+    t_commit - t_resolve in seconds."""
+    margin_normalised: float | None = None
+    bodies: tuple[str, ...] = ()
+    intervals: tuple[tuple[float, float], ...] = ()
+    """[start, end) of every stretch in violation."""
+    exposure_time: float = 0.0
+    """s, sum of the intervals."""
+    instances: int = 0
+    """Combinations of bodies and scopes that were judged; 0 says that a pass is vacuous."""
+    violated_instances: int = 0
+    severity: str | None = None
+    """The worst level whose parameters are violated as well."""
+    consequence_of: str | None = None
+    """Code of the assigned rule whose earlier violation this one follows."""
+    explanation: str = ""
+    notes: tuple[str, ...] = ()
+    """Undersampled, vacuous, skipped conditions, unknown data, invalid scene …"""
+    rule_digest: str = ""
+
+    @property
+    def violation(self) -> bool | None:
+        """V: true only for a violation; None when it could not be decided."""
+        return None if self.verdict == "inconclusive" else self.verdict == "violation"
+
+
+@dataclass(frozen=True)
+class EpisodeResult:
+    """All verdicts on one episode, with what tables group by."""
+
+    episode_id: str
+    path: str
+    task: str | None
+    stage: str | None
+    family: str | None
+    policy: str | None
+    prompt: str | None
+    seed: int | None
+    rollout: int | None
+    success: bool | None
+    """Native success as recorded, or recomputed from the goal where the source does not tell."""
+    success_time: float | None
+    trace_hash: str
+    version: str
+    verdicts: tuple[Verdict, ...]
+    notes: tuple[str, ...] = field(default=())
+    """Warnings about the episode: success disagreement, missing rules, light objects …"""
+
+    @property
+    def assigned(self) -> tuple[Verdict, ...]:
+        """The verdicts of the task's own evaluator."""
+        return tuple(v for v in self.verdicts if v.assigned)
+
+    @property
+    def violation(self) -> bool | None:
+        """V of the episode: any assigned rule violated; None if undecided or not judged."""
+        found = [v.violation for v in self.assigned]
+        if not found:
+            return None
+        return True if True in found else None if None in found else False
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One flat dict per verdict: the columns of result files (docs/results.md)."""
+        from safestage_eval.units import in_unit, unit_of
+
+        rows = []
+        for v in self.verdicts:
+            scale = v.dimension or ""
+
+            def shown(value: float | None, scale: str = scale) -> float | None:
+                return None if value is None else in_unit(value, scale) if scale else value
+
+            rows.append(
+                {
+                    "episode_id": self.episode_id,
+                    "path": self.path,
+                    "task": self.task,
+                    "stage": self.stage,
+                    "family": self.family,
+                    "policy": self.policy,
+                    "prompt": self.prompt,
+                    "seed": self.seed,
+                    "rollout": self.rollout,
+                    "success": self.success,
+                    "success_time": self.success_time,
+                    "rule": v.rule,
+                    "assigned": v.assigned,
+                    "verdict": v.verdict,
+                    "violation": v.violation,
+                    "time": v.time,
+                    "worst_time": v.worst_time,
+                    "phase": v.phase,
+                    "signal": v.signal,
+                    "value": shown(v.value),
+                    "limit": shown(v.limit),
+                    "unit": unit_of(scale) if scale else None,
+                    "margin": shown(v.margin),
+                    "margin_normalised": v.margin_normalised,
+                    "bodies": list(v.bodies),
+                    "intervals": [list(i) for i in v.intervals],
+                    "exposure_time": v.exposure_time,
+                    "instances": v.instances,
+                    "violated_instances": v.violated_instances,
+                    "severity": v.severity,
+                    "consequence_of": v.consequence_of,
+                    "explanation": v.explanation,
+                    "notes": list(v.notes),
+                    "rule_digest": v.rule_digest,
+                    "trace_hash": self.trace_hash,
+                    "version": self.version,
+                }
+            )
+        return rows
