@@ -5,7 +5,7 @@ from .contacts import ContactTable
 from .episode import Episode
 from .frames import RobotFrames
 from .header import SCHEMA_VERSION, Header, Source
-from .invariants import check
+from .invariants import check, check_contacts, check_frames, check_header, check_time, check_track
 from .mesh import Mesh
 from .track import Track, still_track
 
@@ -27,5 +27,10 @@ __all__ = [
     "Track",
     "Vec3",
     "check",
+    "check_contacts",
+    "check_frames",
+    "check_header",
+    "check_time",
+    "check_track",
     "still_track",
 ]

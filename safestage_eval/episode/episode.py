@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -29,33 +29,45 @@ class Episode:
         tracks: body name → its motion; fixed bodies have a single row.
         meshes: mesh key → mesh, for the geoms that have one.
         channels: (body name, channel name) → (T,) optional recorded scalars.
+        states: frame → (N,) full integration state of the simulator, for exact re-simulation.
+        attachments: file name → bytes that came with the episode (its task file, say).
         path: the file it was read from, if any.
+
+    Contacts and frames are given as tables, or as functions that load them when first asked.
     """
 
     header: Header
     t: NDArray[np.float64]
     tracks: Mapping[str, Track]
-    _contacts: ContactTable | None = field(default=None, repr=False)
-    _frames: RobotFrames | None = field(default=None, repr=False)
+    _contacts: ContactTable | Callable[[], ContactTable] | None = field(default=None, repr=False)
+    _frames: RobotFrames | Callable[[], RobotFrames] | None = field(default=None, repr=False)
     meshes: Mapping[str, Mesh] = field(default_factory=dict, repr=False)
     channels: Mapping[tuple[str, str], NDArray[np.float32]] = field(
         default_factory=dict, repr=False
     )
+    states: Mapping[int, NDArray[np.float64]] = field(default_factory=dict, repr=False)
+    attachments: Mapping[str, bytes] = field(default_factory=dict, repr=False)
     path: Path | None = None
 
     def __len__(self) -> int:
         """T, the number of frames."""
         return len(self.t)
 
-    @property
+    @cached_property
     def contacts(self) -> ContactTable:
-        """All contacts, in canonical order."""
-        return self._contacts if self._contacts is not None else ContactTable.empty()
+        """All contacts, in canonical order. Raises TraceError when stored ones are broken."""
+        given = self._contacts
+        if given is None:
+            return ContactTable.empty()
+        return given() if callable(given) else given
 
-    @property
+    @cached_property
     def frames(self) -> RobotFrames:
-        """Joint state and commands."""
-        return self._frames if self._frames is not None else RobotFrames.empty(len(self))
+        """Joint state and commands. Raises TraceError when stored ones are broken."""
+        given = self._frames
+        if given is None:
+            return RobotFrames.empty(len(self))
+        return given() if callable(given) else given
 
     @cached_property
     def bodies(self) -> dict[str, Body]:

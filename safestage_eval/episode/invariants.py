@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import TraceError
+from safestage_eval.errors import TraceError
+
 from .header import SCHEMA_VERSION
 
 if TYPE_CHECKING:
+    from .contacts import ContactTable
     from .episode import Episode
+    from .frames import RobotFrames
     from .header import Header
     from .track import Track
 
@@ -48,17 +51,19 @@ def check(episode: Episode) -> list[TraceError]:
             found.append(
                 TraceError(where, f"geom {geom.name!r}: mesh {geom.mesh[:12]}… is missing")
             )
-    found += _check_contacts(episode, where)
-    for column in fields(episode.frames):
-        array = getattr(episode.frames, column.name)
-        if len(array) != len(episode):
-            found.append(
-                TraceError(where, f"{column.name} has {len(array)} rows, time has {len(episode)}")
-            )
-        found += _finite(array, f"frames.{column.name}", where)
+    found += check_contacts(episode.contacts, episode.geom_owner, len(episode), where)
+    found += check_frames(episode.frames, len(episode), where)
     for (body_name, name), values in episode.channels.items():
         if body_name not in episode.bodies:
             found.append(TraceError(where, f"channel {name!r} belongs to no body: {body_name!r}"))
+        if len(values) != len(episode):
+            found.append(
+                TraceError(
+                    where,
+                    f"channel {name!r} of {body_name!r} has {len(values)} rows, "
+                    f"time has {len(episode)}",
+                )
+            )
         found += _finite(values, f"channel {name} of {body_name}", where)
     return found
 
@@ -148,24 +153,58 @@ def check_track(track: Track, name: str, frames: int, where: str) -> list[TraceE
     return found
 
 
-def _check_contacts(episode: Episode, where: str) -> list[TraceError]:
-    contacts, found = episode.contacts, []
+def check_frames(robot: RobotFrames, frames: int, where: str) -> list[TraceError]:
+    """Row counts and finite values."""
+    found = []
+    for column in fields(robot):
+        array = getattr(robot, column.name)
+        if len(array) != frames:
+            found.append(
+                TraceError(where, f"{column.name} has {len(array)} rows, time has {frames}")
+            )
+        found += _finite(array, column.name, where)
+    return found
+
+
+def check_contacts(
+    contacts: ContactTable, geom_owner: NDArray[np.int16], frames: int, where: str
+) -> list[TraceError]:
+    """Finite values, frames in range, and geoms that belong to the bodies named with them.
+
+    ``geom_owner`` (G,) is the body index of each geom, as in ``Episode.geom_owner``.
+    """
+    found = []
     for name in ("position", "normal", "force", "peak_force", "depth"):
         found += _finite(getattr(contacts, name), f"contact {name}", where)
     if not len(contacts):
         return found
-    bodies, geoms = len(episode.header.bodies), len(episode.geom_owner)
-    for name, limit in (("frame", len(episode)), ("body1", bodies), ("body2", bodies)):
+    for name, limit in (("frame", frames), ("geom1", len(geom_owner)), ("geom2", len(geom_owner))):
         column = getattr(contacts, name)
-        if column.min() < 0 or column.max() >= limit:
+        outside = (column < 0) | (column >= limit)
+        if outside.any():
             found.append(
                 TraceError(
-                    where, f"contact {name} {column.max()} is out of range.", f"0…{limit - 1}"
+                    where,
+                    f"contact {name} {column[outside][0]} is out of range.",
+                    f"0…{limit - 1}" if limit else f"none: there is no {name[:5]}",
                 )
             )
-    for name in ("geom1", "geom2"):
-        if getattr(contacts, name).max() >= geoms:
-            found.append(TraceError(where, f"contact {name} names a geom that is not there"))
+    if found:
+        return found
+    for body, geom in (("body1", "geom1"), ("body2", "geom2")):
+        wrong = np.flatnonzero(geom_owner[getattr(contacts, geom)] != getattr(contacts, body))
+        if len(wrong):
+            row = int(wrong[0])
+            found.append(
+                TraceError(
+                    where,
+                    f"contact row {row}: {geom} {getattr(contacts, geom)[row]} does not belong to "
+                    f"{body} {getattr(contacts, body)[row]} ({len(wrong)} rows in all).",
+                    "geoms counted over all bodies in the header's order",
+                )
+            )
+    if (contacts.body1 >= contacts.body2).any():
+        found.append(TraceError(where, "contacts are not in canonical order: body1 >= body2"))
     return found
 
 
