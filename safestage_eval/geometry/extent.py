@@ -1,0 +1,158 @@
+"""How far a body reaches: its lowest and highest point, its reach in any direction."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .compiled import kernel, owned
+from .mover import Motion, Mover, frame_count, rotation_at
+from .shape import BOX, CYLINDER, HULL, PLANE, SEGMENT, Packed
+from .support import support_point, support_value
+
+F64 = NDArray[np.float64]
+
+FLAT = 0.02
+"""rad. A face tilted by less counts as facing the direction squarely: its middle is returned."""
+
+
+def reach(mover: Mover, direction: ArrayLike) -> F64:
+    """(T,) m: the largest coordinate of the body's points along ``direction``, from the origin.
+
+    Args:
+        mover: the body; T frames.
+        direction: (3,) or (T, 3), world, any length but 0.
+
+    A body without geoms reaches −inf, a plane +inf except along its normal.
+    """
+    d = np.atleast_2d(np.asarray(direction, np.float64))
+    norm = np.sqrt((d * d).sum(1, keepdims=True))
+    if d.shape[1:] != (3,) or not (norm > 0).all():
+        raise ValueError(f"directions of shape {d.shape} must be (3,) or (T, 3) and not zero")
+    out = np.full(max(len(mover), len(d)), -np.inf)
+    _reach(mover.shape.hulls, mover.motion, owned(d / norm), out)
+    return out
+
+
+def highest(mover: Mover) -> F64:
+    """(T,) m, world z of the body's highest point; +inf for a plane that is not level."""
+    return reach(mover, (0.0, 0.0, 1.0))
+
+
+def lowest(mover: Mover) -> F64:
+    """(T,) m, world z of the body's lowest point; −inf for a plane (it is a half-space)."""
+    return -reach(mover, (0.0, 0.0, -1.0))
+
+
+def farthest_point(mover: Mover, direction: ArrayLike) -> F64:
+    """(T, 3) m, world: the point of the body farthest along ``direction`` ((3,) or (T, 3), world).
+
+    Where a face looks that way to within ``FLAT``, the middle of the face; planes are left out.
+    NaN for a body without other geoms.
+    """
+    d = np.atleast_2d(np.asarray(direction, np.float64))
+    d = d / np.sqrt((d * d).sum(1, keepdims=True))
+    out = np.full((max(len(mover), len(d)), 3), np.nan)
+    _farthest(mover.shape.hulls, mover.motion, owned(d), out)
+    return out
+
+
+def height_above(a: Mover, b: Mover) -> F64:
+    """(T,) m: lowest point of a minus highest point of b, world z."""
+    frame_count(a, b)
+    return lowest(a) - highest(b)
+
+
+@kernel
+def _local(rotation: F64, geoms: Packed, g: int, d: F64, out: F64) -> None:
+    """Direction d (3,), world, in the axes of geom g of a body with this rotation."""
+    for i in range(3):
+        out[i] = 0.0
+    for j in range(3):
+        body = rotation[0, j] * d[0] + rotation[1, j] * d[1] + rotation[2, j] * d[2]
+        for i in range(3):
+            out[i] += geoms.rotation[g, j, i] * body
+
+
+@kernel
+def _reach(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
+    rotation, local, point = np.empty((3, 3)), np.empty(3), np.empty(3)
+    frames, many = motion.centre.shape[0], direction.shape[0]
+    for t in range(out.shape[0]):
+        s = t if frames > 1 else 0
+        d = direction[t if many > 1 else 0]
+        rotation_at(motion.orientation, s, rotation)
+        centre = (
+            motion.centre[s, 0] * d[0] + motion.centre[s, 1] * d[1] + motion.centre[s, 2] * d[2]
+        )
+        for g in range(geoms.kind.shape[0]):
+            _local(rotation, geoms, g, d, local)
+            value = support_value(geoms, g, local[0], local[1], local[2], point)
+            for j in range(3):
+                body = rotation[0, j] * d[0] + rotation[1, j] * d[1] + rotation[2, j] * d[2]
+                value += body * geoms.offset[g, j]
+            out[t] = max(out[t], centre + value)
+
+
+@kernel
+def _face_middle(geoms: Packed, g: int, d: F64, out: F64) -> None:
+    """As support_point, margin included, but the middle of a face that looks along d (3,)."""
+    support_point(geoms, g, d[0], d[1], d[2], out)
+    kind = geoms.kind[g]
+    if kind in (BOX, SEGMENT):
+        for i in range(3):
+            if abs(d[i]) < FLAT:
+                out[i] = 0.0
+    elif kind == CYLINDER:
+        if d[0] * d[0] + d[1] * d[1] < FLAT * FLAT:
+            out[0], out[1] = 0.0, 0.0
+        if abs(d[2]) < FLAT:
+            out[2] = 0.0
+    elif kind == HULL:
+        best = out[0] * d[0] + out[1] * d[1] + out[2] * d[2]
+        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        for v in range(geoms.first[g], geoms.first[g] + geoms.points[g]):
+            p = geoms.vertices[v]
+            if p[0] * d[0] + p[1] * d[1] + p[2] * d[2] >= best - FLAT * geoms.radius[g]:
+                for i in range(3):
+                    low[i], high[i] = min(low[i], p[i]), max(high[i], p[i])
+        for i in range(3):
+            out[i] = (low[i] + high[i]) / 2
+    for i in range(3):
+        out[i] += geoms.margin[g] * d[i]
+
+
+@kernel
+def _farthest(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
+    rotation, local, point = np.empty((3, 3)), np.empty(3), np.empty(3)
+    body = np.empty(3)
+    frames, many = motion.centre.shape[0], direction.shape[0]
+    for t in range(out.shape[0]):
+        s = t if frames > 1 else 0
+        d = direction[t if many > 1 else 0]
+        rotation_at(motion.orientation, s, rotation)
+        best = -np.inf
+        for g in range(geoms.kind.shape[0]):
+            if geoms.kind[g] == PLANE:
+                continue
+            _local(rotation, geoms, g, d, local)
+            _face_middle(geoms, g, local, point)
+            for i in range(3):
+                body[i] = geoms.offset[g, i]
+                for j in range(3):
+                    body[i] += geoms.rotation[g, i, j] * point[j]
+            value = 0.0
+            for i in range(3):
+                turned = (
+                    rotation[i, 0] * body[0] + rotation[i, 1] * body[1] + rotation[i, 2] * body[2]
+                )
+                value += d[i] * turned
+            if value > best:
+                best = value
+                for i in range(3):
+                    out[t, i] = (
+                        motion.centre[s, i]
+                        + rotation[i, 0] * body[0]
+                        + rotation[i, 1] * body[1]
+                        + rotation[i, 2] * body[2]
+                    )

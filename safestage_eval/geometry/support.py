@@ -1,0 +1,68 @@
+"""Support functions: how far a convex geom reaches in a direction, and where.
+
+Schneider & Eberly, "Geometric tools for computer graphics", ch. 11; the ellipsoid's follows from
+mapping it to the unit ball.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import kernel
+from .shape import BOX, CYLINDER, ELLIPSOID, HULL, PLANE, SEGMENT, Packed
+
+F64 = NDArray[np.float64]
+
+
+@kernel
+def support_point(geoms: Packed, g: int, x: float, y: float, z: float, out: F64) -> None:
+    """Write into ``out`` (3,) the point of geom g's core that is farthest along (x, y, z).
+
+    Direction and point in the geom's own axes, from its centre; the margin is left out. Not for
+    planes. Where several points are equally far, one of them.
+    """
+    kind = geoms.kind[g]
+    if kind == HULL:
+        best, row = -np.inf, geoms.first[g]
+        for i in range(geoms.first[g], geoms.first[g] + geoms.points[g]):
+            v = geoms.vertices[i, 0] * x + geoms.vertices[i, 1] * y + geoms.vertices[i, 2] * z
+            if v > best:
+                best, row = v, i
+        out[0], out[1], out[2] = (
+            geoms.vertices[row, 0],
+            geoms.vertices[row, 1],
+            geoms.vertices[row, 2],
+        )
+        return
+    a, b, c = geoms.size[g, 0], geoms.size[g, 1], geoms.size[g, 2]
+    if kind == BOX:
+        out[0] = a if x >= 0 else -a
+        out[1] = b if y >= 0 else -b
+        out[2] = c if z >= 0 else -c
+    elif kind == CYLINDER:
+        radial = np.sqrt(x * x + y * y)
+        out[0] = a * (x / radial) if radial > 0 else a
+        out[1] = a * (y / radial) if radial > 0 else 0.0
+        out[2] = c if z >= 0 else -c
+    elif kind == ELLIPSOID:
+        norm = np.sqrt(a * a * x * x + b * b * y * y + c * c * z * z)
+        scale = 1.0 / norm if norm > 0 else 0.0
+        out[0], out[1], out[2] = a * a * x * scale, b * b * y * scale, c * c * z * scale
+    else:
+        out[0], out[1] = 0.0, 0.0
+        out[2] = (c if z >= 0 else -c) if kind == SEGMENT else 0.0
+
+
+@kernel
+def support_value(geoms: Packed, g: int, x: float, y: float, z: float, point: F64) -> float:
+    """How far geom g, margin included, reaches along the *unit* direction (x, y, z), m.
+
+    Direction in the geom's own axes, distance from its centre; ``point`` (3,) is scratch. A plane
+    reaches 0 along its normal and infinitely far in any other direction.
+    """
+    if geoms.kind[g] == PLANE:
+        return 0.0 if z > 1.0 - 1e-12 else np.inf
+    support_point(geoms, g, x, y, z, point)
+    value: float = point[0] * x + point[1] * y + point[2] * z + geoms.margin[g]
+    return value
