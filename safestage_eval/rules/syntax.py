@@ -23,11 +23,13 @@ class Quantity:
 class Duration:
     """A length of time: ``amount`` seconds, or frames of the trace when ``frames`` is true.
 
-    ``"3 frames @ 120 Hz"`` is 0.025 s; bare ``"3 frames"`` counts frames of the trace.
+    ``"3 frames @ 120 Hz"`` is 0.025 s, and at least 2 samples whatever the trace's rate (``least``),
+    because several frames were meant; bare ``"3 frames"`` counts frames of the trace.
     """
 
     amount: float
     frames: bool = False
+    least: int = 1
     text: str = field(default="", compare=False)
 
 
@@ -178,7 +180,15 @@ class FromTo:
     stop: Event
 
 
-Span = Whole | PhaseSpan | StateSpan | Part | Around | FromTo
+@dataclass(frozen=True)
+class While:
+    """Span: the frames of another span in which a state is true."""
+
+    of: Span
+    call: Call
+
+
+Span = Whole | PhaseSpan | StateSpan | Part | Around | FromTo | While
 
 
 @dataclass(frozen=True)

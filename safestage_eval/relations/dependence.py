@@ -1,0 +1,199 @@
+"""Dependence by statics: would this body fall if that one were taken away?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from safestage_eval.episode import Episode
+from safestage_eval.signals.contact_sums import ContactSums
+from safestage_eval.signals.motion import com_position
+
+from .graph import SupportGraph
+
+Bool = NDArray[np.bool_]
+F64 = NDArray[np.float64]
+
+CONE_SIDES = 8
+"""Edges of the pyramid that stands for a friction cone."""
+LOST = 0.02
+"""Share of the weight that may stay unbalanced: numerical noise of recorded contacts."""
+ARM = 0.05
+"""m: the lever by which torques are compared with forces."""
+
+
+class Dependence:
+    """The collapse set of removing a body, from recorded contacts.
+
+    Take a body away. Another falls if gravity on it *and all it carries* can no longer be balanced
+    by forces within the friction cones of the contacts that remain (a linear feasibility problem:
+    Baraff, "Coping with friction for non-penetrating rigid body simulation", 1991; Boyd &
+    Vandenberghe, "Convex Optimization", 2004, sec. 11.4 for the phase-I form used). What fell is
+    taken away too, until nothing more falls, so the top of a stack of three depends on its bottom.
+    Contacts with the robot count as contacts that can hold.
+    """
+
+    def __init__(self, episode: Episode, sums: ContactSums, graph: SupportGraph) -> None:
+        """Nothing is computed before it is asked for."""
+        self._episode = episode
+        self._sums = sums
+        self._graph = graph
+        header = episode.header
+        self._mass = [body.mass or 0.0 for body in header.bodies]
+        self._free = {
+            i
+            for i, body in enumerate(header.bodies)
+            if body.movable and body.kind not in ("robot", "gripper")
+        }
+        self._friction = np.array([g.friction[0] for b in header.bodies for g in b.geoms])
+        self._com: dict[int, F64] = {}
+        self._falls: dict[tuple[int, int], frozenset[int]] = {}
+
+    def depends_on(self, body: int, on: int) -> Bool:
+        """(T,) true where ``body`` is in the collapse set of removing ``on``.
+
+        Evaluated where the set of contact points among the free bodies changed, and kept between.
+        """
+        out = np.zeros(len(self._episode), np.bool_)
+        linked = self._linked(body, on)
+        if not linked.any():
+            return out
+        changed = np.concatenate([[True], self._signature[1:] != self._signature[:-1]])
+        starts = np.flatnonzero(changed | np.concatenate([[True], linked[1:] != linked[:-1]]))
+        for first, stop in zip(starts, [*starts[1:], len(out)], strict=True):
+            if linked[first]:
+                out[first:stop] = body in self.collapse(on, int(first))
+        return out
+
+    def collapse(self, removed: int, frame: int) -> frozenset[int]:
+        """Bodies that fall at that frame when ``removed`` is taken away."""
+        if (removed, frame) in self._falls:
+            return self._falls[removed, frame]
+        contacts = self._contacts_at(frame)
+        gone, fell = {removed}, set[int]()
+        again = True
+        while again:
+            again = False
+            for body in sorted(self._touching(gone, contacts) - gone):
+                if not self._stands(body, frame, contacts, gone):
+                    gone.add(body)
+                    fell.add(body)
+                    again = True
+        self._falls[removed, frame] = frozenset(fell)
+        return self._falls[removed, frame]
+
+    def _stands(self, body: int, frame: int, contacts: NDArray[np.intp], gone: set[int]) -> bool:
+        group = {body} | {
+            b
+            for b, mask in self._graph.above(body).items()
+            if mask[frame] and b in self._free and b not in gone
+        }
+        table = self._episode.contacts
+        in1 = np.isin(table.body1[contacts], list(group))
+        in2 = np.isin(table.body2[contacts], list(group))
+        lost = np.isin(table.body1[contacts], list(gone)) | np.isin(
+            table.body2[contacts], list(gone)
+        )
+        use = (in1 ^ in2) & ~lost
+        rows, inward = contacts[use], np.where(in2[use], 1.0, -1.0)
+        mass = sum(self._mass[b] for b in group)
+        if mass <= 0:
+            return True
+        if not len(rows):
+            return False
+        com = sum(self._mass[b] * self._centre(b)[frame] for b in group) / mass
+        normal = table.normal[rows].astype(np.float64) * inward[:, None]
+        friction = np.minimum(self._friction[table.geom1[rows]], self._friction[table.geom2[rows]])
+        point = table.position[rows].astype(np.float64) - com
+        return unbalanced(normal, friction, point) <= LOST
+
+    def _contacts_at(self, frame: int) -> NDArray[np.intp]:
+        column = self._episode.contacts.frame
+        return np.arange(np.searchsorted(column, frame), np.searchsorted(column, frame + 1))
+
+    def _touching(self, bodies: Iterable[int], contacts: NDArray[np.intp]) -> set[int]:
+        table, some = self._episode.contacts, list(bodies)
+        first, second = table.body1[contacts], table.body2[contacts]
+        near = np.concatenate([second[np.isin(first, some)], first[np.isin(second, some)]])
+        return {int(b) for b in near} & self._free
+
+    def _linked(self, a: int, b: int) -> Bool:
+        """(T,) true where a chain of contacts among free bodies joins the two."""
+        frames = len(self._episode)
+        reached = {a: np.ones(frames, np.bool_)}
+        pairs = [p for p in self._sums.pairs if p[0] in self._free and p[1] in self._free]
+        changed = True
+        while changed:
+            changed = False
+            for i, j in pairs:
+                touch = self._present(i, j)
+                for x, y in ((i, j), (j, i)):
+                    if x in reached:
+                        have = reached.get(y, np.zeros(frames, np.bool_))
+                        gained = touch & reached[x] & ~have
+                        if gained.any():
+                            reached[y] = have | gained
+                            changed = True
+        return reached.get(b, np.zeros(frames, np.bool_))
+
+    def _present(self, i: int, j: int) -> Bool:
+        present = np.zeros(len(self._episode), np.bool_)
+        present[self._episode.contacts.frame[self._sums.rows(i, j)]] = True
+        return present
+
+    @property
+    def _signature(self) -> NDArray[np.int64]:
+        """(T,) a number that changes with the contact points among the free bodies."""
+        table = self._episode.contacts
+        free = np.isin(table.body1, list(self._free)) | np.isin(table.body2, list(self._free))
+        mixed = (
+            table.geom1[free].astype(np.int64) * 73856093
+            ^ table.geom2[free].astype(np.int64) * 19349663
+        ) % 1000003 + 1
+        out = np.zeros(len(self._episode), np.int64)
+        np.add.at(out, table.frame[free], mixed)
+        return out
+
+    def _centre(self, body: int) -> F64:
+        if body not in self._com:
+            self._com[body] = com_position(self._episode, self._episode.header.bodies[body].name)
+        return self._com[body]
+
+
+def unbalanced(normal: F64, friction: F64, point: F64) -> float:
+    """Share of a weight that no forces within the friction cones can balance; 0 if they can.
+
+    Args:
+        normal: (C, 3) unit, into the body, world.
+        friction: (C,) sliding coefficients.
+        point: (C, 3) m, contact points from the centre of mass, world axes.
+
+    Minimises the largest residual of force and of torque / ``ARM``, in weights, over non-negative
+    combinations of the cones' edge forces.
+    """
+    helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    first = np.cross(normal, helper)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(normal, first)
+    angles = np.arange(CONE_SIDES) * (2 * np.pi / CONE_SIDES)
+    sideways = (
+        np.cos(angles)[None, :, None] * first[:, None]
+        + np.sin(angles)[None, :, None] * second[:, None]
+    )
+    edges = normal[:, None] + friction[:, None, None] * sideways
+    torque = np.cross(np.broadcast_to(point[:, None], edges.shape), edges) / ARM
+    wrench = np.concatenate([edges, torque], axis=2).reshape(-1, 6).T
+    target = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # in weights
+    columns = wrench.shape[1]
+    slack = -np.ones((6, 1))
+    solved = linprog(
+        np.concatenate([np.zeros(columns), [1.0]]),
+        A_ub=np.block([[wrench, slack], [-wrench, slack]]),
+        b_ub=np.concatenate([target, -target]),
+        bounds=(0, None),
+        method="highs",
+    )
+    return np.inf if solved.x is None else float(solved.x[-1])

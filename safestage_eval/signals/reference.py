@@ -1,0 +1,64 @@
+"""What a change is measured from: the baseline, or an event."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.geometry.pose import mean_orientation
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The first frames of the episode, over which the initial state is estimated.
+
+    Median position and mean orientation over the first five frames reduce initialisation noise.
+    """
+
+    frames: int = 5
+
+    def position(self, values: F64) -> F64:
+        """(T, k) → (k,): the median over the baseline frames."""
+        median: F64 = np.median(values[: self.frames], axis=0)
+        return median
+
+    def orientation(self, quaternions: F64) -> F64:
+        """(T, 4) wxyz → (4,): the mean over the baseline frames."""
+        return mean_orientation(quaternions[: self.frames])
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Where each frame looks back to.
+
+    Attributes:
+        baseline: used where ``since`` is −1.
+        since: (T,) frame of the latest event at or before each frame, −1 if there was none yet;
+            None to refer to the baseline throughout.
+        key: identifies it among the references of one episode.
+    """
+
+    baseline: Baseline
+    since: NDArray[np.int64] | None = None
+    key: str = ""
+
+    def of(self, values: F64, initial: F64) -> F64:
+        """The reference value at each frame: (T, k) values and (k,) baseline value → (T, k)."""
+        if self.since is None:
+            return np.broadcast_to(initial, values.shape)
+        picked = values[np.maximum(self.since, 0)]
+        missing = self.since < 0
+        if missing.any():
+            picked[missing] = initial
+        return picked
+
+
+def latest(instants: NDArray[np.int64], frames: int) -> NDArray[np.int64]:
+    """(T,) frame of the latest instant at or before each frame, −1 where there is none yet."""
+    since = np.full(frames, -1, np.int64)
+    since[instants] = instants
+    return np.maximum.accumulate(since)

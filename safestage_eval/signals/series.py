@@ -1,0 +1,53 @@
+"""A physical quantity per frame, with its unit and with what is not known about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """An interval per frame that contains the true value.
+
+    Attributes:
+        lower, upper: (T,) SI; equal where the value is known. Where nothing is known they are
+            −∞ and +∞. A clearance capped at 10 cm is [0.1, +∞) where the bodies are further apart.
+        dimension: as in ``units.DIMENSIONS``.
+        notes: what the reader of a verdict based on this series should be told.
+    """
+
+    lower: F64
+    upper: F64
+    dimension: str
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """T."""
+        return len(self.lower)
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """(T,) false where nothing is known at all."""
+        return ~(np.isneginf(self.lower) & np.isposinf(self.upper))
+
+    @property
+    def value(self) -> F64:
+        """(T,) SI: the finite end nearer to certainty (upper, else lower); NaN where unknown."""
+        best = np.where(np.isfinite(self.upper), self.upper, self.lower)
+        return np.where(self.known, best, np.nan)
+
+
+def exact(values: ArrayLike, dimension: str, notes: tuple[str, ...] = ()) -> Series:
+    """A series known at every frame."""
+    array = np.asarray(values, np.float64)
+    return Series(array, array, dimension, notes)
+
+
+def unknown(frames: int, dimension: str, why: str) -> Series:
+    """A series of which nothing is known, and why."""
+    return Series(np.full(frames, -np.inf), np.full(frames, np.inf), dimension, (why,))

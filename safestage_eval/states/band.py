@@ -1,0 +1,100 @@
+"""A margin per frame, known up to an interval: three-valued truth with a distance to it.
+
+A margin is >= 0 where a condition holds and < 0 where it does not. What is not known exactly is
+an interval [lower, upper]: certainly true where lower >= 0, certainly false where upper < 0,
+unknown between. And is min, or is max, not is negation; all of them act on both ends alike
+(quantitative semantics of temporal logic: Donzé & Maler, "Robust satisfaction of temporal logic
+over real-valued signals", 2010).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+_TINY = float(np.nextafter(0.0, 1.0))
+
+
+class Band(NamedTuple):
+    """Lower and upper margin, each (T,), dimensionless."""
+
+    lower: F64
+    upper: F64
+
+    @property
+    def true(self) -> Bool:
+        """(T,) certainly true."""
+        return self.lower >= 0
+
+    @property
+    def false(self) -> Bool:
+        """(T,) certainly false."""
+        return self.upper < 0
+
+    @property
+    def unknown(self) -> Bool:
+        """(T,) neither."""
+        return (self.lower < 0) & (self.upper >= 0)
+
+    def at(self, first: int, stop: int) -> Band:
+        """The frames [first, stop)."""
+        return Band(self.lower[first:stop], self.upper[first:stop])
+
+
+def negated(margin: F64) -> F64:
+    """The margin of the opposite: where it was exactly 0 (true), the opposite is just false."""
+    return np.where(margin == 0, -_TINY, -margin)
+
+
+def strict(margin: F64) -> F64:
+    """The margin of a strict comparison: 0 is not enough."""
+    return np.where(margin == 0, -_TINY, margin)
+
+
+def crisp(truth: Bool, known: Bool | None = None) -> Band:
+    """±∞ margins of a yes-or-no series (T,); where ``known`` is false, [−∞, +∞]."""
+    margin = np.where(truth, np.inf, -np.inf)
+    if known is None:
+        return Band(margin, margin)
+    return Band(np.where(known, margin, -np.inf), np.where(known, margin, np.inf))
+
+
+def both(bands: Sequence[Band], frames: int) -> Band:
+    """All hold; over no bands at all, true."""
+    if not bands:
+        return crisp(np.ones(frames, np.bool_))
+    return Band(
+        np.minimum.reduce([b.lower for b in bands]), np.minimum.reduce([b.upper for b in bands])
+    )
+
+
+def either(bands: Sequence[Band], frames: int) -> Band:
+    """At least one holds; over no bands at all, false."""
+    if not bands:
+        return crisp(np.zeros(frames, np.bool_))
+    return Band(
+        np.maximum.reduce([b.lower for b in bands]), np.maximum.reduce([b.upper for b in bands])
+    )
+
+
+def opposite(band: Band) -> Band:
+    """It does not hold."""
+    return Band(negated(band.upper), negated(band.lower))
+
+
+def at_least(count: int, bands: Sequence[Band], frames: int) -> Band:
+    """At least ``count`` of the bands hold: the count-th largest margin."""
+    if count <= 0:
+        return crisp(np.ones(frames, np.bool_))
+    if count > len(bands):
+        return crisp(np.zeros(frames, np.bool_))
+    return Band(
+        np.sort([b.lower for b in bands], axis=0)[-count],
+        np.sort([b.upper for b in bands], axis=0)[-count],
+    )

@@ -1,0 +1,291 @@
+"""Conditions, states, events and spans of the rule language over one episode."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.vocabulary import RELATIONS
+from safestage_eval.rules import syntax as ast
+from safestage_eval.signals.reference import Reference, latest
+from safestage_eval.signals.series import Series
+from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.states import band, persistence, scope
+from safestage_eval.states.band import Band, Bool
+from safestage_eval.states.scope import Scope
+
+Env = Mapping[str, str]
+"""Role or formal argument → name of the body or union that plays it."""
+
+
+class Evaluator:
+    """The rule language's meaning on one episode, under one set of parameter values.
+
+    Every condition becomes a ``Band`` of normalised margins. Where a crisp answer is needed (an
+    event, a scope) and a state is unknown, ``horizon`` moves to the first unknown frame: what
+    depends on later frames cannot be decided.
+    """
+
+    def __init__(
+        self,
+        relations: Relations,
+        rules: ast.RuleSet,
+        params: Mapping[str, ast.Quantity | ast.Duration],
+        success: int | None,
+        *,
+        success_known: bool = True,
+        causal: bool = False,
+    ) -> None:
+        """Prepare; nothing is computed yet.
+
+        Args:
+            relations: facts of the episode.
+            rules: where states, phases, signals and materials are declared.
+            params: name → value in SI, as they hold for the rule and episode.
+            success: frame that confirmed native success, None if it never came.
+            success_known: False where the trace does not tell; then nothing after it is known.
+            causal: states look only backwards, as in a rollout that is still running.
+        """
+        self.relations = relations
+        self.episode = relations.episode
+        self.rules = rules
+        self.params = params
+        self.success = success
+        self.success_known = success_known
+        self.causal = causal
+        self.frames = len(self.episode)
+        self.truncated = self.episode.header.termination in ("truncated", "error")
+        self.horizon = self.frames
+        self.notes: dict[str, None] = {}
+        self.players: Mapping[str, Sequence[str]] = {}
+        """Role → all bodies that play it, for ``at least K role``."""
+        self._states: dict[tuple[str, tuple[str, ...]], tuple[Band, int, dict[str, None]]] = {}
+
+    # ---- values
+
+    def count(self, duration: ast.Duration | ast.Parameter) -> int:
+        """Number of frames a duration lasts in this episode: ⌈D / dt⌉, at least one."""
+        value = self.params[duration.name] if isinstance(duration, ast.Parameter) else duration
+        if isinstance(value, ast.Quantity):
+            value = ast.Duration(value.value)
+        if value.frames:
+            return max(0, round(value.amount))
+        return max(value.least, math.ceil(value.amount / self.episode.dt - 1e-6))
+
+    def number(self, value: ast.Value, env: Env) -> float:
+        """A limit's value in SI; a column is looked up for the body that plays its role."""
+        if isinstance(value, ast.Quantity):
+            return value.value
+        if isinstance(value, ast.Parameter):
+            found = self.params[value.name]
+            number = found.value if isinstance(found, ast.Quantity) else found.amount
+        else:
+            body = self.episode.bodies.get(env.get(value.role, value.role))
+            material = body.material if body is not None and body.material else "default"
+            row = self.rules.materials.get(material, {})
+            default = self.rules.materials["default"]
+            number = row.get(value.name, default[value.name]).value
+        return -number if value.negative else number
+
+    def series(self, atom: ast.SignalAtom, env: Env) -> Series:
+        """The signal of an atom, up to where its limits need it exactly."""
+        bodies = tuple(env.get(arg, arg) for arg in atom.call.args)
+        reference = None
+        if atom.since is not None:
+            instants = np.asarray(self.instants(atom.since, env), np.int64)
+            reference = Reference(
+                self.relations.signals.baseline,
+                latest(instants, self.frames),
+                key=instants.tobytes().hex(),
+            )
+        reach = max(abs(self.number(limit.value, env)) for limit in atom.limits)
+        name = atom.call.name
+        if name in self.rules.signals:
+            name = self.rules.signals[name].base
+        found = self.relations.signal(name, bodies, reference, reach)
+        for note in found.notes:
+            self.notes[note] = None
+        return found
+
+    # ---- conditions
+
+    def condition(self, condition: ast.Condition, env: Env) -> Band:
+        """All atoms hold."""
+        return band.both([self.atom(atom, env) for atom in condition.atoms], self.frames)
+
+    def alternative(self, alternative: ast.Alternative, env: Env) -> Band:
+        """A condition, or the frames of an event."""
+        if isinstance(alternative, ast.Condition):
+            return self.condition(alternative, env)
+        if alternative.kind == "state" and alternative.edge is None and alternative.call:
+            return self.state(alternative.call, env)
+        return band.crisp(self.truth(alternative, env))
+
+    def atom(self, atom: ast.Atom, env: Env) -> Band:
+        """One entry of a condition."""
+        if isinstance(atom, ast.SignalAtom):
+            series = self.series(atom, env)
+            return band.both(
+                [
+                    limit_margin(series, limit.op, self.number(limit.value, env), self._scale(atom))
+                    for limit in atom.limits
+                ],
+                self.frames,
+            )
+        if isinstance(atom, ast.StateAtom):
+            found = self.state(atom.call, env)
+            return found if atom.want else band.opposite(found)
+        if isinstance(atom, ast.CountAtom):
+            each = [
+                self.state(atom.call, {**env, atom.role: body})
+                for body in self.players.get(atom.role, ())
+            ]
+            if atom.bound == "least":
+                return band.at_least(atom.count, each, self.frames)
+            return band.opposite(band.at_least(atom.count + 1, each, self.frames))
+        return band.either([self.alternative(a, env) for a in atom.alternatives], self.frames)
+
+    def _scale(self, atom: ast.SignalAtom) -> float:
+        name = atom.call.name
+        if name in self.rules.signals:
+            name = self.rules.signals[name].base
+        return SIGNALS[name].scale
+
+    def state(self, call: ast.Call, env: Env) -> Band:
+        """A declared state or a built-in relation, persistent and latched as declared."""
+        bodies = tuple(env.get(arg, arg) for arg in call.args)
+        key = (call.name, bodies)
+        if key not in self._states:
+            outer_horizon, outer_notes = self.horizon, self.notes
+            self.horizon, self.notes = self.frames, {}
+            found = self._relation(call.name, bodies) or self._declared(call.name, bodies)
+            self._states[key] = (found, self.horizon, self.notes)
+            self.horizon, self.notes = outer_horizon, outer_notes
+        found, horizon, notes = self._states[key]
+        self.horizon = min(self.horizon, horizon)
+        self.notes.update(notes)
+        return found
+
+    def _relation(self, name: str, bodies: tuple[str, ...]) -> Band | None:
+        if name in self.rules.states or name not in RELATIONS:
+            return None
+        truth = self.relations.get(name, bodies)
+        if truth is None:
+            self.notes[f"{name}() cannot be told: the trace has no contact forces"] = None
+            nothing = np.zeros(self.frames, np.bool_)
+            return band.crisp(nothing, nothing)
+        return band.crisp(truth)
+
+    def _declared(self, name: str, bodies: tuple[str, ...]) -> Band:
+        state = self.rules.states[name]
+        env = dict(zip(state.of, bodies, strict=True))
+        found = self.condition(state.when, env)
+        if state.fallback is not None and not band_known(found):
+            found = self.condition(state.fallback, env)
+        found = persistence.persistent(
+            found,
+            self.count(state.for_) if state.for_ is not None else 1,
+            self.count(state.gap) if state.gap is not None else 0,
+            causal=self.causal,
+        )
+        if state.until is not None:
+            found = persistence.latched(found, self.truth(state.until, env))
+        return found
+
+    # ---- events
+
+    def truth(self, event: ast.Event, env: Env) -> Bool:
+        """(T,) the frames of an event; of a bare state, all frames where it is true.
+
+        ``end`` comes after the last frame and so has none.
+        """
+        out = np.zeros(self.frames, np.bool_)
+        if event.kind == "start":
+            out[:1] = True
+        elif event.kind == "success":
+            if not self.success_known:
+                self.horizon = 0
+            elif self.success is not None:
+                out[self.success] = True
+        elif event.kind == "state" and event.call is not None:
+            found = self.state(event.call, env)
+            if found.unknown.any():
+                self.horizon = min(self.horizon, int(np.argmax(found.unknown)))
+            now = found.true
+            before = np.concatenate([[False], now[:-1]])
+            if event.edge == "start":
+                return now & ~before
+            return ~now & before if event.edge == "end" else now
+        return out
+
+    def instants(self, event: ast.Event, env: Env) -> list[int]:
+        """The frames at which an event happens; a bare state happens where it starts."""
+        if event.kind == "end":
+            return [self.frames - 1]
+        if event.kind == "state" and event.edge is None:
+            event = ast.Event("state", event.call, "start")
+        found: NDArray[np.intp] = np.flatnonzero(self.truth(event, env))
+        return [int(frame) for frame in found]
+
+    # ---- spans
+
+    def spans(self, span: ast.Span, env: Env) -> list[Scope]:
+        """The stretches of frames that a span names, in order."""
+        match span:
+            case ast.Whole():
+                return [Scope(0, self.frames, self.truncated)]
+            case ast.PhaseSpan(call):
+                phase = self.rules.phases[call.name]
+                inner = {
+                    formal: env.get(actual, actual)
+                    for formal, actual in zip(phase.of, call.args, strict=True)
+                }
+                found = self.spans(phase.span, inner)
+                if not found and phase.fallback is not None:
+                    return self.spans(phase.fallback, inner)
+                return found
+            case ast.StateSpan(call):
+                truth = self.truth(ast.Event("state", call), env)
+                return scope.of_truth(truth, truncated=self.truncated)
+            case ast.Part(which, duration, of):
+                part = scope.first_part if which == "first" else scope.last_part
+                return part(self.spans(of, env), self.count(duration))
+            case ast.Around("after", duration, event):
+                return scope.after(self.instants(event, env), self.count(duration), self.frames)
+            case ast.Around(_, duration, event):
+                return scope.before(self.instants(event, env), self.count(duration))
+            case ast.FromTo(begin, stop):
+                return scope.from_to(
+                    self.truth(begin, env), self.truth(stop, env), truncated=self.truncated
+                )
+            case ast.While(of, call):
+                truth = self.truth(ast.Event("state", call), env)
+                return scope.within(self.spans(of, env), truth)
+
+
+def band_known(found: Band) -> bool:
+    """False where nothing is known at any frame."""
+    return not (np.isneginf(found.lower).all() and np.isposinf(found.upper).all())
+
+
+def limit_margin(series: Series, op: str, limit: float, scale: float) -> Band:
+    """Normalised margin of a comparison: (value − limit) / |limit|, or / scale when it is 0.
+
+    Args:
+        series: the signal.
+        op: ``>=``, ``<=``, ``>`` or ``<``; the strict ones are not satisfied at the limit.
+        limit: SI.
+        scale: SI size that counts as one when the limit is 0.
+    """
+    size = abs(limit) or scale
+    if op[0] == ">":
+        lower, upper = (series.lower - limit) / size, (series.upper - limit) / size
+    else:
+        lower, upper = (limit - series.upper) / size, (limit - series.lower) / size
+    if len(op) == 1:
+        return Band(band.strict(lower), band.strict(upper))
+    return Band(lower, upper)
