@@ -5,7 +5,15 @@ from .contacts import ContactTable
 from .episode import Episode
 from .frames import RobotFrames
 from .header import SCHEMA_VERSION, Header, Source
-from .invariants import check, check_contacts, check_frames, check_header, check_time, check_track
+from .invariants import (
+    check,
+    check_contacts,
+    check_frames,
+    check_header,
+    check_time,
+    check_track,
+    check_track_column,
+)
 from .mesh import Mesh
 from .track import Track, still_track
 
@@ -32,5 +40,6 @@ __all__ = [
     "check_header",
     "check_time",
     "check_track",
+    "check_track_column",
     "still_track",
 ]

@@ -90,8 +90,8 @@ class ContactTable:
         none, vec = np.zeros(0), np.zeros((0, 3))
         return cls.build(none, none, none, none, none, vec, vec, vec, none, none)
 
-    def where(self, keep: NDArray[np.bool_]) -> ContactTable:
-        """The rows for which ``keep`` (C,) is true, in the same order."""
+    def where(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> ContactTable:
+        """The rows for which ``keep`` (C,) is true, in the same order; or those with its indices."""
         return ContactTable(*(getattr(self, f.name)[keep] for f in fields(self)))
 
     def between(self, a: frozenset[int], b: frozenset[int]) -> NDArray[np.bool_]:

@@ -125,26 +125,37 @@ def check_time(t: NDArray[np.float64], where: str) -> list[TraceError]:
     return found
 
 
-def check_track(track: Track, name: str, frames: int, where: str) -> list[TraceError]:
+def check_track(track: Track, body: str, frames: int, where: str) -> list[TraceError]:
     """Row count, finite values, unit quaternions."""
+    return [
+        error
+        for column in fields(track)
+        for error in check_track_column(
+            column.name, getattr(track, column.name), body, frames, where
+        )
+    ]
+
+
+def check_track_column(
+    column: str, array: NDArray[np.float32], body: str, frames: int, where: str
+) -> list[TraceError]:
+    """One column (``orientation``, …) of a body's track, as ``check_track`` does."""
     found = []
-    for column in fields(track):
-        array = getattr(track, column.name)
-        if len(array) not in (1, frames):
-            found.append(
-                TraceError(
-                    where, f"{column.name} of {name!r} has {len(array)} rows, time has {frames}"
-                )
-            )
-        found += _finite(array, f"{column.name} of {name!r}", where)
-    norm = np.linalg.norm(track.orientation.astype(np.float64), axis=1)
+    if len(array) not in (1, frames):
+        found.append(
+            TraceError(where, f"{column} of {body!r} has {len(array)} rows, time has {frames}")
+        )
+    found += _finite(array, f"{column} of {body!r}", where)
+    if column != "orientation" or found:
+        return found
+    norm = np.sqrt(np.einsum("ij,ij->i", array, array, dtype=np.float64))
     off = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE)
     if len(off):
         i = int(off[0])
         found.append(
             TraceError(
                 where,
-                f"orientation of {name!r} at frame {i} has norm {norm[i]:.4f} "
+                f"orientation of {body!r} at frame {i} has norm {norm[i]:.4f} "
                 f"({len(off)} frames in all).",
                 f"unit quaternions, wxyz, within {UNIT_TOLERANCE}",
                 "normalise the quaternions, and check that they are not stored as Euler angles",

@@ -1,0 +1,8 @@
+"""Bytes to episodes and back: Parquet datasets and MCAP files (docs/traces.md)."""
+
+from .discover import discover, load
+from .episode_ref import EpisodeRef, Format
+from .save import save
+from .writer import TraceWriter
+
+__all__ = ["EpisodeRef", "Format", "TraceWriter", "discover", "load", "save"]

@@ -1,0 +1,187 @@
+"""Contacts as they are gathered frame by frame: packed points between two geoms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from safestage_eval.episode import ContactTable, Header
+from safestage_eval.errors import TraceError
+
+POINT = np.dtype(
+    [
+        ("position", "<f4", 3),
+        ("normal", "<f4", 3),
+        ("force", "<f4", 3),
+        ("peak_force", "<f4"),
+        ("depth", "<f4"),
+        ("geom1", "<u2"),
+        ("geom2", "<u2"),
+    ]
+)
+"""One contact, 48 bytes: m, unit, N (on geom 2's body by geom 1's), N, m, geom indices counted over
+all bodies in the header's order. The bodies follow from the geoms."""
+
+Contacts = NDArray[Any] | Mapping[str, ArrayLike] | Sequence[Mapping[str, Any]]
+"""What a recorder may pass: a (C,) array of POINT, columns by name, or a list of rows."""
+
+
+class GeomNames:
+    """Finds geoms by body and geom name.
+
+    Attributes:
+        owner: (G,) index of each geom's body.
+    """
+
+    def __init__(self, header: Header) -> None:
+        self.owner = np.repeat(
+            np.arange(len(header.bodies), dtype=np.int16), [len(b.geoms) for b in header.bodies]
+        )
+        self._first: dict[str, int] = {}
+        self._named: dict[tuple[str, str], int] = {}
+        self._where = header.episode_id
+        index = 0
+        for body in header.bodies:
+            if body.geoms:
+                self._first[body.name] = index
+            for geom in body.geoms:
+                self._named[body.name, geom.name] = index
+                index += 1
+
+    def index(self, body: str, geom: str | int | None) -> int:
+        """Index of a geom: by name within the body, by number over all bodies, or its first one.
+
+        Raises:
+            TraceError: no such body, no such geom, or a body without geoms.
+        """
+        if isinstance(geom, int | np.integer):
+            return int(geom)
+        found = self._first.get(body) if geom is None else self._named.get((body, geom))
+        if found is None:
+            what = "a body with geoms" if geom is None else f"a geom {geom!r}"
+            raise TraceError(
+                self._where,
+                f"a contact names {body!r}, which is not {what}.",
+                ", ".join(self._first) or "no body has geoms",
+                "declare the body with its geoms before the first frame",
+            )
+        return found
+
+    def bodies(self, points: NDArray[Any]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
+        """Body indices (C,), (C,) of points; raises TraceError for a geom that no body has."""
+        for name in ("geom1", "geom2"):
+            highest = int(points[name].max()) if len(points) else -1
+            if highest >= len(self.owner):
+                raise TraceError(
+                    self._where,
+                    f"a contact's {name} is {highest}; there are {len(self.owner)} geoms.",
+                    fix="count geoms over all bodies in the header's order",
+                )
+        return self.owner[points["geom1"]], self.owner[points["geom2"]]
+
+
+def pack(contacts: Contacts, names: GeomNames) -> NDArray[Any]:
+    """Contacts of one frame as a (C,) array of POINT.
+
+    Rows need ``position``, ``normal``, ``force`` and either ``geom1``/``geom2`` or
+    ``body1``/``body2``; ``peak_force`` defaults to the pair's summed normal force at the frame,
+    ``depth`` to 0. Columns need ``geom1``, ``geom2``, ``position``, ``normal``, ``force``.
+
+    Raises:
+        TraceError: a field is missing, or a body or geom is unknown.
+    """
+    if isinstance(contacts, np.ndarray):
+        if contacts.dtype == POINT:
+            return contacts
+        columns: Mapping[str, ArrayLike] = {
+            name: contacts[name] for name in contacts.dtype.names or ()
+        }
+    elif isinstance(contacts, Mapping):
+        columns = contacts
+    else:
+        columns = _columns(contacts, names)
+    missing = [n for n in ("geom1", "geom2", "position", "normal", "force") if n not in columns]
+    if missing:
+        raise TraceError(
+            "contacts", f"{', '.join(missing)} not given.", ", ".join(POINT.names or ())
+        )
+    points = np.empty(len(np.asarray(columns["geom1"])), POINT)
+    for name in ("geom1", "geom2", "position", "normal", "force"):
+        points[name] = columns[name]
+    if "peak_force" in columns:
+        points["peak_force"] = columns["peak_force"]
+    else:
+        points["peak_force"] = _pair_force(points, names)
+    points["depth"] = columns.get("depth", 0.0)
+    return points
+
+
+def _pair_force(points: NDArray[Any], names: GeomNames) -> NDArray[np.float64]:
+    """(C,) N, normal force summed over all points between the same two bodies."""
+    if not len(points):
+        return np.zeros(0)
+    force = np.abs(np.einsum("ij,ij->i", points["force"], points["normal"]))
+    body1, body2 = names.bodies(points)
+    low, high = np.minimum(body1, body2), np.maximum(body1, body2)
+    pair = np.unique(low.astype(np.int64) << 16 | high, return_inverse=True)[1]
+    total: NDArray[np.float64] = np.bincount(pair, force)
+    return total[pair]
+
+
+def _columns(rows: Sequence[Mapping[str, Any]], names: GeomNames) -> dict[str, ArrayLike]:
+    columns: dict[str, ArrayLike] = {
+        "geom1": [names.index(r.get("body1", ""), r.get("geom1")) for r in rows],
+        "geom2": [names.index(r.get("body2", ""), r.get("geom2")) for r in rows],
+    }
+    for name in ("position", "normal", "force", "peak_force", "depth"):
+        given = [row[name] for row in rows if name in row]
+        if given and len(given) < len(rows):
+            raise TraceError("contacts", f"{name} is given for some rows only")
+        if given:
+            columns[name] = given
+    if not rows:
+        columns |= {name: np.zeros((0, 3)) for name in ("position", "normal", "force")}
+    return columns
+
+
+def table(points: NDArray[Any], counts: NDArray[np.integer], names: GeomNames) -> ContactTable:
+    """The canonical table of the (C,) points of consecutive frames, ``counts`` (T,) per frame.
+
+    Raises:
+        TraceError: a geom index that no body has.
+    """
+    frame = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+    geom1, geom2 = (np.ascontiguousarray(points[name]) for name in ("geom1", "geom2"))
+    columns: tuple[Any, ...] = (
+        frame,
+        *names.bodies(points),
+        geom1,
+        geom2,
+        *(
+            np.ascontiguousarray(points[name])
+            for name in ("position", "normal", "force", "peak_force", "depth")
+        ),
+    )
+    if _is_canonical(*columns[:5]):
+        return ContactTable(*columns)
+    return ContactTable.build(*columns)
+
+
+def _is_canonical(
+    frame: NDArray[np.int32],
+    body1: NDArray[np.int16],
+    body2: NDArray[np.int16],
+    geom1: NDArray[np.uint16],
+    geom2: NDArray[np.uint16],
+) -> bool:
+    """Whether the rows already stand in the table's order (geoms follow their bodies' order)."""
+    if (body1 >= body2).any():
+        return False
+    # geoms are numbered body by body, yet (body1, body2, geom1, geom2) is not (geom1, geom2)
+    key = (body1.astype(np.int64) << 48) | (body2.astype(np.int64) << 32)
+    key |= (geom1.astype(np.int64) << 16) | geom2.astype(np.int64)
+    same_frame = frame[1:] == frame[:-1]
+    return not bool((same_frame & (key[1:] < key[:-1])).any())

@@ -1,0 +1,254 @@
+"""Reading an episode from a Parquet dataset, column by column as it is looked at."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import (
+    ContactTable,
+    Episode,
+    Mesh,
+    RobotFrames,
+    Track,
+    check_contacts,
+    check_frames,
+    check_header,
+    check_time,
+    check_track_column,
+)
+from safestage_eval.errors import TraceError
+
+from . import dataset_layout as layout
+from .arrow_tables import CONTACT_VECTORS, EPISODES, REQUIRED, ROBOT_COLUMNS, XYZ
+from .episode_row import from_row
+from .lazy import StoredItems, StoredTrack
+from .ply import from_ply
+from .stored_table import StoredTable
+
+
+def read_rows(file: Path, columns: tuple[str, ...] | None = None) -> list[dict[str, Any]]:
+    """Rows of one file of ``meta/episodes``; of the columns asked, those that are there.
+
+    Raises:
+        TraceError: unreadable, without a required column, or of a newer major version.
+    """
+    table = StoredTable(file, "meta/episodes")
+    missing = [name for name in REQUIRED if name not in table.columns]
+    if missing:
+        raise TraceError(str(file), f"the column {missing[0]!r} is missing.", ", ".join(EPISODES))
+    wanted = [name for name in columns or EPISODES if name in table.columns]
+    rows: list[dict[str, Any]] = table.all(wanted).to_pylist()
+    return rows
+
+
+def open_episode(file: Path, episode_index: int, *, checked: bool = True) -> Episode:
+    """The episode with this index, whose row stands in a file of ``meta/episodes``.
+
+    Header and time are read now, tracks, contacts and the rest when first asked for.
+
+    Args:
+        file: of ``meta/episodes``.
+        episode_index: which of its rows.
+        checked: raise on broken invariants, now or when a column is loaded; without it the episode
+            comes as it is, for ``check`` to list all that is wrong.
+
+    Raises:
+        TraceError: a file or column is missing or damaged, or an invariant is broken.
+    """
+    rows = [row for row in read_rows(file) if row["episode_index"] == episode_index]
+    if len(rows) != 1:
+        raise TraceError(str(file), f"{len(rows)} rows with episode_index {episode_index}", "one")
+    return _StoredEpisode(file, rows[0], checked).episode()
+
+
+class _StoredEpisode:
+    """Where the columns of one episode are, and how to load them."""
+
+    def __init__(self, file: Path, row: Mapping[str, Any], checked: bool) -> None:
+        self.file, self.row, self.checked = file, row, checked
+        self.dataset = file.parents[2]
+        self.index: int = row["episode_index"]
+        self.length: int = row["length"]
+        self.where = f"{file} ({row['episode_id']})"
+        layout.check_version(row.get("schema_version") or "1.0", self.where)
+
+    def episode(self) -> Episode:
+        geometry = self.table("geometry")
+        shapes = geometry.rows(geometry.names, self.index).to_pylist()
+        header = from_row(self.row, shapes, self.where)
+        self.frames_table = self.table("frames")
+        t = self.time()
+        if self.checked:
+            self.demand(list(check_header(header, self.where)))
+            self.demand(check_time(t, self.where))
+        self.body_index = {body.name: i for i, body in enumerate(header.bodies)}
+        self.bodies_table = self.table("bodies")
+        meshes = {g.mesh: None for body in header.bodies for g in body.geoms if g.mesh is not None}
+        attachments = json.loads(self.row.get("attachments") or "{}")
+        for key in meshes:
+            if self.checked and not self.asset(f"{key}.ply").exists():
+                raise TraceError(
+                    self.where,
+                    f"the mesh {key[:12]}… is missing.",
+                    str(self.asset(f"{key}.ply")),
+                    "copy the dataset's assets folder too",
+                )
+        channels = [(body, name) for body, name in json.loads(self.row.get("channels") or "[]")]
+        states = self.states() if self.row.get("states") else {}
+        episode = Episode(
+            header=header,
+            t=t,
+            tracks=StoredItems(self.body_index, self.track),
+            _contacts=lambda: self.contacts(episode.geom_owner),
+            _frames=self.robot,
+            meshes=StoredItems(
+                [key for key in meshes if self.asset(f"{key}.ply").exists()], self.mesh
+            ),
+            channels=StoredItems(channels, self.channel),
+            states=states,
+            attachments=StoredItems(
+                attachments, lambda name: self.asset(attachments[name]).read_bytes()
+            ),
+            path=self.file,
+        )
+        return episode
+
+    def table(self, name: str) -> StoredTable:
+        return StoredTable(self.dataset / name / f"{self.row['file']}.parquet", name)
+
+    def asset(self, name: str) -> Path:
+        return self.dataset / layout.ASSETS / name
+
+    def demand(self, errors: list[TraceError]) -> None:
+        """Raise the first of the errors, when the episode is to be checked."""
+        if self.checked and errors:
+            raise errors[0]
+
+    def in_order(self, frame: NDArray[np.int32], what: str, rows: int) -> None:
+        """Rows must stand for frames 0, 1, 2, …; otherwise they would be taken for others."""
+        if len(frame) != rows or (frame != np.arange(rows)).any():
+            raise TraceError(
+                self.where,
+                f"{what} has {len(frame)} rows that are not the frames 0…{rows - 1} in order.",
+                "one row per frame, ascending",
+            )
+
+    def time(self) -> NDArray[np.float64]:
+        table = self.frames_table.rows(("frame_index", "timestamp"), self.index)
+        self.in_order(
+            self.frames_table.numbers(table, "frame_index", np.int32), "frames", self.length
+        )
+        t: NDArray[np.float64] = self.frames_table.numbers(table, "timestamp", np.float64)
+        return t
+
+    def track(self, body: str) -> Track:
+        return StoredTrack(lambda columns: self.track_columns(body, columns))
+
+    def track_columns(self, body: str, columns: tuple[str, ...]) -> dict[str, NDArray[np.float32]]:
+        source = self.bodies_table
+        axes = {c: ("w", *XYZ) if c == "orientation" else XYZ for c in columns}
+        names = [f"{column}.{axis}" for column in columns for axis in axes[column]]
+        table = source.rows(("frame_index", *names), self.index, body)
+        rows = len(table)
+        if rows == 0:
+            raise TraceError(self.where, f"body {body!r} has no poses in {source.path}")
+        self.in_order(
+            source.numbers(table, "frame_index", np.int32),
+            f"body {body!r}",
+            1 if rows == 1 else self.length,
+        )
+        loaded = {}
+        for column in columns:
+            values = np.empty((rows, len(axes[column])), np.float32)
+            for i, axis in enumerate(axes[column]):
+                values[:, i] = source.numbers(table, f"{column}.{axis}", np.float32)
+            self.demand(check_track_column(column, values, body, self.length, self.where))
+            loaded[column] = values
+        return loaded
+
+    def contacts(self, geom_owner: NDArray[np.int16]) -> ContactTable:
+        source = self.table("contacts")
+        vectors = {name: [f"{name}.{axis}" for axis in XYZ] for name in CONTACT_VECTORS}
+        columns = ["frame_index", "slot", "body1", "body2", "geom1", "geom2", "peak_force", "depth"]
+        table = source.rows(
+            [*columns, *(name for names in vectors.values() for name in names)], self.index
+        )
+        if len(table) != self.row["contacts"]:
+            raise TraceError(
+                self.where, f"{source.path} has {len(table)} contacts, not {self.row['contacts']}"
+            )
+        frame = source.numbers(table, "frame_index", np.int32)
+        slot = source.numbers(table, "slot", np.int16)
+        body1, body2 = (source.codes(table, n, self.body_index) for n in ("body1", "body2"))
+        order = _by_frame(frame, slot, body1, body2)
+        stacked = []
+        for names in vectors.values():
+            values = np.empty((len(table), 3), np.float32)
+            for i, name in enumerate(names):
+                values[:, i] = source.numbers(table, name, np.float32)[order]
+            stacked.append(values)
+        contacts = ContactTable(
+            frame[order],
+            body1[order],
+            body2[order],
+            *(source.numbers(table, n, np.uint16)[order] for n in ("geom1", "geom2")),
+            *stacked,
+            *(source.numbers(table, n, np.float32)[order] for n in ("peak_force", "depth")),
+        )
+        self.demand(check_contacts(contacts, geom_owner, self.length, self.where))
+        return contacts
+
+    def robot(self) -> RobotFrames:
+        source = self.frames_table
+        table = source.rows(tuple(ROBOT_COLUMNS.values()), self.index)
+        frames = RobotFrames(
+            *(source.lists(table, column, np.float32) for column in ROBOT_COLUMNS.values())
+        )
+        self.demand(check_frames(frames, self.length, self.where))
+        return frames
+
+    def mesh(self, key: str) -> Mesh:
+        path = self.asset(f"{key}.ply")
+        return from_ply(path.read_bytes(), key, str(path))
+
+    def channel(self, key: tuple[str, str]) -> NDArray[np.float32]:
+        source = self.table("channels")
+        table = source.rows(("frame_index", "name", "value"), self.index, key[0])
+        table = table.filter([name == key[1] for name in table["name"].to_pylist()])
+        frame = source.numbers(table, "frame_index", np.int32)
+        self.in_order(frame, f"channel {key[1]!r} of {key[0]!r}", self.length)
+        values: NDArray[np.float32] = source.numbers(table, "value", np.float32)
+        if self.checked and not np.isfinite(values).all():
+            raise TraceError(self.where, f"channel {key[1]!r} of {key[0]!r} is not finite")
+        return values
+
+    def states(self) -> StoredItems[int, NDArray[np.float64]]:
+        source = self.table("states")
+        frames = source.rows(("frame_index",), self.index)["frame_index"].to_pylist()
+
+        def load(frame: int) -> NDArray[np.float64]:
+            table = source.rows(("state",), self.index)
+            return np.array(table["state"][frames.index(frame)].as_py(), np.float64)
+
+        return StoredItems(frames, load)
+
+
+def _by_frame(
+    frame: NDArray[np.int32],
+    slot: NDArray[np.int16],
+    body1: NDArray[np.int16],
+    body2: NDArray[np.int16],
+) -> NDArray[np.intp]:
+    """Order of rows in the canonical table: by frame, pair, slot."""
+    key = (body1.astype(np.int64) << 32) | (body2.astype(np.int64) << 16) | slot
+    if (key[1:] < key[:-1]).any():
+        return np.lexsort((slot, body2, body1, frame))
+    # as we write it, by pair and slot: a stable sort by frame is all that is left
+    small = frame.astype(np.uint16) if len(frame) and frame.max() < 1 << 16 else frame
+    return np.argsort(small, kind="stable")

@@ -1,0 +1,184 @@
+"""Finding episodes in files, folders and datasets, by content rather than by name."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from safestage_eval.episode import Episode, Header
+from safestage_eval.errors import TraceError
+
+from . import dataset_layout as layout
+from .episode_ref import EpisodeRef
+
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+PARQUET_MAGIC = b"PAR1"
+
+REF_FIELDS = (
+    "task",
+    "stage",
+    "family",
+    "instruction",
+    "prompt",
+    "policy",
+    "seed",
+    "rollout",
+    "physics_dt",
+    "frame_dt",
+    "control_dt",
+    "success",
+    "success_time",
+    "termination",
+    "horizon",
+    "post_success_hold",
+    "force_source",
+    "schema_version",
+)
+"""Header fields that a reference carries; with them ``length`` and ``content_hash``."""
+
+
+def load(
+    path: str | Path, episode: str | None = None, *, recover: bool = False, checked: bool = True
+) -> Episode:
+    """Open the episode at a path: an MCAP file, a dataset, or a folder with a single episode.
+
+    Args:
+        path: where to look.
+        episode: its id, where there are several.
+        recover: of an MCAP file that was cut off, take the frames that are whole.
+        checked: raise on broken invariants, now or when a column is first looked at.
+
+    Raises:
+        TraceError: nothing there, several episodes and none chosen, or the chosen one is broken.
+    """
+    found = discover([path])
+    if episode is not None:
+        found = [ref for ref in found if ref.episode_id == episode]
+    if len(found) != 1:
+        some = ", ".join(ref.episode_id or ref.path.name for ref in discover([path])[:8])
+        raise TraceError(
+            str(path),
+            f"{len(found)} episodes are named {episode!r}."
+            if episode is not None
+            else f"{len(found)} episodes are here.",
+            some,
+            "choose one: load(path, episode=…)",
+        )
+    return found[0].open(recover=recover, checked=checked)
+
+
+def discover(paths: str | Path | Iterable[str | Path]) -> list[EpisodeRef]:
+    """Every episode under the paths, in the order of their names.
+
+    A file or row that cannot be read becomes a reference with a ``problem``, so that it does not
+    stop the others.
+
+    Raises:
+        TraceError: a path does not exist, or there is no episode under it.
+    """
+    given = [paths] if isinstance(paths, str | Path) else list(paths)
+    if not given:
+        raise TraceError("traces", "no path given.", "MCAP files, datasets, folders")
+    found: dict[tuple[Path, int | None], EpisodeRef] = {}
+    for path in map(Path, given):
+        if not path.exists():
+            raise TraceError(str(path), "no such file or folder", fix="check the spelling")
+        refs = refs_of_file(path) if path.is_file() else list(_refs_of_folder(path))
+        if not refs:
+            raise TraceError(
+                str(path),
+                "no episode in here.",
+                "MCAP files, or datasets (a folder with meta/info.json)",
+                "record some first, or give the folder that holds them",
+            )
+        for ref in refs:
+            found.setdefault((ref.path.resolve(), ref.episode_index), ref)
+    return list(found.values())
+
+
+def refs_of_file(path: Path) -> list[EpisodeRef]:
+    """The episodes of one file: an MCAP, or a file of ``meta/episodes``.
+
+    Raises:
+        TraceError: the file is neither.
+    """
+    with path.open("rb") as stream:
+        magic = stream.read(8)
+    if magic == MCAP_MAGIC or path.suffix == ".mcap":
+        return [_mcap_ref(path)]
+    if path.name == "info.json" and layout.is_dataset(path.parents[1]):
+        return list(_refs_of_folder(path.parents[1]))
+    if path.parent.parts[-2:] == ("meta", "episodes") and path.suffix == ".parquet":
+        return _dataset_refs(path)
+    what = "neither an MCAP nor a dataset's file"
+    if magic.startswith(PARQUET_MAGIC):
+        what = "a Parquet file, but not one of meta/episodes"
+    raise TraceError(
+        str(path),
+        f"{what}.",
+        "an MCAP file, a file of meta/episodes, or the dataset's folder",
+        "give the folder that has meta/info.json" if magic.startswith(PARQUET_MAGIC) else "",
+    )
+
+
+def _refs_of_folder(folder: Path) -> Iterator[EpisodeRef]:
+    for root, folders, files in os.walk(folder):
+        here = Path(root)
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        if layout.is_dataset(here):
+            yield from _refs_of_dataset(here)
+            own = ("meta", layout.ASSETS, *layout.TABLE_FOLDERS)
+            folders[:] = [name for name in folders if name not in own]
+        for name in sorted(files):
+            path = here / name
+            if not name.startswith(".") and (path.suffix == ".mcap" or _is_mcap(path)):
+                yield _mcap_ref(path)
+
+
+def _refs_of_dataset(dataset: Path) -> Iterator[EpisodeRef]:
+    try:
+        layout.read_info(dataset)
+    except TraceError as problem:
+        yield EpisodeRef(dataset / layout.INFO, "parquet", problem=problem)
+        return
+    for file in sorted((dataset / layout.EPISODES).glob("[!.]*.parquet")):
+        yield from _dataset_refs(file)
+
+
+def _dataset_refs(file: Path) -> list[EpisodeRef]:
+    from .dataset_reader import read_rows
+
+    columns = ("episode_index", "episode_id", *REF_FIELDS, "length", "content_hash")
+    try:
+        rows = read_rows(file, columns)
+    except TraceError as problem:
+        return [EpisodeRef(file, "parquet", problem=problem)]
+    return [
+        EpisodeRef(file, "parquet", row.pop("episode_id"), row.pop("episode_index"), row)
+        for row in rows
+    ]
+
+
+def _mcap_ref(path: Path) -> EpisodeRef:
+    from .mcap_reader import read_header
+
+    try:
+        header, stated = read_header(path)
+    except TraceError as problem:
+        return EpisodeRef(path, "mcap", problem=problem)
+    return EpisodeRef(path, "mcap", header.episode_id, None, ref_fields(header) | stated)
+
+
+def ref_fields(header: Header) -> dict[str, Any]:
+    """The fields of a reference, from a header that has been read."""
+    return {name: getattr(header, name) for name in REF_FIELDS}
+
+
+def _is_mcap(path: Path) -> bool:
+    try:
+        with path.open("rb") as stream:
+            return stream.read(8) == MCAP_MAGIC
+    except OSError:
+        return False

@@ -1,0 +1,52 @@
+"""A stored episode that has been found and not yet opened."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from safestage_eval.episode import Episode
+from safestage_eval.errors import TraceError
+
+Format = Literal["parquet", "mcap"]
+
+
+@dataclass(frozen=True)
+class EpisodeRef:
+    """Where an episode is and what its header says in short; small and picklable.
+
+    Attributes:
+        path: the MCAP file, or the file of ``meta/episodes`` that holds its row.
+        format: of the file.
+        episode_id: from the header; empty when it could not be read.
+        episode_index: its key in a Parquet dataset; None for MCAP.
+        fields: the header's scalar fields and ``content_hash`` as stored, by name.
+        problem: why it cannot be opened, if that is already known.
+    """
+
+    path: Path
+    format: Format
+    episode_id: str = ""
+    episode_index: int | None = None
+    fields: Mapping[str, Any] = field(default_factory=dict)
+    problem: TraceError | None = None
+
+    @property
+    def content_hash(self) -> str | None:
+        """The hash that the file states; ``validate`` compares it with the content."""
+        return self.fields.get("content_hash")
+
+    def open(self, *, recover: bool = False, checked: bool = True) -> Episode:
+        """The episode; see ``load`` for the arguments. Raises TraceError when it is broken."""
+        if self.problem is not None and not (recover and self.format == "mcap"):
+            raise self.problem
+        if self.format == "mcap":
+            from .mcap_reader import read_mcap
+
+            return read_mcap(self.path, recover=recover, checked=checked)
+        from .dataset_reader import open_episode
+
+        assert self.episode_index is not None
+        return open_episode(self.path, self.episode_index, checked=checked)

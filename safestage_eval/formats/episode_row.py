@@ -1,0 +1,89 @@
+"""The header of an episode as one row of ``meta/episodes`` plus its rows in ``geometry``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from safestage_eval.episode import Header
+from safestage_eval.errors import TraceError
+
+from .arrow_tables import EPISODES
+
+_JSON_FIELDS = tuple(
+    name for name in Header.model_fields if EPISODES[name].unit == "JSON" and name != "bodies"
+)
+_FLAT_FIELDS = tuple(name for name in Header.model_fields if EPISODES[name].unit != "JSON")
+
+
+def encode(value: Any, where: str) -> str:
+    """Compact JSON. Raises TraceError for NaN and infinity, which JSON does not have."""
+    try:
+        return json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
+    except ValueError:
+        raise TraceError(
+            where, "the header holds a number that is not finite.", "finite numbers, or none at all"
+        ) from None
+
+
+def to_row(header: Header) -> dict[str, Any]:
+    """The header's columns in ``meta/episodes``. Raises TraceError as ``encode`` does."""
+    where = header.episode_id
+    data = header.model_dump(mode="json")
+    row = {name: data[name] for name in _FLAT_FIELDS}
+    row |= {name: encode(data[name], where) for name in _JSON_FIELDS}
+    for body in data["bodies"]:
+        del body["geoms"]
+    return row | {"bodies": encode(data["bodies"], where)}
+
+
+def to_geometry(header: Header, episode_index: int) -> list[dict[str, Any]]:
+    """Rows of ``geometry``, one per geom in the header's order."""
+    geoms = [(body.name, geom) for body in header.bodies for geom in body.geoms]
+    return [
+        {"episode_index": episode_index, "body": body, "geom": i} | geom.model_dump()
+        for i, (body, geom) in enumerate(geoms)
+    ]
+
+
+def from_row(row: Mapping[str, Any], geometry: list[dict[str, Any]], where: str) -> Header:
+    """The header again. Columns that are absent or null take the header's defaults.
+
+    Raises:
+        TraceError: text that is not JSON, a geom of an unknown body, or values a header refuses.
+    """
+    data = {name: row[name] for name in _FLAT_FIELDS if row.get(name) is not None}
+    for name in (*_JSON_FIELDS, "bodies"):
+        if row.get(name) is None:
+            continue
+        try:
+            data[name] = json.loads(row[name])
+        except json.JSONDecodeError as error:
+            raise TraceError(f"{where}, column {name}", f"not JSON: {error}") from None
+    bodies = {body.get("name"): body for body in data.get("bodies", ())}
+    for geom in sorted(geometry, key=lambda geom: geom["geom"]):
+        if geom["body"] not in bodies:
+            raise TraceError(
+                where,
+                f"geometry names {geom['body']!r}, which is no body.",
+                ", ".join(map(str, bodies)),
+            )
+        own = {name: value for name, value in geom.items() if value is not None}
+        bodies[geom["body"]].setdefault("geoms", []).append(own)
+    return parse_header(data, where)
+
+
+def parse_header(data: Any, where: str) -> Header:
+    """A header from plain data. Raises TraceError naming the first field that does not fit."""
+    try:
+        return Header.model_validate(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in first["loc"]) or "header"
+        more = f" ({error.error_count()} problems in all)" if error.error_count() > 1 else ""
+        raise TraceError(
+            f"{where}, header field {place}", f"{first['msg']}{more}.", "docs/traces.md"
+        ) from None

@@ -1,0 +1,61 @@
+"""Meshes as binary PLY: the asset files of a dataset and the attachments of an MCAP."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from safestage_eval.episode import Mesh
+from safestage_eval.errors import TraceError
+
+_FACE = np.dtype([("count", "u1"), ("vertex", "<i4", 3)])
+_HEADER = """ply
+format binary_little_endian 1.0
+element vertex {vertices}
+property float x
+property float y
+property float z
+element face {faces}
+property list uchar int vertex_indices
+end_header
+"""
+
+
+def to_ply(mesh: Mesh) -> bytes:
+    """Binary little-endian PLY: float32 vertices in m, triangles of int32 indices."""
+    faces = np.empty(len(mesh.faces), _FACE)
+    faces["count"], faces["vertex"] = 3, mesh.faces
+    header = _HEADER.format(vertices=len(mesh.vertices), faces=len(faces))
+    return header.encode() + mesh.vertices.astype("<f4").tobytes() + faces.tobytes()
+
+
+def from_ply(data: bytes, key: str, where: str) -> Mesh:
+    """The mesh that ``to_ply`` wrote.
+
+    Raises:
+        TraceError: another PLY layout, missing bytes, or a content that is not ``key``.
+    """
+    counts = re.findall(rb"element \w+ (\d+)", data[:512])
+    vertices, faces = (int(n) for n in counts) if len(counts) == 2 else (0, 0)
+    header = _HEADER.format(vertices=vertices, faces=faces).encode()
+    if not data.startswith(header):
+        raise TraceError(
+            where,
+            "not a mesh of this format.",
+            "binary little-endian PLY with float x, y, z and triangles of int indices",
+        )
+    end = len(header) + 12 * vertices
+    if len(data) != end + _FACE.itemsize * faces:
+        raise TraceError(where, f"the mesh is cut off at byte {len(data)}")
+    mesh = Mesh(
+        np.frombuffer(data, "<f4", 3 * vertices, len(header)).reshape(-1, 3),
+        np.ascontiguousarray(np.frombuffer(data, _FACE, faces, end)["vertex"]),
+    )
+    if mesh.key != key:
+        raise TraceError(
+            where,
+            f"the mesh has changed: its content is {mesh.key[:12]}…, expected {key[:12]}…",
+            fix="restore the file or record again",
+        )
+    return mesh

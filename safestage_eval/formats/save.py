@@ -1,0 +1,45 @@
+"""Writing an episode in either format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from safestage_eval.episode import Episode, check
+from safestage_eval.errors import TraceError
+
+from .discover import refs_of_file
+from .episode_ref import EpisodeRef, Format
+
+
+def save(episode: Episode, path: str | Path, format: Format | None = None) -> EpisodeRef:  # noqa: A002
+    """Write an episode whole or not at all.
+
+    Args:
+        episode: any; it is checked first.
+        path: an MCAP file, which is replaced when it exists, or the folder of a Parquet dataset,
+            to which the episode is added.
+        format: ``parquet`` or ``mcap``; without it a name ending in ``.mcap`` means MCAP.
+
+    Raises:
+        TraceError: the episode breaks an invariant, or the path cannot be written to.
+    """
+    target = Path(path)
+    problems = check(episode)
+    if problems:
+        first = problems[0]
+        more = f" ({len(problems)} problems in all)" if len(problems) > 1 else ""
+        raise TraceError(first.where, first.what + more, first.allowed, first.fix)
+    kind = format or ("mcap" if target.suffix.lower() == ".mcap" else "parquet")
+    try:
+        if kind == "mcap":
+            from .mcap_writer import write_mcap
+
+            write_mcap(episode, target)
+            return refs_of_file(target)[0]
+        if kind == "parquet":
+            from .dataset_writer import add_episode
+
+            return refs_of_file(add_episode(episode, target))[0]
+    except OSError as error:
+        raise TraceError(str(target), f"cannot be written: {error.strerror or error}") from error
+    raise TraceError(str(target), f"there is no format {kind!r}.", "parquet, mcap")
