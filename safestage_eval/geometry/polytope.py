@@ -74,7 +74,7 @@ def hull_centroid(parts: list[Polytope]) -> F64:
     try:
         hull = ConvexHull(points - middle)
     except QhullError:
-        return middle
+        return np.asarray(middle)
     corners = hull.points[hull.simplices]
     volume = np.abs(np.linalg.det(corners))
     return np.asarray(middle + (corners.sum(1) / 4 * volume[:, None]).sum(0) / volume.sum())

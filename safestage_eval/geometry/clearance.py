@@ -1,0 +1,264 @@
+"""Certified distance between groups of moving bodies: every answer is an interval that holds it.
+
+For convex geoms that are apart by more than 10 µm the interval is at most 1e-9 m wide (gjk.py).
+Positive: apart. Zero or negative: touching or penetrating. What the pruning in sweep.py leaves
+out never changes an answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .extent import reach
+from .mover import BLOCK, Mover, frame_count
+from .pose import matrix
+from .shape import Packed, triangles
+from .surface import SurfacePair, encloses
+from .sweep import sweep
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+_ALL_FRAMES = np.empty(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """Bounds on a distance over time.
+
+    Attributes:
+        lower: (T,) m, the distance is at least this.
+        upper: (T,) m, and at most this; +inf where it is only known to be above the cap.
+    """
+
+    lower: F64
+    upper: F64
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """The least distance over an episode: between ``lower`` and ``upper`` (m), met at ``frame``.
+
+    Both are +inf and the frame is 0 when there is nothing to measure.
+    """
+
+    lower: float
+    upper: float
+    frame: int
+
+
+def clearance_series(
+    a: Sequence[Mover], b: Sequence[Mover], cap: float = np.inf, *, flat: bool = False
+) -> Clearance:
+    """Least signed distance, per frame, between any body of a and any body of b.
+
+    Args:
+        a: a group of bodies, of T frames or 1 each.
+        b: another. A body is not measured against itself; bodies without geoms do not count.
+        cap: m. Where the distance is larger: lower = cap, upper = +inf. Within 1e-9 m of the cap
+            either answer may be given. Small caps are fast.
+        flat: measure the distance of the projections onto the horizontal plane.
+
+    Returns:
+        (T,) bounds. See ``gjk.geom_distance`` for what they mean where bodies penetrate.
+
+    Raises:
+        ValueError: two bodies' lengths contradict each other.
+    """
+    return clearance_pairs(product(a, b), frame_count(*a, *b), cap, flat=flat)
+
+
+def clearance_pairs(
+    pairs: Iterable[tuple[Mover, Mover]], frames: int, cap: float = np.inf, *, flat: bool = False
+) -> Clearance:
+    """As clearance_series, over chosen pairs of bodies (a robot's own links, say); T = frames."""
+    known = Clearance(np.full(frames, float(cap)), np.full(frames, np.inf))
+    for a, b in pairs:
+        if a is b:
+            continue
+        if a.shape.surfaces or b.shape.surfaces:
+            apart = _with_surfaces(a, b, cap, flat)
+        else:
+            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, flat, known)
+            continue
+        np.minimum(known.lower, apart.lower, out=known.lower)
+        np.minimum(known.upper, apart.upper, out=known.upper)
+    return known
+
+
+def clearance_minimum(a: Sequence[Mover], b: Sequence[Mover]) -> Minimum:
+    """Least signed distance over all frames and pairs of bodies; arguments as clearance_series."""
+    frame_count(*a, *b)
+    least = np.array([np.inf, np.inf, 0.0])
+    convex: list[tuple[float, int, Mover, Mover, F64]] = []
+    for first, second in product(a, b):
+        if first is second:
+            continue
+        if first.shape.surfaces or second.shape.surfaces:
+            apart = _with_surfaces(first, second, np.inf, False)
+            frame = int(np.argmin(apart.upper))
+            if apart.upper[frame] < least[1]:
+                least[1:] = apart.upper[frame], frame
+            least[0] = min(least[0], apart.lower.min())
+        elif len(first.shape) and len(second.shape):
+            bounds = _block_bounds(first, second, False)
+            convex.append((float(bounds.min()), len(convex), first, second, bounds))
+    for _, _, first, second, bounds in sorted(convex, key=lambda item: item[:2]):
+        blocks = np.argsort(bounds, kind="stable")
+        _run(
+            first, second, first.shape.solids, second.shape.solids, np.inf, False,
+            blocks, bounds[blocks], _ALL_FRAMES, _ALL_FRAMES, least,
+        )  # fmt: skip
+    return Minimum(float(least[0]), float(least[1]), int(least[2]))
+
+
+def motion_bound(a: Mover, b: Mover | None = None) -> F64:
+    """(T − 1,) m: how far any point of a moves, at most, from each frame to the next.
+
+    With b, how much the distance between a and b can change at most: the sum of both. Assumes that
+    between two frames the bounding centre goes straight and the body turns evenly by the smaller
+    angle. If d and e are the distances at the two frames and m the bound, the distance in between
+    is at least (d + e − m) / 2.
+    """
+    frames = frame_count(a, *([b] if b is not None else []))
+    return sum(
+        (_path_length(mover, frames) for mover in (a, b) if mover is not None),
+        np.zeros(frames - 1),
+    )
+
+
+def _path_length(mover: Mover, frames: int) -> F64:
+    if len(mover) == 1:
+        return np.zeros(frames - 1)
+    q = mover.motion.orientation
+    nearer = np.minimum(((q[1:] - q[:-1]) ** 2).sum(1), ((q[1:] + q[:-1]) ** 2).sum(1))
+    angle = 4 * np.arcsin(np.minimum(np.sqrt(nearer) / 2, np.sin(np.pi / 4)))
+    step = np.sqrt((np.diff(mover.motion.centre, axis=0) ** 2).sum(1))
+    turn = np.zeros(len(angle))
+    np.multiply(angle, mover.shape.radius, out=turn, where=angle > 0)
+    return np.asarray(step + turn)
+
+
+def _block_bounds(a: Mover, b: Mover, flat: bool) -> F64:
+    """(K,) m: lower bound on the distance of two bodies within each block of frames."""
+    ma, mb = a.motion, b.motion
+    blocks = -(-frame_count(a, b) // BLOCK)
+    axes = slice(0, 2 if flat else 3)
+    side = np.maximum(ma.low - mb.high, mb.low - ma.high)[:, axes]
+    ball = np.sqrt((np.maximum(side, 0) ** 2).sum(1)) - a.shape.radius - b.shape.radius
+    side = np.maximum(side - ma.extent[:, axes] - mb.extent[:, axes], 0)
+    return np.broadcast_to(np.maximum(ball, np.sqrt((side**2).sum(1))), blocks)
+
+
+def _sweep_all(
+    a: Mover, b: Mover, A: Packed, B: Packed, cap: float, flat: bool, known: Clearance
+) -> None:
+    """Merge the distance of geoms A of a and B of b into ``known``, (T,)."""
+    bounds = _block_bounds(a, b, flat)
+    blocks = np.flatnonzero(bounds < cap)
+    if len(blocks) and len(A.kind) and len(B.kind):
+        _run(a, b, A, B, cap, flat, blocks, bounds[blocks], known.lower, known.upper, _ALL_FRAMES)
+
+
+def _run(
+    a: Mover,
+    b: Mover,
+    A: Packed,
+    B: Packed,
+    cap: float,
+    flat: bool,
+    blocks: I64,
+    bounds: F64,
+    lower: F64,
+    upper: F64,
+    least: F64,
+) -> None:
+    ra, rb = float(a.shape.radius), float(b.shape.radius)
+    sweep(A, B, a.motion, b.motion, ra, rb, float(cap), flat, blocks, bounds, lower, upper, least)
+
+
+def _with_surfaces(a: Mover, b: Mover, cap: float, flat: bool) -> Clearance:
+    """(T,) bounds for two bodies of which at least one has a nonconvex mesh.
+
+    Triangles against convex geoms by GJK, against triangles by python-fcl (flat: by GJK). A mesh
+    is solid: what lies within it penetrates it. Where bodies penetrate, the lower bound is minus
+    the overlap of their bounding boxes.
+    """
+    frames = frame_count(a, b)
+    known = Clearance(np.full(frames, float(cap)), np.full(frames, np.inf))
+    faces_a, faces_b = ([triangles(s) for s in m.shape.surfaces] for m in (a, b))
+    jobs = [(a.shape.solids, b.shape.solids)]
+    jobs += [(a.shape.solids, face) for face in faces_b]
+    jobs += [(face, b.shape.solids) for face in faces_a]
+    if flat:
+        jobs += list(product(faces_a, faces_b))
+    for A, B in jobs:
+        _sweep_all(a, b, A, B, cap, flat, known)
+    if not flat:
+        _mesh_distance(a, b, cap, known)
+        within = _contained(a, b, frames) | _contained(b, a, frames)
+        known.upper[within] = np.minimum(known.upper[within], 0.0)
+    meets = known.upper <= 0
+    if meets.any():
+        rows = np.flatnonzero(meets)
+        known.lower[rows] = -_box_overlap(a.at(rows), b.at(rows), flat)
+    return known
+
+
+def _mesh_distance(a: Mover, b: Mover, cap: float, known: Clearance) -> None:
+    """Merge the distances of a's meshes to b's into ``known``, skipping what motion rules out."""
+    if not (a.shape.surfaces and b.shape.surfaces):
+        return
+    frames = len(known.lower)
+    bounds = _block_bounds(a, b, False)
+    rotations = [matrix(m.orientation) for m in (a, b)]
+    for sa, sb in product(a.shape.surfaces, b.shape.surfaces):
+        pair, last, last_path = SurfacePair(sa, sb), -np.inf, 0.0
+        for t in range(frames):
+            i, j = t if len(a) > 1 else 0, t if len(b) > 1 else 0
+            path = a.motion.path[i] + b.motion.path[j]
+            limit = min(cap, known.upper[t])
+            if bounds[t // BLOCK] >= limit or last - (path - last_path) >= limit:
+                continue
+            last = pair.distance(
+                (rotations[0][i], a.motion.centre[i]), (rotations[1][j], b.motion.centre[j])
+            )
+            last_path = path
+            if last < limit:
+                known.lower[t] = min(known.lower[t], last)
+                known.upper[t] = last
+
+
+def _contained(a: Mover, b: Mover, frames: int) -> NDArray[np.bool_]:
+    """(T,) whether the centre of some geom of a lies inside a mesh of b."""
+    inside = np.zeros(frames, bool)
+    if not b.shape.surfaces:
+        return inside
+    hulls = a.shape.hulls
+    seeds = [hulls.offset[np.isfinite(hulls.radius) & (hulls.points == 0)]]
+    seeds += [hulls.offset[[g]] + hulls.rotation[g] @ hulls.vertices[hulls.first[g]]
+              for g in np.flatnonzero(hulls.points)]  # fmt: skip
+    ra, rb = matrix(a.orientation), matrix(b.orientation)
+    for seed in np.concatenate(seeds):
+        world = ra @ seed + a.motion.centre
+        local = np.einsum(
+            "tij,ti->tj", np.broadcast_to(rb, (frames, 3, 3)), world - b.motion.centre
+        )
+        for surface in b.shape.surfaces:
+            inside |= encloses(surface, np.broadcast_to(local, (frames, 3)))
+    return inside
+
+
+def _box_overlap(a: Mover, b: Mover, flat: bool) -> F64:
+    """(T,) m: the least move along a world axis that parts the two bounding boxes, at least 0."""
+    sides = []
+    for axis in range(2 if flat else 3):
+        for sign in (-1.0, 1.0):
+            direction = sign * np.eye(3)[axis]
+            sides.append(reach(a, direction) + reach(b, -direction))
+    return np.asarray(np.maximum(np.minimum.reduce(sides), 0.0))

@@ -1,0 +1,148 @@
+"""Two bodies along their poses: the kernel that decides which frames and geoms need a distance.
+
+Nothing is approximated. A frame or a pair of geoms is left out only when a bound proves that its
+distance cannot matter: boxes around blocks of frames, balls and boxes around bodies and geoms, and
+the fact that no distance changes by more than the bodies have moved since it was last known.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import kernel
+from .gjk import geom_distance, relative_pose, scratch
+from .mover import BLOCK, Motion, chord, rotation_at
+from .shape import Packed
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+
+@kernel
+def _balls_and_boxes(
+    ma: Motion, mb: Motion, s: int, t: int, flat: bool, radii: float, gap: F64
+) -> float:
+    """Lower bound (m) on the distance of two bodies at frames s, t of theirs; ``gap`` (3,) too."""
+    ball, box = 0.0, 0.0
+    for i in range(3):
+        gap[i] = mb.centre[t, i] - ma.centre[s, i]
+        if i == 2 and flat:
+            continue
+        ball += gap[i] * gap[i]
+        side = abs(gap[i]) - ma.extent[s // BLOCK, i] - mb.extent[t // BLOCK, i]
+        if side > 0.0:
+            box += side * side
+    return float(max(math.sqrt(ball) - radii, math.sqrt(box)))
+
+
+@kernel
+def _geom_bound(A: Packed, a: int, B: Packed, b: int, p: F64, R: F64) -> float:
+    """Lower bound (m): either geom's box against the other's ball; R, p pose of b in a's axes."""
+    first, second = 0.0, 0.0
+    for i in range(3):
+        side = abs(p[i]) - A.half[a, i]
+        if side > 0.0:
+            first += side * side
+        back = R[0, i] * p[0] + R[1, i] * p[1] + R[2, i] * p[2]
+        side = abs(back) - B.half[b, i]
+        if side > 0.0:
+            second += side * side
+    return float(max(math.sqrt(first) - B.radius[b], math.sqrt(second) - A.radius[a]))
+
+
+@kernel
+def sweep(
+    A: Packed,
+    B: Packed,
+    ma: Motion,
+    mb: Motion,
+    radius_a: float,
+    radius_b: float,
+    cap: float,
+    flat: bool,
+    blocks: I64,
+    block_bounds: F64,
+    lower: F64,
+    upper: F64,
+    least: F64,
+) -> None:
+    """Merge the distance of two bodies into what is known so far.
+
+    ``A``, ``B`` are their geoms; ``ma``, ``mb`` their motions, of T frames or 1; ``radius_a``,
+    ``radius_b`` (m) those of the balls around their bounding centres. Distances above ``cap`` (m)
+    are of no interest. ``flat`` measures projections onto the horizontal plane. ``blocks`` (K,)
+    are visited in this order; ``block_bounds`` (K,) bound the distance within each from below (m).
+
+    ``lower``, ``upper`` (T,) bound the least distance of the pairs so far (m) and are updated; or,
+    with ``least`` of three elements instead of none, it alone is: lower bound, upper bound and
+    frame of the minimum so far over pairs and frames.
+    """
+    frames = max(ma.centre.shape[0], mb.centre.shape[0])
+    last_a, last_b = ma.centre.shape[0] - 1, mb.centre.shape[0] - 1
+    seek = least.shape[0] > 0
+    ga, gb = A.kind.shape[0], B.kind.shape[0]
+    RA, RB, R = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    p, gap, up, out = np.empty(3), np.empty(3), np.zeros(3), np.empty(2)
+    work = scratch()
+    at_a, at_b = np.zeros((ga, gb, 4, 3)), np.zeros((ga, gb, 4, 3))
+    size = np.zeros((ga, gb), np.int64)
+    known, known_path = np.full((ga, gb), -np.inf), np.zeros((ga, gb))
+    before, before_path, before_frame = -np.inf, 0.0, 0
+    for index in range(blocks.shape[0]):
+        k = blocks[index]
+        if seek and block_bounds[index] >= least[1]:
+            continue
+        for frame in range(k * BLOCK, min(frames, (k + 1) * BLOCK)):
+            s, t = min(frame, last_a), min(frame, last_b)
+            limit = least[1] if seek else min(cap, upper[frame])
+            path = ma.path[s] + mb.path[t]
+            moved = abs(path - before_path)
+            if before - moved >= limit:
+                continue
+            if before >= limit:
+                s0, t0 = min(before_frame, last_a), min(before_frame, last_b)
+                if before - chord(ma, radius_a, s, s0) - chord(mb, radius_b, t, t0) >= limit:
+                    continue
+            if _balls_and_boxes(ma, mb, s, t, flat, radius_a + radius_b, gap) >= limit:
+                continue
+            rotation_at(ma.orientation, s, RA)
+            rotation_at(mb.orientation, t, RB)
+            low, high = np.inf, np.inf
+            for a in range(ga):
+                for b in range(gb):
+                    bar = min(limit, high)
+                    bound = known[a, b] - abs(path - known_path[a, b])
+                    if bound >= bar:
+                        low = min(low, bound)
+                        continue
+                    relative_pose(A, a, B, b, RA, RB, gap, R, p, work)
+                    if flat:
+                        for i in range(3):
+                            up[i] = 0.0
+                            for j in range(3):
+                                up[i] += A.rotation[a, j, i] * RA[2, j]
+                        bound = -np.inf
+                    else:
+                        bound = _geom_bound(A, a, B, b, p, R)
+                    if bound < bar:
+                        n = size[a, b]
+                        size[a, b] = geom_distance(
+                            A, a, B, b, R, p, up, at_a[a, b], at_b[a, b], n, bar, work, out
+                        )
+                        bound = out[0]
+                        if bound < bar:
+                            high = min(high, out[1])
+                    known[a, b], known_path[a, b] = bound, path
+                    low = min(low, bound)
+            before, before_path, before_frame = low, path, frame
+            if low < limit:
+                if seek:
+                    least[0] = min(least[0], low)
+                    if high < least[1]:
+                        least[1], least[2] = high, frame
+                else:
+                    lower[frame] = min(lower[frame], low)
+                    upper[frame] = min(upper[frame], high)
