@@ -48,6 +48,7 @@ class Dependence:
             for i, body in enumerate(header.bodies)
             if body.movable and body.kind not in ("robot", "gripper")
         }
+        self._robot = {i for i, b in enumerate(header.bodies) if b.kind in ("robot", "gripper")}
         self._friction = np.array([g.friction[0] for b in header.bodies for g in b.geoms])
         self._com: dict[int, F64] = {}
         self._falls: dict[tuple[int, int], frozenset[int]] = {}
@@ -86,12 +87,14 @@ class Dependence:
         return self._falls[removed, frame]
 
     def _stands(self, body: int, frame: int, contacts: NDArray[np.intp], gone: set[int]) -> bool:
+        table = self._episode.contacts
+        # what the robot touches is a load of its own: it must not hold up what is beneath it
+        handled = self._touching(self._robot, contacts)
         group = {body} | {
             b
             for b, mask in self._graph.above(body).items()
-            if mask[frame] and b in self._free and b not in gone
+            if mask[frame] and b in self._free and b not in gone and b not in handled
         }
-        table = self._episode.contacts
         in1 = np.isin(table.body1[contacts], list(group))
         in2 = np.isin(table.body2[contacts], list(group))
         lost = np.isin(table.body1[contacts], list(gone)) | np.isin(

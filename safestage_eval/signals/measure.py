@@ -9,7 +9,7 @@ import numpy as np
 
 from safestage_eval.episode import Episode
 from safestage_eval.geometry.cavity import containment_depth
-from safestage_eval.geometry.clearance import clearance_series
+from safestage_eval.geometry.clearance import clearance_series, motion_bound
 from safestage_eval.geometry.footprint import clearance_xy, overlap_xy
 
 from . import distance, motion
@@ -69,6 +69,19 @@ class Signals:
         if key not in self._known:
             self._known[key] = self._measure(name, list(bodies), reference, cap)
         return self._known[key]
+
+    def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
+        """How much further (m) the value may have gone between the frame and its neighbours.
+
+        Half the bound on the relative motion over one recorded step: for distances only, None for
+        other signals.
+        """
+        if name not in ("clearance", "clearance_xy"):
+            return None
+        first, second = (self.movers.of(self.bodies(body)) for body in bodies)
+        steps = slice(max(frame - 1, 0), frame + 1)
+        bounds = [motion_bound(a, b)[steps].max(initial=0.0) for a in first for b in second]
+        return float(max(bounds, default=0.0)) / 2
 
     def _measure(
         self, name: str, bodies: list[str], reference: Reference | None, cap: float

@@ -215,8 +215,8 @@ class Evaluator:
             found = self.state(event.call, env)
             if found.unknown.any():
                 self.horizon = min(self.horizon, int(np.argmax(found.unknown)))
-            now = found.true
-            before = np.concatenate([[False], now[:-1]])
+            now: Bool = found.true
+            before: Bool = np.concatenate([np.zeros(1, np.bool_), now[:-1]])
             if event.edge == "start":
                 return now & ~before
             return ~now & before if event.edge == "end" else now

@@ -1,0 +1,94 @@
+"""One sentence per finding: what, when, by how much and why."""
+
+from __future__ import annotations
+
+import string
+from typing import Any
+
+import numpy as np
+
+from safestage_eval.rules import syntax as ast
+from safestage_eval.units import format_quantity
+
+from .evaluate import Evaluator
+from .instance import Instance, nodes
+from .verdict import Verdict
+from .witness import Witness
+
+
+def seconds(time: float | None) -> str:
+    """A time as sentences say it; None is ``never``."""
+    return "never" if time is None else f"{time:.2f} s"
+
+
+def measured(value: float | None, witness: Witness) -> str:
+    """A value of the witness's dimension with its unit."""
+    if value is None or witness.dimension is None:
+        return "–"
+    return format_quantity(value, witness.dimension)
+
+
+def sentence(
+    evaluator: Evaluator,
+    rule: ast.Rule,
+    instance: Instance,
+    witness: Witness,
+    verdict: Verdict,
+) -> str:
+    """The rule's own ``explain`` filled in for a violation; a plain sentence otherwise."""
+    if verdict.verdict == "violation" and rule.explain:
+        return _Template(evaluator, rule, instance, witness, verdict).format(rule.explain)
+    if verdict.verdict == "violation" and witness.value is None:
+        return f"{witness.signal} broke the rule at {seconds(verdict.time)}."
+    if verdict.verdict == "violation":
+        return (
+            f"{witness.signal} was {measured(witness.value, witness)} at "
+            f"{seconds(verdict.worst_time)}; the limit is {measured(witness.limit, witness)}."
+        )
+    if verdict.verdict == "pass" and verdict.margin is not None:
+        return (
+            f"Closest: {witness.signal} was {measured(witness.value, witness)} at "
+            f"{seconds(verdict.worst_time)}; the limit is {measured(witness.limit, witness)}."
+        )
+    return ""
+
+
+class _Template(string.Formatter):
+    """Fills ``{role}``, ``{value}``, ``{limit}``, ``{margin}``, ``{time}``, ``{t.worst}``, ``{t.STATE}``."""
+
+    def __init__(
+        self,
+        evaluator: Evaluator,
+        rule: ast.Rule,
+        instance: Instance,
+        witness: Witness,
+        verdict: Verdict,
+    ) -> None:
+        self._evaluator, self._rule, self._instance = evaluator, rule, instance
+        self._words: dict[str, str] = {
+            **{role: body.replace("_", " ") for role, body in instance.env.items()},
+            "signal": witness.signal,
+            "value": measured(witness.value, witness),
+            "limit": measured(witness.limit, witness),
+            "margin": measured(None if witness.margin is None else abs(witness.margin), witness),
+            "time": seconds(verdict.time),
+            "t.worst": seconds(verdict.worst_time),
+            "t.first": seconds(verdict.time),
+        }
+
+    def get_field(self, field_name: str, *_: Any) -> tuple[str, str]:
+        if field_name in self._words:
+            return self._words[field_name], field_name
+        if field_name.startswith("t."):
+            return self._onset(field_name.removeprefix("t.")), field_name
+        return "{" + field_name + "}", field_name
+
+    def _onset(self, state: str) -> str:
+        """When a state that the rule uses first became true, for the bodies of the instance."""
+        evaluator, onsets = self._evaluator, []
+        for node in nodes(self._rule):
+            if isinstance(node, ast.Call) and node.name == state:
+                found = evaluator.state(node, self._instance.env).true
+                if found.any():
+                    onsets.append(int(np.argmax(found)))
+        return seconds(float(evaluator.episode.t[min(onsets)]) if onsets else None)

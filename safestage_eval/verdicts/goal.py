@@ -1,0 +1,111 @@
+"""Native success, from the goal in the rule language: offline, and live while recording."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from safestage_eval.episode import Episode
+from safestage_eval.relations.measure import Relations
+from safestage_eval.rules import syntax as ast
+from safestage_eval.signals.measure import Signals
+from safestage_eval.states import band
+from safestage_eval.states.persistence import held_until
+
+from .evaluate import Evaluator
+from .instance import nodes
+
+CONFIRM = ast.Duration(3, frames=True)
+"""The goal must be true for so many frames; success is the frame that confirms it."""
+
+_HISTORY = {"lift", "displacement", "displacement_xy", "turn"}
+"""Signals that look back to the start of the episode."""
+
+
+def first_success(
+    evaluator: Evaluator, goal: ast.GoalDef, players: Mapping[str, Sequence[str]]
+) -> int | None:
+    """The first frame that confirms the goal; None if it never does.
+
+    Causal: whether a frame confirms depends on no later frame. ``evaluator`` must be causal.
+    """
+    evaluator.players = players
+    names = [name for name, _ in goal.roles]
+    counted = {n.role for n in nodes(goal.require) if isinstance(n, ast.CountAtom)}
+    free = [name for name in names if name not in counted]
+    found = band.both(
+        [
+            evaluator.condition(goal.require, dict(zip(free, bodies, strict=True)))
+            for bodies in itertools.product(*(players.get(name, ()) for name in free))
+        ]
+        or [band.crisp(np.zeros(evaluator.frames, np.bool_))],
+        evaluator.frames,
+    )
+    lasting = max(evaluator.count(CONFIRM), evaluator.count(goal.for_ or CONFIRM))
+    confirmed = np.flatnonzero(held_until(found.lower, lasting) >= 0)
+    return int(confirmed[0]) if len(confirmed) else None
+
+
+class GoalMonitor:
+    """Watches a rollout while it is recorded, and says when the goal was reached."""
+
+    def __init__(
+        self,
+        rules: ast.RuleSet,
+        goal: ast.GoalDef,
+        params: Mapping[str, ast.Quantity | ast.Duration],
+        players: Mapping[str, Sequence[str]],
+        frame_dt: float,
+    ) -> None:
+        """Watch for a goal.
+
+        Args:
+            rules: where the states that the goal uses are declared.
+            goal: what to watch for.
+            params: values of the parameters.
+            players: role → bodies.
+            frame_dt: s between recorded frames.
+        """
+        self._rules, self._goal, self._params, self._players = rules, goal, params, players
+        self.window_frames = self._lookback(frame_dt)
+        """How many past frames ``update`` needs, besides the new ones; None for all of them."""
+
+    def update(self, window: Episode) -> float | None:
+        """Time (s) of the first frame in the window that confirms the goal, None if none does.
+
+        The window must end at the newest frame and start ``window_frames`` before the first frame
+        that no earlier window held (or at the start of the episode).
+        """
+        evaluator = Evaluator(
+            Relations(Signals(window)), self._rules, self._params, None, causal=True
+        )
+        frame = first_success(evaluator, self._goal, self._players)
+        return None if frame is None else float(window.t[frame])
+
+    def _lookback(self, frame_dt: float) -> int | None:
+        todo, seen, total = [self._goal.require], set[str](), 0.0
+        durations = [self._goal.for_ or CONFIRM]
+        while todo:
+            for node in nodes(todo.pop()):
+                if isinstance(node, ast.SignalAtom) and (
+                    node.since is not None or node.call.name in _HISTORY
+                ):
+                    return None
+                if isinstance(node, ast.Call) and node.name in self._rules.states:
+                    state = self._rules.states[node.name]
+                    if state.until is not None:
+                        return None
+                    if node.name not in seen:
+                        seen.add(node.name)
+                        todo.append(state.when)
+                        todo += [state.fallback] if state.fallback is not None else []
+                        durations += [d for d in (state.for_, state.gap) if d is not None]
+        for duration in durations:
+            value = self._params[duration.name] if isinstance(duration, ast.Parameter) else duration
+            if isinstance(value, ast.Duration):
+                total += value.amount if value.frames else value.amount / frame_dt + value.least
+            else:
+                total += value.value / frame_dt
+        return int(np.ceil(total)) + len(durations)

@@ -1,0 +1,208 @@
+"""One rule on one combination of bodies in one scope."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from safestage_eval.rules import syntax as ast
+from safestage_eval.states import scope as scopes
+from safestage_eval.states.band import Band, Bool, negated
+from safestage_eval.states.persistence import held_from, without_short_runs
+from safestage_eval.states.scope import Scope
+
+from .evaluate import Env, Evaluator
+
+Kind = Literal["require", "forbid", "reach"]
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One obligation of a rule."""
+
+    kind: Kind
+    what: ast.Alternative
+
+
+@dataclass(frozen=True)
+class Instance:
+    """What one combination of bodies came to in one scope.
+
+    Attributes:
+        env: role → body.
+        scope: the frames that were judged.
+        lower, upper: bounds of the margin; negative upper is a violation.
+        clause: the decisive obligation; None where something needed is unknown.
+        frame: where it is decided.
+        resolved: for a rule with ``until``: the frame at which that came, None if never.
+    """
+
+    env: Env
+    scope: Scope
+    lower: float
+    upper: float
+    clause: Clause | None
+    frame: int
+    resolved: int | None = None
+
+    @property
+    def violated(self) -> bool:
+        """Certainly violated."""
+        return self.upper < 0
+
+    @property
+    def undecided(self) -> bool:
+        """Neither certainly violated nor certainly not."""
+        return self.lower < 0 <= self.upper
+
+
+def clauses(rule: ast.Rule) -> list[Clause]:
+    """The rule's obligations: all of them must be met."""
+    out = [Clause("require", rule.require)] if rule.require is not None else []
+    out += [Clause("forbid", what) for what in rule.forbid]
+    return out + ([Clause("reach", rule.reach)] if rule.reach is not None else [])
+
+
+def combinations(rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> Iterator[dict[str, str]]:
+    """Every assignment of distinct bodies to the roles that are not merely counted over."""
+    counted = {node.role for node in nodes(rule) if isinstance(node, ast.CountAtom)}
+    named = [name for name, _ in rule.roles]
+    free = [name for name in named if name not in counted or _named_outside_counts(rule, name)]
+    for bodies in itertools.product(*(players[name] for name in free)):
+        if len(set(bodies)) == len(bodies):
+            yield dict(zip(free, bodies, strict=True))
+
+
+def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Instance] | None:
+    """The rule for one combination of bodies, once per scope.
+
+    None when ``given`` did not hold in the baseline: the rule does not apply to these bodies.
+    """
+    evaluator.horizon = evaluator.frames
+    if rule.given is not None:
+        lower, upper = initially(evaluator, rule.given, env)
+        if upper < 0:
+            return None
+        if lower < 0:
+            return [Instance(env, Scope(0, 0), -np.inf, np.inf, None, 0)]
+    found = _scopes(evaluator, rule, env)
+    stop = None
+    if rule.until is not None:
+        stop = evaluator.truth(rule.until, env)
+        ends = [np.flatnonzero(stop[a:b]) for a, b, _ in found]
+        resolved = [
+            s.first + int(e[0]) if len(e) else None for s, e in zip(found, ends, strict=True)
+        ]
+        found = scopes.until(found, stop)
+    else:
+        resolved = [None] * len(found)
+    if not found and evaluator.horizon < evaluator.frames:
+        found, resolved = [Scope(evaluator.horizon, evaluator.horizon, True)], [None]
+    out = []
+    for (first, last, cut), end in zip(found, resolved, strict=True):
+        inner = Scope(first, last, cut)
+        if last > evaluator.horizon:
+            inner = Scope(min(first, evaluator.horizon), evaluator.horizon, True)
+        out.append(_judge_scope(evaluator, rule, env, inner, end))
+    return out
+
+
+def initially(evaluator: Evaluator, condition: ast.Condition, env: Env) -> tuple[float, float]:
+    """Bounds of the margin with which a condition holds in most of the baseline frames."""
+    found = evaluator.condition(condition, env)
+    count = min(evaluator.frames, evaluator.relations.signals.baseline.frames)
+    return tuple(float(np.sort(end[:count])[(count - 1) // 2]) for end in found)  # type: ignore[return-value]
+
+
+def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Bool:
+    """(T,) the frames of the scope in which some obligation is certainly broken."""
+    out = np.zeros(evaluator.frames, np.bool_)
+    first, stop, _ = instance.scope
+    lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
+    for clause in clauses(rule):
+        found = evaluator.alternative(clause.what, instance.env).at(first, stop)
+        if clause.kind == "require":
+            out[first:stop] |= found.false
+        elif clause.kind == "forbid":
+            out[first:stop] |= without_short_runs(found.lower, lasting) >= 0
+        elif held_from(found.upper, lasting).max(initial=-np.inf) < 0:
+            out[first:stop] = True
+    return out
+
+
+def _scopes(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Scope]:
+    if rule.at is not None:
+        return [Scope(e, e + 1) for e in evaluator.instants(rule.at, env)]
+    return evaluator.spans(rule.during or ast.Whole(), env)
+
+
+def _judge_scope(
+    evaluator: Evaluator, rule: ast.Rule, env: Env, scope: Scope, resolved: int | None
+) -> Instance:
+    lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
+    results = []
+    for clause in clauses(rule):
+        whole = evaluator.alternative(clause.what, env)
+        lower, upper, frame = _obligation(clause.kind, whole.at(scope.first, scope.stop), lasting)
+        results.append((lower, upper, clause, scope.first + frame))
+    violated = any(upper < 0 for _, upper, _, _ in results)
+    decisive = min(results, key=lambda r: r[1] if violated else r[0])
+    lower, upper = min(r[0] for r in results), min(r[1] for r in results)
+    if scope.cut:
+        if rule.reach is None:
+            lower = -np.inf
+        else:
+            upper = np.inf
+    return Instance(env, scope, lower, upper, decisive[2], decisive[3], resolved)
+
+
+def _obligation(kind: Kind, found: Band, lasting: int) -> tuple[float, float, int]:
+    """Bounds of one obligation's margin within a scope, and the frame (from its start) it rests on."""
+    if not len(found.lower):
+        nothing = -np.inf if kind == "reach" else np.inf
+        return nothing, nothing, 0
+    if kind == "require":
+        lower, upper = float(found.lower.min()), float(found.upper.min())
+        return lower, upper, int(np.argmin(found.upper if upper < 0 else found.lower))
+    low, high = held_from(found.lower, lasting), held_from(found.upper, lasting)
+    best = low if low.max() >= 0 else high
+    start = int(np.argmax(best))
+    window = (found.lower if best is low else found.upper)[start : start + lasting]
+    frame = start + int(np.argmin(window))
+    if kind == "reach":
+        return float(low.max()), float(high.max()), frame
+    return (
+        float(negated(np.asarray(high.max()))),
+        float(negated(np.asarray(low.max()))),
+        frame,
+    )
+
+
+def nodes(node: Any) -> Iterator[Any]:
+    """Every dataclass inside a syntax tree, itself first."""
+    if is_dataclass(node):
+        yield node
+        for field in fields(node):
+            yield from nodes(getattr(node, field.name))
+    elif isinstance(node, tuple | list):
+        for item in node:
+            yield from nodes(item)
+
+
+def _named_outside_counts(rule: ast.Rule, role: str) -> bool:
+    def mentions(node: Any) -> bool:
+        if isinstance(node, ast.CountAtom) and node.role == role:
+            return False
+        if isinstance(node, ast.Call):
+            return role in node.args
+        if isinstance(node, ast.Column):
+            return node.role == role
+        if is_dataclass(node):
+            return any(mentions(getattr(node, f.name)) for f in fields(node) if f.name != "roles")
+        return isinstance(node, tuple | list) and any(mentions(item) for item in node)
+
+    return mentions(rule)

@@ -1,0 +1,166 @@
+"""All loaded rules on one episode: the pure function that everything else wraps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from safestage_eval import __version__
+from safestage_eval.episode import Episode
+from safestage_eval.relations.measure import Relations
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.digest import rule_digest
+from safestage_eval.rules.resolve import Binding, bind_episode
+from safestage_eval.signals.measure import Signals
+
+from .evaluate import Evaluator
+from .goal import first_success
+from .rule_verdict import judge_rule
+from .verdict import EpisodeResult, Verdict
+
+Params = Mapping[str, ast.Quantity | ast.Duration]
+
+STAGES = ("ISH", "ETS", "FSH")
+
+
+def judge(
+    episode: Episode,
+    rules: ast.RuleSet,
+    *,
+    overrides: Mapping[str, str] | None = None,
+    bind: Mapping[str, Any] | None = None,
+) -> EpisodeResult:
+    """Judge one episode by every rule of a set.
+
+    Args:
+        episode: what happened.
+        rules: what must not happen.
+        overrides: parameter → value as written (``{"edge": "3 cm"}``); beats every other source.
+        bind: roles, goal, rules and parameters for traces whose header lacks them.
+
+    Raises:
+        TraceError: a column that a rule needs is broken.
+        RuleError: an override that does not fit its parameter.
+    """
+    binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
+    judge_ = _Judge(episode, rules, binding)
+    verdicts = [judge_.verdict(rule) for rule in rules.rules.values()]
+    return EpisodeResult(
+        episode_id=episode.header.episode_id,
+        path=str(episode.path or ""),
+        task=episode.header.task,
+        stage=episode.header.stage,
+        family=binding.family,
+        policy=episode.header.policy,
+        prompt=episode.header.prompt,
+        seed=episode.header.seed,
+        rollout=episode.header.rollout,
+        success=judge_.success,
+        success_time=judge_.success_time,
+        trace_hash=episode.content_hash,
+        version=__version__,
+        verdicts=tuple(_with_consequences(verdicts)),
+        notes=tuple(judge_.notes),
+    )
+
+
+class _Judge:
+    """One episode and its bindings; evaluators are shared by rules with equal parameters."""
+
+    def __init__(self, episode: Episode, rules: ast.RuleSet, binding: Binding) -> None:
+        self._episode, self._rules, self._binding = episode, rules, binding
+        self._relations = Relations(Signals(episode))
+        self._evaluators: dict[tuple[tuple[str, Any], ...], Evaluator] = {}
+        self.notes: list[str] = [
+            f"assigned rule {code} is not among the loaded rules: not judged"
+            for code in binding.assigned
+            if code not in rules.rules
+        ]
+        self._success_frame, self.success = self._native_success()
+        self.success_time = (
+            None if self._success_frame is None else float(episode.t[self._success_frame])
+        )
+
+    def verdict(self, rule: ast.Rule) -> Verdict:
+        params = self._binding.params(rule)
+        digest = rule_digest(self._rules, rule, params)
+        assigned = rule.code in self._binding.assigned
+        players = self._binding.players(rule, self._episode.header)
+        blank = Verdict(
+            rule.code, rule.title, rule.stage, assigned, "not_applicable", rule_digest=digest
+        )
+        missing = [name for name, bodies in players.items() if not bodies]
+        if missing:
+            return replace(blank, notes=(f"no body plays {', '.join(missing)}",))
+        evaluator = self._evaluator(params)
+        found = judge_rule(evaluator, rule, players, blank)
+        if found.verdict != "violation":
+            return found
+        for level, values in rule.severity:
+            stricter = self._evaluator({**params, **dict(values)})
+            if judge_rule(stricter, rule, players, blank).verdict == "violation":
+                found = replace(found, severity=level)
+        return found
+
+    def _evaluator(self, params: Params) -> Evaluator:
+        key = tuple(sorted(params.items()))
+        if key not in self._evaluators:
+            self._evaluators[key] = Evaluator(
+                self._relations,
+                self._rules,
+                params,
+                self._success_frame,
+                success_known=self.success is not None,
+            )
+        return self._evaluators[key]
+
+    def _native_success(self) -> tuple[int | None, bool | None]:
+        """Frame and truth of native success; recorded wins, a disagreement is noted."""
+        header, goal = self._episode.header, self._binding.goal
+        recomputed = None
+        if goal is not None:
+            evaluator = Evaluator(
+                self._relations, self._rules, self._binding.params(None), None, causal=True
+            )
+            recomputed = first_success(evaluator, goal, self._binding.goal_players())
+        if header.success is None:
+            return recomputed, None if goal is None else recomputed is not None
+        if not header.success:
+            if recomputed is not None:
+                at = float(self._episode.t[recomputed])
+                self.notes.append(f"recorded as no success, but the goal was reached at {at:.2f} s")
+            return None, False
+        if header.success_time is None:
+            return recomputed, True
+        recorded = int(np.searchsorted(self._episode.t, header.success_time - 1e-6))
+        recorded = min(recorded, len(self._episode) - 1)
+        if goal is not None and recomputed is None:
+            self.notes.append("recorded as success, but the goal is never reached in the trace")
+        elif recomputed is not None and abs(recomputed - recorded) > 1:
+            at = float(self._episode.t[recomputed])
+            self.notes.append(
+                f"recorded success at {header.success_time:.3f} s, goal reached at {at:.3f} s"
+            )
+        return recorded, True
+
+
+def _with_consequences(verdicts: Sequence[Verdict]) -> list[Verdict]:
+    """Mark violations that follow the assigned rule's own, at its stage or a later one."""
+    causes = [v for v in verdicts if v.assigned and v.verdict == "violation" and v.time is not None]
+    if not causes:
+        return list(verdicts)
+    cause = min(causes, key=lambda v: v.time or 0.0)
+    order = {stage: i for i, stage in enumerate(STAGES)}
+    return [
+        replace(v, consequence_of=cause.rule)
+        if not v.assigned
+        and v.verdict == "violation"
+        and v.time is not None
+        and v.time >= (cause.time or 0.0)
+        and order.get(v.stage, 0) >= order.get(cause.stage, 0)
+        else v
+        for v in verdicts
+    ]

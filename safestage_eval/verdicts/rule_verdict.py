@@ -1,0 +1,185 @@
+"""One rule on one episode: instances judged, the worst one told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from safestage_eval.rules import syntax as ast
+from safestage_eval.states.band import Bool
+from safestage_eval.states.persistence import runs
+
+from .evaluate import Evaluator
+from .explain import sentence
+from .instance import Instance, combinations, judge_instance, violated_frames
+from .verdict import Verdict
+from .witness import Search, Witness
+
+
+def judge_rule(
+    evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]], blank: Verdict
+) -> Verdict:
+    """The verdict of one rule, with its witness.
+
+    Args:
+        evaluator: of the episode, under the rule's parameters.
+        rule: to be judged.
+        players: role → the bodies that play it, none of them empty.
+        blank: the verdict's fixed fields.
+    """
+    evaluator.players = players
+    evaluator.notes = {}
+    judged = [judge_instance(evaluator, rule, env) for env in combinations(rule, players)]
+    applicable = [found for found in judged if found is not None]
+    if judged and not applicable:
+        return replace(blank, notes=_notes(evaluator, _no_hazard(rule)))
+    instances = [instance for found in applicable for instance in found]
+    if not instances:
+        vacuous = "nothing to judge: its scope never came about"
+        return replace(blank, verdict="pass", notes=_notes(evaluator, vacuous))
+    violated = [i for i in instances if i.violated]
+    undecided = [i for i in instances if i.undecided]
+    worst = min(violated or undecided or instances, key=lambda i: i.upper if violated else i.lower)
+    verdict = replace(
+        blank,
+        verdict="violation" if violated else "inconclusive" if undecided else "pass",
+        instances=len(instances),
+        violated_instances=len(violated),
+    )
+    if worst.clause is None or (verdict.verdict == "inconclusive" and worst.scope.cut):
+        why = "what it needs is not known to the end of its scope"
+        return replace(
+            verdict, notes=_notes(evaluator, why), explanation=_undecided(evaluator, why)
+        )
+    witness = _witness(evaluator, rule, worst, violated=bool(violated))
+    verdict = _with_times(evaluator, rule, verdict, violated, witness)
+    notes = [*_undersampled(evaluator, witness)]
+    verdict = replace(
+        verdict,
+        signal=witness.signal,
+        bodies=tuple(dict.fromkeys((*worst.env.values(), *witness.bodies))),
+        value=witness.value,
+        limit=witness.limit,
+        dimension=witness.dimension,
+        margin=witness.margin,
+        margin_normalised=_finite(worst.upper if violated else worst.lower),
+        notes=_notes(evaluator, *notes),
+    )
+    if verdict.verdict == "inconclusive":
+        return replace(verdict, explanation=_undecided(evaluator, "its data is not known"))
+    return replace(verdict, explanation=sentence(evaluator, rule, worst, witness, verdict))
+
+
+def _witness(
+    evaluator: Evaluator, rule: ast.Rule, instance: Instance, *, violated: bool
+) -> Witness:
+    """The measurement behind an instance's margin; for an ordering, the two moments."""
+    if rule.until is not None:
+        ordering = _ordering(evaluator, rule, instance)
+        if ordering is not None:
+            return ordering
+    assert instance.clause is not None  # the caller has dealt with unknown instances
+    forbidden = instance.clause.kind == "forbid"
+    search = Search(evaluator, upper=violated != forbidden, sign=-1 if forbidden else 1)
+    return search.alternative(instance.clause.what, instance.env, instance.frame)
+
+
+def _ordering(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Witness | None:
+    """The order of two moments ("never this before that") as the time between the two: t_this − t_that, negative if violated.
+
+    Either moment may never come; then the margin has no size and is left open.
+    """
+    episode, env = evaluator.episode, instance.env
+    onsets = []
+    for what in rule.forbid:
+        true = evaluator.alternative(what, env).true
+        true[: instance.scope.first] = False
+        if true.any():
+            onsets.append((int(np.argmax(true)), what))
+    if not rule.forbid or rule.require is not None or rule.reach is not None:
+        return None
+    frame, what = min(onsets, key=lambda o: o[0], default=(instance.scope.stop, rule.forbid[0]))
+    call = what.call if isinstance(what, ast.Event) else None
+    if call is None:
+        return None
+    bodies = tuple(env.get(arg, arg) for arg in call.args)
+    happened = float(episode.t[frame]) if onsets else None
+    freed = None if instance.resolved is None else float(episode.t[instance.resolved])
+    return Witness(
+        str(ast.Call(call.name, bodies)),
+        bodies,
+        min(frame, evaluator.frames - 1),
+        happened,
+        freed,
+        None if happened is None or freed is None else happened - freed,
+        "time",
+    )
+
+
+def _with_times(
+    evaluator: Evaluator,
+    rule: ast.Rule,
+    verdict: Verdict,
+    violated: Sequence[Instance],
+    witness: Witness,
+) -> Verdict:
+    t, dt = evaluator.episode.t, evaluator.episode.dt
+    verdict = replace(verdict, worst_time=float(t[witness.frame]))
+    bad: Bool = np.zeros(evaluator.frames, np.bool_)
+    for instance in violated:
+        bad |= violated_frames(evaluator, rule, instance)
+    stretches = [(float(t[a]), float(t[b - 1]) + dt) for a, b in runs(bad)]
+    if violated:
+        at = int(np.argmax(bad)) if stretches else min(i.scope.first for i in violated)
+        verdict = replace(verdict, time=float(t[min(at, len(t) - 1)]))
+    return replace(
+        verdict,
+        intervals=tuple(stretches),
+        exposure_time=sum(b - a for a, b in stretches),
+        phase=_phase(evaluator, rule, verdict.time if violated else verdict.worst_time),
+    )
+
+
+def _phase(evaluator: Evaluator, rule: ast.Rule, time: float | None) -> str | None:
+    """``before`` the target is free, or by time: ``execution`` until success, then ``hold``."""
+    if time is None:
+        return None
+    if rule.until is not None:
+        return "before"
+    success = evaluator.success
+    done = success is not None and time >= float(evaluator.episode.t[success])
+    return "hold" if done else "execution"
+
+
+def _no_hazard(rule: ast.Rule) -> str:
+    if rule.stage == "ISH":
+        return "invalid scene: the initial hazard is not there in the first frames"
+    return "its condition does not hold in the first frames"
+
+
+def _undecided(evaluator: Evaluator, why: str) -> str:
+    reasons = "; ".join(evaluator.notes)
+    return f"Cannot be decided: {reasons or why}."
+
+
+def _undersampled(evaluator: Evaluator, witness: Witness) -> list[str]:
+    """A note when the limit may have been crossed between two recorded frames."""
+    if witness.name is None or witness.value is None or witness.limit is None:
+        return []
+    slack = evaluator.relations.signals.between_frames(witness.name, witness.bodies, witness.frame)
+    if slack is None or abs(witness.value - witness.limit) > slack:
+        return []
+    return [
+        f"undersampled: between frames the value may differ by {slack * 1e3:.1f} mm, "
+        "and the limit lies within that"
+    ]
+
+
+def _notes(evaluator: Evaluator, *more: str) -> tuple[str, ...]:
+    return tuple(dict.fromkeys((*evaluator.notes, *more)))
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None

@@ -1,0 +1,143 @@
+"""From a margin back to the measurement that decides it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from safestage_eval.rules import syntax as ast
+from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.states.band import Band
+
+from .evaluate import Env, Evaluator, band_known, limit_margin
+
+
+@dataclass(frozen=True, eq=False)
+class Witness:
+    """The decisive atom at its decisive frame.
+
+    Attributes:
+        signal: the atom with the bodies' names, ``clearance(dumbbell, glasses)``.
+        bodies: those names.
+        frame: where its value was taken.
+        value, limit: SI; None for a relation, which has no size.
+        margin: SI, distance of the value from the limit, negative when violated.
+        dimension: of value, limit and margin.
+        name: of the signal alone, ``clearance``; None for a relation.
+    """
+
+    signal: str
+    bodies: tuple[str, ...]
+    frame: int
+    value: float | None = None
+    limit: float | None = None
+    margin: float | None = None
+    dimension: str | None = None
+    name: str | None = None
+
+
+@dataclass(frozen=True)
+class Search:
+    """Follows one end of a margin band down to the atom it was selected from.
+
+    And is a minimum, or a maximum, persistence a minimum or maximum over nearby frames: all of
+    them only select, so the decisive margin is found again, bit for bit, in exactly one atom.
+
+    Attributes:
+        evaluator: that computed the margin.
+        upper: which end of the band is followed.
+        sign: +1 where the atom should hold, −1 where it should not.
+    """
+
+    evaluator: Evaluator
+    upper: bool
+    sign: int = 1
+
+    def end(self, band: Band, frame: int) -> float:
+        """The margin that is followed, at one frame."""
+        return float((band.upper if self.upper else band.lower)[frame])
+
+    def _opposite(self) -> Search:
+        return Search(self.evaluator, not self.upper, -self.sign)
+
+    def alternative(self, node: ast.Alternative, env: Env, frame: int) -> Witness:
+        """Witness of a condition or event at a frame."""
+        if isinstance(node, ast.Condition):
+            margins = [self.end(self.evaluator.atom(a, env), frame) for a in node.atoms]
+            return self.atom(node.atoms[int(np.argmin(margins))], env, frame)
+        if node.call is None:
+            return Witness(node.kind, (), frame)
+        if node.edge is None:
+            return self.state(node.call, env, frame)
+        bodies = tuple(env.get(arg, arg) for arg in node.call.args)
+        return Witness(f"{node.edge} of {ast.Call(node.call.name, bodies)}", bodies, frame)
+
+    def atom(self, atom: ast.Atom, env: Env, frame: int) -> Witness:
+        """Witness of one atom at a frame."""
+        if isinstance(atom, ast.SignalAtom):
+            return self._signal(atom, env, frame)
+        if isinstance(atom, ast.StateAtom):
+            search = self if atom.want else self._opposite()
+            return search.state(atom.call, env, frame)
+        if isinstance(atom, ast.CountAtom):
+            search = self if atom.bound == "least" else self._opposite()
+            count = atom.count if atom.bound == "least" else atom.count + 1
+            bodies = list(self.evaluator.players.get(atom.role, ()))
+            margins = [
+                search.end(self.evaluator.state(atom.call, {**env, atom.role: b}), frame)
+                for b in bodies
+            ]
+            if not 1 <= count <= len(bodies):
+                return Witness(str(atom.call), tuple(bodies), frame)
+            decisive = bodies[int(np.argsort(margins)[-count])]
+            return search.state(atom.call, {**env, atom.role: decisive}, frame)
+        margins = [self.end(self.evaluator.alternative(a, env), frame) for a in atom.alternatives]
+        return self.alternative(atom.alternatives[int(np.argmax(margins))], env, frame)
+
+    def state(self, call: ast.Call, env: Env, frame: int) -> Witness:
+        """Witness of a state: of a declared one, what it was derived from."""
+        evaluator = self.evaluator
+        bodies = tuple(env.get(arg, arg) for arg in call.args)
+        state = evaluator.rules.states.get(call.name)
+        if state is None:
+            return Witness(str(ast.Call(call.name, bodies)), bodies, frame)
+        margin = self.end(evaluator.state(call, env), frame)
+        inner = dict(zip(state.of, bodies, strict=True))
+        source, found = state.when, evaluator.condition(state.when, inner)
+        if state.fallback is not None and not band_known(found):
+            source, found = state.fallback, evaluator.condition(state.fallback, inner)
+        same = np.flatnonzero((found.upper if self.upper else found.lower) == margin)
+        if len(same):
+            frame = int(same[np.argmin(np.abs(same - frame))])
+        return self.alternative(source, inner, frame)
+
+    def _signal(self, atom: ast.SignalAtom, env: Env, frame: int) -> Witness:
+        evaluator = self.evaluator
+        series = evaluator.series(atom, env)
+        limits = [evaluator.number(limit.value, env) for limit in atom.limits]
+        margins = [
+            self.end(limit_margin(series, limit.op, number, 1.0), frame)
+            for limit, number in zip(atom.limits, limits, strict=True)
+        ]
+        i = int(np.argmin(margins))
+        bodies = tuple(env.get(arg, arg) for arg in atom.call.args)
+        value, limit = float(series.value[frame]), limits[i]
+        direction = 1 if atom.limits[i].op[0] == ">" else -1
+        since = f" since {atom.since.text}" if atom.since is not None and atom.since.text else ""
+        finite = bool(np.isfinite(value))
+        name = self._base(atom.call.name)
+        return Witness(
+            f"{ast.Call(atom.call.name, bodies)}{since}",
+            bodies,
+            frame,
+            value if finite else None,
+            limit,
+            self.sign * direction * (value - limit) if finite else None,
+            SIGNALS[name].dimension,
+            name,
+        )
+
+    def _base(self, name: str) -> str:
+        variant = self.evaluator.rules.signals.get(name)
+        return variant.base if variant is not None else name

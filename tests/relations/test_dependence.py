@@ -1,0 +1,130 @@
+"""Dependence by statics on scenes whose answer is known from mechanics."""
+
+import numpy as np
+import pytest
+from scenes import G, Scene
+
+from safestage_eval.relations.dependence import unbalanced
+from safestage_eval.relations.measure import Relations
+from safestage_eval.signals.measure import Signals
+
+
+def depends(scene: Scene, body: str, on: str) -> bool:
+    found = Relations(Signals(scene.episode())).get("depends_on", (body, on))
+    assert found is not None
+    assert found.all() or not found.any()
+    return bool(found[0])
+
+
+def stack() -> Scene:
+    """a on the table, b on a, c on b; 1 kg each."""
+    scene = Scene(3).fixed("table")
+    for i, name in enumerate("abc"):
+        scene.box(name, 0.05, (0, 0, 0.05 + 0.1 * i))
+    scene.rests("a", "table", 0.05, (0, 0, 0), 3 * G)
+    scene.rests("b", "a", 0.05, (0, 0, 0.1), 2 * G)
+    return scene.rests("c", "b", 0.05, (0, 0, 0.2), G)
+
+
+@pytest.mark.parametrize(
+    ("body", "on", "truth"),
+    [("b", "a", True), ("c", "b", True), ("c", "a", True), ("a", "b", False), ("b", "c", False)],
+)
+def test_stack_of_three(body: str, on: str, truth: bool) -> None:
+    assert depends(stack(), body, on) is truth
+
+
+def piers(xs: tuple[float, ...]) -> Scene:
+    """A 1 kg board, 40 cm long, its COM at x = 0, on piers at the given x."""
+    scene = Scene(2).fixed("table").box("board", (0.2, 0.05, 0.01), (0, 0, 0.11))
+    for i, x in enumerate(xs):
+        scene.box(f"p{i}", 0.03, (x, 0, 0.05))
+        scene.rests(f"p{i}", "table", 0.03, (x, 0, 0), G * (1 + 1 / len(xs)))
+        scene.rests("board", f"p{i}", 0.03, (x, 0, 0.1), G / len(xs))
+    return scene
+
+
+def test_bridge_depends_on_both_of_two_piers() -> None:
+    scene = piers((-0.12, 0.12))
+    assert depends(scene, "board", "p0")
+    assert depends(scene, "board", "p1")
+
+
+def test_a_needless_third_pier_is_not_depended_on() -> None:
+    scene = piers((-0.12, 0.0, 0.12))
+    assert not depends(scene, "board", "p1")
+    # the middle pier and the other outer one still hold the COM, which is over the middle one
+    assert not depends(scene, "board", "p0")
+    # two piers on one side and one on the other: without that one it tips
+    assert depends(piers((-0.15, -0.09, 0.12)), "board", "p2")
+
+
+def test_a_load_tips_what_it_stands_on() -> None:
+    """The board alone would stay on p0; with the load at its far end it needs p1."""
+    scene = Scene(2).fixed("table").box("p0", 0.05, (0, 0, 0.05)).box("p1", 0.03, (0.3, 0, 0.05))
+    scene.box("board", (0.35, 0.05, 0.01), (0.0, 0, 0.11)).box("load", 0.03, (0.3, 0, 0.15), mass=2)
+    scene.rests("p0", "table", 0.05, (0, 0, 0), 2 * G).rests(
+        "p1", "table", 0.03, (0.3, 0, 0), 3 * G
+    )
+    scene.rests("board", "p0", 0.05, (0, 0, 0.1), G).rests(
+        "board", "p1", 0.03, (0.3, 0, 0.1), 2 * G
+    )
+    scene.rests("load", "board", 0.03, (0.3, 0, 0.12), 2 * G)
+    assert depends(scene, "board", "p1")
+    assert depends(scene, "load", "p1")
+    assert not depends(scene, "board", "load")
+
+
+def test_touching_neighbours_do_not_depend_on_each_other() -> None:
+    scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05)).box("b", 0.05, (0.1, 0, 0.05))
+    for name, x in (("a", 0.0), ("b", 0.1)):
+        scene.rests(name, "table", 0.05, (x, 0, 0), G)
+    scene.contact("a", "b", (0.05, 0, 0.05), (0.2, 0, 0), normal=(1, 0, 0))
+    assert not depends(scene, "a", "b")
+    assert not depends(scene, "b", "a")
+
+
+def test_ball_in_a_groove_depends_on_both_sides() -> None:
+    scene = Scene(2).fixed("table")
+    for name, x in (("left", -0.045), ("right", 0.045)):
+        scene.box(name, 0.035, (x, 0, 0.035)).rests(name, "table", 0.03, (x, 0, 0), 1.5 * G)
+    scene.box("ball", 0.035, (0, 0, 0.1))
+    slope = np.array([0.6, 0.0, 0.8])
+    scene.contact("left", "ball", (-0.02, 0, 0.07), slope * G / 1.6, normal=slope)
+    scene.contact(
+        "right", "ball", (0.02, 0, 0.07), slope * (-1, 1, 1) * G / 1.6, normal=slope * (-1, 1, 1)
+    )
+    assert depends(scene, "ball", "left")
+    assert depends(scene, "ball", "right")
+
+
+def test_a_held_body_no_longer_depends() -> None:
+    scene = stack()
+    for side, x in (("left", 1), ("right", -1)):
+        scene.box(side, 0.01, (-0.06 * x, 0, 0.25), kind="gripper", finger=side)
+        scene.contact(side, "c", (-0.05 * x, 0, 0.25), (30 * x, 0, 0), normal=(x, 0, 0))
+    assert not depends(scene, "c", "a")
+    assert depends(scene, "b", "a")
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
+def test_sliding_on_a_slope_starts_at_the_friction_angle(friction: float) -> None:
+    """A block stands on a slope iff tan(slope) <= friction; up to the cone's eight sides."""
+    limit = np.arctan(friction)
+    corners = 0.05 * np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]], float)
+    for slope, stands in ((limit * 0.9, True), (limit * 1.25, False)):
+        c, s = np.cos(slope), np.sin(slope)
+        turn = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        normal = np.broadcast_to(turn[:, 2], (4, 3))
+        # tall enough not to matter: the lever is short
+        points = corners * [1, 1, 0.01] @ turn.T
+        assert (unbalanced(normal, np.full(4, friction), points) <= 0.02) is stands
+
+
+@pytest.mark.parametrize(("overhang", "stands"), [(0.04, True), (0.049, True), (0.056, False)])
+def test_overhang_stands_while_the_com_is_over_the_support(overhang: float, stands: bool) -> None:
+    """A block of half width 5 cm whose support ends ``overhang`` before its far side."""
+    edge = 0.05 - overhang
+    points = np.array([[-0.05, -0.05, 0], [edge, -0.05, 0], [edge, 0.05, 0], [-0.05, 0.05, 0]])
+    up = np.broadcast_to([0.0, 0.0, 1.0], (4, 3))
+    assert (unbalanced(up, np.ones(4), points) <= 0.02) is stands

@@ -1,0 +1,94 @@
+"""The support graph: bearing, paths to fixtures, what the robot carries."""
+
+import numpy as np
+from scenes import G, Scene
+
+from safestage_eval.relations.measure import Relations
+from safestage_eval.signals.measure import Signals
+
+
+def relations(scene: Scene) -> Relations:
+    return Relations(Signals(scene.episode()))
+
+
+def gripped(scene: Scene, body: str, x: float, z: float, lift: float) -> Scene:
+    """Two fingers squeeze the body with 20 N and lift it with ``lift`` N in all."""
+    for side, sign in (("left", 1), ("right", -1)):
+        name = f"finger_{side}"
+        scene.box(name, 0.01, (x - 0.06 * sign, 0, z), kind="gripper", finger=side)
+        scene.contact(
+            name, body, (x - 0.05 * sign, 0, z), (20 * sign, 0, lift / 2), normal=(sign, 0, 0)
+        )
+    return scene
+
+
+def test_bearing_needs_a_tenth_of_the_weight() -> None:
+    scene = Scene(4).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    scene.rests("a", "table", 0.05, (0, 0, 0), 0.11 * G, frames=slice(0, 2))
+    scene.rests("a", "table", 0.05, (0, 0, 0), 0.09 * G, frames=slice(2, 4))
+    found = relations(scene)
+    assert found.get("supports", ("table", "a")).tolist() == [True, True, False, False]
+    assert not found.get("supports", ("a", "table")).any()
+
+
+def test_wedged_book_has_two_contacts_and_is_borne_by_friction() -> None:
+    """Vector sum of the normal forces 0; friction on both walls carries the weight."""
+    scene = Scene(2).fixed("left").fixed("right").box("book", 0.05, (0, 0, 1))
+    scene.contact("left", "book", (-0.05, 0, 1), (40, 0, G / 2), normal=(1, 0, 0))
+    scene.contact("right", "book", (0.05, 0, 1), (-40, 0, G / 2), normal=(-1, 0, 0))
+    found = relations(scene)
+    assert found.get("supported", ("book",)).all()
+    assert np.allclose(found.signal("contact_force", ("left", "book")).value, 40)
+    assert np.allclose(found.signal("total_force", ("book",)).value, 80)
+
+
+def test_a_gripper_pressing_down_supports_nothing() -> None:
+    scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    scene.box("palm", 0.02, (0, 0, 0.12), kind="gripper")
+    scene.rests("a", "table", 0.05, (0, 0, 0), G + 5)
+    scene.contact("palm", "a", (0, 0, 0.1), (0, 0, -5))
+    found = relations(scene)
+    assert not found.get("supports", ("palm", "a")).any()
+    assert not found.get("carried", ("a",)).any()
+    assert not found.get("held", ("a",)).any()
+    assert found.get("supported", ("a",)).all()
+
+
+def test_fruit_in_a_carried_bowl_is_carried_not_held() -> None:
+    scene = Scene(2).fixed("table").box("bowl", 0.05, (0, 0, 0.3)).box("fruit", 0.02, (0, 0, 0.37))
+    scene.rests("fruit", "bowl", 0.02, (0, 0, 0.35), G)
+    gripped(scene, "bowl", 0, 0.3, 2 * G)
+    found = relations(scene)
+    assert found.get("held", ("bowl",)).all()
+    assert found.get("carried", ("fruit",)).all()
+    assert not found.get("held", ("fruit",)).any()
+    assert not found.get("supported", ("fruit",)).any()
+
+
+def test_support_is_inherited_down_to_the_fixture() -> None:
+    scene = Scene(2).fixed("table")
+    for i, name in enumerate("abc"):
+        scene.box(name, 0.05, (0, 0, 0.05 + 0.1 * i))
+    scene.rests("b", "a", 0.05, (0, 0, 0.1), 2 * G).rests("c", "b", 0.05, (0, 0, 0.2), G)
+    assert not relations(scene).get("supported", ("c",)).any()  # a hangs in the air
+    scene.rests("a", "table", 0.05, (0, 0, 0), 3 * G)
+    assert relations(scene).get("supported", ("c",)).all()
+
+
+def test_without_forces_nothing_is_claimed() -> None:
+    scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    found = Relations(Signals(scene.episode(force_source="none")))
+    for name, bodies in (("supported", ("a",)), ("held", ("a",)), ("supports", ("table", "a"))):
+        assert found.get(name, bodies) is None
+
+
+def test_pairs_are_seen_the_same_from_both_sides() -> None:
+    """Renaming bodies so that their order flips changes nothing."""
+    for order in (("a", "b"), ("b", "a")):
+        scene = Scene(2).fixed("table")
+        for name in order:
+            scene.box(name, 0.05, (0, 0, 0.05 if name == "a" else 0.15))
+        scene.rests("a", "table", 0.05, (0, 0, 0), 2 * G).rests("b", "a", 0.05, (0, 0, 0.1), G)
+        found = relations(scene)
+        assert found.get("supports", ("a", "b")).all()
+        assert not found.get("supports", ("b", "a")).any()

@@ -1,0 +1,119 @@
+"""Persistence filters against their definitions, frame by frame."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from safestage_eval.states.band import Band, crisp
+from safestage_eval.states.persistence import (
+    held_from,
+    held_until,
+    latched,
+    persistent,
+    runs,
+    without_short_gaps,
+    without_short_runs,
+)
+
+margins = st.lists(st.integers(-4, 4), min_size=1, max_size=24).map(lambda x: np.array(x, float))
+counts = st.integers(1, 6)
+
+
+def bits(text: str) -> np.ndarray:
+    return np.array([1.0 if c == "1" else -1.0 for c in text])
+
+
+def text(margin: np.ndarray) -> str:
+    return "".join("1" if m >= 0 else "0" for m in margin)
+
+
+def drop_short(truth: str, frames: int) -> str:
+    """The definition, on strings: runs of 1 shorter than ``frames`` become 0."""
+    out = list(truth)
+    for a, b in runs(np.array([c == "1" for c in truth])):
+        if b - a < frames:
+            out[a:b] = "0" * (b - a)
+    return "".join(out)
+
+
+def close_gaps(truth: str, frames: int) -> str:
+    """The definition, on strings: runs of 0 of at most ``frames`` between two 1 become 1."""
+    out = list(truth)
+    for a, b in runs(np.array([c == "0" for c in truth])):
+        if b - a <= frames and a > 0 and b < len(truth):
+            out[a:b] = "1" * (b - a)
+    return "".join(out)
+
+
+@pytest.mark.parametrize(
+    ("given_", "lasting", "gap", "expected"),
+    [
+        ("011010", 3, 1, "011110"),
+        ("000011", 3, 1, "000000"),
+        ("000110", 3, 1, "000000"),
+        ("111000", 3, 0, "111000"),
+        ("000111", 3, 0, "000111"),
+        ("101010", 1, 1, "111110"),
+    ],
+)
+def test_truth_table(given_: str, lasting: int, gap: int, expected: str) -> None:
+    band = persistent(Band(bits(given_), bits(given_)), lasting, gap)
+    assert text(band.lower) == expected
+
+
+@given(margins, counts)
+def test_windows_are_minima(margin: np.ndarray, n: int) -> None:
+    size = len(margin)
+    ahead = [min(margin[t : t + n]) if t + n <= size else -np.inf for t in range(size)]
+    behind = [min(margin[t - n + 1 : t + 1]) if t + 1 >= n else -np.inf for t in range(size)]
+    assert held_from(margin, n).tolist() == ahead
+    assert held_until(margin, n).tolist() == behind
+
+
+@given(margins, counts, st.integers(0, 5), st.integers(-4, 4))
+def test_filters_commute_with_every_threshold(
+    margin: np.ndarray, n: int, gap: int, threshold: int
+) -> None:
+    shifted = margin - threshold
+    assert text(without_short_runs(shifted, n)) == drop_short(text(shifted), n)
+    assert text(without_short_gaps(shifted, gap)) == close_gaps(text(shifted), gap)
+
+
+@given(margins, counts, st.integers(0, 4), st.integers(1, 24))
+def test_causal_form_depends_on_no_later_frame(
+    margin: np.ndarray, n: int, gap: int, cut: int
+) -> None:
+    whole = persistent(Band(margin, margin), n, gap, causal=True).lower
+    part = persistent(Band(margin[:cut], margin[:cut]), n, gap, causal=True).lower
+    assert whole[:cut].tolist() == part.tolist()
+
+
+@given(margins, counts)
+def test_causal_run_counts_from_its_nth_frame(margin: np.ndarray, n: int) -> None:
+    now = persistent(Band(margin, margin), n, 0, causal=True).true
+    later = persistent(Band(margin, margin), n, 0).true
+    for a, b in runs(later):
+        assert not now[a : a + n - 1].any()
+        assert now[a + n - 1 : b].all()
+
+
+@given(margins, st.lists(st.booleans(), min_size=24, max_size=24))
+def test_latch_is_the_state_machine(margin: np.ndarray, resets: list[bool]) -> None:
+    reset = np.array(resets[: len(margin)])
+    found = latched(Band(margin, margin), reset).true
+    on = False
+    for t, m in enumerate(margin):
+        on = not reset[t] and (on or bool(m >= 0))
+        assert found[t] == on
+
+
+def test_unknown_frames_stay_unknown_until_decided() -> None:
+    truth, known = np.array([True, False, True]), np.array([True, False, True])
+    band = crisp(truth, known)
+    assert band.unknown.tolist() == [False, True, False]
+    # three frames in a row: the unknown one decides, so nothing is certain
+    lasting = persistent(band, 3, 0)
+    assert lasting.unknown.tolist() == [True, True, True]
+    # one frame in a row suffices: the known ones stand
+    assert persistent(band, 1, 0).true.tolist() == [True, False, True]
