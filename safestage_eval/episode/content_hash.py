@@ -21,7 +21,7 @@ def content_hash(episode: Episode) -> str:
     """SHA-256 (hex) over time, motion, contacts, commands and geometry.
 
     The header's names for the episode (id, task, policy, roles, success, …) are left out, so that
-    correcting them keeps the hash; body names, masses and shapes are in. Floats are hashed in the
+    correcting them keeps the hash; body names, masses and shapes (meshes by their own hash) are in. Floats are hashed in the
     precision in which they are stored: float32, time in float64.
     """
     header = episode.header
@@ -32,7 +32,6 @@ def content_hash(episode: Episode) -> str:
         "gravity": header.gravity,
         "bodies": [body.model_dump(mode="json", exclude=_DESCRIPTIVE) for body in header.bodies],
         "joints": [joint.model_dump(mode="json") for joint in header.joints],
-        "meshes": sorted(episode.meshes),
     }
     digest = hashlib.sha256(json.dumps(scene, sort_keys=True).encode())
 

@@ -220,6 +220,9 @@ def check_contacts(
 
 
 def _finite(array: NDArray[np.floating], name: str, where: str) -> list[TraceError]:
+    with np.errstate(all="ignore"):
+        if np.isfinite(array.sum()):  # twice as fast as looking at every value
+            return []
     bad = ~np.isfinite(array)
     if not bad.any():
         return []

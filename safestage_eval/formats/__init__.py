@@ -3,6 +3,16 @@
 from .discover import discover, load
 from .episode_ref import EpisodeRef, Format
 from .save import save
+from .validate import validate, validate_episode
 from .writer import TraceWriter
 
-__all__ = ["EpisodeRef", "Format", "TraceWriter", "discover", "load", "save"]
+__all__ = [
+    "EpisodeRef",
+    "Format",
+    "TraceWriter",
+    "discover",
+    "load",
+    "save",
+    "validate",
+    "validate_episode",
+]

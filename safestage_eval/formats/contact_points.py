@@ -95,7 +95,7 @@ def pack(contacts: Contacts, names: GeomNames) -> NDArray[Any]:
     """
     if isinstance(contacts, np.ndarray):
         if contacts.dtype == POINT:
-            return contacts
+            return np.ascontiguousarray(contacts)
         columns: Mapping[str, ArrayLike] = {
             name: contacts[name] for name in contacts.dtype.names or ()
         }
@@ -127,8 +127,7 @@ def _pair_force(points: NDArray[Any], names: GeomNames) -> NDArray[np.float64]:
     body1, body2 = names.bodies(points)
     low, high = np.minimum(body1, body2), np.maximum(body1, body2)
     pair = np.unique(low.astype(np.int64) << 16 | high, return_inverse=True)[1]
-    total: NDArray[np.float64] = np.bincount(pair, force)
-    return total[pair]
+    return np.bincount(pair, force).astype(np.float64)[pair]
 
 
 def _columns(rows: Sequence[Mapping[str, Any]], names: GeomNames) -> dict[str, ArrayLike]:

@@ -26,7 +26,7 @@ from safestage_eval.errors import TraceError
 
 from . import dataset_layout as layout
 from .arrow_tables import CONTACT_VECTORS, EPISODES, REQUIRED, ROBOT_COLUMNS, XYZ
-from .episode_row import from_row
+from .episode_row import from_row, mesh_keys
 from .lazy import StoredItems, StoredTrack
 from .ply import from_ply
 from .stored_table import StoredTable
@@ -89,7 +89,7 @@ class _StoredEpisode:
             self.demand(check_time(t, self.where))
         self.body_index = {body.name: i for i, body in enumerate(header.bodies)}
         self.bodies_table = self.table("bodies")
-        meshes = {g.mesh: None for body in header.bodies for g in body.geoms if g.mesh is not None}
+        meshes = mesh_keys(header)
         attachments = json.loads(self.row.get("attachments") or "{}")
         for key in meshes:
             if self.checked and not self.asset(f"{key}.ply").exists():

@@ -19,7 +19,7 @@ from safestage_eval.episode import ContactTable, Episode, Track
 from . import dataset_layout as layout
 from .arrow_tables import CONTACT_VECTORS, ROBOT_COLUMNS, XYZ, schema, write_options
 from .atomic import PART, replacing, sync, write_bytes
-from .episode_row import encode, to_geometry, to_row
+from .episode_row import encode, mesh_keys, to_geometry, to_row
 from .ply import to_ply
 
 CONTACT_GROUP = 8192
@@ -40,8 +40,8 @@ def add_episode(episode: Episode, dataset: Path) -> Path:
     """
     row = to_row(episode.header)
     layout.prepare(dataset)
-    for key, mesh in episode.meshes.items():
-        _add_asset(dataset, f"{key}.ply", to_ply(mesh))
+    for key in mesh_keys(episode.header):
+        _add_asset(dataset, f"{key}.ply", to_ply(episode.meshes[key]))
     attachments = {
         name: _add_asset(dataset, sha256(data).hexdigest() + Path(name).suffix, data)
         for name, data in episode.attachments.items()

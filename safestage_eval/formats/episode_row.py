@@ -87,3 +87,9 @@ def parse_header(data: Any, where: str) -> Header:
         raise TraceError(
             f"{where}, header field {place}", f"{first['msg']}{more}.", "docs/traces.md"
         ) from None
+
+
+def mesh_keys(header: Header) -> list[str]:
+    """Keys of the meshes that the header's geoms have, each once, in order."""
+    geoms = (geom for body in header.bodies for geom in body.geoms)
+    return list(dict.fromkeys(geom.mesh for geom in geoms if geom.mesh is not None))

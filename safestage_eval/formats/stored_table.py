@@ -98,7 +98,7 @@ class StoredTable:
 
     def numbers(self, table: pa.Table, column: str, dtype: DTypeLike) -> NDArray[Any]:
         """A column of numbers as (rows,) array of dtype; raises TraceError when it is none."""
-        values = table[column].to_numpy()
+        values: NDArray[Any] = table[column].to_numpy()
         if values.dtype.kind not in "iuf":
             raise TraceError(
                 str(self.path), f"the column {column!r} holds {table[column].type}.", "numbers"

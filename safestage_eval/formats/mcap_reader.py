@@ -1,0 +1,315 @@
+"""Reading an episode from an MCAP file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import (
+    ContactTable,
+    Episode,
+    Header,
+    RobotFrames,
+    Track,
+    check_contacts,
+    check_frames,
+    check_header,
+    check_time,
+    check_track,
+)
+from safestage_eval.errors import TraceError
+
+from . import wire
+from .contact_points import GeomNames, table
+from .dataset_layout import check_version
+from .episode_row import mesh_keys, parse_header
+from .mcap_clouds import read_clouds
+from .mcap_messages import CONTACTS, FRAME, MESSAGES, PROFILE, STATE, message_class
+from .mcap_records import CHUNK, FOOTER, HEADER, MAGIC, METADATA, McapRecords, read_metadata, walk
+from .ply import from_ply
+
+_FIELDS = {f.name: f for f in MESSAGES["Frame"][1]}
+_TRACK_FIELDS = (
+    ("body_position", 3),
+    ("body_orientation", 4),
+    ("body_linear_velocity", 3),
+    ("body_angular_velocity", 3),
+)
+_ROBOT_FIELDS = ("joint_position", "joint_velocity", "joint_torque", "action", "gripper")
+
+F32 = NDArray[np.float32]
+
+
+def read_header(path: Path) -> tuple[Header, dict[str, Any]]:
+    """The header, and length and content hash as stated; reads only the beginning of the file.
+
+    Raises:
+        TraceError: not a trace, cut off before the header ends, or of a newer major version.
+    """
+    where = str(path)
+    with path.open("rb") as stream:
+        if stream.read(len(MAGIC)) != MAGIC:
+            raise TraceError(where, "not an MCAP file: it begins with other bytes")
+        profile = ""
+        while len(prefix := stream.read(9)) == 9:
+            kind, size = prefix[0], int.from_bytes(prefix[1:], "little")
+            if kind in (CHUNK, FOOTER):
+                raise _no_trace(where, profile)
+            content = stream.read(size) if kind in (HEADER, METADATA) else b""
+            if kind == HEADER and len(content) == size:
+                profile = content[4 : 4 + int.from_bytes(content[:4], "little")].decode()
+            elif kind == METADATA and len(content) == size:
+                name, texts = read_metadata(content)
+                if name == PROFILE:
+                    return _header(texts, where), {
+                        "length": int(texts.get("frames") or 0),
+                        "content_hash": texts.get("content_hash"),
+                    }
+            elif not content:
+                stream.seek(size, 1)
+    raise TraceError(
+        where,
+        f"the file ends at byte {path.stat().st_size}, before its header: 0 whole frames.",
+        fix="copy the file again, or record the episode again",
+    )
+
+
+def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Episode:
+    """The episode in an MCAP file, read in one go.
+
+    Args:
+        path: the file.
+        recover: of a file that was cut off, take the frames that are whole. The header then says
+            so in its notes, and ``termination`` is ``truncated``.
+        checked: raise on broken invariants.
+
+    Raises:
+        TraceError: not a trace, cut off, damaged, or an invariant is broken.
+    """
+    where = str(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise TraceError(where, f"cannot be read: {error.strerror}") from None
+    records = walk(data, (FRAME, CONTACTS, STATE), where)
+    texts = records.metadata.get(PROFILE)
+    if texts is None:
+        if not records.whole:
+            raise _cut_off(records, 0, where)
+        raise _no_trace(where, records.profile)
+    header = _header(texts, where)
+    messages, clouds = records.messages[FRAME], records.messages[CONTACTS]
+    if not records.whole:
+        count = min(len(messages), len(clouds))
+        if not recover or not count:
+            raise _cut_off(records, count, where)
+        messages, clouds = messages[:count], clouds[:count]
+        note = f"recovered from a file cut off at byte {records.size}: {count} frames"
+        header = header.model_copy(
+            update={"notes": (*header.notes, note), "termination": "truncated"}
+        )
+    elif str(len(messages)) != texts.get("frames", str(len(messages))):
+        raise TraceError(where, f"{len(messages)} frames, but the header says {texts['frames']}")
+    if clouds and len(clouds) != len(messages):
+        raise TraceError(
+            where,
+            f"{len(clouds)} messages on {CONTACTS} for {len(messages)} frames.",
+            "one per frame, or none at all",
+        )
+    return _episode(path, header, texts, records, messages, clouds, checked)
+
+
+def _episode(
+    path: Path,
+    header: Header,
+    texts: dict[str, str],
+    records: McapRecords,
+    messages: list[memoryview],
+    clouds: list[memoryview],
+    checked: bool,
+) -> Episode:
+    where = str(path)
+    columns, index, t = _frame_columns(messages, where)
+    if not np.array_equal(index, np.arange(len(index))):
+        raise TraceError(where, f"the messages on {FRAME} are not the frames 0, 1, 2, … in order")
+    meshes = {}
+    for key in mesh_keys(header):
+        ply = records.attachments.pop(f"geometry/{key}.ply", None)
+        if ply is not None:
+            meshes[key] = from_ply(ply, key, where)
+        elif checked:
+            raise TraceError(
+                where, f"the mesh {key[:12]}… is missing.", f"an attachment geometry/{key}.ply"
+            )
+    names = GeomNames(header)
+    points, counts = read_clouds(clouds, where)
+    if not clouds:
+        counts = np.zeros(len(t), np.int64)
+    owner = names.owner
+
+    def contacts() -> ContactTable:
+        rows = table(points, counts, names)
+        errors = check_contacts(rows, owner, len(t), where) if checked else []
+        if errors:
+            raise errors[0]
+        return rows
+
+    tracks = _tracks(header, texts, columns, len(t), where)
+    robot = RobotFrames(*(columns[name] for name in _ROBOT_FIELDS))
+    keys = [(str(body), str(name)) for body, name in _json(texts, "channels", [], where)]
+    if columns["channel"].shape[1] != len(keys):
+        raise TraceError(
+            where, f"{columns['channel'].shape[1]} channels in a frame, {len(keys)} in the header"
+        )
+    channels = {key: columns["channel"][:, i] for i, key in enumerate(keys)}
+    episode = Episode(
+        header=header,
+        t=t,
+        tracks=tracks,
+        _contacts=contacts,
+        _frames=robot,
+        meshes=meshes,
+        channels=channels,
+        states=_states(records.messages[STATE], len(t)),
+        attachments=records.attachments,
+        path=path,
+    )
+    if checked:
+        errors = [*check_header(header, where), *check_time(t, where)]
+        for body in header.bodies:
+            errors += check_track(tracks[body.name], body.name, len(t), where)
+        errors += check_frames(robot, len(t), where)
+        for (body_name, name), values in channels.items():
+            if not np.isfinite(values).all():
+                errors.append(TraceError(where, f"channel {name!r} of {body_name!r} is not finite"))
+        if errors:
+            raise errors[0]
+    return episode
+
+
+def _header(texts: dict[str, str], where: str) -> Header:
+    check_version(texts.get("schema_version", ""), where)
+    return parse_header(_json(texts, "header", {}, where), where)
+
+
+def _json(texts: dict[str, str], key: str, default: Any, where: str) -> Any:
+    try:
+        return json.loads(texts[key]) if key in texts else default
+    except json.JSONDecodeError as error:
+        raise TraceError(f"{where}, metadata {key}", f"not JSON: {error}") from None
+
+
+def _frame_columns(
+    messages: list[memoryview], where: str
+) -> tuple[dict[str, F32], NDArray[np.uint64], NDArray[np.float64]]:
+    """Name → (T, width) of every packed field, frame indices (T,) and times (T,) s."""
+    if not messages:
+        raise TraceError(where, f"no frames: there is no message on {FRAME}")
+    try:
+        places = wire.layout(bytes(messages[0]))
+    except ValueError:
+        places = {}
+    size = len(messages[0])
+    alike = {1, 2} <= places.keys() and all(len(m) == size for m in messages)
+    if alike:
+        rows = np.frombuffer(b"".join(messages), np.uint8).reshape(-1, size)
+        between = np.ones(size, bool)
+        for offset, length in places.values():
+            between[offset : offset + length] = False
+        alike = bool((rows[:, between] == rows[0, between]).all())
+    if not alike:
+        return _decoded(messages, where)
+
+    def column(name: str, dtype: str) -> NDArray[Any]:
+        offset, length = places.get(_FIELDS[name].number, (0, 0))
+        return np.ascontiguousarray(rows[:, offset : offset + length]).view(dtype)
+
+    packed = {name: column(name, "<f4") for name, f in _FIELDS.items() if f.type == "float*"}
+    return packed, column("frame_index", "<u8")[:, 0], column("time", "<f8")[:, 0]
+
+
+def _decoded(
+    messages: list[memoryview], where: str
+) -> tuple[dict[str, F32], NDArray[np.uint64], NDArray[np.float64]]:
+    """The same, message by message: for writers that lay fields out in another way."""
+    from google.protobuf.message import DecodeError
+
+    frame = message_class("Frame")()
+    packed: dict[str, list[Any]] = {n: [] for n, f in _FIELDS.items() if f.type == "float*"}
+    index, t = [], []
+    for n, message in enumerate(messages):
+        try:
+            frame.ParseFromString(bytes(message))
+        except DecodeError as error:
+            raise TraceError(where, f"frame {n} is no safestage.v1.Frame: {error}") from None
+        index.append(frame.frame_index)
+        t.append(frame.time)
+        for name, rows in packed.items():
+            rows.append(np.array(getattr(frame, name), np.float32))
+    for name, rows in packed.items():
+        widths = {len(row) for row in rows}
+        if len(widths) > 1:
+            raise TraceError(
+                where, f"{name} has {sorted(widths)} values; every frame must have as many"
+            )
+    columns = {name: np.stack(rows) for name, rows in packed.items()}
+    return columns, np.array(index, np.uint64), np.array(t, np.float64)
+
+
+def _tracks(
+    header: Header, texts: dict[str, str], columns: dict[str, F32], frames: int, where: str
+) -> dict[str, Track]:
+    moving = _json(texts, "moving", [b.name for b in header.bodies if b.movable], where)
+    blocks = []
+    for name, width in _TRACK_FIELDS:
+        block = columns[name]
+        if block.shape[1] != width * len(moving):
+            raise TraceError(
+                where,
+                f"{name} has {block.shape[1]} values for {len(moving)} moving bodies.",
+                f"{width} per body",
+            )
+        blocks.append(block.reshape(frames, len(moving), width))
+    tracks = {body: Track(*(b[:, i] for b in blocks)) for i, body in enumerate(moving)}
+    for body, values in _json(texts, "fixed", {}, where).items():
+        row = np.array(values, np.float32).reshape(1, 13)
+        tracks[body] = Track(row[:, :3], row[:, 3:7], row[:, 7:10], row[:, 10:])
+    for record in header.bodies:
+        if record.name not in tracks:
+            raise TraceError(
+                where,
+                f"body {record.name!r} is neither in `moving` nor in `fixed`: it has no poses",
+            )
+    return {record.name: tracks[record.name] for record in header.bodies}
+
+
+def _states(messages: list[memoryview], frames: int) -> dict[int, NDArray[np.float64]]:
+    found = {}
+    for message in messages:
+        state = message_class("State").FromString(bytes(message))
+        if state.frame_index < frames:
+            found[int(state.frame_index)] = np.array(state.state, np.float64)
+    return found
+
+
+def _no_trace(where: str, profile: str) -> TraceError:
+    return TraceError(
+        where,
+        f"an MCAP file of profile {profile!r} without the metadata record {PROFILE!r}: no trace.",
+        f"profile {PROFILE!r}",
+        "record or convert the episode with safestage",
+    )
+
+
+def _cut_off(records: McapRecords, frames: int, where: str) -> TraceError:
+    return TraceError(
+        where,
+        f"the file ends at byte {records.size}, before its footer: {frames} whole frames.",
+        fix="copy the file again, or take those frames: load(path, recover=True)"
+        if frames
+        else "copy the file again, or record the episode again",
+    )

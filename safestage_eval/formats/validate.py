@@ -1,0 +1,51 @@
+"""Everything that is wrong with stored episodes, in one list."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+from safestage_eval.episode import check
+from safestage_eval.errors import TraceError
+
+from .discover import discover
+from .episode_ref import EpisodeRef
+
+
+def validate(paths: str | Path | Iterable[str | Path]) -> list[TraceError]:
+    """Read every episode under the paths whole and list what is broken; empty when all are sound.
+
+    Beyond the checks made on loading, all columns are read, the content is compared with the
+    stored hash, and episode ids must not repeat.
+    """
+    try:
+        refs = discover(paths)
+    except TraceError as error:
+        return [error]
+    found = [error for ref in refs for error in validate_episode(ref)]
+    ids = Counter(ref.episode_id for ref in refs if ref.episode_id)
+    return found + [
+        TraceError(name, f"{count} episodes have this id", fix="give each episode its own id")
+        for name, count in ids.items()
+        if count > 1
+    ]
+
+
+def validate_episode(ref: EpisodeRef) -> list[TraceError]:
+    """What is wrong with one stored episode."""
+    try:
+        episode = ref.open(checked=False)
+        found = check(episode)
+        if not found and ref.content_hash not in (None, episode.content_hash):
+            found.append(
+                TraceError(
+                    str(ref.path),
+                    f"the content of {ref.episode_id!r} has changed since it was written: its "
+                    f"hash is {episode.content_hash[:12]}…, stored is {ref.content_hash[:12]}…",
+                    fix="restore the file or record again",
+                )
+            )
+    except TraceError as error:
+        return [error]
+    return found
