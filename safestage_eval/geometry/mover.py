@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -11,10 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .compiled import kernel, owned
+from .pose import angle as turn_angle
 from .pose import unit
 from .shape import BodyShape
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 
 BLOCK = 64
 """Frames per swept box."""
@@ -181,3 +184,25 @@ def _prepare(motion: Motion, centre: F64, half: F64, radius: float) -> None:
                     motion.extent[k, i] + radius * turned if turned > 0.0 else motion.extent[k, i]
                 )
                 motion.extent[k, i] = min(wider, radius) * ROUNDING
+
+
+def still_runs(
+    movers: Sequence[Mover], frames: I64, distance: float, angle: float
+) -> Iterator[tuple[int, int]]:
+    """Cut frames (N,) into runs [start, stop), of indices into ``frames``, in which little moved.
+
+    Within a run no body is further than ``distance`` (m) and ``angle`` (rad) from where it was in
+    the run's first frame.
+    """
+    moving = [mover for mover in movers if len(mover) > 1]
+    position = [mover.position[frames].astype(np.float64) for mover in moving]
+    orientation = [unit(mover.orientation[frames]) for mover in moving]
+    start = 0
+    while start < len(frames):
+        left = np.zeros(len(frames) - start, bool)
+        for p, q in zip(position, orientation, strict=True):
+            left |= ((p[start:] - p[start]) ** 2).sum(1) > distance**2
+            left |= turn_angle(q[start:], q[start]) > angle
+        stop = start + int(left.argmax()) if left.any() else len(frames)
+        yield start, stop
+        start = stop

@@ -1,0 +1,188 @@
+"""Convex polygons in the horizontal plane, and the outline and area of their union.
+
+A polygon is an (N, 2) array of corners in metres, counter-clockwise; N may be 1 or 2 for a point
+or a segment. A union is a list of polygons.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .compiled import kernel, owned
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+COINCIDENT = 1e-9
+"""m. Edges closer than this lie on each other."""
+
+
+def convex_hull(points: F64) -> F64:
+    """(M, 2) corners of the convex hull of points (N, 2), counter-clockwise. Andrew 1979."""
+    if len(points) == 0:
+        return points
+    ordered = owned(points[np.lexsort((points[:, 1], points[:, 0]))])
+    out = np.empty((2 * len(points), 2))
+    return out[: _chain(ordered, out)]
+
+
+def union_outline(polygons: list[F64]) -> F64:
+    """(S, 2, 2) segments (from, to) of the union's boundary, the inside to the left.
+
+    Each polygon's edges without what lies in the others; where edges lie on each other, one of
+    them if both have the inside on the same side, none if on opposite sides.
+    """
+    solid = [polygon for polygon in polygons if len(polygon) >= 3]
+    if not solid:
+        return np.empty((0, 2, 2))
+    count = np.array([len(polygon) for polygon in solid], np.int64)
+    corners = owned(np.concatenate(solid))
+    out = np.empty((int(count.sum()) * (len(solid) + 1), 4))
+    length = _outline(corners, np.cumsum(count) - count, count, out)
+    return out[:length].reshape(-1, 2, 2)
+
+
+def union_area(polygons: list[F64]) -> float:
+    """m², by Green's theorem over the outline."""
+    a, b = np.moveaxis(union_outline(polygons), 1, 0)
+    return float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum() / 2)
+
+
+def grown(polygon: F64, by: float) -> F64:
+    """(N, 2) the polygon with every edge moved outward by so many metres; N ≥ 3."""
+    normal = outward(polygon)
+    before = np.roll(normal, 1, 0)
+    # the corner between two edges moves by u with u·n = by for both normals
+    bisector = normal + before
+    return np.asarray(polygon + by * 2 * bisector / (bisector**2).sum(1, keepdims=True))
+
+
+def outward(polygon: F64) -> F64:
+    """(N, 2) unit normals of the edges, edge i from corner i to the next."""
+    edge = np.roll(polygon, -1, 0) - polygon
+    return np.asarray(
+        np.stack([edge[:, 1], -edge[:, 0]], 1) / np.sqrt((edge**2).sum(1, keepdims=True))
+    )
+
+
+def contains(polygons: list[F64], points: F64) -> NDArray[np.bool_]:
+    """(N,) whether points (N, 2) lie in the union, its boundary included."""
+    inside = np.zeros(len(points), bool)
+    for polygon in polygons:
+        if len(polygon) >= 3:
+            normal = outward(polygon)
+            offset = (normal * polygon).sum(1)
+            inside |= (points @ normal.T <= offset + COINCIDENT).all(1)
+    return inside
+
+
+def edges(polygon: F64) -> F64:
+    """(N, 2, 2) its edges as segments; a point is one segment of no length."""
+    return np.asarray(np.stack([polygon, np.roll(polygon, -1, 0)], 1))
+
+
+def nearest_on(points: F64, segments: F64) -> tuple[F64, F64]:
+    """Distance (N,) m from each point (N, 2) to the nearest of segments (S, 2, 2), and where (N, 2)."""
+    start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
+    square = np.maximum((along**2).sum(1), 1e-300)
+    offset = points[:, None] - start
+    share = np.clip((offset * along).sum(-1) / square, 0, 1)
+    foot = start + share[..., None] * along
+    distance = np.sqrt(((points[:, None] - foot) ** 2).sum(-1))
+    best = distance.argmin(1)
+    rows = np.arange(len(points))
+    return distance[rows, best], foot[rows, best]
+
+
+def crosses(starts: F64, ends: F64, segments: F64) -> NDArray[np.bool_]:
+    """(N,) whether the way from start (N, 2) to end (N, 2) meets any of segments (S, 2, 2)."""
+    p, d = starts[:, None], (ends - starts)[:, None]
+    q, e = segments[:, 0], segments[:, 1] - segments[:, 0]
+    turn = d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0]
+    gap = q - p
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (gap[..., 0] * e[..., 1] - gap[..., 1] * e[..., 0]) / turn
+        across = (gap[..., 0] * d[..., 1] - gap[..., 1] * d[..., 0]) / turn
+    meets = (turn != 0) & (along >= 0) & (along <= 1) & (across >= 0) & (across <= 1)
+    return np.asarray(meets.any(1))
+
+
+@kernel
+def _chain(points: F64, out: F64) -> int:
+    """Lower, then upper hull of points (N, 2) ordered by x, then y; returns the corners written."""
+    n, m = points.shape[0], 0
+    for sweep in range(2):
+        base = m
+        for step in range(n):
+            i = step if sweep == 0 else n - 1 - step
+            x, y = points[i, 0], points[i, 1]
+            while m >= base + 2:
+                ax, ay = out[m - 2, 0], out[m - 2, 1]
+                turn = (out[m - 1, 0] - ax) * (y - ay) - (out[m - 1, 1] - ay) * (x - ax)
+                if turn > 0.0:
+                    break
+                m -= 1
+            if m == base or x != out[m - 1, 0] or y != out[m - 1, 1]:
+                out[m, 0], out[m, 1] = x, y
+                m += 1
+        m -= 1  # the last point of each half is the first of the other
+    return max(m, 1)
+
+
+@kernel
+def _outline(corners: F64, first: I64, count: I64, out: F64) -> int:
+    many = first.shape[0]
+    covered = np.empty((many, 2))
+    written = 0
+    for i in range(many):
+        for c in range(count[i]):
+            ax, ay = corners[first[i] + c, 0], corners[first[i] + c, 1]
+            following = first[i] + (c + 1) % count[i]
+            dx, dy = corners[following, 0] - ax, corners[following, 1] - ay
+            length = np.sqrt(dx * dx + dy * dy)
+            if length <= COINCIDENT:
+                continue
+            found = 0
+            for j in range(many):
+                if j == i:
+                    continue
+                low, high = 0.0, 1.0
+                for k in range(count[j]):
+                    bx, by = corners[first[j] + k, 0], corners[first[j] + k, 1]
+                    after = first[j] + (k + 1) % count[j]
+                    ex, ey = corners[after, 0] - bx, corners[after, 1] - by
+                    edge = np.sqrt(ex * ex + ey * ey)
+                    if edge <= COINCIDENT:
+                        continue
+                    nx, ny = ey / edge, -ex / edge
+                    start = (ax - bx) * nx + (ay - by) * ny
+                    slope = dx * nx + dy * ny
+                    if abs(start) <= COINCIDENT and abs(start + slope) <= COINCIDENT:
+                        if dx * ex + dy * ey > 0.0 and j > i:
+                            high = -1.0  # on each other, same side: this one stays
+                        continue
+                    if slope == 0.0:
+                        if start > 0.0:
+                            high = -1.0
+                    elif slope > 0.0:
+                        high = min(high, -start / slope)
+                    else:
+                        low = max(low, -start / slope)
+                if high > low:
+                    at = found  # insert by where the cover begins
+                    while at > 0 and covered[at - 1, 0] > low:
+                        covered[at, 0], covered[at, 1] = covered[at - 1, 0], covered[at - 1, 1]
+                        at -= 1
+                    covered[at, 0], covered[at, 1] = low, high
+                    found += 1
+            reached = 0.0
+            for c2 in range(found + 1):
+                stop = covered[c2, 0] if c2 < found else 1.0
+                if (stop - reached) * length > COINCIDENT:
+                    out[written, 0], out[written, 1] = ax + reached * dx, ay + reached * dy
+                    out[written, 2], out[written, 3] = ax + stop * dx, ay + stop * dy
+                    written += 1
+                if c2 < found:
+                    reached = max(reached, covered[c2, 1])
+    return written
