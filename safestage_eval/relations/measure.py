@@ -114,18 +114,29 @@ class Relations:
         return np.broadcast_to(inside, len(episode))
 
     def _edge_margin(self, a: str, s: str | None = None) -> Series:
-        """(T,) m; of whatever bears the body if no second is named, the best of several."""
+        """(T,) m; of whatever bears the body if no second is named: −∞ where nothing does.
+
+        Several bearers form one surface. Unknown where what bears the body has no upward face
+        under it (a ball in a groove, a leaning board).
+        """
         frames, movers = len(self.episode), self.signals.movers
         if not movers.of([a]):
             return unknown(frames, "length", f"the trace has no shape of {a}")
         if s is not None:
-            return exact(edge_margin(movers[a], [movers[s]]), "length")
+            margin = np.broadcast_to(edge_margin(movers[a], [movers[s]]), frames)
+            return exact(np.where(np.isnan(margin), -np.inf, margin), "length")
         if self.episode.header.force_source == "none":
             return unknown(frames, "length", "the trace has no contact forces")
-        index = self.episode.body_index
         names = [body.name for body in self.episode.header.bodies]
-        margin = np.full(frames, -np.inf)
-        for bearer, bears in self.graph.bearers(index[a]).items():
-            there = edge_margin(movers[a], [movers[names[bearer]]], bears)
-            margin = np.where(bears, np.fmax(margin, there), margin)
-        return exact(margin, "length")
+        bearers = self.graph.bearers(self.episode.body_index[a])
+        lower, upper = np.full(frames, -np.inf), np.full(frames, -np.inf)
+        bears = np.array(list(bearers.values())).reshape(len(bearers), frames)
+        for combination in np.unique(bears, axis=1).T:
+            if not combination.any():
+                continue
+            at = np.flatnonzero((bears == combination[:, None]).all(axis=0))
+            under = [movers[names[b]] for b, on in zip(bearers, combination, strict=True) if on]
+            margin = edge_margin(movers[a], under, at)[at]
+            lower[at] = np.where(np.isnan(margin), -np.inf, margin)
+            upper[at] = np.where(np.isnan(margin), np.inf, margin)
+        return Series(lower, upper, "length")

@@ -22,6 +22,8 @@ from .vocabulary import SIGNALS
 CAP = 0.10
 """m: a clearance series is exact up to here; beyond, it says only "more than that"."""
 
+CAPPED = ("clearance", "clearance_xy")
+
 _MEASURED_SINCE = {"height", "lift", "displacement", "displacement_xy", "turn"}
 
 
@@ -60,11 +62,11 @@ class Signals:
             name: as in ``vocabulary.SIGNALS``.
             bodies: names of bodies or unions, in the signal's order.
             reference: for signals that measure a change; the baseline if None.
-            reach: m, for ``clearance``: distances up to here are wanted exactly.
+            reach: m, for clearances: distances up to here are wanted exactly.
 
         Raises KeyError for a name or body that does not exist.
         """
-        cap = max(reach, CAP) if name == "clearance" else 0.0
+        cap = max(reach, CAP) if name in CAPPED else 0.0
         key = (name, tuple(bodies), reference.key if reference else "", cap)
         if key not in self._known:
             self._known[key] = self._measure(name, list(bodies), reference, cap)
@@ -76,7 +78,7 @@ class Signals:
         Half the bound on the relative motion over one recorded step: for distances only, None for
         other signals.
         """
-        if name not in ("clearance", "clearance_xy"):
+        if name not in CAPPED:
             return None
         first, second = (self.movers.of(self.bodies(body)) for body in bodies)
         steps = slice(max(frame - 1, 0), frame + 1)
@@ -146,16 +148,15 @@ class Signals:
         bare = [" and ".join(g) for g, m in zip(groups, movers, strict=True) if not m]
         if bare:
             return unknown(frames, spec.dimension, f"the trace has no shape of {', '.join(bare)}")
-        if name == "clearance":
-            found = clearance_series(movers[0], movers[1], cap)
+        if name in CAPPED:
+            measured = clearance_series if name == "clearance" else clearance_xy
+            found = measured(movers[0], movers[1], cap)
             lower, upper = (np.broadcast_to(x, frames) for x in (found.lower, found.upper))
             return Series(lower, upper, spec.dimension)
         if name == "lift":
             value = distance.lift(movers[0][0], frames, reference or Reference(self.baseline))
         elif name == "height_above":
             value = distance.height_above(movers[0], movers[1], frames)
-        elif name == "clearance_xy":
-            value = np.minimum.reduce([clearance_xy(a, b) for a in movers[0] for b in movers[1]])
         elif name == "overlap_xy":
             value = overlap_xy(movers[0][0], movers[1][0])
         elif name == "containment_depth":
