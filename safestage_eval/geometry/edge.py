@@ -161,35 +161,21 @@ def _signed_distance(base: list[F64], patch: list[F64], walls: F64) -> float:
     beyond = corners[~contains(patch, corners)]
     out = -np.inf
     if len(beyond):
-        distance = _to_each(beyond, outline)
-        nearest = distance.argmin(1)
-        loose = ~guarded[nearest]
-        out = distance.min(1)[loose].max(initial=-np.inf)
+        nearest = nearest_on(beyond, outline)
+        out = nearest.distance[~guarded[nearest.segment]].max(initial=-np.inf)
     free = outline[~guarded]
     if not len(free):
         return np.inf
     ends = free.reshape(-1, 2)
     inside = contains(base, ends)
     if inside.any():
-        out = max(out, float(nearest_on(ends[inside], rim)[0].max()))
+        out = max(out, float(nearest_on(ends[inside], rim).distance.max()))
     if out > -np.inf:
         return -float(out) - SEAM
-    if _cross_each_other(rim, free):
+    if crosses(rim[:, 0], rim[:, 1], free).any():
         return 0.0
-    apart = min(nearest_on(ends, rim)[0].min(), nearest_on(corners, free)[0].min())
+    apart = min(nearest_on(ends, rim).distance.min(), nearest_on(corners, free).distance.min())
     return float(apart) - SEAM
-
-
-def _to_each(points: F64, segments: F64) -> F64:
-    """(N, S) m from points (N, 2) to segments (S, 2, 2)."""
-    along = segments[:, 1] - segments[:, 0]
-    offset = points[:, None] - segments[:, 0]
-    share = np.clip((offset * along).sum(-1) / np.maximum((along**2).sum(1), 1e-300), 0, 1)
-    return np.asarray(np.sqrt(((offset - share[..., None] * along) ** 2).sum(-1)))
-
-
-def _cross_each_other(first: F64, second: F64) -> bool:
-    return bool(crosses(first[:, 0], first[:, 1], second).any())
 
 
 def _pieces(outline: F64) -> F64:
@@ -213,7 +199,7 @@ def _guarded(pieces: F64, rim: F64, middle: F64, walls: F64) -> NDArray[np.bool_
     along = pieces[:, 1] - pieces[:, 0]
     out = np.stack([along[:, 1], -along[:, 0]], 1)
     out /= np.sqrt((out**2).sum(1, keepdims=True))
-    _, start = nearest_on(end, rim)
+    start = nearest_on(end, rim).foot
     inward = middle - start
     norm = np.maximum(np.sqrt((inward**2).sum(1, keepdims=True)), 1e-300)
     start = start + inward / norm * np.minimum(CONTACT_TOLERANCE, norm)

@@ -76,18 +76,23 @@ class Mover:
 
     @cached_property
     def motion(self) -> Motion:
-        """What the kernels need; computed on first use and kept."""
+        """What the kernels need; computed on first use and kept.
+
+        Raises ValueError where an orientation is no rotation (norm 0 or not finite).
+        """
         frames = len(self)
         blocks = -(-frames // BLOCK)
         motion = Motion(
             owned(self.position),
-            unit(self.orientation),
+            owned(self.orientation),
             np.zeros(frames),
             np.empty((blocks, 3)),
             np.empty((blocks, 3)),
             np.empty((blocks, 3)),
         )
-        _prepare(motion, owned(self.shape.centre), owned(self.shape.half), self.shape.radius)
+        shape = self.shape
+        if not _prepare(motion, owned(shape.centre), owned(shape.half), float(shape.radius)):
+            raise ValueError(f"an orientation of {shape.name!r} has norm 0 or is not finite")
         return motion
 
     def at(self, frames: NDArray[np.integer] | slice) -> Mover:
@@ -146,8 +151,11 @@ def chord(motion: Motion, radius: float, t: int, s: int) -> float:
 
 
 @kernel
-def _prepare(motion: Motion, centre: F64, half: F64, radius: float) -> None:
-    """Fill a Motion whose ``centre`` still holds the body origin's positions."""
+def _prepare(motion: Motion, centre: F64, half: F64, radius: float) -> bool:
+    """Fill a Motion with the body's positions as ``centre`` and its raw quaternions.
+
+    False where a quaternion cannot be normalised.
+    """
     frames = motion.centre.shape[0]
     rotation = np.empty((3, 3))
     shifted = centre[0] != 0.0 or centre[1] != 0.0 or centre[2] != 0.0
@@ -155,6 +163,14 @@ def _prepare(motion: Motion, centre: F64, half: F64, radius: float) -> None:
     for t in range(frames):
         k = t // BLOCK
         first = t % BLOCK == 0
+        square = 0.0
+        for i in range(4):
+            square += motion.orientation[t, i] * motion.orientation[t, i]
+        if not 0.0 < square < np.inf:
+            return False
+        norm = math.sqrt(square)
+        for i in range(4):
+            motion.orientation[t, i] /= norm
         if shifted or first:
             rotation_at(motion.orientation, t, rotation)
         for i in range(3):
@@ -184,6 +200,7 @@ def _prepare(motion: Motion, centre: F64, half: F64, radius: float) -> None:
                     motion.extent[k, i] + radius * turned if turned > 0.0 else motion.extent[k, i]
                 )
                 motion.extent[k, i] = min(wider, radius) * ROUNDING
+    return True
 
 
 def still_runs(

@@ -6,6 +6,8 @@ or a segment. A union is a list of polygons.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -82,17 +84,21 @@ def edges(polygon: F64) -> F64:
     return np.asarray(np.stack([polygon, np.roll(polygon, -1, 0)], 1))
 
 
-def nearest_on(points: F64, segments: F64) -> tuple[F64, F64]:
-    """Distance (N,) m from each point (N, 2) to the nearest of segments (S, 2, 2), and where (N, 2)."""
-    start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
-    square = np.maximum((along**2).sum(1), 1e-300)
-    offset = points[:, None] - start
-    share = np.clip((offset * along).sum(-1) / square, 0, 1)
-    foot = start + share[..., None] * along
-    distance = np.sqrt(((points[:, None] - foot) ** 2).sum(-1))
-    best = distance.argmin(1)
-    rows = np.arange(len(points))
-    return distance[rows, best], foot[rows, best]
+class Nearest(NamedTuple):
+    """The nearest of some segments to each of N points: how far (N,) m, where (N, 2), which (N,)."""
+
+    distance: F64
+    foot: F64
+    segment: I64
+
+
+def nearest_on(points: F64, segments: F64) -> Nearest:
+    """For points (N, 2) and segments (S, 2, 2), S ≥ 1."""
+    found = Nearest(
+        np.full(len(points), np.inf), np.empty((len(points), 2)), np.zeros(len(points), np.int64)
+    )
+    _nearest(owned(points), owned(segments), *found)
+    return found
 
 
 def crosses(starts: F64, ends: F64, segments: F64) -> NDArray[np.bool_]:
@@ -186,3 +192,24 @@ def _outline(corners: F64, first: I64, count: I64, out: F64) -> int:
                 if c2 < found:
                     reached = max(reached, covered[c2, 1])
     return written
+
+
+@kernel
+def _nearest(points: F64, segments: F64, distance: F64, foot: F64, segment: I64) -> None:
+    for j in range(segments.shape[0]):
+        ax, ay = segments[j, 0, 0], segments[j, 0, 1]
+        dx, dy = segments[j, 1, 0] - ax, segments[j, 1, 1] - ay
+        square = dx * dx + dy * dy
+        for i in range(points.shape[0]):
+            x, y = points[i, 0] - ax, points[i, 1] - ay
+            share = 0.0
+            if square > 0.0:
+                share = min(max((x * dx + y * dy) / square, 0.0), 1.0)
+            ex, ey = x - share * dx, y - share * dy
+            d = ex * ex + ey * ey
+            if d < distance[i]:
+                distance[i] = d
+                segment[i] = j
+                foot[i, 0], foot[i, 1] = ax + share * dx, ay + share * dy
+    for i in range(points.shape[0]):
+        distance[i] = np.sqrt(distance[i])

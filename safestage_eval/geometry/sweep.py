@@ -90,7 +90,8 @@ def sweep(
     at_a, at_b = np.zeros((ga, gb, 4, 3)), np.zeros((ga, gb, 4, 3))
     size = np.zeros((ga, gb), np.int64)
     known, known_path = np.full((ga, gb), -np.inf), np.zeros((ga, gb))
-    before, before_path, before_frame = -np.inf, 0.0, 0
+    low, high = -np.inf, np.inf
+    before_path, before_frame, settled = 0.0, 0, False
     for index in range(blocks.shape[0]):
         k = blocks[index]
         if seek and block_bounds[index] >= least[1]:
@@ -100,44 +101,46 @@ def sweep(
             limit = least[1] if seek else min(cap, upper[frame])
             path = ma.path[s] + mb.path[t]
             moved = abs(path - before_path)
-            if before - moved >= limit:
+            if low - moved >= limit:
                 continue
-            if before >= limit:
+            if low >= limit:
                 s0, t0 = min(before_frame, last_a), min(before_frame, last_b)
-                if before - chord(ma, radius_a, s, s0) - chord(mb, radius_b, t, t0) >= limit:
+                if low - chord(ma, radius_a, s, s0) - chord(mb, radius_b, t, t0) >= limit:
                     continue
-            if _balls_and_boxes(ma, mb, s, t, flat, radius_a + radius_b, gap) >= limit:
-                continue
-            rotation_at(ma.orientation, s, RA)
-            rotation_at(mb.orientation, t, RB)
-            low, high = np.inf, np.inf
-            for a in range(ga):
-                for b in range(gb):
-                    bar = min(limit, high)
-                    bound = known[a, b] - abs(path - known_path[a, b])
-                    if bound >= bar:
-                        low = min(low, bound)
-                        continue
-                    relative_pose(A, a, B, b, RA, RB, gap, R, p, work)
-                    if flat:
-                        for i in range(3):
-                            up[i] = 0.0
-                            for j in range(3):
-                                up[i] += A.rotation[a, j, i] * RA[2, j]
-                        bound = -np.inf
-                    else:
-                        bound = _geom_bound(A, a, B, b, p, R)
-                    if bound < bar:
-                        n = size[a, b]
-                        size[a, b] = geom_distance(
-                            A, a, B, b, R, p, up, at_a[a, b], at_b[a, b], n, bar, work, out
-                        )
-                        bound = out[0]
+            if moved > 0.0 or not settled:
+                if _balls_and_boxes(ma, mb, s, t, flat, radius_a + radius_b, gap) >= limit:
+                    continue
+                rotation_at(ma.orientation, s, RA)
+                rotation_at(mb.orientation, t, RB)
+                low, high = np.inf, np.inf
+                for a in range(ga):
+                    for b in range(gb):
+                        bar = min(limit, high)
+                        bound = known[a, b] - abs(path - known_path[a, b])
+                        if bound >= bar:
+                            low = min(low, bound)
+                            continue
+                        relative_pose(A, a, B, b, RA, RB, gap, R, p, work)
+                        if flat:
+                            for i in range(3):
+                                up[i] = 0.0
+                                for j in range(3):
+                                    up[i] += A.rotation[a, j, i] * RA[2, j]
+                            bound = -np.inf
+                        else:
+                            bound = _geom_bound(A, a, B, b, p, R)
                         if bound < bar:
-                            high = min(high, out[1])
-                    known[a, b], known_path[a, b] = bound, path
-                    low = min(low, bound)
-            before, before_path, before_frame = low, path, frame
+                            n = size[a, b]
+                            size[a, b] = geom_distance(
+                                A, a, B, b, R, p, up, at_a[a, b], at_b[a, b], n, bar, work, out
+                            )
+                            bound = out[0]
+                            if bound < bar:
+                                high = min(high, out[1])
+                        known[a, b], known_path[a, b] = bound, path
+                        low = min(low, bound)
+                # above the limit the bounds may be loose, and good for this limit only
+                before_path, before_frame, settled = path, frame, low < limit
             if low < limit:
                 if seek:
                     least[0] = min(least[0], low)
