@@ -49,7 +49,7 @@ def check(episode: Episode) -> list[TraceError]:
     for geom in (g for body in episode.header.bodies for g in body.geoms):
         if geom.mesh is not None and geom.mesh not in episode.meshes:
             found.append(
-                TraceError(where, f"geom {geom.name!r}: mesh {geom.mesh[:12]}… is missing")
+                TraceError(where, f"geom {geom.name!r}: the mesh {geom.mesh[:12]}… is missing")
             )
     found += check_contacts(episode.contacts, episode.geom_owner, len(episode), where)
     found += check_frames(episode.frames, len(episode), where)
