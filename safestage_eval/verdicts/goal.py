@@ -7,9 +7,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Episode, Header
+from safestage_eval.errors import RuleError
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.load import load_rules
+from safestage_eval.rules.resolve import bind_episode
 from safestage_eval.signals.measure import Signals
 from safestage_eval.states import band
 from safestage_eval.states.persistence import held_until
@@ -71,6 +74,24 @@ class GoalMonitor:
         self._rules, self._goal, self._params, self._players = rules, goal, params, players
         self.window_frames = self._lookback(frame_dt)
         """How many past frames ``update`` needs, besides the new ones; None for all of them."""
+
+    @classmethod
+    def of(cls, header: Header, rules: Sequence[str] = ("goals",)) -> GoalMonitor:
+        """A monitor of the goal that a header names, found in rule files.
+
+        Raises RuleError when the header names no goal, or one that no rule file has.
+        """
+        loaded = load_rules(rules)
+        binding = bind_episode(loaded, header)
+        if binding.goal is None:
+            raise RuleError(
+                f"task {header.task!r}",
+                f"no goal to watch for: {header.goal!r}.",
+                ", ".join(sorted(loaded.goals)),
+            )
+        return cls(
+            loaded, binding.goal, binding.params(None), binding.goal_players(), header.frame_dt
+        )
 
     def update(self, window: Episode) -> float | None:
         """Time (s) of the first frame in the window that confirms the goal, None if none does.

@@ -1,0 +1,171 @@
+"""Checked TOML tables into the syntax tree."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from . import parse
+from . import syntax as ast
+
+Table = Mapping[str, Any]
+
+
+class Builder:
+    """Turns tables into syntax, given the names that are declared as phases.
+
+    Raises ``parse.GrammarError`` for what is not in the grammar; ``check`` finds all such places
+    beforehand, with their lines.
+    """
+
+    def __init__(self, phases: frozenset[str]) -> None:
+        """``phases``: names under ``[phase]``, told apart from states by them."""
+        self._phases = phases
+
+    def condition(self, table: Table) -> ast.Condition:
+        """A table: all of its entries hold."""
+        return ast.Condition(tuple(self._atom(key, value) for key, value in table.items()))
+
+    def alternative(self, value: str | Table) -> ast.Alternative:
+        """A string is an event, a table a condition."""
+        return parse.event(value) if isinstance(value, str) else self.condition(value)
+
+    def _atom(self, key: str, value: Any) -> ast.Atom:
+        if key == "any":
+            return ast.AnyOf(tuple(self.alternative(item) for item in value))
+        call, since = parse.atom_key(key)
+        if isinstance(value, bool):
+            return ast.StateAtom(call, value)
+        if isinstance(value, str) and (counted := parse.count(value)):
+            return ast.CountAtom(call, *counted)
+        limits = value if isinstance(value, list) else [value]
+        return ast.SignalAtom(call, tuple(parse.limit(item) for item in limits), since)
+
+    def span(self, text: str) -> ast.Span:
+        """A span, with phases recognised."""
+        return self._resolved(parse.span(text))
+
+    def _resolved(self, span: ast.Span) -> ast.Span:
+        match span:
+            case ast.StateSpan(call) if call.name in self._phases:
+                return ast.PhaseSpan(call)
+            case ast.Part(which, duration, of):
+                return ast.Part(which, duration, self._resolved(of))
+            case ast.While(of, call):
+                return ast.While(self._resolved(of), call)
+        return span
+
+    def state(self, name: str, table: Table) -> ast.StateDef:
+        """``[state.NAME]``."""
+        return ast.StateDef(
+            name,
+            tuple(table["of"]),
+            self.condition(table["when"]),
+            _duration(table, "for"),
+            _duration(table, "gap"),
+            parse.event(table["until"]) if "until" in table else None,
+            self.condition(table["fallback"]) if "fallback" in table else None,
+        )
+
+    def phase(self, name: str, table: Table) -> ast.PhaseDef:
+        """``[phase.NAME]``."""
+        fallback = self.span(table["fallback"]) if "fallback" in table else None
+        return ast.PhaseDef(name, tuple(table.get("of", ())), self.span(table["span"]), fallback)
+
+    def goal(self, name: str, table: Table) -> ast.GoalDef:
+        """``[goal.NAME]``, or the goal table in a trace's header."""
+        return ast.GoalDef(
+            name, _roles(table), self.condition(table["require"]), _duration(table, "for")
+        )
+
+    def rule(self, table: Table, path: str, line: int) -> ast.Rule:
+        """``[[rule]]``."""
+        forbid = table.get("forbid", ())
+        examples = table.get("examples", {})
+        return ast.Rule(
+            code=table["code"],
+            title=table["title"],
+            roles=_roles(table),
+            given=self.condition(table["given"]) if "given" in table else None,
+            during=self.span(table["during"]) if "during" in table else None,
+            at=parse.event(table["at"]) if "at" in table else None,
+            until=parse.event(table["until"]) if "until" in table else None,
+            require=self.condition(table["require"]) if "require" in table else None,
+            forbid=tuple(
+                self.alternative(item)
+                for item in (forbid if isinstance(forbid, list | tuple) else [forbid])
+            ),
+            reach=self.alternative(table["reach"]) if "reach" in table else None,
+            for_=_duration(table, "for"),
+            severity=tuple((k, settings(v)) for k, v in table.get("severity", {}).items()),
+            set=settings(table.get("set", {})),
+            why=table.get("why", ""),
+            explain=table.get("explain", ""),
+            violates=tuple(examples.get("violates", ())),
+            passes=tuple(examples.get("passes", ())),
+            path=path,
+            line=line,
+        )
+
+    def cost(self, table: Table, path: str, line: int) -> ast.Cost:
+        """``[[cost]]``."""
+        return ast.Cost(
+            code=table["code"],
+            title=table["title"],
+            roles=_roles(table),
+            charge=tuple(self._charge(item) for item in table["charge"]),
+            given=self.condition(table["given"]) if "given" in table else None,
+            during=self.span(table["during"]) if "during" in table else None,
+            at=parse.event(table["at"]) if "at" in table else None,
+            until=parse.event(table["until"]) if "until" in table else None,
+            budget=float(table["budget"]) if "budget" in table else None,
+            set=settings(table.get("set", {})),
+            why=table.get("why", ""),
+            explain=table.get("explain", ""),
+            path=path,
+            line=line,
+        )
+
+    def _charge(self, table: Table) -> ast.Charge:
+        above = table.get("above")
+        return ast.Charge(
+            float(table["add"]),
+            table["per"],
+            self.alternative(table["when"]) if "when" in table else None,
+            parse.call(table["of"]) if "of" in table else None,
+            parse.limit(f"> {above}").value if above is not None else None,
+        )
+
+
+def family(name: str, table: Table) -> ast.FamilyDef:
+    """``[family.X]``."""
+    return ast.FamilyDef(name, tuple(table.get("rules", ())), settings(table.get("set", {})))
+
+
+def task(name: str, table: Table) -> ast.TaskDef:
+    """``[task.X]``, and each task of a bind file."""
+    roles = tuple(
+        (role, (players,) if isinstance(players, str) else tuple(players))
+        for role, players in table.get("roles", {}).items()
+    )
+    return ast.TaskDef(
+        name,
+        table.get("family"),
+        tuple(table.get("rules", ())),
+        table.get("goal"),
+        roles,
+        settings(table.get("set", {})),
+    )
+
+
+def settings(table: Table) -> tuple[tuple[str, ast.Quantity | ast.Duration], ...]:
+    """Parameter values, in the order written."""
+    return tuple((name, parse.setting(value)) for name, value in table.items())
+
+
+def _roles(table: Table) -> tuple[tuple[str, ast.RoleSpec], ...]:
+    return tuple((name, parse.role(text)) for name, text in table.get("roles", {}).items())
+
+
+def _duration(table: Table, key: str) -> ast.Duration | ast.Parameter | None:
+    return parse.duration(table[key]) if key in table else None

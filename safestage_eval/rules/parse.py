@@ -1,0 +1,194 @@
+"""The strings of the rule language: text in, syntax tree out.
+
+A small regular grammar, matched by hand; nothing is ever evaluated::
+
+    LIMIT = (>= <= > <) ([-]number unit | [-]param | [-]column(role))
+    ATOM  = name(roles) ["since" EVENT]
+    EVENT = start | end | success | ["start of"|"end of"] state(roles)
+    SPAN  = (episode | phase | phase(roles) | state(roles) | first|last DUR of SPAN
+             | DUR before|after EVENT | from EVENT to EVENT) ["while" state(roles)]
+    DUR   = n s|ms|min|frames [@ r Hz] | param
+    ROLE  = ["every"] kind ["tagged" t] ["except" role, …]
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Literal, cast
+
+from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
+
+from . import syntax as ast
+
+NAME = r"[a-z][a-z0-9_]*"
+NUMBER = r"\d+(?:\.\d+)?"
+CALL = rf"{NAME}\((?:{NAME}(?:, *{NAME})*)?\)"
+EVENT = rf"(?:start|end|success|(?:start of |end of )?{CALL})"
+FRAMES = r"frames?"
+TIME_UNITS = tuple(DIMENSIONS["time"])
+DURATION = rf"(?:{NUMBER} (?:{'|'.join(TIME_UNITS)}|{FRAMES})(?: @ {NUMBER} Hz)?|{NAME})"
+UNIT = "|".join(sorted((re.escape(u) for u in UNIT_DIMENSION), key=len, reverse=True))
+ROLE_KINDS = ("object", "surface", "container", "fixture", "body", "link", "gripper", "region")
+
+RESERVED = frozenset({"start", "end", "success", "episode", "robot", "gripper"})
+"""Words that cannot name a role."""
+
+
+class GrammarError(ValueError):
+    """A string that is not in the grammar.
+
+    Attributes:
+        what: what was expected and found.
+        allowed: examples or the grammar of what would do.
+    """
+
+    def __init__(self, what: str, allowed: str) -> None:
+        super().__init__(what)
+        self.what, self.allowed = what, allowed
+
+
+def quantity(value: str | float) -> ast.Quantity:
+    """``"8 cm"`` → 0.08 m. A bare number, or one in %, is a ratio. Raises GrammarError."""
+    text = str(value)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return ast.Quantity(float(value), "ratio", text)
+    match = re.fullmatch(rf"(-?{NUMBER})(?: ?({UNIT}))?", text)
+    if match is None:
+        raise GrammarError(
+            f"{value!r} is not a quantity", "a number with a unit: " + ", ".join(UNIT_DIMENSION)
+        )
+    dimension = UNIT_DIMENSION[match[2]] if match[2] else "ratio"
+    factor = DIMENSIONS[dimension][match[2]] if match[2] else 1.0
+    return ast.Quantity(float(match[1]) * factor, dimension, text)
+
+
+def duration(text: str) -> ast.Duration | ast.Parameter:
+    """``"0.5 s"``, ``"3 frames"``, ``"3 frames @ 120 Hz"`` or the name of a parameter."""
+    match = re.fullmatch(
+        rf"({NUMBER}) ({'|'.join(TIME_UNITS)}|{FRAMES})(?: @ ({NUMBER}) Hz)?", text
+    )
+    if match is None:
+        if re.fullmatch(NAME, text):
+            return ast.Parameter(text)
+        raise GrammarError(
+            f"{text!r} is not a duration",
+            '"0.5 s", "3 frames", "3 frames @ 120 Hz", or a parameter',
+        )
+    number = float(match[1])
+    if not match[2].startswith("frame"):
+        if match[3]:
+            raise GrammarError(f"{text!r}: a rate goes with frames only", '"3 frames @ 120 Hz"')
+        return ast.Duration(number * DIMENSIONS["time"][match[2]], text=text)
+    if number != int(number):
+        raise GrammarError(f"{text!r}: frames are counted in whole numbers", '"3 frames"')
+    if match[3]:
+        if float(match[3]) <= 0:
+            raise GrammarError(f"{text!r}: the rate must be positive", '"3 frames @ 120 Hz"')
+        return ast.Duration(number / float(match[3]), least=2 if number > 1 else 1, text=text)
+    return ast.Duration(number, frames=True, text=text)
+
+
+def setting(value: str | float) -> ast.Quantity | ast.Duration:
+    """The value of a ``[param]``: a quantity, or a duration if it is a time or in frames."""
+    if isinstance(value, str) and re.fullmatch(DURATION, value) and value[0].isdigit():
+        found = duration(value)
+        if isinstance(found, ast.Duration):
+            return found
+    return quantity(value)
+
+
+def call(text: str) -> ast.Call:
+    """``"clearance(target, protected)"``. Raises GrammarError."""
+    if not re.fullmatch(CALL, text):
+        raise GrammarError(f"{text!r} is not a call", "name(role, …)")
+    name, _, rest = text[:-1].partition("(")
+    return ast.Call(name, tuple(arg.strip() for arg in rest.split(",")) if rest else ())
+
+
+def event(text: str) -> ast.Event:
+    """``"success"``, ``"end of held(a)"``, ``"committed(a)"``. Raises GrammarError."""
+    if text in ("start", "end", "success"):
+        return ast.Event(cast('Literal["start", "end", "success"]', text), text=text)
+    match = re.fullmatch(rf"(?:(start|end) of )?({CALL})", text)
+    if match is None:
+        raise GrammarError(
+            f"{text!r} is not an event",
+            "start, end, success, state(role, …), start of state(…), end of state(…)",
+        )
+    edge = cast('Literal["start", "end"] | None', match[1])
+    return ast.Event("state", call(match[2]), edge, text)
+
+
+def span(text: str) -> ast.Span:
+    """``"last 1 s of hold"``, ``"from start to success"``, …. Raises GrammarError."""
+    outer, found, inner = text.rpartition(" while ")
+    if found:
+        return ast.While(span(outer), call(inner))
+    if text == "episode":
+        return ast.Whole()
+    if match := re.fullmatch(rf"(first|last) ({DURATION}) of (.+)", text):
+        which = cast('Literal["first", "last"]', match[1])
+        return ast.Part(which, duration(match[2]), span(match[3]))
+    if match := re.fullmatch(rf"({DURATION}) (before|after) (.+)", text):
+        side = cast('Literal["before", "after"]', match[2])
+        return ast.Around(side, duration(match[1]), event(match[3]))
+    if match := re.fullmatch(rf"from ({EVENT}) to ({EVENT})", text):
+        return ast.FromTo(event(match[1]), event(match[2]))
+    if re.fullmatch(NAME, text):
+        return ast.PhaseSpan(ast.Call(text, ()))
+    if re.fullmatch(CALL, text):
+        return ast.StateSpan(call(text))  # phases with roles are told apart when names are known
+    raise GrammarError(
+        f"{text!r} is not a span",
+        "episode, a phase, state(…), first|last DUR of SPAN, DUR before|after EVENT, "
+        "from EVENT to EVENT, and any of them while state(…)",
+    )
+
+
+def limit(text: Any) -> ast.Limit:
+    """``">= 8 cm"``, ``"< zone_reach"``, ``"<= -drop"``, ``"<= max_tilt(target)"``."""
+    match = re.fullmatch(r"(>=|<=|>|<) ?(.+)", text) if isinstance(text, str) else None
+    if match is None:
+        raise GrammarError(f"{text!r} is not a limit", '">= 2 cm": one of >= <= > <, then a value')
+    op, rest = cast('Literal[">=", "<=", ">", "<"]', match[1]), match[2]
+    negative = rest.startswith("-")
+    word = rest.removeprefix("-")
+    if column := re.fullmatch(rf"({NAME})\(({NAME})\)", word):
+        return ast.Limit(op, ast.Column(column[1], column[2], negative), text)
+    if re.fullmatch(NAME, word):
+        return ast.Limit(op, ast.Parameter(word, negative), text)
+    return ast.Limit(op, quantity(rest), text)
+
+
+def atom_key(text: str) -> tuple[ast.Call, ast.Event | None]:
+    """The left side of an entry: ``"displacement(cup) since success"``."""
+    match = re.fullmatch(rf"({CALL})(?: since (.+))?", text)
+    if match is None:
+        raise GrammarError(
+            f"{text!r} is neither a signal nor a state",
+            'name(role, …), optionally "since EVENT"; or "any"',
+        )
+    return call(match[1]), event(match[2]) if match[2] else None
+
+
+def count(text: str) -> tuple[Literal["least", "most"], int, str] | None:
+    """``"at least 2 fruit"`` → ("least", 2, "fruit"); None if it is no count."""
+    match = re.fullmatch(rf"at (least|most) (\d+) ({NAME})", text)
+    if match is None:
+        return None
+    return cast('Literal["least", "most"]', match[1]), int(match[2]), match[3]
+
+
+def role(text: str) -> ast.RoleSpec:
+    """``"object"``, ``"every object tagged fragile except target"``. Raises GrammarError."""
+    match = re.fullmatch(
+        rf"(every )?({'|'.join(ROLE_KINDS)})(?: tagged ({NAME}))?(?: except ({NAME}(?:, *{NAME})*))?",
+        text,
+    )
+    if match is None:
+        raise GrammarError(
+            f"{text!r} does not say what may play a role",
+            f"[every] {'|'.join(ROLE_KINDS)} [tagged TAG] [except role, …]",
+        )
+    excluding = tuple(name.strip() for name in match[4].split(",")) if match[4] else ()
+    return ast.RoleSpec(match[2], bool(match[1]), match[3], excluding, text)
