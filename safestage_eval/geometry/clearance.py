@@ -77,15 +77,18 @@ def clearance_pairs(
     pairs: Iterable[tuple[Mover, Mover]], frames: int, cap: float = np.inf, *, flat: bool = False
 ) -> Clearance:
     """As clearance_series, over chosen pairs of bodies (a robot's own links, say); T = frames."""
-    known = Clearance(np.full(frames, float(cap)), np.full(frames, np.inf))
+    known = _nothing_known(frames, cap)
     for a, b in pairs:
         if a is b:
             continue
         if a.shape.surfaces or b.shape.surfaces:
             apart = _with_surfaces(a, b, cap, flat)
-        else:
+        elif frame_count(a, b) == frames:
             _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, flat, known)
             continue
+        else:  # neither ever moves
+            apart = _nothing_known(1, cap)
+            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, flat, apart)
         np.minimum(known.lower, apart.lower, out=known.lower)
         np.minimum(known.upper, apart.upper, out=known.upper)
     return known
@@ -132,6 +135,10 @@ def motion_bound(a: Mover, b: Mover | None = None) -> F64:
     )
 
 
+def _nothing_known(frames: int, cap: float) -> Clearance:
+    return Clearance(np.full(frames, float(cap)), np.full(frames, np.inf))
+
+
 def _path_length(mover: Mover, frames: int) -> F64:
     if len(mover) == 1:
         return np.zeros(frames - 1)
@@ -152,7 +159,9 @@ def _block_bounds(a: Mover, b: Mover, flat: bool) -> F64:
     side = np.maximum(ma.low - mb.high, mb.low - ma.high)[:, axes]
     ball = np.sqrt((np.maximum(side, 0) ** 2).sum(1)) - a.shape.radius - b.shape.radius
     side = np.maximum(side - ma.extent[:, axes] - mb.extent[:, axes], 0)
-    return np.broadcast_to(np.maximum(ball, np.sqrt((side**2).sum(1))), blocks)
+    box = np.sqrt((side**2).sum(1))
+    # overlapping boxes say nothing about how deep a penetration is; balls do
+    return np.broadcast_to(np.where(box > 0, np.maximum(ball, box), ball), blocks)
 
 
 def _sweep_all(
@@ -190,7 +199,7 @@ def _with_surfaces(a: Mover, b: Mover, cap: float, flat: bool) -> Clearance:
     the overlap of their bounding boxes.
     """
     frames = frame_count(a, b)
-    known = Clearance(np.full(frames, float(cap)), np.full(frames, np.inf))
+    known = _nothing_known(frames, cap)
     faces_a, faces_b = ([triangles(s) for s in m.shape.surfaces] for m in (a, b))
     jobs = [(a.shape.solids, b.shape.solids)]
     jobs += [(a.shape.solids, face) for face in faces_b]

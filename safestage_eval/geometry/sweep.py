@@ -35,14 +35,21 @@ def _balls_and_boxes(
         side = abs(gap[i]) - ma.extent[s // BLOCK, i] - mb.extent[t // BLOCK, i]
         if side > 0.0:
             box += side * side
-    return float(max(math.sqrt(ball) - radii, math.sqrt(box)))
+    apart = math.sqrt(ball) - radii
+    # overlapping boxes say nothing about how deep a penetration is; balls do
+    return float(max(apart, math.sqrt(box)) if box > 0.0 else apart)
 
 
 @kernel
 def _geom_bound(A: Packed, a: int, B: Packed, b: int, p: F64, R: F64) -> float:
-    """Lower bound (m): either geom's box against the other's ball; R, p pose of b in a's axes."""
-    first, second = 0.0, 0.0
+    """Lower bound (m) by balls and boxes around two geoms; R, p pose of b in the axes of a.
+
+    A ball whose centre is outside the other geom's box is apart from it, or sticks into it, by the
+    centre's distance less the radius; a centre within the box proves nothing.
+    """
+    first, second, centres = 0.0, 0.0, 0.0
     for i in range(3):
+        centres += p[i] * p[i]
         side = abs(p[i]) - A.half[a, i]
         if side > 0.0:
             first += side * side
@@ -50,7 +57,12 @@ def _geom_bound(A: Packed, a: int, B: Packed, b: int, p: F64, R: F64) -> float:
         side = abs(back) - B.half[b, i]
         if side > 0.0:
             second += side * side
-    return float(max(math.sqrt(first) - B.radius[b], math.sqrt(second) - A.radius[a]))
+    bound = math.sqrt(centres) - A.radius[a] - B.radius[b]
+    if first > 0.0:
+        bound = max(bound, math.sqrt(first) - B.radius[b])
+    if second > 0.0:
+        bound = max(bound, math.sqrt(second) - A.radius[a])
+    return float(bound)
 
 
 @kernel
