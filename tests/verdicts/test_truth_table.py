@@ -1,0 +1,168 @@
+"""The rule language's truth table, and the laws of margins, over given series."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from toy import Facts, judge_toy, series
+
+FORBID_UNTIL = 'forbid = "p(a)"\nuntil = "q(b)"'
+
+
+@pytest.mark.parametrize(
+    ("rule", "p", "q", "truncated", "verdict"),
+    [
+        (FORBID_UNTIL, "00100", "00010", False, "violation"),
+        (FORBID_UNTIL, "00100", "00100", False, "pass"),
+        (FORBID_UNTIL, "11111", "10000", False, "pass"),
+        (FORBID_UNTIL, "00100", "00000", False, "violation"),
+        (FORBID_UNTIL, "00000", "00000", False, "pass"),
+        (FORBID_UNTIL, "00000", "00000", True, "inconclusive"),
+        (FORBID_UNTIL, "00100", "00000", True, "violation"),
+        (FORBID_UNTIL, "00001", "00???", False, "inconclusive"),
+        ('at = "start of q(b)"\nrequire = { "p(a)" = true }', "01111", "11100", False, "violation"),
+        ('at = "start of q(b)"\nrequire = { "p(a)" = true }', "01111", "01100", False, "pass"),
+        ('during = "3 frames after q(b)"\nreach = "p(a)"', "001000", "001000", False, "pass"),
+        ('during = "3 frames after q(b)"\nreach = "p(a)"', "000001", "001000", False, "violation"),
+        (
+            'during = "3 frames after q(b)"\nreach = "p(a)"',
+            "000000",
+            "000010",
+            False,
+            "inconclusive",
+        ),
+        ('forbid = "p(a)"', "00?00", "00000", False, "inconclusive"),
+        ('forbid = "p(a)"', "01?00", "00000", False, "violation"),
+        ('forbid = "p(a)"\nfor = "3 frames"', "0110110", "0000000", False, "pass"),
+        ('forbid = "p(a)"\nfor = "3 frames"', "0111000", "0000000", False, "violation"),
+        ('forbid = "p(a)"\nfor = "3 frames"', "0000011", "0000000", False, "pass"),
+        ('during = "q(b)"\nforbid = "p(a)"', "10001", "01110", False, "pass"),
+        ('during = "q(b)"\nforbid = "p(a)"', "00100", "01110", False, "violation"),
+        ('during = "last 2 frames of q(b)"\nforbid = "p(a)"', "01000", "01110", False, "pass"),
+        ('during = "episode while q(b)"\nforbid = "p(a)"', "10010", "01110", False, "violation"),
+        ('during = "episode while q(b)"\nforbid = "p(a)"', "10001", "01110", False, "pass"),
+        (
+            'during = "from start to q(b)"\nrequire = { "p(a)" = true }',
+            "11000",
+            "00111",
+            False,
+            "pass",
+        ),
+        ('given = { "q(b)" = true }\nforbid = "p(a)"', "11111", "00000", False, "not_applicable"),
+        ('given = { "q(b)" = true }\nforbid = "p(a)"', "11111", "11100", False, "violation"),
+        ('given = { "q(b)" = true }\nforbid = "p(a)"', "11111", "11000", False, "not_applicable"),
+    ],
+)
+def test_truth_table(rule: str, p: str, q: str, truncated: bool, verdict: str) -> None:
+    facts = Facts({"height(a)": series(p), "height(b)": series(q)}, truncated=truncated)
+    text = rule if "q(b)" in rule else rule + '\ngiven = { any = ["q(b)", { "q(b)" = false }] }'
+    assert judge_toy(facts, text).verdict == verdict
+
+
+def test_nothing_to_judge_passes_and_says_so() -> None:
+    facts = Facts({"height(a)": series("111"), "height(b)": series("000")})
+    verdict = judge_toy(facts, 'during = "q(b)"\nforbid = "p(a)"')
+    assert (verdict.verdict, verdict.instances) == ("pass", 0)
+    assert any("nothing to judge" in note for note in verdict.notes)
+
+
+def test_first_and_worst_time_intervals_and_exposure() -> None:
+    heights = [5, 1, 5, 0.5, 0.2, 5]
+    facts = Facts({"height(a)": heights, "height(b)": [0] * 6}, rate=10.0)
+    verdict = judge_toy(facts, 'require = { "height(a)" = ">= 2 m", "q(b)" = true }')
+    assert verdict.verdict == "violation"
+    assert verdict.time == pytest.approx(0.1)
+    assert verdict.worst_time == pytest.approx(0.4)
+    assert verdict.value == pytest.approx(0.2)
+    assert verdict.limit == pytest.approx(2)
+    assert verdict.margin == pytest.approx(-1.8)
+    assert verdict.margin_normalised == pytest.approx(-0.9)
+    assert np.allclose(verdict.intervals, [(0.1, 0.2), (0.3, 0.5)])
+    assert verdict.exposure_time == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("limit", "verdict"), [(">= 8 cm", "pass"), ("> 8 cm", "violation"), ("<= 8 cm", "pass")]
+)
+def test_at_the_limit(limit: str, verdict: str) -> None:
+    facts = Facts({"height(a)": [0.08] * 3, "height(b)": [0] * 3})
+    rule = f'require = {{ "height(a)" = "{limit}", "q(b)" = true }}'
+    assert judge_toy(facts, rule).verdict == verdict
+
+
+def test_ordering_reports_the_time_between() -> None:
+    facts = Facts({"height(a)": series("00010"), "height(b)": series("01000")}, rate=10.0)
+    early = judge_toy(facts, FORBID_UNTIL)
+    assert (early.verdict, early.margin) == ("pass", pytest.approx(0.2))
+    facts = Facts({"height(a)": series("01000"), "height(b)": series("00010")}, rate=10.0)
+    late = judge_toy(facts, FORBID_UNTIL)
+    assert (late.verdict, late.margin) == ("violation", pytest.approx(-0.2))
+    assert (late.value, late.limit) == (pytest.approx(0.1), pytest.approx(0.3))
+
+
+def test_worst_of_several_bodies_is_told() -> None:
+    facts = Facts({"height(x)": [1, 1], "height(y)": [1, -3], "height(z)": [-1, 1]})
+    text = """
+[ruleset]
+format = 1
+name = "toy"
+version = "1"
+[[rule]]
+code = "TOY102"
+title = "toy"
+roles = { a = "object" }
+require = { "height(a)" = ">= 1 m" }
+"""
+    verdict = judge_toy(facts, text, {"a": ("x", "y", "z")})
+    assert verdict.bodies == ("y",)
+    assert (verdict.instances, verdict.violated_instances) == (3, 2)
+    assert verdict.time == 0.0  # z broke it first, y worst
+
+
+heights = st.lists(st.integers(-5, 5).map(float), min_size=4, max_size=20)
+
+
+@given(heights, st.integers(-4, 4), st.integers(1, 4))
+def test_margin_is_the_distance_to_the_flip(values: list[float], limit: int, lasting: int) -> None:
+    """The reported value, taken as the limit, is where the verdict flips."""
+    facts = Facts({"height(a)": values, "height(b)": [0] * len(values)})
+
+    def verdict(limit: float) -> str:
+        text = f'forbid = [{{ "height(a)" = ">= {limit:.6f} m", "q(b)" = true }}]'
+        return judge_toy(facts, f'{text}\nfor = "{lasting} frames"'.replace("--", "")).verdict
+
+    if limit < 0:
+        return
+    found = judge_toy(
+        facts,
+        f'forbid = [{{ "height(a)" = ">= {limit} m", "q(b)" = true }}]\nfor = "{lasting} frames"',
+    )
+    assert (found.margin_normalised is None) or (
+        (found.margin_normalised < 0) == (found.verdict == "violation")
+    )
+    if found.value is not None and found.value > 0 and found.margin is not None:
+        assert verdict(found.value) == "violation"
+        assert verdict(found.value + 0.5) == "pass"
+
+
+@given(heights, st.integers(1, 5), st.integers(0, 3))
+def test_tightening_never_removes_a_violation(values: list[float], limit: int, more: int) -> None:
+    facts = Facts({"height(a)": values, "height(b)": [0] * len(values)})
+    verdicts = [
+        judge_toy(facts, f'require = {{ "height(a)" = ">= {x} m", "q(b)" = true }}').verdict
+        for x in (limit, limit + more)
+    ]
+    assert verdicts != ["violation", "pass"]
+
+
+@given(st.lists(st.sampled_from("01?"), min_size=2, max_size=8), st.data())
+def test_an_unknown_frame_never_decides(truth: list[str], data: st.DataObject) -> None:
+    """Whatever the unknown frames turn out to be, a decided verdict stands."""
+    text = "".join(truth)
+    q = "1" * len(text)
+    facts = Facts({"height(a)": series(text), "height(b)": series(q)})
+    rule = 'during = "q(b)"\nforbid = "p(a)"\nfor = "2 frames"'
+    found = judge_toy(facts, rule).verdict
+    filled = "".join(data.draw(st.sampled_from("01")) if c == "?" else c for c in text)
+    full = Facts({"height(a)": series(filled), "height(b)": series(q)})
+    assert found in ("inconclusive", judge_toy(full, rule).verdict)
