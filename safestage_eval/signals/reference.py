@@ -22,9 +22,15 @@ class Baseline:
     frames: int = 5
 
     def position(self, values: F64) -> F64:
-        """(T, k) → (k,): the median over the baseline frames."""
-        median: F64 = np.median(values[: self.frames], axis=0)
-        return median
+        """(T, 3) → (3,) m: the spatial median over the baseline frames, as a medoid.
+
+        The frame whose summed distance to the others is least. One wild frame does not move it,
+        and unlike the median of each coordinate it does not depend on how the world's axes lie.
+        """
+        some = values[: self.frames]
+        apart = np.linalg.norm(some[:, None] - some[None], axis=2).sum(axis=0)
+        medoid: F64 = some[int(np.argmin(apart))]
+        return medoid
 
     def orientation(self, quaternions: F64) -> F64:
         """(T, 4) wxyz → (4,): the mean over the baseline frames."""

@@ -1,0 +1,181 @@
+"""Signals on motions whose values are known, and what must not change them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scenes import G, Scene
+
+from safestage_eval.episode import Episode, Geom, Track
+from safestage_eval.geometry.pose import product, rotate
+from safestage_eval.signals.measure import Signals
+from safestage_eval.signals.reference import Reference, latest
+
+BALL = Geom(kind="sphere", size=(0.05,))
+
+
+def spin(angles: np.ndarray, axis: tuple[float, float, float] = (0, 1, 0)) -> np.ndarray:
+    """(T, 4) rotations by angles (T,) rad about an axis."""
+    return np.column_stack([np.cos(angles / 2), np.sin(angles / 2)[:, None] * np.array(axis)])
+
+
+def test_tilt_is_the_angle_of_the_up_axis() -> None:
+    angles = np.linspace(0, np.pi, 61)
+    scene = Scene(61).body("a", BALL, (0, 0, 1), spin(angles))
+    tilt = Signals(scene.episode()).get("tilt", ["a"])
+    assert np.allclose(tilt.value, angles, atol=1e-6)
+
+
+def test_tilt_keeps_small_angles() -> None:
+    angles = np.array([0, 1e-6, 1e-4])
+    scene = Scene(3).body("a", BALL, (0, 0, 1), spin(angles))
+    assert np.allclose(Signals(scene.episode()).get("tilt", ["a"]).value, angles, rtol=1e-3, atol=0)
+
+
+def test_a_body_without_up_axis_breaks_no_limit_and_says_so() -> None:
+    scene = Scene(2).body("orange", BALL, (0, 0, 1), up_axis=None)
+    tilt = Signals(scene.episode()).get("tilt", ["orange"])
+    assert (tilt.upper < -1e9).all()
+    assert "no up axis" in tilt.notes[0]
+
+
+def test_turn_sees_a_twist_that_tilt_does_not() -> None:
+    angles = np.r_[np.zeros(5), np.linspace(0, 2, 20)]
+    scene = Scene(25).body("a", BALL, (0, 0, 1), spin(angles, (0, 0, 1)))
+    signals = Signals(scene.episode())
+    assert np.allclose(signals.get("turn", ["a"]).value, angles, atol=1e-6)
+    assert np.allclose(signals.get("tilt", ["a"]).value, 0, atol=1e-6)
+
+
+def test_displacement_is_of_the_com_and_from_the_baseline() -> None:
+    """A body that spins about its own COM goes nowhere, though its origin does."""
+    angles = np.r_[np.zeros(5), np.linspace(0, 3, 30)]
+    offset = np.array([0.1, 0, 0])
+    position = -rotate(spin(angles), offset)
+    scene = Scene(35).body("a", BALL, position, spin(angles), com=tuple(offset))
+    signals = Signals(scene.episode())
+    assert np.allclose(signals.get("displacement", ["a"]).value, 0, atol=1e-6)
+    assert np.allclose(signals.get("height", ["a"]).value, 0, atol=1e-6)
+
+
+def test_baseline_is_a_median() -> None:
+    """One wild frame among the first five does not move the reference."""
+    x = np.r_[0, 0, 0.5, 0, 0, np.full(5, 0.02)]
+    scene = Scene(10).body("a", BALL, np.column_stack([x, 0 * x, 0 * x]))
+    displacement = Signals(scene.episode()).get("displacement", ["a"]).value
+    assert np.allclose(displacement[5:], 0.02, atol=1e-6)
+
+
+def test_since_takes_the_latest_event_and_the_baseline_before() -> None:
+    x = np.arange(10) / 100
+    x[:5] = 0
+    scene = Scene(10).body("a", BALL, np.column_stack([x, 0 * x, 0 * x]))
+    signals = Signals(scene.episode())
+    since = Reference(signals.baseline, latest(np.array([6, 8]), 10), "6,8")
+    found = signals.get("displacement", ["a"], since).value
+    assert np.allclose(found, [0, 0, 0, 0, 0, 0.05, 0, 0.01, 0, 0.01], atol=1e-6)
+
+
+def test_lift_is_of_the_lowest_point() -> None:
+    """A box tipped about its COM lifts nothing until its lowest corner is above the start."""
+    angles = np.r_[np.zeros(5), np.full(5, np.pi / 4)]
+    scene = Scene(10).body("a", Geom(kind="box", size=(0.1, 0.1, 0.1)), (0, 0, 0.1), spin(angles))
+    lift = Signals(scene.episode()).get("lift", ["a"]).value
+    assert np.allclose(lift[:5], 0, atol=1e-6)
+    assert np.allclose(lift[5:], 0.1 - 0.1 * np.sqrt(2), atol=1e-6)
+
+
+def test_speeds_are_of_the_com() -> None:
+    """v + ω × r: spinning about the origin at 2 rad/s, the COM 10 cm away goes at 20 cm/s."""
+    scene = Scene(3).body("a", BALL, (0, 0, 0), com=(0.1, 0, 0)).body("b", BALL, (1, 0, 0))
+    still = scene.tracks["a"]
+    omega = np.broadcast_to(np.array([0, 0, 2], np.float32), (3, 3))
+    scene.tracks["a"] = Track(still.position, still.orientation, still.linear_velocity, omega)
+    signals = Signals(scene.episode())
+    assert np.allclose(signals.get("speed", ["a"]).value, 0.2)
+    assert np.allclose(signals.get("angular_speed", ["a"]).value, 2)
+    assert np.allclose(signals.get("relative_speed", ["a", "b"]).value, 0.2)
+
+
+def test_free_fall() -> None:
+    t = np.arange(30) / 120
+    scene = Scene(30).body("a", BALL, np.column_stack([0 * t, 0 * t, 1 - G * t**2 / 2]))
+    found = Signals(scene.episode()).get("vertical_speed", ["a"]).value
+    assert np.allclose(found[1:-1], -G * t[1:-1], atol=1e-5)
+
+
+def test_forces_of_unions_add_up() -> None:
+    scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    for side, sign in (("left", 1), ("right", -1)):
+        scene.box(side, 0.01, (-0.06 * sign, 0, 0.05), kind="gripper", finger=side)
+        scene.contact(side, "a", (-0.05 * sign, 0, 0.05), (30 * sign, 0, 4), normal=(sign, 0, 0))
+    signals = Signals(scene.episode())
+    assert np.allclose(signals.get("contact_force", ["gripper", "a"]).value, 60)
+    assert np.allclose(signals.get("contact_force", ["left", "a"]).value, 30)
+    assert np.allclose(signals.get("contact_force", ["a", "gripper"]).value, 60)
+    assert np.allclose(signals.get("contact_force", ["a", "table"]).value, 0)
+    assert (signals.get("peak_force", ["left", "a"]).value >= 30).all()
+
+
+def test_clearance_is_the_least_over_a_union_and_only_capped_far_away() -> None:
+    scene = Scene(2).body("cup", BALL, (0, 0, 0))
+    for name, x in (("link", 0.3), ("hand", 0.2)):
+        scene.body(name, BALL, (x, 0, 0), kind="robot" if name == "link" else "gripper")
+    signals = Signals(scene.episode())
+    assert np.allclose(signals.get("clearance", ["robot", "cup"]).value, 0.1)
+    assert np.allclose(signals.get("clearance", ["gripper", "cup"]).value, 0.1)
+    far = signals.get("clearance", ["link", "cup"])
+    assert np.allclose(far.lower, 0.1)
+    assert np.isinf(far.upper).all()
+    exact = signals.get("clearance", ["link", "cup"], reach=0.25)
+    assert np.allclose(exact.value, 0.2)
+
+
+@pytest.mark.parametrize("name", ["contact_force", "clearance", "gripper_opening"])
+def test_what_the_trace_lacks_is_unknown_not_zero(name: str) -> None:
+    scene = Scene(2).body("a", BALL, (0, 0, 0)).body("b", BALL, (1, 0, 0))
+    scene.bodies = [b.model_copy(update={"geoms": ()}) for b in scene.bodies]
+    series = Signals(scene.episode(force_source="none")).get(
+        name, [] if name == "gripper_opening" else ["a", "b"]
+    )
+    assert not series.known.any()
+    assert series.notes
+
+
+NAMES = [
+    ("height", 1), ("lift", 1), ("displacement", 1), ("displacement_xy", 1), ("turn", 1),
+    ("tilt", 1), ("speed", 1), ("vertical_speed", 1), ("angular_speed", 1), ("relative_speed", 2),
+    ("contact_force", 2), ("clearance", 2), ("clearance_xy", 2), ("height_above", 2),
+    ("overlap_xy", 2),
+]  # fmt: skip
+
+
+def moved(episode: Episode, yaw: float, shift: np.ndarray) -> Episode:
+    """The whole scene turned about z and shifted."""
+    turn = spin(np.array([yaw]), (0, 0, 1))[0]
+    tracks = {
+        name: Track(
+            (rotate(turn, t.position) + shift).astype(np.float32),
+            product(turn, t.orientation).astype(np.float32),
+            rotate(turn, t.linear_velocity).astype(np.float32),
+            rotate(turn, t.angular_velocity).astype(np.float32),
+        )
+        for name, t in episode.tracks.items()
+    }
+    return Episode(episode.header, episode.t, tracks, episode.contacts, episode.frames)
+
+
+@given(st.floats(-3, 3), st.floats(-1, 1), st.floats(-1, 1), st.integers(0, 9))
+def test_moving_the_whole_scene_changes_nothing(yaw: float, x: float, y: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    path = np.cumsum(rng.normal(0, 0.01, (12, 3)), axis=0)
+    turn = spin(np.cumsum(rng.normal(0, 0.1, 12)))
+    scene = Scene(12).body("a", Geom(kind="box", size=(0.05, 0.03, 0.02)), path, turn)
+    scene.body("b", Geom(kind="cylinder", size=(0.03, 0.05)), (0.12, 0, 0.02))
+    scene.contact("b", "a", (0.1, 0, 0), (-3, 0, 1), normal=(-1, 0, 0))
+    here = scene.episode()
+    there = moved(here, yaw, np.array([x, y, 0]))
+    for name, arity in NAMES:
+        bodies = ["a", "b"][:arity]
+        one, two = (Signals(e).get(name, bodies, reach=0.5).value for e in (here, there))
+        assert np.allclose(one, two, atol=2e-5), name
