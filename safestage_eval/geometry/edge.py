@@ -60,7 +60,7 @@ def edge_margin(
 
     Returns:
         (T,) > 0: entirely on the patch; < 0: minus how far it sticks out; +inf: every edge is
-        guarded, or it stands on a plane. NaN: no upward face at that height, or not asked for.
+        guarded, or it stands on a plane. NaN: no upward face or nothing of a at that height, or not asked for.
     """
     total = frame_count(a, *supports)
     wanted = np.arange(total) if frames is None else frames
@@ -85,6 +85,8 @@ def _margin_at(a: Mover, supports: Sequence[Mover], frame: int, height: float) -
         return np.nan
     cuts = [below(part, points, height + BASE_HEIGHT) for part, points in parts]
     base = [convex_hull(cut) for cut in cuts if len(cut)]
+    if not base:
+        return np.nan
     walls = _walls(supports, frame, patch.height + WALL_HEIGHT * (1 - 1e-3))
     return _signed_distance(base, patch.polygons, walls)
 

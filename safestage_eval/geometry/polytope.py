@@ -70,14 +70,14 @@ def hull_centroid(parts: list[Polytope]) -> F64:
     if not parts:
         raise ValueError("a body without bounded geoms has no hull")
     points = np.concatenate([part.vertices for part in parts])
-    middle = (points.min(0) + points.max(0)) / 2
+    inner = points.mean(0)
     try:
-        hull = ConvexHull(points - middle)
+        hull = ConvexHull(points - inner)
     except QhullError:
-        return np.asarray(middle)
+        return np.asarray((points.min(0) + points.max(0)) / 2)
     corners = hull.points[hull.simplices]
     volume = np.abs(np.linalg.det(corners))
-    return np.asarray(middle + (corners.sum(1) / 4 * volume[:, None]).sum(0) / volume.sum())
+    return np.asarray(inner + (corners.sum(1) / 4 * volume[:, None]).sum(0) / volume.sum())
 
 
 def _around(radius: float) -> int:

@@ -1,0 +1,142 @@
+"""How far from the edge: straight edges, corners, rims, walls, several geoms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bodies import box, cylinder, put, shape, sphere
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from safestage_eval.episode import Geom
+from safestage_eval.geometry import pose
+from safestage_eval.geometry.edge import edge_margin
+from safestage_eval.geometry.mover import Mover
+
+MM = 1e-3
+CAN = cylinder(0.03, 0.06)
+TABLE = put(box(0.5, 0.3, 0.01), (0, 0, -0.01))
+BOARDS = [box(0.1, 0.3, 0.01, at=(x, 0, -0.01)) for x in (-0.4, -0.2, 0, 0.2, 0.4)]
+SHELF = put(shape(*BOARDS, box(0.5, 0.01, 0.2, at=(0, 0.29, 0.2))), (0, 0, 0))
+
+
+def margin(a: Mover, *supports: Mover) -> float:
+    return float(edge_margin(a, supports)[0])
+
+
+def ring(radius: float, height: float) -> list[Geom]:
+    """A rim of 24 small boxes around the origin, from 0 up."""
+    geoms = []
+    for angle in np.arange(24) * 2 * np.pi / 24:
+        turn = (np.cos(angle / 2), 0, 0, np.sin(angle / 2))
+        at = (radius * np.cos(angle), radius * np.sin(angle), height / 2)
+        half = (0.004, radius * 0.15, height / 2)
+        geoms.append(Geom(kind="box", size=half, position=at, orientation=turn))
+    return geoms
+
+
+@pytest.mark.parametrize("y", [0.0, -0.2, -0.26, -0.27, -0.28, -0.3, -0.32])
+@pytest.mark.parametrize("support", [TABLE, SHELF], ids=["one box", "five boards and a back wall"])
+def test_straight_edge(support: Mover, y: float) -> None:
+    """Positive inside, zero at the edge, negative by how far it sticks out."""
+    assert margin(put(CAN, (0.05, y, 0.06)), support) == pytest.approx(0.3 - 0.03 + y, abs=0.1 * MM)
+
+
+def test_the_nearest_of_all_edges_counts_and_seams_do_not() -> None:
+    assert margin(put(CAN, (0.1, 0, 0.06)), SHELF) == pytest.approx(0.27, abs=0.1 * MM)
+    assert margin(put(CAN, (0.4, 0, 0.06)), SHELF) == pytest.approx(0.07, abs=0.1 * MM)
+    assert margin(put(box(0.03, 0.03, 0.06), (0.4, 0.1, 0.06)), TABLE) == pytest.approx(0.07)
+
+
+def test_corner() -> None:
+    assert margin(put(CAN, (0.49, -0.29, 0.06)), TABLE) == pytest.approx(-0.02, abs=0.1 * MM)
+    beyond = margin(put(box(0.02, 0.02, 0.02), (0.51, -0.32, 0.02)), TABLE)
+    assert beyond == pytest.approx(-0.05, abs=0.1 * MM)
+
+
+def test_a_back_wall_guards_its_edge() -> None:
+    """Next to the wall and far from the front: the front counts. Without the wall the back does."""
+    behind = put(CAN, (0, 0.24, 0.06))
+    assert margin(behind, SHELF) == pytest.approx(0.5 - 0.03, abs=0.3)
+    assert margin(behind, SHELF) > 0.4
+    assert margin(behind, TABLE) == pytest.approx(0.03, abs=0.1 * MM)
+    touching = put(CAN, (0, 0.2505, 0.0595))
+    assert margin(touching, SHELF) > 0.4
+
+
+def test_a_wall_set_in_guards_the_ledge_behind_it() -> None:
+    inset = put(
+        shape(box(0.5, 0.3, 0.01, at=(0, 0, -0.01)), box(0.5, 0.005, 0.03, at=(0, 0.2, 0.03))),
+        (0, 0, 0),
+    )
+    assert margin(put(CAN, (0, 0.15, 0.06)), inset) == pytest.approx(0.42, abs=0.1 * MM)
+    on_ledge = put(cylinder(0.02, 0.05), (0, 0.25, 0.05))
+    assert margin(on_ledge, inset) == pytest.approx(0.03, abs=0.1 * MM)
+
+
+@pytest.mark.parametrize(("rim", "guards"), [(0.008, False), (0.012, True)])
+def test_a_rim_guards_when_it_is_a_centimetre_high(rim: float, guards: bool) -> None:
+    disc = Geom(kind="cylinder", size=(0.15, 0.004), position=(0, 0, -0.004))
+    plate = put(shape(disc, *ring(0.146, rim)), (0.3, 0.1, 0.8))
+    found = margin(put(sphere(0.035), (0.35, 0.1, 0.835)), plate)
+    foot = np.sqrt(0.035**2 - 0.03**2)
+    assert found == (np.inf if guards else pytest.approx(0.15 - 0.05 - foot, abs=0.1 * MM))
+
+
+def test_in_a_bin_nothing_can_fall_on_its_wall_it_can() -> None:
+    walls = [box(0.005, 0.1, 0.05, at=(s * 0.095, 0, 0.05)) for s in (-1, 1)]
+    walls += [box(0.1, 0.005, 0.05, at=(0, s * 0.095, 0.05)) for s in (-1, 1)]
+    container = put(shape(box(0.1, 0.1, 0.005, at=(0, 0, -0.005)), *walls), (0, 0, 0))
+    assert margin(put(CAN, (0.02, 0, 0.06)), container) == np.inf
+    assert margin(put(CAN, (0.0604, 0, 0.0596)), container) == np.inf
+    on_wall = put(box(0.003, 0.01, 0.01), (0.095, 0, 0.11))
+    assert margin(on_wall, container) == pytest.approx(2 * MM, abs=0.1 * MM)
+
+
+def test_two_bodies_make_one_surface() -> None:
+    left, right = (
+        put(box(0.1, 0.1, 0.01), (-0.1, 0, -0.01)),
+        put(box(0.1, 0.1, 0.01), (0.1, 0, -0.01)),
+    )
+    can = put(CAN, (0, 0, 0.06))
+    assert margin(can, left, right) == pytest.approx(0.07, abs=0.1 * MM)
+    assert margin(can, left) == pytest.approx(-0.03, abs=0.1 * MM)
+
+
+def test_only_the_base_counts() -> None:
+    """A goblet: wide above, narrow where it stands."""
+    goblet = shape(
+        cylinder(0.02, 0.05), Geom(kind="cylinder", size=(0.06, 0.01), position=(0, 0, 0.06))
+    )
+    assert margin(put(goblet, (0, -0.26, 0.05)), TABLE) == pytest.approx(0.02, abs=0.1 * MM)
+
+
+def test_on_a_plane_without_a_patch_and_frames_not_asked_for() -> None:
+    assert margin(put(CAN, (0, 0, 0.06)), put(Geom(kind="plane"), (0, 0, 0))) == np.inf
+    assert np.isnan(margin(put(CAN, (0, 0, 0.2)), TABLE))
+    assert np.isnan(margin(put(CAN, (0, 0, 0.06 + 0.01)), put(sphere(0.01), (0, 0, 0))))
+    p = np.tile([0, -0.2, 0.06], (10, 1))
+    p[6:, 1] = -0.25
+    moving = put(CAN, p, np.tile([1.0, 0, 0, 0], (10, 1)))
+    found = edge_margin(moving, [TABLE], np.arange(4, 9))
+    np.testing.assert_allclose(found[4:9], [0.07, 0.07, 0.02, 0.02, 0.02], atol=0.1 * MM)
+    assert np.isnan(found[[0, 1, 2, 3, 9]]).all()
+    raised = put(CAN, (0, 0, 0.064))
+    assert np.isnan(margin(raised, TABLE))
+    assert edge_margin(raised, [TABLE], height=np.zeros(1))[0] == pytest.approx(0.27, abs=0.1 * MM)
+    high = put(CAN, (0, 0, 0.2))
+    assert np.isnan(edge_margin(high, [TABLE], height=np.zeros(1))[0])
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(derandomize=True, deadline=None, max_examples=15)
+def test_turning_the_whole_scene_about_the_vertical_changes_nothing(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y, spin = rng.uniform(-0.5, 0.5), rng.uniform(-0.32, 0.24), rng.uniform(0, 7)
+    block = shape(box(0.03, 0.02, 0.05))
+    at, q = (x, y, 0.05), (np.cos(spin / 2), 0, 0, np.sin(spin / 2))
+    turn = pose.unit([rng.normal(), 0, 0, rng.normal()])
+    shift = rng.normal(size=3)
+    here = margin(put(block, at, q), SHELF)
+    there = margin(put(block, *pose.compose(shift, turn, at, q)), put(SHELF.shape, shift, turn))
+    assert there == pytest.approx(here, abs=1e-6, nan_ok=True)
