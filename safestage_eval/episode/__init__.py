@@ -7,7 +7,10 @@ from .frames import RobotFrames
 from .header import SCHEMA_VERSION, Header, Source
 from .invariants import (
     check,
+    check_contact_frames,
+    check_contact_geoms,
     check_contacts,
+    check_finite,
     check_frames,
     check_header,
     check_time,
@@ -35,7 +38,10 @@ __all__ = [
     "Track",
     "Vec3",
     "check",
+    "check_contact_frames",
+    "check_contact_geoms",
     "check_contacts",
+    "check_finite",
     "check_frames",
     "check_header",
     "check_time",

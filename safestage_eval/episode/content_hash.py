@@ -30,8 +30,12 @@ def content_hash(episode: Episode) -> str:
         "frame_dt": header.frame_dt,
         "control_dt": header.control_dt,
         "gravity": header.gravity,
-        "bodies": [body.model_dump(mode="json", exclude=_DESCRIPTIVE) for body in header.bodies],
-        "joints": [joint.model_dump(mode="json") for joint in header.joints],
+        # without defaults: a field that a later minor adds must not change older hashes
+        "bodies": [
+            body.model_dump(mode="json", exclude=_DESCRIPTIVE, exclude_defaults=True)
+            for body in header.bodies
+        ],
+        "joints": [joint.model_dump(mode="json", exclude_defaults=True) for joint in header.joints],
     }
     digest = hashlib.sha256(json.dumps(scene, sort_keys=True).encode())
 

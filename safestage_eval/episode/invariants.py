@@ -64,7 +64,7 @@ def check(episode: Episode) -> list[TraceError]:
                     f"time has {len(episode)}",
                 )
             )
-        found += _finite(values, f"channel {name} of {body_name}", where)
+        found += check_finite(values, f"channel {name} of {body_name}", where)
     return found
 
 
@@ -110,7 +110,7 @@ def check_time(t: NDArray[np.float64], where: str) -> list[TraceError]:
     """Finite and strictly increasing, at least one frame."""
     if len(t) == 0:
         return [TraceError(where, "the episode has no frames")]
-    found = _finite(t, "time", where)
+    found = check_finite(t, "time", where)
     back = np.flatnonzero(np.diff(t) <= 0)
     if len(back) and not found:
         i = int(back[0]) + 1
@@ -145,7 +145,7 @@ def check_track_column(
         found.append(
             TraceError(where, f"{column} of {body!r} has {len(array)} rows, time has {frames}")
         )
-    found += _finite(array, f"{column} of {body!r}", where)
+    found += check_finite(array, f"{column} of {body!r}", where)
     if column != "orientation" or found:
         return found
     norm = np.sqrt(np.einsum("ij,ij->i", array, array, dtype=np.float64))
@@ -173,7 +173,7 @@ def check_frames(robot: RobotFrames, frames: int, where: str) -> list[TraceError
             found.append(
                 TraceError(where, f"{column.name} has {len(array)} rows, time has {frames}")
             )
-        found += _finite(array, column.name, where)
+        found += check_finite(array, column.name, where)
     return found
 
 
@@ -184,42 +184,54 @@ def check_contacts(
 
     ``geom_owner`` (G,) is the body index of each geom, as in ``Episode.geom_owner``.
     """
-    found = []
+    found = check_contact_frames(contacts, frames, where)
+    found += check_contact_geoms(contacts, geom_owner, where)
     for name in ("position", "normal", "force", "peak_force", "depth"):
-        found += _finite(getattr(contacts, name), f"contact {name}", where)
-    if not len(contacts):
-        return found
-    for name, limit in (("frame", frames), ("geom1", len(geom_owner)), ("geom2", len(geom_owner))):
-        column = getattr(contacts, name)
-        outside = (column < 0) | (column >= limit)
-        if outside.any():
-            found.append(
-                TraceError(
-                    where,
-                    f"contact {name} {column[outside][0]} is out of range.",
-                    f"0…{limit - 1}" if limit else f"none: there is no {name[:5]}",
-                )
-            )
-    if found:
-        return found
-    for body, geom in (("body1", "geom1"), ("body2", "geom2")):
-        wrong = np.flatnonzero(geom_owner[getattr(contacts, geom)] != getattr(contacts, body))
-        if len(wrong):
-            row = int(wrong[0])
-            found.append(
-                TraceError(
-                    where,
-                    f"contact row {row}: {geom} {getattr(contacts, geom)[row]} does not belong to "
-                    f"{body} {getattr(contacts, body)[row]} ({len(wrong)} rows in all).",
-                    "geoms counted over all bodies in the header's order",
-                )
-            )
+        found += check_finite(getattr(contacts, name), f"contact {name}", where)
+    return found
+
+
+def check_contact_frames(contacts: ContactTable, frames: int, where: str) -> list[TraceError]:
+    """Frames in range, body 1 before body 2."""
+    found = _in_range(contacts.frame, frames, "frame", where)
     if (contacts.body1 >= contacts.body2).any():
         found.append(TraceError(where, "contacts are not in canonical order: body1 >= body2"))
     return found
 
 
-def _finite(array: NDArray[np.floating], name: str, where: str) -> list[TraceError]:
+def check_contact_geoms(
+    contacts: ContactTable, geom_owner: NDArray[np.int16], where: str
+) -> list[TraceError]:
+    """Geoms that exist and belong to the bodies named with them."""
+    found = []
+    for side in "12":
+        geom, body = getattr(contacts, f"geom{side}"), getattr(contacts, f"body{side}")
+        outside = _in_range(geom, len(geom_owner), f"geom{side}", where)
+        found += outside
+        wrong = np.flatnonzero(geom_owner[geom] != body) if not outside else np.zeros(0, np.intp)
+        if len(wrong):
+            row = int(wrong[0])
+            found.append(
+                TraceError(
+                    where,
+                    f"contact row {row}: geom{side} {geom[row]} does not belong to "
+                    f"body{side} {body[row]} ({len(wrong)} rows in all).",
+                    "geoms counted over all bodies in the header's order",
+                )
+            )
+    return found
+
+
+def _in_range(column: NDArray[np.integer], limit: int, name: str, where: str) -> list[TraceError]:
+    outside = (column < 0) | (column >= limit)
+    if not outside.any():
+        return []
+    allowed = f"0…{limit - 1}" if limit else f"none: there is no {name.rstrip('12')}"
+    return [TraceError(where, f"contact {name} {column[outside][0]} is out of range.", allowed)]
+
+
+def check_finite(array: NDArray[np.floating], name: str, where: str) -> list[TraceError]:
+    """Neither NaN nor infinity; the first such row is named."""
     with np.errstate(all="ignore"):
         if np.isfinite(array.sum()):  # twice as fast as looking at every value
             return []

@@ -16,7 +16,9 @@ from safestage_eval.episode import (
     Mesh,
     RobotFrames,
     Track,
-    check_contacts,
+    check_contact_frames,
+    check_contact_geoms,
+    check_finite,
     check_frames,
     check_header,
     check_time,
@@ -27,7 +29,7 @@ from safestage_eval.errors import TraceError
 from . import dataset_layout as layout
 from .arrow_tables import CONTACT_VECTORS, EPISODES, REQUIRED, ROBOT_COLUMNS, XYZ
 from .episode_row import from_row, mesh_keys
-from .lazy import StoredItems, StoredTrack
+from .lazy import CONTACT_GEOMS, CONTACT_KEYS, StoredContacts, StoredItems, StoredTrack
 from .ply import from_ply
 from .stored_table import StoredTable
 
@@ -174,35 +176,53 @@ class _StoredEpisode:
 
     def contacts(self, geom_owner: NDArray[np.int16]) -> ContactTable:
         source = self.table("contacts")
-        vectors = {name: [f"{name}.{axis}" for axis in XYZ] for name in CONTACT_VECTORS}
-        columns = ["frame_index", "slot", "body1", "body2", "geom1", "geom2", "peak_force", "depth"]
-        table = source.rows(
-            [*columns, *(name for names in vectors.values() for name in names)], self.index
-        )
-        if len(table) != self.row["contacts"]:
-            raise TraceError(
-                self.where, f"{source.path} has {len(table)} contacts, not {self.row['contacts']}"
-            )
-        frame = source.numbers(table, "frame_index", np.int32)
-        slot = source.numbers(table, "slot", np.int16)
-        body1, body2 = (source.codes(table, n, self.body_index) for n in ("body1", "body2"))
-        order = _by_frame(frame, slot, body1, body2)
-        stacked = []
-        for names in vectors.values():
-            values = np.empty((len(table), 3), np.float32)
-            for i, name in enumerate(names):
-                values[:, i] = source.numbers(table, name, np.float32)[order]
-            stacked.append(values)
-        contacts = ContactTable(
-            frame[order],
-            body1[order],
-            body2[order],
-            *(source.numbers(table, n, np.uint16)[order] for n in ("geom1", "geom2")),
-            *stacked,
-            *(source.numbers(table, n, np.float32)[order] for n in ("peak_force", "depth")),
-        )
-        self.demand(check_contacts(contacts, geom_owner, self.length, self.where))
-        return contacts
+        order = np.zeros(0, np.intp)
+
+        def keys() -> dict[str, NDArray[Any]]:
+            nonlocal order
+            rows = source.rows(("frame_index", "slot", "body1", "body2"), self.index)
+            if len(rows) != self.row["contacts"]:
+                raise TraceError(
+                    self.where,
+                    f"{source.path} has {len(rows)} contacts, not {self.row['contacts']}",
+                )
+            frame = source.numbers(rows, "frame_index", np.int32)
+            slot = source.numbers(rows, "slot", np.int16)
+            body1, body2 = (source.codes(rows, n, self.body_index) for n in ("body1", "body2"))
+            order = _by_frame(frame, slot, body1, body2)
+            return {
+                "frame": frame.take(order),
+                "body1": body1.take(order),
+                "body2": body2.take(order),
+            }
+
+        def column(name: str) -> NDArray[Any]:
+            vector = name in CONTACT_VECTORS
+            names = [f"{name}.{axis}" for axis in XYZ] if vector else [name]
+            rows = source.rows(names, self.index)
+            dtype = np.uint16 if name in CONTACT_GEOMS else np.float32
+            parts = [source.numbers(rows, n, dtype) for n in names]
+            values: NDArray[Any] = np.stack(parts, 1) if vector else parts[0]
+            return values.take(order, axis=0)  # five times faster than values[order]
+
+        def load(columns: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+            if columns == CONTACT_KEYS:
+                found = keys()
+                vars(table).update(found)
+                self.demand(check_contact_frames(table, self.length, self.where))
+                return found
+            len(table)  # the keys come first: they tell the order
+            found = {name: column(name) for name in columns}
+            if columns == CONTACT_GEOMS:
+                vars(table).update(found)
+                self.demand(check_contact_geoms(table, geom_owner, self.where))
+                return found
+            for name, values in found.items():
+                self.demand(check_finite(values, f"contact {name}", self.where))
+            return found
+
+        table = StoredContacts(load)
+        return table
 
     def robot(self) -> RobotFrames:
         source = self.frames_table
@@ -224,8 +244,7 @@ class _StoredEpisode:
         frame = source.numbers(table, "frame_index", np.int32)
         self.in_order(frame, f"channel {key[1]!r} of {key[0]!r}", self.length)
         values: NDArray[np.float32] = source.numbers(table, "value", np.float32)
-        if self.checked and not np.isfinite(values).all():
-            raise TraceError(self.where, f"channel {key[1]!r} of {key[0]!r} is not finite")
+        self.demand(check_finite(values, f"channel {key[1]!r} of {key[0]!r}", self.where))
         return values
 
     def states(self) -> StoredItems[int, NDArray[np.float64]]:
@@ -246,9 +265,10 @@ def _by_frame(
     body2: NDArray[np.int16],
 ) -> NDArray[np.intp]:
     """Order of rows in the canonical table: by frame, pair, slot."""
-    key = (body1.astype(np.int64) << 32) | (body2.astype(np.int64) << 16) | slot
-    if (key[1:] < key[:-1]).any():
-        return np.lexsort((slot, body2, body1, frame))
+    pair = body1.astype(np.int32) << 16 | body2
+    step = np.diff(pair)
+    if ((step < 0) | ((step == 0) & (np.diff(slot) < 0))).any():
+        return np.lexsort((slot, pair, frame))
     # as we write it, by pair and slot: a stable sort by frame is all that is left
     small = frame.astype(np.uint16) if len(frame) and frame.max() < 1 << 16 else frame
     return np.argsort(small, kind="stable")

@@ -33,6 +33,7 @@ def to_row(header: Header) -> dict[str, Any]:
     """The header's columns in ``meta/episodes``. Raises TraceError as ``encode`` does."""
     where = header.episode_id
     data = header.model_dump(mode="json")
+    encode(data, where)
     row = {name: data[name] for name in _FLAT_FIELDS}
     row |= {name: encode(data[name], where) for name in _JSON_FIELDS}
     for body in data["bodies"]:

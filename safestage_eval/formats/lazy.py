@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
-import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Track
+from safestage_eval.episode import ContactTable, Track
 
 POSE = ("position", "orientation")
 TWIST = ("linear_velocity", "angular_velocity")
+CONTACT_KEYS = ("frame", "body1", "body2")
+CONTACT_GEOMS = ("geom1", "geom2")
 
 
 K = TypeVar("K")
@@ -44,18 +45,39 @@ class StoredItems(Mapping[K, V]):
         return len(self._keys)
 
 
-class StoredTrack(Track):
-    """A track that reads its poses and its twists separately, each when first asked for."""
+class _StoredColumns:
+    """Columns of a record that are read in groups, each when one of it is first asked for."""
 
-    _load: Callable[[tuple[str, ...]], dict[str, NDArray[np.float32]]]
+    _groups: ClassVar[tuple[tuple[str, ...], ...]]
+    _load: Callable[[tuple[str, ...]], Mapping[str, NDArray[Any]]]
 
-    def __init__(self, load: Callable[[tuple[str, ...]], dict[str, NDArray[np.float32]]]) -> None:
+    def __init__(self, load: Callable[[tuple[str, ...]], Mapping[str, NDArray[Any]]]) -> None:
         object.__setattr__(self, "_load", load)
 
     def __getattr__(self, name: str) -> Any:
         """Reached only for columns that are not loaded yet."""
-        group = next((group for group in (POSE, TWIST) if name in group), None)
+        group = next((group for group in self._groups if name in group), None)
         if group is None:
             raise AttributeError(name)
         self.__dict__.update(self._load(group))
         return self.__dict__[name]
+
+
+class StoredTrack(_StoredColumns, Track):
+    """A track that reads its poses and its twists separately."""
+
+    _groups = (POSE, TWIST)
+
+
+class StoredContacts(_StoredColumns, ContactTable):
+    """A contact table that reads who touched when, and every quantity, separately."""
+
+    _groups = (
+        CONTACT_KEYS,
+        CONTACT_GEOMS,
+        ("position",),
+        ("normal",),
+        ("force",),
+        ("peak_force",),
+        ("depth",),
+    )

@@ -16,6 +16,7 @@ from safestage_eval.episode import (
     RobotFrames,
     Track,
     check_contacts,
+    check_finite,
     check_frames,
     check_header,
     check_time,
@@ -184,8 +185,7 @@ def _episode(
             errors += check_track(tracks[body.name], body.name, len(t), where)
         errors += check_frames(robot, len(t), where)
         for (body_name, name), values in channels.items():
-            if not np.isfinite(values).all():
-                errors.append(TraceError(where, f"channel {name!r} of {body_name!r} is not finite"))
+            errors += check_finite(values, f"channel {name!r} of {body_name!r}", where)
         if errors:
             raise errors[0]
     return episode

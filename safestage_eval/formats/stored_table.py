@@ -56,7 +56,9 @@ class StoredTable:
             ) from None
         try:
             footer, self._groups = _footer(path, stat.st_mtime_ns, stat.st_size)
-            self._file = pq.ParquetFile(path, metadata=footer, page_checksum_verification=True)
+            self._file = pq.ParquetFile(
+                path, metadata=footer, pre_buffer=False, page_checksum_verification=True
+            )
         except (pa.ArrowException, OSError) as error:
             raise _unreadable(path, error) from None
         self.columns = frozenset(footer.schema.to_arrow_schema().names)
@@ -133,15 +135,17 @@ class StoredTable:
             words = chunk if isinstance(chunk, pa.DictionaryArray) else chunk.dictionary_encode()
             names = words.dictionary.to_pylist()
             used = words.indices.to_numpy(zero_copy_only=False)
-            for i in np.unique(used):
-                if names[i] not in index:
-                    raise TraceError(
-                        str(self.path),
-                        f"{column} names {names[i]!r}, which is no body.",
-                        ", ".join(index),
-                    )
-            lookup = np.array([index.get(name, -1) for name in names], np.int16)
-            found.append(lookup[used])
+            if words.null_count:
+                raise TraceError(str(self.path), f"{column} is empty in {words.null_count} rows")
+            codes = np.array([index.get(name, -1) for name in names], np.int16)[used]
+            if len(codes) and codes.min() < 0:
+                stranger = names[used[np.argmin(codes)]]
+                raise TraceError(
+                    str(self.path),
+                    f"{column} names {stranger!r}, which is no body.",
+                    ", ".join(index),
+                )
+            found.append(codes)
         return np.concatenate(found) if found else np.zeros(0, np.int16)
 
 

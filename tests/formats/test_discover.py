@@ -143,3 +143,10 @@ def test_saving_replaces_a_file_and_refuses_what_it_cannot_do(tree):
         save(episode, tree / "x", format="csv")
     with pytest.raises(TraceError, match="cannot be written"):
         save(episode, tree / "plain/x.mcap")
+
+
+def test_a_header_number_that_is_not_finite_is_refused_in_both_forms(tree):
+    for target in ("ds", "a.mcap"):
+        with pytest.raises(TraceError, match="a number that is not finite"):
+            falling_cube("e", success_time=float("nan")).close(tree / target)
+        assert not (tree / target).exists()
