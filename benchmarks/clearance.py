@@ -216,6 +216,7 @@ def main() -> None:
     for name, run in (
         ("minimum", lambda: clearance_minimum(group, [mug])),
         ("series capped at 10 cm", lambda: clearance_series(group, [mug], 0.1)),
+        ("the same with 10 µm of slack", lambda: clearance_series(group, [mug], 0.1, slack=1e-5)),
         ("series capped at  5 cm", lambda: clearance_series(group, [mug], 0.05)),
     ):
         times = []

@@ -53,7 +53,12 @@ class Minimum:
 
 
 def clearance_series(
-    a: Sequence[Mover], b: Sequence[Mover], cap: float = np.inf, *, flat: bool = False
+    a: Sequence[Mover],
+    b: Sequence[Mover],
+    cap: float = np.inf,
+    *,
+    slack: float = 0.0,
+    flat: bool = False,
 ) -> Clearance:
     """Least signed distance, per frame, between any body of a and any body of b.
 
@@ -62,6 +67,8 @@ def clearance_series(
         b: another. A body is not measured against itself; bodies without geoms do not count.
         cap: m. Where the distance is larger: lower = cap, upper = +inf. Within 1e-9 m of the cap
             either answer may be given. Small caps are fast.
+        slack: m. Where bodies have hardly moved, repeat the last interval, widened on both sides
+            by what they did move, at most by this. Makes trembling at rest cheap; 0 for none.
         flat: measure the distance of the projections onto the horizontal plane.
 
     Returns:
@@ -70,11 +77,16 @@ def clearance_series(
     Raises:
         ValueError: two bodies' lengths contradict each other.
     """
-    return clearance_pairs(product(a, b), frame_count(*a, *b), cap, flat=flat)
+    return clearance_pairs(product(a, b), frame_count(*a, *b), cap, slack=slack, flat=flat)
 
 
 def clearance_pairs(
-    pairs: Iterable[tuple[Mover, Mover]], frames: int, cap: float = np.inf, *, flat: bool = False
+    pairs: Iterable[tuple[Mover, Mover]],
+    frames: int,
+    cap: float = np.inf,
+    *,
+    slack: float = 0.0,
+    flat: bool = False,
 ) -> Clearance:
     """As clearance_series, over chosen pairs of bodies (a robot's own links, say); T = frames."""
     known = _nothing_known(frames, cap)
@@ -82,13 +94,13 @@ def clearance_pairs(
         if a is b:
             continue
         if a.shape.surfaces or b.shape.surfaces:
-            apart = _with_surfaces(a, b, cap, flat)
+            apart = _with_surfaces(a, b, cap, slack, flat)
         elif frame_count(a, b) == frames:
-            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, flat, known)
+            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, slack, flat, known)
             continue
         else:  # neither ever moves
             apart = _nothing_known(1, cap)
-            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, flat, apart)
+            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, slack, flat, apart)
         np.minimum(known.lower, apart.lower, out=known.lower)
         np.minimum(known.upper, apart.upper, out=known.upper)
     return known
@@ -103,7 +115,7 @@ def clearance_minimum(a: Sequence[Mover], b: Sequence[Mover]) -> Minimum:
         if first is second:
             continue
         if first.shape.surfaces or second.shape.surfaces:
-            apart = _with_surfaces(first, second, np.inf, False)
+            apart = _with_surfaces(first, second, np.inf, 0.0, False)
             frame = int(np.argmin(apart.upper))
             if apart.upper[frame] < least[1]:
                 least[1:] = apart.upper[frame], frame
@@ -114,7 +126,7 @@ def clearance_minimum(a: Sequence[Mover], b: Sequence[Mover]) -> Minimum:
     for _, _, first, second, bounds in sorted(convex, key=lambda item: item[:2]):
         blocks = np.argsort(bounds, kind="stable")
         _run(
-            first, second, first.shape.solids, second.shape.solids, np.inf, False,
+            first, second, first.shape.solids, second.shape.solids, np.inf, 0.0, False,
             blocks, bounds[blocks], _ALL_FRAMES, _ALL_FRAMES, least,
         )  # fmt: skip
     return Minimum(float(least[0]), float(least[1]), int(least[2]))
@@ -165,13 +177,21 @@ def _block_bounds(a: Mover, b: Mover, flat: bool) -> F64:
 
 
 def _sweep_all(
-    a: Mover, b: Mover, A: Packed, B: Packed, cap: float, flat: bool, known: Clearance
+    a: Mover,
+    b: Mover,
+    A: Packed,
+    B: Packed,
+    cap: float,
+    slack: float,
+    flat: bool,
+    known: Clearance,
 ) -> None:
     """Merge the distance of geoms A of a and B of b into ``known``, (T,)."""
     bounds = _block_bounds(a, b, flat)
     blocks = np.flatnonzero(bounds < cap)
     if len(blocks) and len(A.kind) and len(B.kind):
-        _run(a, b, A, B, cap, flat, blocks, bounds[blocks], known.lower, known.upper, _ALL_FRAMES)
+        low, high = known.lower, known.upper
+        _run(a, b, A, B, cap, slack, flat, blocks, bounds[blocks], low, high, _ALL_FRAMES)
 
 
 def _run(
@@ -180,6 +200,7 @@ def _run(
     A: Packed,
     B: Packed,
     cap: float,
+    slack: float,
     flat: bool,
     blocks: I64,
     bounds: F64,
@@ -188,10 +209,25 @@ def _run(
     least: F64,
 ) -> None:
     ra, rb = float(a.shape.radius), float(b.shape.radius)
-    sweep(A, B, a.motion, b.motion, ra, rb, float(cap), flat, blocks, bounds, lower, upper, least)
+    sweep(
+        A,
+        B,
+        a.motion,
+        b.motion,
+        ra,
+        rb,
+        float(cap),
+        float(slack),
+        flat,
+        blocks,
+        bounds,
+        lower,
+        upper,
+        least,
+    )
 
 
-def _with_surfaces(a: Mover, b: Mover, cap: float, flat: bool) -> Clearance:
+def _with_surfaces(a: Mover, b: Mover, cap: float, slack: float, flat: bool) -> Clearance:
     """(T,) bounds for two bodies of which at least one has a nonconvex mesh.
 
     Triangles against convex geoms by GJK, against triangles by python-fcl (flat: by GJK). A mesh
@@ -207,7 +243,7 @@ def _with_surfaces(a: Mover, b: Mover, cap: float, flat: bool) -> Clearance:
     if flat:
         jobs += list(product(faces_a, faces_b))
     for A, B in jobs:
-        _sweep_all(a, b, A, B, cap, flat, known)
+        _sweep_all(a, b, A, B, cap, slack, flat, known)
     if not flat:
         _mesh_distance(a, b, cap, known)
         within = _contained(a, b, frames) | _contained(b, a, frames)

@@ -64,34 +64,45 @@ def height_above(a: Mover, b: Mover) -> F64:
 
 
 @kernel
-def _local(rotation: F64, geoms: Packed, g: int, d: F64, out: F64) -> None:
-    """Direction d (3,), world, in the axes of geom g of a body with this rotation."""
+def _to_geom(geoms: Packed, g: int, body: F64, out: F64) -> None:
+    """Direction (3,) in body axes, in the axes of geom g."""
     for i in range(3):
-        out[i] = 0.0
-    for j in range(3):
-        body = rotation[0, j] * d[0] + rotation[1, j] * d[1] + rotation[2, j] * d[2]
-        for i in range(3):
-            out[i] += geoms.rotation[g, j, i] * body
+        out[i] = (
+            geoms.rotation[g, 0, i] * body[0]
+            + geoms.rotation[g, 1, i] * body[1]
+            + geoms.rotation[g, 2, i] * body[2]
+        )
+
+
+@kernel
+def _to_body(rotation: F64, direction: F64, row: int, out: F64) -> None:
+    """Row of directions (N, 3), world, in the axes of a body with this rotation."""
+    for i in range(3):
+        out[i] = (
+            rotation[0, i] * direction[row, 0]
+            + rotation[1, i] * direction[row, 1]
+            + rotation[2, i] * direction[row, 2]
+        )
 
 
 @kernel
 def _reach(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
-    rotation, local, point = np.empty((3, 3)), np.empty(3), np.empty(3)
-    frames, many = motion.centre.shape[0], direction.shape[0]
+    rotation, body, local, point = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
+    last, last_direction = motion.centre.shape[0] - 1, direction.shape[0] - 1
     for t in range(out.shape[0]):
-        s = t if frames > 1 else 0
-        d = direction[t if many > 1 else 0]
+        s, row = min(t, last), min(t, last_direction)
         rotation_at(motion.orientation, s, rotation)
-        centre = (
-            motion.centre[s, 0] * d[0] + motion.centre[s, 1] * d[1] + motion.centre[s, 2] * d[2]
-        )
+        _to_body(rotation, direction, row, body)
+        best = -np.inf
         for g in range(geoms.kind.shape[0]):
-            _local(rotation, geoms, g, d, local)
+            _to_geom(geoms, g, body, local)
             value = support_value(geoms, g, local[0], local[1], local[2], point)
-            for j in range(3):
-                body = rotation[0, j] * d[0] + rotation[1, j] * d[1] + rotation[2, j] * d[2]
-                value += body * geoms.offset[g, j]
-            out[t] = max(out[t], centre + value)
+            for i in range(3):
+                value += body[i] * geoms.offset[g, i]
+            best = max(best, value)
+        for i in range(3):
+            best += motion.centre[s, i] * direction[row, i]
+        out[t] = best
 
 
 @kernel
@@ -124,35 +135,28 @@ def _face_middle(geoms: Packed, g: int, d: F64, out: F64) -> None:
 
 @kernel
 def _farthest(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
-    rotation, local, point = np.empty((3, 3)), np.empty(3), np.empty(3)
-    body = np.empty(3)
-    frames, many = motion.centre.shape[0], direction.shape[0]
+    rotation, body, local = np.empty((3, 3)), np.empty(3), np.empty(3)
+    point, place = np.empty(3), np.empty(3)
+    last, last_direction = motion.centre.shape[0] - 1, direction.shape[0] - 1
     for t in range(out.shape[0]):
-        s = t if frames > 1 else 0
-        d = direction[t if many > 1 else 0]
+        s, row = min(t, last), min(t, last_direction)
         rotation_at(motion.orientation, s, rotation)
+        _to_body(rotation, direction, row, body)
         best = -np.inf
         for g in range(geoms.kind.shape[0]):
             if geoms.kind[g] == PLANE:
                 continue
-            _local(rotation, geoms, g, d, local)
+            _to_geom(geoms, g, body, local)
             _face_middle(geoms, g, local, point)
-            for i in range(3):
-                body[i] = geoms.offset[g, i]
-                for j in range(3):
-                    body[i] += geoms.rotation[g, i, j] * point[j]
             value = 0.0
             for i in range(3):
-                turned = (
-                    rotation[i, 0] * body[0] + rotation[i, 1] * body[1] + rotation[i, 2] * body[2]
-                )
-                value += d[i] * turned
+                place[i] = geoms.offset[g, i]
+                for j in range(3):
+                    place[i] += geoms.rotation[g, i, j] * point[j]
+                value += body[i] * place[i]
             if value > best:
                 best = value
                 for i in range(3):
-                    out[t, i] = (
-                        motion.centre[s, i]
-                        + rotation[i, 0] * body[0]
-                        + rotation[i, 1] * body[1]
-                        + rotation[i, 2] * body[2]
-                    )
+                    out[t, i] = motion.centre[s, i]
+                    for j in range(3):
+                        out[t, i] += rotation[i, j] * place[j]

@@ -74,6 +74,7 @@ def sweep(
     radius_a: float,
     radius_b: float,
     cap: float,
+    slack: float,
     flat: bool,
     blocks: I64,
     block_bounds: F64,
@@ -85,7 +86,7 @@ def sweep(
 
     ``A``, ``B`` are their geoms; ``ma``, ``mb`` their motions, of T frames or 1; ``radius_a``,
     ``radius_b`` (m) those of the balls around their bounding centres. Distances above ``cap`` (m)
-    are of no interest. ``flat`` measures projections onto the horizontal plane. ``blocks`` (K,)
+    are of no interest. Bounds may be widened by ``slack`` (m) to reuse them. ``flat`` measures projections onto the horizontal plane. ``blocks`` (K,)
     are visited in this order; ``block_bounds`` (K,) bound the distance within each from below (m).
 
     ``lower``, ``upper`` (T,) bound the least distance of the pairs so far (m) and are updated; or,
@@ -119,7 +120,11 @@ def sweep(
                 s0, t0 = min(before_frame, last_a), min(before_frame, last_b)
                 if low - chord(ma, radius_a, s, s0) - chord(mb, radius_b, t, t0) >= limit:
                     continue
-            if moved > 0.0 or not settled:
+            if settled and moved > slack > 0.0:
+                s0, t0 = min(before_frame, last_a), min(before_frame, last_b)
+                moved = chord(ma, radius_a, s, s0) + chord(mb, radius_b, t, t0)
+            if moved > slack or not settled:
+                moved = 0.0
                 if _balls_and_boxes(ma, mb, s, t, flat, radius_a + radius_b, gap) >= limit:
                     continue
                 rotation_at(ma.orientation, s, RA)
@@ -151,13 +156,13 @@ def sweep(
                                 high = min(high, out[1])
                         known[a, b], known_path[a, b] = bound, path
                         low = min(low, bound)
-                # above the limit the bounds may be loose, and good for this limit only
-                before_path, before_frame, settled = path, frame, low < limit
-            if low < limit:
+                # what lies above the limit is loosely known, and good for this limit only
+                before_path, before_frame, settled = path, frame, high <= limit
+            if low - moved < limit:
                 if seek:
-                    least[0] = min(least[0], low)
-                    if high < least[1]:
-                        least[1], least[2] = high, frame
+                    least[0] = min(least[0], low - moved)
+                    if high + moved < least[1]:
+                        least[1], least[2] = high + moved, frame
                 else:
-                    lower[frame] = min(lower[frame], low)
-                    upper[frame] = min(upper[frame], high)
+                    lower[frame] = min(lower[frame], low - moved)
+                    upper[frame] = min(upper[frame], high + moved)

@@ -235,6 +235,10 @@ def test_pruning_changes_no_answer(seed: int) -> None:
         above = truth.lower > cap + 1e-9
         assert (capped.upper[above] == np.inf).all()
         assert (capped.lower[above] == cap).all()
+    loose = clearance_series(a, b, slack=1e-5)
+    assert (loose.lower <= truth.upper + ULPS).all()
+    assert (truth.lower <= loose.upper + ULPS).all()
+    assert ((loose.upper - loose.lower)[truth.lower > 1e-4] <= 2.1e-5).all()
     least = clearance_minimum(a, b)
     assert least.lower <= truth.upper.min() + ULPS
     assert truth.lower.min() <= least.upper + ULPS
