@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from safestage_eval.episode import Header
 from safestage_eval.errors import TraceError
@@ -17,6 +17,9 @@ _JSON_FIELDS = tuple(
     name for name in Header.model_fields if EPISODES[name].unit == "JSON" and name != "bodies"
 )
 _FLAT_FIELDS = tuple(name for name in Header.model_fields if EPISODES[name].unit != "JSON")
+
+
+Model = TypeVar("Model", bound=BaseModel)
 
 
 def encode(value: Any, where: str) -> str:
@@ -74,19 +77,19 @@ def from_row(row: Mapping[str, Any], geometry: list[dict[str, Any]], where: str)
             )
         own = {name: value for name, value in geom.items() if value is not None}
         bodies[geom["body"]].setdefault("geoms", []).append(own)
-    return parse_header(data, where)
+    return validated(Header, data, f"{where}, header field")
 
 
-def parse_header(data: Any, where: str) -> Header:
-    """A header from plain data. Raises TraceError naming the first field that does not fit."""
+def validated(model: type[Model], data: Any, place: str) -> Model:
+    """A record from plain data. Raises TraceError naming the first field that does not fit."""
     try:
-        return Header.model_validate(data)
+        return model.model_validate(data)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        place = ".".join(str(part) for part in first["loc"]) or "header"
+        field = ".".join(str(part) for part in first["loc"])
         more = f" ({error.error_count()} problems in all)" if error.error_count() > 1 else ""
         raise TraceError(
-            f"{where}, header field {place}", f"{first['msg']}{more}.", "docs/traces.md"
+            f"{place} {field}".rstrip(), f"{first['msg']}{more}.", fix="see docs/traces.md"
         ) from None
 
 

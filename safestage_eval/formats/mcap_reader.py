@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +25,21 @@ from safestage_eval.errors import TraceError
 
 from . import wire
 from .contact_points import GeomNames, table
-from .dataset_layout import check_version
-from .episode_row import mesh_keys, parse_header
+from .episode_row import mesh_keys
 from .mcap_clouds import read_clouds
 from .mcap_messages import CONTACTS, FRAME, MESSAGES, PROFILE, STATE, message_class
-from .mcap_records import CHUNK, FOOTER, HEADER, MAGIC, METADATA, McapRecords, read_metadata, walk
+from .mcap_metadata import McapMetadata, from_texts
+from .mcap_records import (
+    CHUNK,
+    FOOTER,
+    HEADER,
+    MAGIC,
+    METADATA,
+    McapRecords,
+    damaged,
+    read_metadata,
+    walk,
+)
 from .ply import from_ply
 
 _FIELDS = {f.name: f for f in MESSAGES["Frame"][1]}
@@ -57,19 +66,24 @@ def read_header(path: Path) -> tuple[Header, dict[str, Any]]:
             raise TraceError(where, "not an MCAP file: it begins with other bytes")
         profile = ""
         while len(prefix := stream.read(9)) == 9:
+            at = stream.tell() - 9
             kind, size = prefix[0], int.from_bytes(prefix[1:], "little")
             if kind in (CHUNK, FOOTER):
                 raise _no_trace(where, profile)
             content = stream.read(size) if kind in (HEADER, METADATA) else b""
             if kind == HEADER and len(content) == size:
-                profile = content[4 : 4 + int.from_bytes(content[:4], "little")].decode()
+                profile = content[4 : 4 + int.from_bytes(content[:4], "little")].decode(
+                    "utf-8", "replace"
+                )
             elif kind == METADATA and len(content) == size:
-                name, texts = read_metadata(content)
+                try:
+                    name, texts = read_metadata(content)
+                except (IndexError, ValueError) as error:
+                    raise damaged(where, at, error) from None
                 if name == PROFILE:
-                    return _header(texts, where), {
-                        "length": int(texts.get("frames") or 0),
-                        "content_hash": texts.get("content_hash"),
-                    }
+                    found = from_texts(texts, where)
+                    stated = {"length": found.frames, "content_hash": found.content_hash}
+                    return found.header, stated
             elif not content:
                 stream.seek(size, 1)
     raise TraceError(
@@ -102,7 +116,7 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
         if not records.whole:
             raise _cut_off(records, 0, where)
         raise _no_trace(where, records.profile)
-    header = _header(texts, where)
+    metadata = from_texts(texts, where)
     messages, clouds = records.messages[FRAME], records.messages[CONTACTS]
     if not records.whole:
         count = min(len(messages), len(clouds))
@@ -110,30 +124,29 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
             raise _cut_off(records, count, where)
         messages, clouds = messages[:count], clouds[:count]
         note = f"recovered from a file cut off at byte {records.size}: {count} frames"
-        header = header.model_copy(
-            update={"notes": (*header.notes, note), "termination": "truncated"}
-        )
-    elif str(len(messages)) != texts.get("frames", str(len(messages))):
-        raise TraceError(where, f"{len(messages)} frames, but the header says {texts['frames']}")
+        notes = (*metadata.header.notes, note)
+        header = metadata.header.model_copy(update={"notes": notes, "termination": "truncated"})
+        metadata = metadata.model_copy(update={"header": header})
+    elif metadata.frames not in (None, len(messages)):
+        raise TraceError(where, f"{len(messages)} frames, but the header says {metadata.frames}")
     if clouds and len(clouds) != len(messages):
         raise TraceError(
             where,
             f"{len(clouds)} messages on {CONTACTS} for {len(messages)} frames.",
             "one per frame, or none at all",
         )
-    return _episode(path, header, texts, records, messages, clouds, checked)
+    return _episode(path, metadata, records, messages, clouds, checked)
 
 
 def _episode(
     path: Path,
-    header: Header,
-    texts: dict[str, str],
+    metadata: McapMetadata,
     records: McapRecords,
     messages: list[memoryview],
     clouds: list[memoryview],
     checked: bool,
 ) -> Episode:
-    where = str(path)
+    where, header = str(path), metadata.header
     columns, index, t = _frame_columns(messages, where)
     if not np.array_equal(index, np.arange(len(index))):
         raise TraceError(where, f"the messages on {FRAME} are not the frames 0, 1, 2, … in order")
@@ -159,9 +172,9 @@ def _episode(
             raise errors[0]
         return rows
 
-    tracks = _tracks(header, texts, columns, len(t), where)
+    tracks = _tracks(metadata, columns, len(t), where)
     robot = RobotFrames(*(columns[name] for name in _ROBOT_FIELDS))
-    keys = [(str(body), str(name)) for body, name in _json(texts, "channels", [], where)]
+    keys = metadata.channels
     if columns["channel"].shape[1] != len(keys):
         raise TraceError(
             where, f"{columns['channel'].shape[1]} channels in a frame, {len(keys)} in the header"
@@ -189,18 +202,6 @@ def _episode(
         if errors:
             raise errors[0]
     return episode
-
-
-def _header(texts: dict[str, str], where: str) -> Header:
-    check_version(texts.get("schema_version", ""), where)
-    return parse_header(_json(texts, "header", {}, where), where)
-
-
-def _json(texts: dict[str, str], key: str, default: Any, where: str) -> Any:
-    try:
-        return json.loads(texts[key]) if key in texts else default
-    except json.JSONDecodeError as error:
-        raise TraceError(f"{where}, metadata {key}", f"not JSON: {error}") from None
 
 
 def _frame_columns(
@@ -261,9 +262,9 @@ def _decoded(
 
 
 def _tracks(
-    header: Header, texts: dict[str, str], columns: dict[str, F32], frames: int, where: str
+    metadata: McapMetadata, columns: dict[str, F32], frames: int, where: str
 ) -> dict[str, Track]:
-    moving = _json(texts, "moving", [b.name for b in header.bodies if b.movable], where)
+    moving = metadata.moving_bodies
     blocks = []
     for name, width in _TRACK_FIELDS:
         block = columns[name]
@@ -275,16 +276,16 @@ def _tracks(
             )
         blocks.append(block.reshape(frames, len(moving), width))
     tracks = {body: Track(*(b[:, i] for b in blocks)) for i, body in enumerate(moving)}
-    for body, values in _json(texts, "fixed", {}, where).items():
+    for body, values in metadata.fixed.items():
         row = np.array(values, np.float32).reshape(1, 13)
         tracks[body] = Track(row[:, :3], row[:, 3:7], row[:, 7:10], row[:, 10:])
-    for record in header.bodies:
+    for record in metadata.header.bodies:
         if record.name not in tracks:
             raise TraceError(
                 where,
                 f"body {record.name!r} is neither in `moving` nor in `fixed`: it has no poses",
             )
-    return {record.name: tracks[record.name] for record in header.bodies}
+    return {record.name: tracks[record.name] for record in metadata.header.bodies}
 
 
 def _states(messages: list[memoryview], frames: int) -> dict[int, NDArray[np.float64]]:

@@ -73,16 +73,21 @@ def walk(data: bytes, topics: tuple[str, ...], where: str) -> McapRecords:
                 name, content = _attachment(data[begin:end])
                 found.attachments[name] = content
         except (struct.error, IndexError, ValueError, RuntimeError) as error:
-            raise TraceError(
-                f"{where}, byte {at}",
-                f"a damaged record: {error}.",
-                fix="copy the file again, or record the episode again",
-            ) from None
+            raise damaged(where, at, error) from None
         at = end
         if kind == FOOTER:
             found.whole = data[at : at + len(MAGIC)] == MAGIC
             break
     return found
+
+
+def damaged(where: str, at: int, error: Exception) -> TraceError:
+    """The error for a record whose bytes at a place make no sense."""
+    return TraceError(
+        f"{where}, byte {at}",
+        f"a damaged record: {error}.",
+        fix="copy the file again, or record the episode again",
+    )
 
 
 def _walk_messages(raw: bytes, wanted: dict[int, list[memoryview]], found: McapRecords) -> None:

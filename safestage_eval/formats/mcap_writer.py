@@ -22,7 +22,7 @@ from safestage_eval.episode import ContactTable, Episode
 from . import wire
 from .atomic import replacing
 from .contact_points import POINT
-from .episode_row import encode, mesh_keys
+from .episode_row import mesh_keys
 from .mcap_clouds import empty_cloud
 from .mcap_messages import (
     CONTACTS,
@@ -37,6 +37,7 @@ from .mcap_messages import (
     message_class,
     schema_bytes,
 )
+from .mcap_metadata import TRACK_COLUMNS, to_texts
 from .ply import to_ply
 from .scene import to_scene
 from .urdf import to_urdf
@@ -45,7 +46,6 @@ CHUNK_BYTES = 1 << 20
 TF_RATE = 30.0
 """Hz, of the transforms for viewers; the evaluator reads the frames."""
 
-TRACK_COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity")
 ROBOT_FIELDS = ("joint_position", "joint_velocity", "joint_torque", "action", "gripper")
 
 
@@ -56,7 +56,7 @@ def write_mcap(episode: Episode, path: Path) -> None:
         TraceError: the header holds a number that is not finite.
     """
     moving = [name for name, track in episode.tracks.items() if _moves(episode, name, len(track))]
-    metadata = _metadata(episode, moving)
+    metadata = to_texts(episode, moving)
     with replacing(path) as part, part.open("wb") as stream:
         writer = Writer(stream, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4)
         writer.start(profile=PROFILE, library=f"safestage {__version__}")
@@ -74,24 +74,6 @@ def write_mcap(episode: Episode, path: Path) -> None:
 def _moves(episode: Episode, name: str, rows: int) -> bool:
     """Whether a body is in every frame: those with one row per frame."""
     return rows == len(episode) and (rows > 1 or episode.bodies[name].movable)
-
-
-def _metadata(episode: Episode, moving: list[str]) -> dict[str, str]:
-    header, where = episode.header, episode.header.episode_id
-    fixed = {
-        name: np.concatenate([getattr(track, c)[0] for c in TRACK_COLUMNS]).tolist()
-        for name, track in episode.tracks.items()
-        if name not in moving
-    }
-    return {
-        "schema_version": header.schema_version,
-        "header": encode(header.model_dump(mode="json"), where),
-        "moving": encode(moving, where),
-        "fixed": encode(fixed, where),
-        "channels": encode([list(key) for key in episode.channels], where),
-        "frames": str(len(episode)),
-        "content_hash": episode.content_hash,
-    }
 
 
 def _messages(writer: Writer, episode: Episode, moving: list[str]) -> None:

@@ -1,0 +1,65 @@
+"""The metadata record of an MCAP trace: what stands before its messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, Json
+
+from safestage_eval.episode import Episode, Header, Record
+
+from .dataset_layout import check_version
+from .episode_row import encode, validated
+
+TRACK_COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity")
+
+
+class McapMetadata(Record):
+    """Texts of the record ``safestage``, most of them JSON."""
+
+    schema_version: str
+    header: Json[Header]
+    moving: Json[tuple[str, ...]] | None = None
+    """Bodies in each frame, in order; all movable ones when absent."""
+    fixed: Json[dict[str, Annotated[tuple[float, ...], Field(min_length=13, max_length=13)]]] = (
+        Field(default_factory=dict)
+    )
+    """Body → position, orientation, linear and angular velocity of those that never move."""
+    channels: Json[tuple[tuple[str, str], ...]] = ()
+    """(body, name) of the values in a frame's ``channel``."""
+    frames: int | None = None
+    content_hash: str | None = None
+
+    @property
+    def moving_bodies(self) -> tuple[str, ...]:
+        """The bodies in each frame, in order."""
+        if self.moving is not None:
+            return self.moving
+        return tuple(body.name for body in self.header.bodies if body.movable)
+
+
+def from_texts(texts: Mapping[str, str], where: str) -> McapMetadata:
+    """Read the record. Raises TraceError for a newer major version or what does not fit."""
+    check_version(texts.get("schema_version", ""), where)
+    return validated(McapMetadata, dict(texts), f"{where}, metadata")
+
+
+def to_texts(episode: Episode, moving: list[str]) -> dict[str, str]:
+    """The record of an episode. Raises TraceError for numbers that are not finite."""
+    header, where = episode.header, episode.header.episode_id
+    fixed = {
+        name: np.concatenate([getattr(track, c)[0] for c in TRACK_COLUMNS]).tolist()
+        for name, track in episode.tracks.items()
+        if name not in moving
+    }
+    return {
+        "schema_version": header.schema_version,
+        "header": encode(header.model_dump(mode="json"), where),
+        "moving": encode(moving, where),
+        "fixed": encode(fixed, where),
+        "channels": encode([list(key) for key in episode.channels], where),
+        "frames": str(len(episode)),
+        "content_hash": episode.content_hash,
+    }
