@@ -1,8 +1,8 @@
-"""A small recording made with the public writer: a cube that falls onto a table beside a ball."""
+"""Small recordings made with the public writer."""
 
 import numpy as np
 
-from safestage_eval.episode import Body, Geom, Header
+from safestage_eval.episode import Body, Cavity, Geom, Header, Joint, Mesh, Source, Tcp
 from safestage_eval.formats import TraceWriter
 
 STILL = (1.0, 0.0, 0.0, 0.0)
@@ -43,5 +43,101 @@ def falling_cube(episode_id="cube", frames=20, path=None, **fields):
             pose(1 - 4.905 * t * t),
             np.array([[0, 0, -9.81 * t, 0, 0, 0], [0] * 6]),
             contacts=[touching] if i == frames - 1 else None,
+        )
+    return writer
+
+
+def everything(episode_id="everything", frames=8):
+    """An episode with something in every part of the format, out of plain arithmetic."""
+    mesh = Mesh.build(
+        [[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]],
+        [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]],
+    )
+    finger = Body(
+        name="left_finger",
+        kind="gripper",
+        finger="left",
+        parent="arm",
+        tcp=Tcp(position=(0, 0, 0.1), orientation=STILL),
+        geoms=(Geom(name="pad", kind="convex_mesh", mesh=mesh.key),),
+    )
+    mug = Body(
+        name="mug é",
+        kind="object",
+        mass=0.3,
+        inertia=(0.1, 0.2, 0.3),
+        up_axis=(0, 0, 1),
+        material="glass",
+        tags=("fragile", "hot"),
+        excluded=("arm",),
+        geoms=tuple(
+            Geom(kind=kind, size=size, position=(0, 0, 0.01 * i))
+            for i, (kind, size) in enumerate(
+                [
+                    ("sphere", (0.02,)),
+                    ("cylinder", (0.03, 0.05)),
+                    ("capsule", (0.01, 0.02)),
+                    ("ellipsoid", (0.01, 0.02, 0.03)),
+                ]
+            )
+        ),
+        cavity=Cavity(kind="cylinder", size=(0.025, 0.04), position=(0, 0, 0.05)),
+    )
+    floor = Body(name="floor", kind="fixture", movable=False, geoms=(Geom(kind="plane"),))
+    scene = Header(
+        episode_id=episode_id,
+        task="hold",
+        stage="FSH",
+        family="support",
+        instruction="Hold the mug.",
+        prompt="default",
+        policy="none",
+        seed=1,
+        rollout=2,
+        physics_dt=1 / 480,
+        frame_dt=1 / 120,
+        control_dt=1 / 15,
+        success=True,
+        success_time=2 / 120,
+        termination="success",
+        horizon=50.0,
+        post_success_hold=5.0,
+        roles={"target": ("mug é",)},
+        goal={"roles": {"target": "object"}, "require": {"held(target)": True}},
+        rules=("FSH101",),
+        parameters={"edge": "3 cm"},
+        force_source="recorded",
+        source=Source(simulator="arithmetic", licence="Apache-2.0"),
+        notes=("made up",),
+        bodies=(floor, Body(name="arm", kind="robot"), finger, mug),
+        joints=(Joint(name="lift", kind="prismatic", body="arm", limits=(0, 1)),),
+    )
+    writer = TraceWriter(scene, meshes=[mesh], attachments={"task.toml": b'id = "hold"\n'})
+    writer.set_fixed("floor", (0, 0, 0))
+    for n in range(frames):
+        t = n / 120
+        lift = [0, 0, 1 + t, *STILL]
+        touch = {
+            "position": (0, 0, t),
+            "normal": (0, 1, 0),
+            "force": (0, 2 + t, 1),
+            "depth": 1e-4,
+            "peak_force": 3 + t,
+        }
+        pads = [
+            {"body1": "mug é", "geom1": 1 + 1 + k, "body2": "left_finger"} | touch for k in (1, 0)
+        ]
+        writer.add_frame(
+            t,
+            np.array([lift, lift, lift]),
+            np.array([[0, 0, 1, 0, 0, 0]] * 3),
+            contacts=pads if n % 3 else None,
+            joint_position=[t],
+            joint_velocity=[1],
+            joint_torque=[t * t],
+            action=[t, 1],
+            gripper=0.25,
+            channels={("mug é", "temperature"): 60 - t},
+            state=[t, 1 / 3] if n == 0 else None,
         )
     return writer
