@@ -36,14 +36,26 @@ def cache_folder() -> Path:
 
 def kernel(function: F) -> F:
     """Compile on first call, with IEEE arithmetic (no fast-math), without the GIL, and keep it."""
+    return _compiled(function, inline=False)
+
+
+def helper(function: F) -> F:
+    """As kernel, for a small function: its code goes into its callers.
+
+    A call hands over every array of a Packed or Motion, which takes longer than such a function.
+    """
+    return _compiled(function, inline=True)
+
+
+def _compiled(function: F, *, inline: bool) -> F:
     chosen = numba.config.CACHE_DIR
     if not chosen:
         numba.config.CACHE_DIR = str(cache_folder())
     try:
-        compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+        compile_it = numba.njit(cache=True, nogil=True, error_model="numpy", forceinline=inline)
+        return cast(F, compile_it(function))
     finally:
         numba.config.CACHE_DIR = chosen
-    return cast(F, compiled)
 
 
 def owned(array: ArrayLike) -> NDArray[np.float64]:

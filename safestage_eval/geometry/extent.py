@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .compiled import kernel, owned
+from .compiled import helper, kernel, owned
 from .mover import Motion, Mover, frame_count, rotation_at
 from .shape import BOX, CYLINDER, HULL, PLANE, SEGMENT, Packed
 from .support import support_point, support_value
@@ -63,7 +63,7 @@ def height_above(a: Mover, b: Mover) -> F64:
     return lowest(a) - highest(b)
 
 
-@kernel
+@helper
 def _to_geom(geoms: Packed, g: int, body: F64, out: F64) -> None:
     """Direction (3,) in body axes, in the axes of geom g."""
     for i in range(3):
@@ -74,7 +74,7 @@ def _to_geom(geoms: Packed, g: int, body: F64, out: F64) -> None:
         )
 
 
-@kernel
+@helper
 def _to_body(rotation: F64, direction: F64, row: int, out: F64) -> None:
     """Row of directions (N, 3), world, in the axes of a body with this rotation."""
     for i in range(3):
@@ -105,7 +105,7 @@ def _reach(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
         out[t] = best
 
 
-@kernel
+@helper
 def _face_middle(geoms: Packed, g: int, d: F64, out: F64) -> None:
     """As support_point, margin included, but the middle of a face that looks along d (3,)."""
     support_point(geoms, g, d[0], d[1], d[2], out)

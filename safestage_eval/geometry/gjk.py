@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import kernel
+from .compiled import helper, kernel
 from .shape import BOX, PLANE, Packed
 from .support import support_point, support_value
 
@@ -49,13 +49,13 @@ class Scratch(NamedTuple):
     matrices: F64
 
 
-@kernel
+@helper
 def scratch() -> Scratch:
     """Fresh scratch memory."""
     return Scratch(np.zeros((4, 3)), np.zeros((4, 4)), np.zeros((4, 3)), np.zeros((2, 3, 3)))
 
 
-@kernel
+@helper
 def _segment(points: F64, i: int, j: int, weight: F64) -> float:
     """Squared distance from the origin to a segment; barycentric weights into ``weight`` (4,)."""
     ax, ay, az = points[i, 0], points[i, 1], points[i, 2]
@@ -104,7 +104,7 @@ def _triangle(points: F64, i: int, j: int, k: int, weight: F64, other: F64) -> f
     return best
 
 
-@kernel
+@helper
 def _volume(points: F64, i: int, j: int, k: int) -> float:
     """Six times the signed volume of the origin and three points."""
     return float(
@@ -114,7 +114,7 @@ def _volume(points: F64, i: int, j: int, k: int) -> float:
     )
 
 
-@kernel
+@helper
 def _tetrahedron(points: F64, weights: F64) -> float:
     """The same for all four points; weights into the first row of ``weights`` (4, 4).
 
@@ -148,13 +148,13 @@ def _tetrahedron(points: F64, weights: F64) -> float:
     return best
 
 
-@kernel
+@helper
 def _others(skip: int) -> tuple[int, int, int]:
     """The three of 0, 1, 2, 3 that are left."""
     return (1 if skip == 0 else 0), (2 if skip <= 1 else 1), (3 if skip <= 2 else 2)
 
 
-@kernel
+@helper
 def _difference(R: F64, p: F64, up: F64, a: F64, b: F64, out: F64) -> None:
     """Write a − (R b + p) into ``out``, all (3,), flattened along the unit vector ``up``."""
     for i in range(3):
@@ -164,7 +164,7 @@ def _difference(R: F64, p: F64, up: F64, a: F64, b: F64, out: F64) -> None:
         out[i] -= level * up[i]
 
 
-@kernel
+@helper
 def core_distance(
     A: Packed,
     a: int,
@@ -258,7 +258,7 @@ def core_distance(
     return min(n, 3)
 
 
-@kernel
+@helper
 def _overlap(
     A: Packed, a: int, B: Packed, b: int, R: F64, p: F64, up: F64, d: F64, work: Scratch
 ) -> float:
@@ -341,7 +341,7 @@ def _plane_distance(
         out[0], out[1] = height, height
 
 
-@kernel
+@helper
 def geom_distance(
     A: Packed,
     a: int,
@@ -385,7 +385,7 @@ def geom_distance(
     return n
 
 
-@kernel
+@helper
 def relative_pose(
     A: Packed, a: int, B: Packed, b: int, RA: F64, RB: F64, gap: F64, R: F64, p: F64, work: Scratch
 ) -> None:

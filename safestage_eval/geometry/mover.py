@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .compiled import kernel, owned
+from .compiled import helper, kernel, owned
 from .pose import angle as turn_angle
 from .pose import unit
 from .shape import BodyShape
@@ -113,7 +113,7 @@ def frame_count(*movers: Mover) -> int:
     return lengths.pop() if lengths else 1
 
 
-@kernel
+@helper
 def rotation_at(orientation: F64, t: int, out: F64) -> None:
     """Write the (3, 3) rotation matrix of row t of unit quaternions (T, 4) into ``out``."""
     w, x, y, z = orientation[t, 0], orientation[t, 1], orientation[t, 2], orientation[t, 3]
@@ -128,7 +128,7 @@ def rotation_at(orientation: F64, t: int, out: F64) -> None:
     out[2, 2] = 1 - 2 * (x * x + y * y)
 
 
-@kernel
+@helper
 def turn_chord(orientation: F64, t: int, s: int) -> float:
     """Upper bound on |R(t)u − R(s)u| over unit vectors u: 2 sin(θ/2) ≤ 2 min‖q∓q′‖."""
     minus, plus = 0.0, 0.0
@@ -139,7 +139,7 @@ def turn_chord(orientation: F64, t: int, s: int) -> float:
     return 2.0 * math.sqrt(min(minus, plus))
 
 
-@kernel
+@helper
 def chord(motion: Motion, radius: float, t: int, s: int) -> float:
     """Upper bound (m) on how far any point of the body is displaced between frames s and t."""
     dx = motion.centre[t, 0] - motion.centre[s, 0]

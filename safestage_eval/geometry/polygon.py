@@ -52,12 +52,17 @@ def union_area(polygons: list[F64]) -> float:
 
 
 def grown(polygon: F64, by: float) -> F64:
-    """(N, 2) the polygon with every edge moved outward by so many metres; N ≥ 3."""
+    """(N, 2) the polygon with every edge moved outward by so many metres; N ≥ 3.
+
+    Corners sharper than 30° are moved by four times as much only, not as far as the edges meet.
+    """
     normal = outward(polygon)
     before = np.roll(normal, 1, 0)
     # the corner between two edges moves by u with u·n = by for both normals
     bisector = normal + before
-    return np.asarray(polygon + by * 2 * bisector / (bisector**2).sum(1, keepdims=True))
+    return np.asarray(
+        polygon + by * 2 * bisector / np.maximum((bisector**2).sum(1, keepdims=True), 0.25)
+    )
 
 
 def outward(polygon: F64) -> F64:

@@ -9,13 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import kernel
+from .compiled import helper
 from .shape import BOX, CYLINDER, ELLIPSOID, HULL, PLANE, SEGMENT, Packed
 
 F64 = NDArray[np.float64]
 
 
-@kernel
+@helper
 def support_point(geoms: Packed, g: int, x: float, y: float, z: float, out: F64) -> None:
     """Write into ``out`` (3,) the point of geom g's core that is farthest along (x, y, z).
 
@@ -54,7 +54,7 @@ def support_point(geoms: Packed, g: int, x: float, y: float, z: float, out: F64)
         out[2] = (c if z >= 0 else -c) if kind == SEGMENT else 0.0
 
 
-@kernel
+@helper
 def support_value(geoms: Packed, g: int, x: float, y: float, z: float, point: F64) -> float:
     """How far geom g, margin included, reaches along the *unit* direction (x, y, z), m.
 

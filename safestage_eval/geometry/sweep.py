@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import kernel
+from .compiled import helper, kernel
 from .gjk import geom_distance, relative_pose, scratch
 from .mover import BLOCK, Motion, chord, rotation_at
 from .shape import Packed
@@ -21,7 +21,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 
-@kernel
+@helper
 def _balls_and_boxes(
     ma: Motion, mb: Motion, s: int, t: int, flat: bool, radii: float, gap: F64
 ) -> float:
@@ -40,7 +40,7 @@ def _balls_and_boxes(
     return float(max(apart, math.sqrt(box)) if box > 0.0 else apart)
 
 
-@kernel
+@helper
 def _geom_bound(A: Packed, a: int, B: Packed, b: int, p: F64, R: F64) -> float:
     """Lower bound (m) by balls and boxes around two geoms; R, p pose of b in the axes of a.
 

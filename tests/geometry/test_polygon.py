@@ -83,6 +83,8 @@ def test_union_area_agrees_with_sampling(seed: int) -> None:
 def test_growing_moves_every_edge() -> None:
     wider = grown(rectangle(0, 0, 2, 1), 0.1)
     np.testing.assert_allclose(wider, rectangle(-0.1, -0.1, 2.1, 1.1))
+    needle = np.array([[0.0, 0], [1, -0.001], [1, 0.001]])
+    assert np.linalg.norm(grown(needle, 1e-5) - needle, axis=1).max() <= 4e-5
 
 
 def test_nearest_and_crossing() -> None:
