@@ -36,7 +36,7 @@ _NUMBERS = {
     PackedElementField.FLOAT32: "<f4",
     PackedElementField.FLOAT64: "<f8",
 }
-_DATA = wire.tag(6, wire.LENGTH)[0]
+_DATA = wire.tag(6, wire.LENGTH)
 """What stands before the points, the last field of a PointCloud."""
 
 
@@ -59,15 +59,15 @@ def read_clouds(messages: list[memoryview], where: str) -> tuple[NDArray[Any], N
     Raises:
         TraceError: a message is no point cloud, or lacks a field of contacts.
     """
-    own = empty_cloud().SerializeToString(deterministic=True)
+    # ours: a stamp, then always the same bytes, then the points
+    own = empty_cloud().SerializeToString(deterministic=True) + _DATA
     parts = []
     for n, message in enumerate(messages):
-        # ours: a stamp, then always the same bytes, then the points
-        begin = 2 + message[1] if len(message) > 1 else 0
-        end = begin + len(own)
-        if len(message) <= end or message[begin:end] != own or message[end] != _DATA:
+        head = bytes(message[: len(own) + 32])
+        begin = 2 + head[1] if len(head) > 1 else 0
+        if not head.startswith(own, begin):
             return _decoded(messages, where)
-        size, at = wire.read_varint(message, end + 1)
+        size, at = wire.read_varint(head, begin + len(own))
         if at + size != len(message) or size % POINT.itemsize:
             raise TraceError(where, f"the contacts of frame {n} are cut off")
         parts.append(message[at:])
