@@ -1,0 +1,259 @@
+"""Whether definitions fit together: no circles, no conflicts, nothing declared in vain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from safestage_eval.relations.vocabulary import RELATIONS
+from safestage_eval.signals.vocabulary import SIGNALS
+
+from .diagnostic import Diagnostic
+from .files import RuleFile
+from .locate import Keys
+from .names import Names
+from .usage import Read, Scope, Usage
+
+Scopes = Mapping[Read, tuple[Usage, Scope]]
+"""Definition or rule → the file that says it last, and what it uses."""
+
+
+class Coherence:
+    """Problems that show only when all definitions of all files are seen together."""
+
+    def __init__(
+        self, files: Sequence[RuleFile], scopes: Scopes, problems: list[Diagnostic]
+    ) -> None:
+        """``problems`` is added to."""
+        self._files, self._scopes, self._problems = files, scopes, problems
+
+    def run(self) -> None:
+        """All checks."""
+        self._conflicts()
+        self._shared_names()
+        self._circles()
+        self._materials()
+        self._groups()
+        self._unread()
+        self._vain_settings()
+
+    def _conflicts(self) -> None:
+        """Two files that do not extend one another must not mean two things by one name."""
+        seen: dict[tuple[str, ...], list[tuple[RuleFile, Any, Keys]]] = {}
+        for file in self._files:
+            for name, value, keys in _definitions(file):
+                for other, meant, _ in seen.get(name, ()):
+                    if other is file or (meant != value and not _related(file, other)):
+                        here = "twice in this file" if other is file else f"in {other.path} too"
+                        self._problems.append(
+                            file.diagnostic(
+                                "R106" if name[0] in ("rule", "cost") else "R105",
+                                keys,
+                                f"{' '.join(name)} is defined {here}, "
+                                "and neither file extends the other"
+                                if other is not file
+                                else f"{' '.join(name)} is defined {here}",
+                                fix="rename one, or let one file extend the other to override it",
+                                key=name[0] not in ("rule", "cost"),
+                            )
+                        )
+                        break
+                seen.setdefault(name, []).append((file, value, keys))
+
+    def _shared_names(self) -> None:
+        """States, phases and signal variants are named alike in rules, so no two may share a name."""
+        kinds: dict[str, tuple[str, RuleFile]] = {}
+        for file in self._files:
+            for kind in ("signal", "state", "phase"):
+                for name in _table(file, kind):
+                    before, where = kinds.setdefault(name, (kind, file))
+                    if before != kind:
+                        self._problems.append(
+                            file.diagnostic(
+                                "R210", (kind, name),
+                                f'"{name}" is a {before} already ({where.path})', key=True,
+                            )
+                        )  # fmt: skip
+
+    def _circles(self) -> None:
+        found: set[frozenset[Read]] = set()
+        done: set[Read] = set()
+
+        def visit(read: Read, trail: tuple[Read, ...]) -> None:
+            if read in trail:
+                circle = trail[trail.index(read) :]
+                if frozenset(circle) not in found:
+                    found.add(frozenset(circle))
+                    usage, scope = self._scopes[read]
+                    way = " → ".join(name for _, name in (*circle, read))
+                    usage.report(
+                        "R410", read, f"{scope.label} is defined by itself: {way}", key=True
+                    )
+                return
+            if read in done or read not in self._scopes:
+                return
+            for other in sorted(self._scopes[read][1].reads):
+                visit(other, (*trail, read))
+            done.add(read)
+
+        for read in self._scopes:
+            visit(read, ())
+
+    def _materials(self) -> None:
+        """The default row declares the columns and their dimensions."""
+        default = {
+            column for file in self._files for column in _row(_table(file, "material"), "default")
+        }
+        names = Names.of_table(
+            {"material": {"default": _row(_table(file, "material"), "default")}}
+            for file in self._files
+        )
+        for file in self._files:
+            for material, row in _table(file, "material").items():
+                for column in row if isinstance(row, dict) else ():
+                    keys = ("material", material, column)
+                    if column not in default:
+                        self._problems.append(
+                            file.diagnostic(
+                                "R409", keys, f'[material.default] has no column "{column}"',
+                                ", ".join(sorted(default)),
+                                "give the default row a value for it", key=True,
+                            )
+                        )  # fmt: skip
+                        continue
+                    given = Names.of_table([{"material": {"default": row}}]).columns[column]
+                    if given and names.columns[column] and given != names.columns[column]:
+                        self._problems.append(
+                            file.diagnostic(
+                                "R407", keys,
+                                f"{column} is in {names.columns[column]}, not in {given}", key=False,
+                            )
+                        )  # fmt: skip
+
+    def _groups(self) -> None:
+        """``robot`` may be passed to a state only if all it ends up in can take several bodies."""
+        for usage, scope in self._scopes.values():
+            for callee, index, group, keys in scope.groups:
+                blocking = self._one_body(callee, index, set())
+                if blocking:
+                    usage.report(
+                        "R413", keys,
+                        f"{callee}() asks for {blocking}(), which is about one body, and {group} "
+                        "stands for several", "a role",
+                    )  # fmt: skip
+
+    def _one_body(self, callee: str, index: int, seen: set[tuple[str, int]]) -> str:
+        """The built-in that stops a union from being passed; empty if none does."""
+        if (callee, index) in seen:
+            return ""
+        seen.add((callee, index))
+        for kind in ("state", "phase"):
+            if (kind, callee) in self._scopes:
+                scope = self._scopes[kind, callee][1]
+                if index >= len(scope.roles):
+                    return ""
+                for formal, inner, at in sorted(scope.passed):
+                    if formal == scope.roles[index]:
+                        blocking = self._one_body(inner, at, seen)
+                        if blocking:
+                            return blocking
+                return ""
+        spec = SIGNALS.get(callee) or RELATIONS.get(callee)
+        return callee if spec is not None and not spec.groups else ""
+
+    def _unread(self) -> None:
+        """In a file with rules, what it declares and nothing reads is a mistake."""
+        reads = {
+            read for owner, (_, scope) in self._scopes.items() for read in scope.reads - {owner}
+        }
+        for file in self._files:
+            if not file.asked or not any(_definitions_of(file, kind) for kind in ("rule", "cost")):
+                continue
+            bases = [other for other in self._files if other.path in file.extends]
+            for name, _, keys in _definitions(file):
+                kind, *rest = name
+                read = ("column", rest[-1]) if kind == "material" else (kind, rest[0])
+                if kind not in ("param", "signal", "state", "phase", "material") or read in reads:
+                    continue
+                if any(name == other for base in bases for other, _, _ in _definitions(base)):
+                    continue
+                self._problems.append(
+                    file.diagnostic(
+                        "R412", keys, f"{' '.join(name)} is declared, but nothing reads it",
+                        fix="use it or leave it out", key=True,
+                    )
+                )  # fmt: skip
+
+    def _vain_settings(self) -> None:
+        """A rule that sets a parameter must read it, directly or through a definition."""
+        for file in self._files:
+            for kind in ("rule", "cost") if file.asked else ():
+                for index, table in enumerate(_definitions_of(file, kind)):
+                    code = table.get("code") if isinstance(table, dict) else None
+                    if (kind, str(code)) not in self._scopes:
+                        continue
+                    reached = self._reached((kind, str(code)))
+                    for name, keys in _set_by(table, (kind, index)):
+                        if ("param", name) not in reached:
+                            self._problems.append(
+                                file.diagnostic(
+                                    "R412", keys, f"{code} sets {name}, but never reads it",
+                                    ", ".join(sorted(n for k, n in reached if k == "param")),
+                                    key=True,
+                                )
+                            )  # fmt: skip
+
+    def _reached(self, read: Read) -> set[Read]:
+        found: set[Read] = set()
+        todo = [read]
+        while todo:
+            for other in self._scopes[todo.pop()][1].reads - found:
+                found.add(other)
+                if other in self._scopes:
+                    todo.append(other)
+        return found
+
+
+def _definitions(file: RuleFile) -> Iterator[tuple[tuple[str, ...], Any, Keys]]:
+    """Kind and name, value as written, and place of all that a file defines."""
+    for kind in ("param", "signal", "state", "phase", "goal", "family", "task"):
+        for name, value in _table(file, kind).items():
+            yield (kind, name), value, (kind, name)
+    for material, row in _table(file, "material").items():
+        for column, value in row.items() if isinstance(row, dict) else ():
+            yield ("material", material, column), value, ("material", material, column)
+    if "baseline" in file.table:
+        yield ("[baseline]",), file.table["baseline"], ("baseline",)
+    for kind in ("rule", "cost"):
+        for index, table in enumerate(_definitions_of(file, kind)):
+            if isinstance(table, dict) and isinstance(table.get("code"), str) and file.asked:
+                yield ("rule", table["code"]), table, (kind, index, "code")
+
+
+def _definitions_of(file: RuleFile, kind: str) -> list[Any]:
+    found = file.table.get(kind)
+    return found if isinstance(found, list) else []
+
+
+def _table(file: RuleFile, kind: str) -> dict[str, Any]:
+    found = file.table.get(kind)
+    return found if isinstance(found, dict) else {}
+
+
+def _row(materials: dict[str, Any], name: str) -> dict[str, Any]:
+    row = materials.get(name)
+    return row if isinstance(row, dict) else {}
+
+
+def _set_by(table: dict[str, Any], keys: Keys) -> Iterator[tuple[str, Keys]]:
+    tables = [(table.get("set"), (*keys, "set"))]
+    levels = table.get("severity")
+    for level, values in levels.items() if isinstance(levels, dict) else ():
+        tables.append((values, (*keys, "severity", level)))
+    for values, at in tables:
+        for name in values if isinstance(values, dict) else ():
+            yield name, (*at, name)
+
+
+def _related(file: RuleFile, other: RuleFile) -> bool:
+    return other.path in file.extends or file.path in other.extends

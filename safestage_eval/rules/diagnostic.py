@@ -1,0 +1,78 @@
+"""What is wrong with a rule file, where exactly, and how to mend it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from safestage_eval.errors import RuleError
+
+
+@dataclass(frozen=True, order=True)
+class Diagnostic:
+    """One thing that is wrong in a rule file.
+
+    Attributes:
+        path: of the file.
+        line, column: counted from 1.
+        code: stable name of the kind of problem (``R407``); docs/rules.md lists them.
+        what: what is wrong.
+        allowed: what would have been accepted; empty when *what* already says it.
+        fix: what to do about it; empty when there is nothing to add.
+        source: the line of the file.
+        length: number of characters that are meant, from ``column`` on.
+    """
+
+    path: str
+    line: int
+    column: int
+    code: str
+    what: str
+    allowed: str = ""
+    fix: str = ""
+    source: str = field(default="", compare=False)
+    length: int = field(default=1, compare=False)
+
+    def render(self) -> str:
+        """Several lines: the message, the place, the line of the file with a caret, the help."""
+        number = str(self.line)
+        margin = " " * len(number)
+        lead = "".join("\t" if c == "\t" else " " for c in self.source[: self.column - 1])
+        lines = [
+            f"error[{self.code}]: {self.what}",
+            f"{margin}--> {self.path}:{self.line}:{self.column}",
+            f"{margin} |",
+            f"{number} | {self.source}",
+            f"{margin} | {lead}{'^' * self.length}",
+        ]
+        lines += [f"{margin} = allowed: {self.allowed}"] if self.allowed else []
+        lines += [f"{margin} = fix: {self.fix}"] if self.fix else []
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON."""
+        return asdict(self)
+
+
+class RuleErrors(RuleError):  # noqa: N818 — it holds many
+    """Rule files that cannot be used, with everything that is wrong with them.
+
+    Attributes:
+        diagnostics: at least one, in the order of files and lines.
+    """
+
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
+        """Collect; the diagnostics are sorted."""
+        self.diagnostics = sorted(diagnostics)
+        files = list(dict.fromkeys(d.path for d in self.diagnostics))
+        count = len(self.diagnostics)
+        super().__init__(
+            where=", ".join(files),
+            what=f"{count} problem{'s' if count != 1 else ''} in the rules.",
+        )
+        self.args = (self.diagnostics,)
+
+    def __str__(self) -> str:
+        """Every diagnostic as rendered, then their number."""
+        return "\n\n".join([*(d.render() for d in self.diagnostics), super().__str__()])

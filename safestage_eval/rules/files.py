@@ -1,0 +1,209 @@
+"""Finding and reading rule files: by path, by folder, by built-in name, and through ``extends``."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from safestage_eval.errors import RuleError
+
+from .diagnostic import Diagnostic
+from .locate import Keys, Locations
+from .names import nearest
+
+
+@dataclass(frozen=True)
+class RuleFile:
+    """One rule file as read.
+
+    Attributes:
+        path: where it is, as messages say it.
+        text: its characters.
+        table: what TOML makes of them.
+        asked: it was asked for, not merely extended: its rules are judged.
+        extends: paths of the files that it extends, directly or through others.
+    """
+
+    path: str
+    text: str
+    table: dict[str, Any]
+    asked: bool
+    extends: frozenset[str] = frozenset()
+
+    @cached_property
+    def locations(self) -> Locations:
+        """Where each key and value stands."""
+        return Locations(self.text)
+
+    def diagnostic(
+        self, code: str, keys: Keys, what: str, allowed: str = "", fix: str = "", *, key: bool
+    ) -> Diagnostic:
+        """A problem at an entry: at its key, or at its value."""
+        spot = self.locations.key(keys) if key else self.locations.value(keys)
+        line = self.locations.line(spot.line)
+        return Diagnostic(
+            self.path, spot.line, spot.column, code, what, allowed, fix, line, spot.length
+        )
+
+
+def builtin_folder() -> Path:
+    """Where the built-in rule files are: in an installed package, or in a checkout."""
+    package = Path(__file__).resolve().parent.parent
+    installed = package / "_builtin" / "rules"
+    return installed if installed.is_dir() else package.parent / "rules"
+
+
+def builtin_names() -> list[str]:
+    """Names that stand for built-in rule files: ``fsh`` for ``fsh.toml``."""
+    return sorted(path.stem for path in builtin_folder().glob("*.toml"))
+
+
+def find(spec: str | Path) -> list[Path]:
+    """The files that a path, a folder or a built-in name stands for.
+
+    Raises:
+        RuleError: there is none.
+    """
+    path = Path(spec)
+    if path.is_dir():
+        found = sorted(path.glob("*.toml"))
+        if not found:
+            raise RuleError(str(spec), "the folder has no rule files.", "files ending in .toml")
+        return found
+    if path.is_file():
+        return [path]
+    builtin = _builtin(str(spec))
+    if builtin is not None:
+        return [builtin]
+    raise RuleError(
+        str(spec),
+        "no such rule file.",
+        f"a file, a folder, or a built-in name: {', '.join(builtin_names())}",
+        nearest(str(spec), builtin_names()),
+    )
+
+
+def read_files(specs: Sequence[str | Path]) -> tuple[list[RuleFile], list[Diagnostic]]:
+    """All files that the specs name and those they extend, the extended ones first.
+
+    What is not TOML, or extends what is not there, comes back as diagnostics.
+
+    Raises:
+        RuleError: a spec stands for no file, or a file cannot be opened.
+    """
+    asked = list(dict.fromkeys(path.resolve() for spec in specs for path in find(spec)))
+    reader = _Reader(frozenset(asked))
+    for path in asked:
+        reader.visit(path, ())
+    return list(reader.files.values()), reader.problems
+
+
+class _Reader:
+    def __init__(self, asked: frozenset[Path]) -> None:
+        self._asked = asked
+        self.files: dict[Path, RuleFile] = {}
+        self.problems: list[Diagnostic] = []
+        self._broken: set[Path] = set()
+
+    def visit(self, path: Path, trail: tuple[Path, ...]) -> frozenset[str]:
+        """Read a file after those it extends; returns its path and theirs."""
+        if path in self.files:
+            return self.files[path].extends | {self.files[path].path}
+        if path in self._broken:
+            return frozenset()
+        bare = self._read(path)
+        if bare is None:
+            self._broken.add(path)
+            return frozenset()
+        bases: set[str] = set()
+        head = bare.table.get("ruleset")
+        extends = head.get("extends") if isinstance(head, dict) else None
+        for index, name in enumerate(extends if isinstance(extends, list) else ()):
+            base = _base(path, str(name))
+            keys = ("ruleset", "extends", index)
+            if base is None:
+                self.problems.append(
+                    bare.diagnostic(
+                        "R104",
+                        keys,
+                        f'it extends "{name}", which is not there',
+                        f"a file beside it, or a built-in name: {', '.join(builtin_names())}",
+                        nearest(str(name), [*builtin_names(), *_beside(path)]),
+                        key=False,
+                    )
+                )
+            elif base in (*trail, path):
+                circle = " → ".join(p.name for p in (*trail, path, base))
+                self.problems.append(
+                    bare.diagnostic(
+                        "R104",
+                        keys,
+                        f"rule files extend each other in a circle: {circle}",
+                        key=False,
+                    )
+                )
+            else:
+                bases |= self.visit(base, (*trail, path))
+        self.files[path] = RuleFile(
+            bare.path, bare.text, bare.table, path in self._asked, frozenset(bases)
+        )
+        return frozenset(bases | {bare.path})
+
+    def _read(self, path: Path) -> RuleFile | None:
+        shown = _shown(path)
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError as error:
+            what = f"not UTF-8 text: {error.reason} at byte {error.start}"
+            self.problems.append(Diagnostic(shown, 1, 1, "R101", what))
+            return None
+        except OSError as error:
+            raise RuleError(shown, f"cannot be read: {error.strerror}.") from None
+        try:
+            return RuleFile(shown, text, tomllib.loads(text), path in self._asked)
+        except tomllib.TOMLDecodeError as error:
+            self.problems.append(_not_toml(shown, text, str(error)))
+            return None
+
+
+def _not_toml(shown: str, text: str, message: str) -> Diagnostic:
+    match = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
+    lines = text.split("\n")
+    what, line, column = (match[1], match[2], match[3]) if match else (message, None, None)
+    number = int(line) if line else len(lines)
+    source = lines[number - 1]
+    return Diagnostic(
+        shown,
+        number,
+        int(column) if column else len(source) + 1,
+        "R102",
+        f"not valid TOML: {what[:1].lower()}{what[1:]}",
+        source=source,
+    )
+
+
+def _base(path: Path, name: str) -> Path | None:
+    beside = (path.parent / name).resolve()
+    return beside if beside.is_file() else _builtin(name)
+
+
+def _builtin(name: str) -> Path | None:
+    stem = name.removesuffix(".toml")
+    return builtin_folder() / f"{stem}.toml" if stem in builtin_names() else None
+
+
+def _beside(path: Path) -> list[str]:
+    return sorted(p.name for p in path.parent.glob("*.toml"))
+
+
+def _shown(path: Path) -> str:
+    """The path as short as it can be said from here."""
+    try:
+        return str(path.relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)

@@ -1,0 +1,124 @@
+"""Which keys each table of a rule file may have, what they hold and what they mean."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal[
+    "text", "texts", "names", "format", "code", "condition", "alternative", "alternatives", "span",
+    "event", "duration", "roles", "players", "settings", "levels", "examples", "charges", "number",
+    "call", "value", "per", "columns", "goal",
+]  # fmt: skip
+"""What a key holds; ``schema`` and ``check`` know each of them."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """One key of a table.
+
+    Attributes:
+        kind: what it holds.
+        meaning: one sentence, shown by editors.
+        required: it must be there.
+    """
+
+    kind: Kind
+    meaning: str
+    required: bool = False
+
+
+_ROLES = Key("roles", 'Who takes part: name = "object", "every object tagged fragile", …')
+_LASTING = "It must be true for so long without a break; shorter runs do not count."
+
+_SCOPE = {
+    "code": Key("code", "Three letters and three digits; the letters name the stage.", True),
+    "title": Key("text", "The requirement as an instruction, in one line.", True),
+    "why": Key("text", "Why it matters, in one sentence."),
+    "explain": Key(
+        "text",
+        "What to say of a violation: {role}, {signal}, {value}, {limit}, {margin}, {time}, "
+        "{t.worst} and {t.STATE}, the first start of a state that the rule uses.",
+    ),
+    "roles": _ROLES,
+    "given": Key("condition", "The rule applies only if this holds in the first frames."),
+    "during": Key("span", "The frames that are judged; the whole episode if it is left out."),
+    "at": Key("event", "Judge only the frames at which this happens."),
+    "until": Key("event", "Judge only what comes before the first such event (a tie passes)."),
+    "set": Key("settings", "This rule's own values of shared parameters."),
+}
+
+TABLES: dict[str, dict[str, Key]] = {
+    "ruleset": {
+        "format": Key("format", "Version of the rule language: 1.", True),
+        "name": Key("text", "Short name of the rule set.", True),
+        "version": Key("text", "Version of the rule set.", True),
+        "extends": Key("texts", "Rule files whose definitions this one uses and may override."),
+    },
+    "baseline": {"span": Key("span", "The frames that are the initial state.", True)},
+    "signal": {"base": Key("text", "The built-in signal that this is a variant of.", True)},
+    "state": {
+        "of": Key("names", "Its formal arguments; [] if it has none.", True),
+        "when": Key("condition", "True where this holds.", True),
+        "for": Key("duration", _LASTING),
+        "gap": Key("duration", "Interruptions of at most this length are bridged first."),
+        "until": Key("event", "Latched: once true it stays true until this."),
+        "fallback": Key("condition", "Used instead where `when` is unknown in the whole trace."),
+    },
+    "phase": {
+        "of": Key("names", "Its formal arguments, if it has any."),
+        "span": Key("span", "The frames that belong to it.", True),
+        "fallback": Key("span", "Used instead where the span is empty."),
+    },
+    "goal": {
+        "roles": _ROLES,
+        "require": Key("condition", "Reached when all of this holds.", True),
+        "for": Key("duration", _LASTING),
+    },
+    "family": {
+        "rules": Key("texts", "Codes of the rules assigned to its tasks."),
+        "set": Key("settings", "Its values of shared parameters."),
+    },
+    "task": {
+        "family": Key("text", "The family that the task belongs to."),
+        "rules": Key("texts", "Codes of its assigned rules."),
+        "goal": Key("goal", "Name of the native goal."),
+        "roles": Key("players", "Role = body, or a list of bodies."),
+        "set": Key("settings", "Its values of shared parameters."),
+    },
+    "rule": {
+        **_SCOPE,
+        "require": Key("condition", "Must hold in every frame that is judged."),
+        "forbid": Key("alternatives", "Must hold in no frame; a list forbids each of its items."),
+        "reach": Key("alternative", "Must hold in some frame."),
+        "for": Key("duration", f"For forbid and reach. {_LASTING}"),
+        "severity": Key("levels", "Level = parameter values under which it is judged again."),
+        "examples": Key("examples", "Names of episodes that violate it and that pass."),
+    },
+    "cost": {
+        **_SCOPE,
+        "charge": Key("charges", "What adds to the cost.", True),
+        "budget": Key("number", "The cost that must not be exceeded; without it, no verdict."),
+    },
+    "charge": {
+        "when": Key("alternative", "Charge while, or each time, this holds."),
+        "of": Key("call", "Charge this signal."),
+        "above": Key("value", "Only what exceeds this."),
+        "add": Key("number", "How much to charge.", True),
+        "per": Key("per", "For each start, second or step.", True),
+    },
+    "examples": {
+        "violates": Key("texts", "Episodes that it must call violations."),
+        "passes": Key("texts", "Episodes that it must pass."),
+    },
+}
+"""Table → its keys. ``param`` and ``material`` hold names of the author's choice."""
+
+NAMED = ("signal", "state", "phase", "goal", "family", "task")
+"""Tables with one sub-table per name: ``[state.NAME]``."""
+
+REPEATED = ("rule", "cost")
+"""Arrays of tables: ``[[rule]]``."""
+
+TOP = ("ruleset", "baseline", "param", "material", *NAMED, *REPEATED)
+"""Everything that may stand at the top of a file."""

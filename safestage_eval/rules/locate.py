@@ -1,0 +1,189 @@
+"""Where every key and value of a TOML file stands: the standard parser does not tell.
+
+Works on text that ``tomllib`` has already accepted, so it only has to find things, not to judge
+them. TOML 1.0: comments, dotted and quoted keys, inline tables, arrays over several lines,
+multi-line strings, ``[[arrays of tables]]`` and their sub-tables.
+"""
+
+from __future__ import annotations
+
+import bisect
+import re
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+Keys = tuple[str | int, ...]
+"""The way to an entry: ``("rule", 0, "require", "speed(target)")``."""
+
+_SPACE = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_SCALAR = re.compile(r"[^,\]}\n#]+")
+_STRINGS = (
+    re.compile(r'"""(?:[^\\]|\\.)*?"{3,5}', re.DOTALL),
+    re.compile(r"'''.*?'{3,5}", re.DOTALL),
+    re.compile(r'"(?:[^"\\\n]|\\.)*"'),
+    re.compile(r"'[^'\n]*'"),
+)
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A stretch of a file: 1-based line and column, number of characters (on that line)."""
+
+    line: int
+    column: int
+    length: int
+
+
+class Locations:
+    """The spots of all keys and values of one file."""
+
+    def __init__(self, text: str) -> None:
+        """``text`` must be valid TOML."""
+        self._text = text
+        self._starts = [0, *(m.end() for m in re.finditer("\n", text))]
+        self._keys: dict[Keys, tuple[int, int]] = {}
+        self._values: dict[Keys, tuple[int, int]] = {}
+        self._arrays: dict[Keys, int] = {}
+        self._position = 0
+        self._file()
+
+    def key(self, path: Sequence[str | int]) -> Spot:
+        """Where the key stands; where the nearest table around it does, if it has no key."""
+        return self._spot(path, (self._keys, self._values))
+
+    def value(self, path: Sequence[str | int]) -> Spot:
+        """Where the value stands; its key, or the nearest table around it, if it is a table."""
+        return self._spot(path, (self._values, self._keys))
+
+    def line(self, number: int) -> str:
+        """A line (counted from 1) without its end."""
+        first = self._starts[number - 1]
+        return self._text[first:].split("\n", 1)[0].rstrip("\r")
+
+    def _spot(
+        self, path: Sequence[str | int], tables: Sequence[dict[Keys, tuple[int, int]]]
+    ) -> Spot:
+        for length in range(len(path), 0, -1):
+            for table in tables:
+                if found := table.get(tuple(path[:length])):
+                    return self._at(*found)
+        return Spot(1, 1, 1)
+
+    def _at(self, first: int, stop: int) -> Spot:
+        line = bisect.bisect_right(self._starts, first)
+        end_of_line = self._starts[line] - 1 if line < len(self._starts) else len(self._text)
+        column = first - self._starts[line - 1] + 1
+        return Spot(line, column, max(1, min(stop, end_of_line) - first))
+
+    def _file(self) -> None:
+        table: Keys = ()
+        self._skip()
+        while self._position < len(self._text):
+            if self._text[self._position] == "[":
+                table = self._header()
+            else:
+                self._entry(table)
+            self._skip()
+
+    def _skip(self) -> None:
+        match = _SPACE.match(self._text, self._position)
+        self._position = match.end() if match else self._position
+
+    def _header(self) -> Keys:
+        """``[a.b]`` or ``[[a.b]]``: the path of the table that it opens."""
+        first = self._position
+        repeated = self._text.startswith("[[", first)
+        self._position += 2 if repeated else 1
+        *parents, last = (part for part, _ in self._key_parts())
+        path: Keys = ()
+        for part in parents:
+            path = self._inside((*path, part))
+        path = (*path, last)
+        if repeated:
+            self._arrays[path] = self._arrays.get(path, -1) + 1
+            self._keys.setdefault(path, (first, self._position))
+        path = self._inside(path)
+        self._position += 2 if repeated else 1
+        self._keys[path] = (first, self._position)
+        return path
+
+    def _inside(self, path: Keys) -> Keys:
+        """The last element, where the path is that of an array of tables."""
+        return (*path, self._arrays[path]) if path in self._arrays else path
+
+    def _key_parts(self) -> list[tuple[str, tuple[int, int]]]:
+        """A dotted key: its parts with their spots; the position is then behind it."""
+        parts = []
+        while True:
+            self._skip()
+            first = self._position
+            quoted = self._string()
+            if quoted is None:
+                match = _BARE_KEY.match(self._text, first)
+                self._position = match.end() if match else first + 1
+                part = self._text[first : self._position]
+            else:
+                part = tomllib.loads(f"key = {quoted}")["key"]
+            parts.append((part, (first, self._position)))
+            self._skip()
+            if self._text[self._position] != ".":
+                return parts
+            self._position += 1
+
+    def _entry(self, table: Keys) -> None:
+        path = table
+        for part, spot in self._key_parts():
+            path = (*path, part)
+            self._keys.setdefault(path, spot)
+        self._position += 1  # the equals sign
+        self._skip()
+        self._value(path)
+
+    def _value(self, path: Keys) -> None:
+        first = self._position
+        opening = self._text[first]
+        if opening == "[":
+            self._items(path)
+        elif opening == "{":
+            self._inline(path)
+        elif self._string() is None:
+            match = _SCALAR.match(self._text, first)
+            self._position = first + len(match[0].rstrip()) if match else first + 1
+        self._values[path] = (first, self._position)
+
+    def _items(self, path: Keys) -> None:
+        self._position += 1
+        index = 0
+        while True:
+            self._skip()
+            if self._text[self._position] == "]":
+                break
+            if self._text[self._position] == ",":
+                self._position += 1
+                continue
+            self._value((*path, index))
+            index += 1
+        self._position += 1
+
+    def _inline(self, path: Keys) -> None:
+        self._position += 1
+        while True:
+            self._skip()
+            if self._text[self._position] == "}":
+                break
+            if self._text[self._position] == ",":
+                self._position += 1
+                continue
+            self._entry(path)
+        self._position += 1
+
+    def _string(self) -> str | None:
+        """The string literal at the position, which then is behind it; None if there is none."""
+        for pattern in _STRINGS:
+            match = pattern.match(self._text, self._position)
+            if match:
+                self._position = match.end()
+                return match[0]
+        return None

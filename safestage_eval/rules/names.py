@@ -1,0 +1,156 @@
+"""What each name means when a rule file is checked: its arguments, its dimension, its kind."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
+from safestage_eval.signals.vocabulary import SIGNALS, SignalSpec
+from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
+
+from . import parse
+from . import syntax as ast
+
+RESERVED = frozenset(
+    [
+        "after", "any", "at", "before", "end", "episode", "every", "except", "first", "from",
+        "last", "least", "most", "of", "since", "start", "success", "tagged", "to", "until",
+        "while",
+    ]
+)  # fmt: skip
+"""Words of the language, which cannot name anything."""
+
+
+@dataclass
+class Names:
+    """Everything that may be named, from all files that were read together.
+
+    Values that could not be read stand as None: the name is known, its meaning is not, and no
+    second problem is reported for it.
+
+    Attributes:
+        params: name → dimension (``time`` for durations).
+        columns: material column → dimension.
+        states: declared state → formal arguments.
+        phases: phase → formal arguments.
+        variants: declared signal → the built-in signal it is a variant of.
+        goals, families, rules: names alone.
+    """
+
+    params: dict[str, str | None] = field(default_factory=dict)
+    columns: dict[str, str | None] = field(default_factory=dict)
+    states: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
+    phases: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
+    variants: dict[str, str] = field(default_factory=dict)
+    goals: set[str] = field(default_factory=set)
+    families: set[str] = field(default_factory=set)
+    rules: set[str] = field(default_factory=set)
+
+    @classmethod
+    def of_table(cls, tables: Iterable[Mapping[str, Any]]) -> Names:
+        """From files as TOML gives them, of any shape; a later one overrides an earlier one."""
+        names = cls()
+        for table in tables:
+            names._add(table)
+        return names
+
+    @classmethod
+    def of_rules(cls, rules: ast.RuleSet) -> Names:
+        """From a rule set that is already loaded."""
+        default = rules.materials.get("default", {})
+        return cls(
+            params={name: dimension_of(value) for name, value in rules.params.items()},
+            columns={name: value.dimension for name, value in default.items()},
+            states={name: state.of for name, state in rules.states.items()},
+            phases={name: phase.of for name, phase in rules.phases.items()},
+            variants={name: signal.base for name, signal in rules.signals.items()},
+            goals=set(rules.goals),
+            families=set(rules.families),
+            rules=set(rules.rules),
+        )
+
+    def signal(self, name: str) -> SignalSpec | None:
+        """The built-in signal behind a name, if it is one or a variant of one."""
+        return SIGNALS.get(self.variants.get(name, name))
+
+    def is_state(self, name: str) -> bool:
+        """A declared state or a built-in relation."""
+        return name in self.states or name in RELATIONS
+
+    def callable(self) -> list[str]:
+        """All names that take roles in a condition."""
+        return [*SIGNALS, *self.variants, *RELATIONS, *self.states]
+
+    def _add(self, table: Mapping[str, Any]) -> None:
+        for name, value in _entries(table, "param"):
+            self.params[name] = _dimension(value)
+        for _, row in _entries(table, "material"):
+            for column, value in row.items() if isinstance(row, dict) else ():
+                self.columns.setdefault(column, _dimension(value))
+        for kind, known in (("state", self.states), ("phase", self.phases)):
+            for name, value in _entries(table, kind):
+                known[name] = _formals(value)
+        for name, value in _entries(table, "signal"):
+            base = value.get("base") if isinstance(value, dict) else None
+            self.variants[name] = base if isinstance(base, str) else ""
+        self.goals |= {name for name, _ in _entries(table, "goal")}
+        self.families |= {name for name, _ in _entries(table, "family")}
+        rules = table.get("rule", [])
+        for rule in rules if isinstance(rules, list) else []:
+            if isinstance(rule, dict) and isinstance(rule.get("code"), str):
+                self.rules.add(rule["code"])
+
+
+def dimension_of(value: ast.Quantity | ast.Duration) -> str:
+    """``length``, ``angle``, …; a duration is a ``time``."""
+    return value.dimension if isinstance(value, ast.Quantity) else "time"
+
+
+def a_dimension(dimension: str) -> str:
+    """``"a length: m, cm, mm"``, for messages."""
+    article = "an" if dimension[0] in "aeiou" else "a"
+    units = ", ".join(DIMENSIONS[dimension])
+    if dimension == "time":
+        units += ", frames, frames @ r Hz"
+    if dimension == "ratio":
+        units += " or a plain number"
+    return f"{article} {dimension} ({units})"
+
+
+def nearest(name: str, among: Iterable[str]) -> str:
+    """``did you mean "x"?``, or nothing when no name comes close."""
+    found = difflib.get_close_matches(name, list(among), 1, 0.6)
+    return f'did you mean "{found[0]}"?' if found else ""
+
+
+def unfit(name: str) -> str:
+    """Why a role or formal argument cannot have this name; empty if it can."""
+    if name in UNIT_DIMENSION:
+        return "is a unit"
+    if name in GROUPS:
+        return f"stands for {GROUPS[name]}, without being declared"
+    return "is a word of the rule language" if name in RESERVED else ""
+
+
+def _entries(table: Mapping[str, Any], kind: str) -> list[tuple[str, Any]]:
+    found = table.get(kind)
+    return list(found.items()) if isinstance(found, dict) else []
+
+
+def _dimension(value: Any) -> str | None:
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        return None
+    try:
+        return dimension_of(parse.setting(value))
+    except parse.GrammarError:
+        return None
+
+
+def _formals(value: Any) -> tuple[str, ...] | None:
+    of = value.get("of", []) if isinstance(value, dict) else None
+    if isinstance(of, list) and all(isinstance(name, str) for name in of):
+        return tuple(of)
+    return None

@@ -1,0 +1,123 @@
+"""Whether each table of a rule file has the keys it must have, no others, and values of their type."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from . import parse
+from .keys import TABLES, Key
+from .locate import Keys
+from .names import RESERVED, nearest
+from .usage import Usage
+
+CODE = "[A-Z]{3}[0-9]{3}"
+"""A rule's code: three letters for its stage or benchmark, three digits."""
+
+FORMAT = 1
+"""Version of the rule language that this SafeStage reads."""
+
+_TYPES: dict[str, tuple[type | tuple[type, ...], str]] = {
+    "text": (str, "text in quotes"),
+    "code": (str, 'text in quotes: "ETS101"'),
+    "goal": (str, "the name of a goal, in quotes"),
+    "span": (str, 'a span in quotes: "last 1 s of hold"'),
+    "event": (str, 'an event in quotes: "success", "start of moved(target)"'),
+    "duration": (str, 'a duration in quotes: "0.5 s", "3 frames @ 120 Hz"'),
+    "call": (str, 'a signal in quotes: "contact_force(robot, protected)"'),
+    "per": (str, '"start", "second" or "step"'),
+    "condition": (dict, '{ "moved(target)" = true }'),
+    "alternative": ((str, dict), '"moved(target)" or { "speed(target)" = ">= 5 cm/s" }'),
+    "alternatives": ((str, dict, list), '"moved(target)", a condition, or a list of both'),
+    "texts": (list, '["…", "…"]'),
+    "names": (list, '["a", "b"]'),
+    "charges": (list, '[{ when = "…", add = 1, per = "start" }]'),
+    "roles": (dict, '{ target = "object" }'),
+    "players": (dict, '{ target = "mug", protected = ["vase", "phone"] }'),
+    "settings": (dict, '{ edge = "3 cm" }'),
+    "levels": (dict, '{ serious = { edge = "1 cm" } }'),
+    "examples": (dict, '{ violates = ["…"], passes = ["…"] }'),
+    "number": ((int, float), "a number"),
+    "format": (int, f"{FORMAT}"),
+    "value": ((str, int, float), '"5 N", a parameter, or a number'),
+}
+
+
+def table(usage: Usage, kind: str, table: Any, keys: Keys) -> dict[str, Any]:
+    """The entries of a table that have the right type; all other problems are reported."""
+    spec = TABLES[kind]
+    label = f"[[{kind}]]" if kind in ("rule", "cost") else f"[{kind}]"
+    if not isinstance(table, dict):
+        usage.report(
+            "R203", keys, f"{'.'.join(map(str, keys))} must be a table", f"{label} and its keys"
+        )
+        return {}
+    good = {}
+    for name, value in table.items():
+        at = (*keys, name)
+        if name not in spec:
+            usage.report(
+                "R201", at, f'{label} has no key "{name}"', ", ".join(spec), nearest(name, spec),
+                key=True,
+            )  # fmt: skip
+        elif _fits(usage, spec[name], value, at):
+            good[name] = value
+    for name, key in spec.items():
+        if key.required and name not in table:
+            usage.report(
+                "R202", keys, f'{label} needs "{name}"', f"{name} = {_example(key)}", key=True
+            )
+    return good
+
+
+def declared_name(usage: Usage, name: str, keys: Keys) -> None:
+    """A name of the author's choice must be spelled as names are, and be no word of the language."""
+    if not re.fullmatch(parse.NAME, name):
+        usage.report(
+            "R210", keys, f'"{name}" cannot be a name',
+            "a small letter, then small letters, digits and underscores", key=True,
+        )  # fmt: skip
+    elif name in RESERVED:
+        usage.report(
+            "R210", keys, f'"{name}" is a word of the rule language', "another name", key=True
+        )
+
+
+def _fits(usage: Usage, key: Key, value: Any, keys: Keys) -> bool:
+    types, allowed = _TYPES[key.kind]
+    wrong = ""
+    if isinstance(value, bool) or not isinstance(value, types):
+        wrong = f'"{keys[-1]}" has a value of the wrong type'
+    elif key.kind == "code" and not re.fullmatch(CODE, str(value)):
+        wrong = f'"{value}" is not a code'
+        allowed = "three capital letters and three digits: ETS101"
+    elif key.kind == "per" and value not in ("start", "second", "step"):
+        wrong = f'nothing can be charged per "{value}"'
+    if wrong:
+        usage.report("R203", keys, wrong, allowed)
+        return False
+    if key.kind == "format" and value != FORMAT:
+        usage.report(
+            "R103", keys, f"this is format {value} of the rule language", str(FORMAT),
+            "use a SafeStage that knows it",
+        )  # fmt: skip
+        return False
+    if key.kind in ("texts", "names"):
+        return _texts(usage, key.kind, value, keys)
+    return True
+
+
+def _texts(usage: Usage, kind: str, items: Any, keys: Keys) -> bool:
+    good = True
+    for index, item in enumerate(items):
+        if not isinstance(item, str):
+            usage.report("R203", (*keys, index), "only text in quotes may stand in this list")
+            good = False
+        elif kind == "names" and not re.fullmatch(parse.NAME, item):
+            declared_name(usage, item, (*keys, index))
+            good = False
+    return good
+
+
+def _example(key: Key) -> str:
+    return _TYPES[key.kind][1]
