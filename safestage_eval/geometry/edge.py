@@ -64,6 +64,7 @@ def edge_margin(
     """
     total = frame_count(a, *supports)
     wanted = np.arange(total) if frames is None else frames
+    total = max(total, int(wanted.max(initial=-1)) + 1)  # nothing moves, yet later frames are meant
     margin = np.full(total, np.nan)
     contact = np.broadcast_to(lowest(a) if height is None else height, total)
     for start, stop in still_runs((a, *supports), wanted, STILL_DISTANCE, STILL_ANGLE):
@@ -96,14 +97,17 @@ class _Patch(NamedTuple):
     height: float
 
 
+def _pose(mover: Mover, frame: int) -> tuple[F64, F64]:
+    t = frame if len(mover) > 1 else 0
+    return matrix(mover.orientation[t]), mover.position[t].astype(np.float64)
+
+
 def _plane_carries(support: Mover, frame: int, foot: F64, height: float) -> bool:
-    t = frame if len(support) > 1 else 0
-    shape = support.shape
-    rotation = matrix(support.orientation[t])
-    for geom in shape.geoms:
+    for geom in support.shape.geoms:
         if geom.kind == "plane":
+            rotation, position = _pose(support, frame)
             normal = rotation @ matrix(geom.orientation)[:, 2]
-            point = support.position[t] + rotation @ np.array(geom.position)
+            point = position + rotation @ np.array(geom.position)
             if normal[2] >= LEVEL:
                 level = point[2] - normal[:2] @ (foot[:2] - point[:2]) / normal[2]
                 if abs(level - height) <= CONTACT_TOLERANCE:
@@ -115,17 +119,18 @@ def _patch(supports: Sequence[Mover], frame: int, foot: F64, height: float) -> _
     """The upward faces whose planes pass the foot (2,) at the contact height; None without any."""
     polygons, levels = [], []
     for support in supports:
-        for part, points in world_vertices(support, frame):
-            for face in part.faces:
-                corners = points[face]
-                normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-                norm = np.sqrt(normal @ normal)
-                if norm == 0 or normal[2] < LEVEL * norm:
-                    continue
-                level = corners[0, 2] - normal[:2] @ (foot - corners[0, :2]) / normal[2]
-                if abs(level - height) <= CONTACT_TOLERANCE:
-                    polygons.append(grown(convex_hull(corners[:, :2]), SEAM))
-                    levels.append(level)
+        rotation, position = _pose(support, frame)
+        faces = support.shape.faces
+        normal = faces.normal @ rotation.T
+        anchor = faces.anchor @ rotation.T + position
+        up = np.flatnonzero(normal[:, 2] >= LEVEL)
+        lean = (normal[up, :2] * (foot - anchor[up, :2])).sum(1) / normal[up, 2]
+        level = anchor[up, 2] - lean
+        near = np.abs(level - height) <= CONTACT_TOLERANCE
+        for face in up[near]:
+            corners = faces.corners[face] @ rotation.T + position
+            polygons.append(grown(convex_hull(corners[:, :2]), SEAM))
+        levels += level[near].tolist()
     return _Patch(polygons, max(levels)) if polygons else None
 
 
@@ -133,7 +138,14 @@ def _walls(supports: Sequence[Mover], frame: int, height: float) -> F64:
     """(W, 2, 2) outlines of what the supports have at the height of a guarding wall's top."""
     found = [np.empty((0, 2, 2))]
     for support in supports:
-        for part, points in world_vertices(support, frame):
+        rotation, position = _pose(support, frame)
+        for part in support.shape.polytopes:
+            if part is None:
+                continue
+            level = part.vertices @ rotation[2] + position[2]
+            if not level.min() <= height < level.max():
+                continue
+            points = part.vertices @ rotation.T + position
             if part.convex:
                 cut = section(part, points, height)
                 if len(cut):

@@ -42,6 +42,7 @@ def overlap_xy(a: Mover, b: Mover, frames: I64 | None = None) -> F64:
     """
     total = frame_count(a, b)
     wanted = np.arange(total) if frames is None else frames
+    total = max(total, int(wanted.max(initial=-1)) + 1)  # nothing moves, yet later frames are meant
     share = np.full(total, np.nan)
     for start, stop in still_runs((a, b), wanted, STILL_DISTANCE, STILL_ANGLE):
         over, under = footprint(a, int(wanted[start])), footprint(b, int(wanted[start]))

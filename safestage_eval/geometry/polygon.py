@@ -15,6 +15,7 @@ from .compiled import kernel, owned
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
 COINCIDENT = 1e-9
 """m. Edges closer than this lie on each other."""
@@ -73,7 +74,7 @@ def outward(polygon: F64) -> F64:
     )
 
 
-def contains(polygons: list[F64], points: F64) -> NDArray[np.bool_]:
+def contains(polygons: list[F64], points: F64) -> Bool:
     """(N,) whether points (N, 2) lie in the union, its boundary included."""
     inside = np.zeros(len(points), bool)
     for polygon in polygons:
@@ -106,17 +107,11 @@ def nearest_on(points: F64, segments: F64) -> Nearest:
     return found
 
 
-def crosses(starts: F64, ends: F64, segments: F64) -> NDArray[np.bool_]:
+def crosses(starts: F64, ends: F64, segments: F64) -> Bool:
     """(N,) whether the way from start (N, 2) to end (N, 2) meets any of segments (S, 2, 2)."""
-    p, d = starts[:, None], (ends - starts)[:, None]
-    q, e = segments[:, 0], segments[:, 1] - segments[:, 0]
-    turn = d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0]
-    gap = q - p
-    with np.errstate(divide="ignore", invalid="ignore"):
-        along = (gap[..., 0] * e[..., 1] - gap[..., 1] * e[..., 0]) / turn
-        across = (gap[..., 0] * d[..., 1] - gap[..., 1] * d[..., 0]) / turn
-    meets = (turn != 0) & (along >= 0) & (along <= 1) & (across >= 0) & (across <= 1)
-    return np.asarray(meets.any(1))
+    met = np.zeros(len(starts), bool)
+    _crosses(owned(starts), owned(ends), owned(segments), met)
+    return met
 
 
 @kernel
@@ -218,3 +213,20 @@ def _nearest(points: F64, segments: F64, distance: F64, foot: F64, segment: I64)
                 foot[i, 0], foot[i, 1] = ax + share * dx, ay + share * dy
     for i in range(points.shape[0]):
         distance[i] = np.sqrt(distance[i])
+
+
+@kernel
+def _crosses(starts: F64, ends: F64, segments: F64, met: Bool) -> None:
+    for i in range(starts.shape[0]):
+        dx, dy = ends[i, 0] - starts[i, 0], ends[i, 1] - starts[i, 1]
+        for j in range(segments.shape[0]):
+            ex = segments[j, 1, 0] - segments[j, 0, 0]
+            ey = segments[j, 1, 1] - segments[j, 0, 1]
+            gx, gy = segments[j, 0, 0] - starts[i, 0], segments[j, 0, 1] - starts[i, 1]
+            turn = dx * ey - dy * ex
+            if turn == 0.0:
+                continue
+            along, across = (gx * ey - gy * ex) / turn, (gx * dy - gy * dx) / turn
+            if 0.0 <= along <= 1.0 and 0.0 <= across <= 1.0:
+                met[i] = True
+                break

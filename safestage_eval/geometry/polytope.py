@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,33 @@ class Polytope:
     edges: I64
     faces: tuple[I64, ...]
     convex: bool = True
+
+
+class Faces(NamedTuple):
+    """All F flat faces of some polytopes, body frame.
+
+    Attributes:
+        normal: (F, 3) outward, unit length.
+        anchor: (F, 3) m, a corner.
+        corners: each face's (N, 3) corners, m, in order.
+    """
+
+    normal: F64
+    anchor: F64
+    corners: tuple[F64, ...]
+
+
+def faces_of(parts: list[Polytope]) -> Faces:
+    """The faces of all parts; those without area are left out."""
+    corners = [part.vertices[face] for part in parts for face in part.faces]
+    normal = np.array([np.cross(c[1] - c[0], c[2] - c[0]) for c in corners]).reshape(-1, 3)
+    norm = np.sqrt((normal**2).sum(1))
+    keep = np.flatnonzero(norm > 0)
+    return Faces(
+        normal[keep] / norm[keep, None],
+        np.array([corners[i][0] for i in keep]).reshape(-1, 3),
+        tuple(corners[i] for i in keep),
+    )
 
 
 def polytope(geom: Geom, meshes: Mapping[str, Mesh]) -> Polytope | None:

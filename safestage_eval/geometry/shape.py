@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Body, Geom, Mesh
 
 from .compiled import owned
-from .polytope import Polytope, hull_centroid, polytope
+from .polytope import Faces, Polytope, faces_of, hull_centroid, polytope
 from .pose import matrix
 
 F64 = NDArray[np.float64]
@@ -103,7 +104,20 @@ class BodyShape:
 
     @classmethod
     def build(cls, body: Body, meshes: Mapping[str, Mesh]) -> BodyShape:
-        """Pack a body's geoms; ``meshes`` maps a geom's mesh key to the mesh (KeyError if absent)."""
+        """Pack a body's geoms; ``meshes`` maps a geom's mesh key to the mesh (KeyError if absent).
+
+        The same geoms give the same object again: a robot's links and a task's objects return in
+        every episode, and a mesh key stands for the mesh's content.
+        """
+        known = _SHAPES.get((body.name, body.geoms))
+        if known is None:
+            if len(_SHAPES) >= SHAPES_KEPT:
+                _SHAPES.clear()
+            known = _SHAPES[body.name, body.geoms] = cls._pack(body, meshes)
+        return known
+
+    @classmethod
+    def _pack(cls, body: Body, meshes: Mapping[str, Mesh]) -> BodyShape:
         parts = [_part(geom, meshes) for geom in body.geoms]
         low, high, reach = np.full(3, np.inf), np.full(3, -np.inf), 0.0
         for part in parts:
@@ -127,9 +141,8 @@ class BodyShape:
         convex = [p for geom, p in zip(body.geoms, parts, strict=True) if geom.kind != "mesh"]
         solids = pack(convex) if surfaces else hulls
         half = (high - low) / 2 if bounded else np.full(3, np.inf if parts else 0.0)
-        return cls(
-            body.name, centre, half, reach, solids, hulls, surfaces, body.geoms, dict(meshes)
-        )
+        used = {key: meshes[key] for geom in body.geoms if (key := geom.mesh) is not None}
+        return cls(body.name, centre, half, reach, solids, hulls, surfaces, body.geoms, used)
 
     def __len__(self) -> int:
         """G, the number of geoms."""
@@ -141,6 +154,11 @@ class BodyShape:
         return tuple(polytope(geom, self.meshes) for geom in self.geoms)
 
     @cached_property
+    def faces(self) -> Faces:
+        """All flat faces, body frame; planes are left out."""
+        return faces_of([part for part in self.polytopes if part is not None])
+
+    @cached_property
     def centroid(self) -> F64:
         """(3,) m, body frame: centre of the volume of the convex hull of all geoms but planes.
 
@@ -150,6 +168,10 @@ class BodyShape:
         if len(bounded) == 1 and bounded[0].kind not in ("mesh", "convex_mesh"):
             return np.array(bounded[0].position)
         return hull_centroid([part for part in self.polytopes if part is not None])
+
+
+SHAPES_KEPT = 4096
+_SHAPES: dict[tuple[str, tuple[Geom, ...]], BodyShape] = {}
 
 
 @dataclass
@@ -262,12 +284,14 @@ def _spread(part: Part) -> F64:
     return np.asarray(np.abs(part.rotation) @ part.half)
 
 
+_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3))).T
+
+
 def _reach(part: Part) -> float:
     """Distance from the bounding centre within which the whole geom lies."""
     if part.kind == PLANE:
         return np.inf
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1)
-    corners = part.rotation @ (signs * part.half[:, None]) + part.offset[:, None]
+    corners = part.rotation @ (_SIGNS * part.half[:, None]) + part.offset[:, None]
     return float(
         min(np.sqrt(part.offset @ part.offset) + part.radius, np.sqrt((corners**2).sum(0).max()))
     )
