@@ -1,5 +1,6 @@
 """Bytes to episodes and back: Parquet datasets and MCAP files (docs/traces.md)."""
 
+from .contact_points import POINT as CONTACT_POINT
 from .discover import discover, load
 from .episode_ref import EpisodeRef, Format
 from .save import save
@@ -7,6 +8,7 @@ from .validate import validate, validate_episode
 from .writer import TraceWriter
 
 __all__ = [
+    "CONTACT_POINT",
     "EpisodeRef",
     "Format",
     "TraceWriter",

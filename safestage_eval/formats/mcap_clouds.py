@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
+from safestage_eval.episode import ContactTable
 from safestage_eval.errors import TraceError
 
 from . import wire
@@ -51,6 +53,17 @@ def empty_cloud() -> PointCloud:
         cloud.fields.add(name=name, offset=offset, type=kind)
         offset += 2 if whole else 4
     return cloud
+
+
+def cloud_messages(contacts: ContactTable, times: list[int]) -> Iterator[bytes]:
+    """Serialised point clouds, one per frame; ``times`` (T,) ns, their log times."""
+    points = np.empty(len(contacts), POINT)
+    for name in POINT.names or ():
+        points[name] = getattr(contacts, name)
+    ends = np.searchsorted(contacts.frame, np.arange(len(times) + 1)) * POINT.itemsize
+    whole, fixed = points.tobytes(), empty_cloud().SerializeToString(deterministic=True)
+    for time, begin, end in zip(times, ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+        yield wire.stamp(1, time) + fixed + wire.field(6, whole[begin:end])
 
 
 def read_clouds(messages: list[memoryview], where: str) -> tuple[NDArray[Any], NDArray[np.int64]]:

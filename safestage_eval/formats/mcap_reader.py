@@ -23,11 +23,11 @@ from safestage_eval.episode import (
 )
 from safestage_eval.errors import TraceError
 
-from . import wire
 from .contact_points import GeomNames, table
 from .episode_row import mesh_keys
 from .mcap_clouds import read_clouds
-from .mcap_messages import CONTACTS, FRAME, MESSAGES, PROFILE, STATE, message_class
+from .mcap_frames import F32, ROBOT_FIELDS, read_frames
+from .mcap_messages import CONTACTS, FRAME, PROFILE, STATE, message_class
 from .mcap_metadata import McapMetadata, from_texts
 from .mcap_records import (
     CHUNK,
@@ -42,16 +42,12 @@ from .mcap_records import (
 )
 from .ply import from_ply
 
-_FIELDS = {f.name: f for f in MESSAGES["Frame"][1]}
 _TRACK_FIELDS = (
     ("body_position", 3),
     ("body_orientation", 4),
     ("body_linear_velocity", 3),
     ("body_angular_velocity", 3),
 )
-_ROBOT_FIELDS = ("joint_position", "joint_velocity", "joint_torque", "action", "gripper")
-
-F32 = NDArray[np.float32]
 
 
 def read_header(path: Path) -> tuple[Header, dict[str, Any]]:
@@ -147,7 +143,7 @@ def _episode(
     checked: bool,
 ) -> Episode:
     where, header = str(path), metadata.header
-    columns, index, t = _frame_columns(messages, where)
+    columns, index, t = read_frames(messages, where)
     if not np.array_equal(index, np.arange(len(index))):
         raise TraceError(where, f"the messages on {FRAME} are not the frames 0, 1, 2, … in order")
     meshes = {}
@@ -173,7 +169,7 @@ def _episode(
         return rows
 
     tracks = _tracks(metadata, columns, len(t), where)
-    robot = RobotFrames(*(columns[name] for name in _ROBOT_FIELDS))
+    robot = RobotFrames(*(columns[name] for name in ROBOT_FIELDS))
     keys = metadata.channels
     if columns["channel"].shape[1] != len(keys):
         raise TraceError(
@@ -202,63 +198,6 @@ def _episode(
         if errors:
             raise errors[0]
     return episode
-
-
-def _frame_columns(
-    messages: list[memoryview], where: str
-) -> tuple[dict[str, F32], NDArray[np.uint64], NDArray[np.float64]]:
-    """Name → (T, width) of every packed field, frame indices (T,) and times (T,) s."""
-    if not messages:
-        raise TraceError(where, f"no frames: there is no message on {FRAME}")
-    try:
-        places = wire.layout(bytes(messages[0]))
-    except ValueError:
-        places = {}
-    size = len(messages[0])
-    alike = {1, 2} <= places.keys() and all(len(m) == size for m in messages)
-    if alike:
-        rows = np.frombuffer(b"".join(messages), np.uint8).reshape(-1, size)
-        between = np.ones(size, bool)
-        for offset, length in places.values():
-            between[offset : offset + length] = False
-        alike = bool((rows[:, between] == rows[0, between]).all())
-    if not alike:
-        return _decoded(messages, where)
-
-    def column(name: str, dtype: str) -> NDArray[Any]:
-        offset, length = places.get(_FIELDS[name].number, (0, 0))
-        return np.ascontiguousarray(rows[:, offset : offset + length]).view(dtype)
-
-    packed = {name: column(name, "<f4") for name, f in _FIELDS.items() if f.type == "float*"}
-    return packed, column("frame_index", "<u8")[:, 0], column("time", "<f8")[:, 0]
-
-
-def _decoded(
-    messages: list[memoryview], where: str
-) -> tuple[dict[str, F32], NDArray[np.uint64], NDArray[np.float64]]:
-    """The same, message by message: for writers that lay fields out in another way."""
-    from google.protobuf.message import DecodeError
-
-    frame = message_class("Frame")()
-    packed: dict[str, list[Any]] = {n: [] for n, f in _FIELDS.items() if f.type == "float*"}
-    index, t = [], []
-    for n, message in enumerate(messages):
-        try:
-            frame.ParseFromString(bytes(message))
-        except DecodeError as error:
-            raise TraceError(where, f"frame {n} is no safestage.v1.Frame: {error}") from None
-        index.append(frame.frame_index)
-        t.append(frame.time)
-        for name, rows in packed.items():
-            rows.append(np.array(getattr(frame, name), np.float32))
-    for name, rows in packed.items():
-        widths = {len(row) for row in rows}
-        if len(widths) > 1:
-            raise TraceError(
-                where, f"{name} has {sorted(widths)} values; every frame must have as many"
-            )
-    columns = {name: np.stack(rows) for name, rows in packed.items()}
-    return columns, np.array(index, np.uint64), np.array(t, np.float64)
 
 
 def _tracks(

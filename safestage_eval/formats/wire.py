@@ -5,6 +5,8 @@ https://protobuf.dev/programming-guides/encoding/
 
 from __future__ import annotations
 
+from google.protobuf.timestamp_pb2 import Timestamp
+
 VARINT, FIXED64, LENGTH, FIXED32 = 0, 1, 2, 5
 
 
@@ -26,6 +28,12 @@ def tag(number: int, kind: int) -> bytes:
 def field(number: int, data: bytes) -> bytes:
     """A field of bytes: text, a message, or packed numbers."""
     return tag(number, LENGTH) + varint(len(data)) + data
+
+
+def stamp(number: int, nanoseconds: int) -> bytes:
+    """A field that is a ``google.protobuf.Timestamp``."""
+    time = Timestamp(seconds=nanoseconds // 10**9, nanos=nanoseconds % 10**9)
+    return field(number, time.SerializeToString())
 
 
 def read_varint(data: bytes | memoryview, at: int) -> tuple[int, int]:

@@ -13,14 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from safestage_eval.episode import Body, Episode, Header, Joint, Mesh, RobotFrames, Track
 from safestage_eval.errors import TraceError
 
-from .contact_points import POINT, Contacts, GeomNames, pack, table
+from .contact_points import Contacts, GeomNames, pack, table
+from .frame_buffers import ROBOT_COLUMNS, FrameBuffers, put
 
 if TYPE_CHECKING:
     from .episode_ref import EpisodeRef
-
-ROBOT_COLUMNS = ("joint_position", "joint_velocity", "joint_torque", "action", "gripper")
-
-_RAW = np.dtype((np.void, POINT.itemsize))
 
 Pose = tuple[ArrayLike, ArrayLike]
 """Position (3,) in m and orientation (4,) wxyz: body frame to world."""
@@ -56,19 +53,13 @@ class TraceWriter:
         self.meshes = {mesh.key: mesh for mesh in given}
         self._fixed: dict[str, Track] = {}
         self._room = max(1, frames)
-        self._frames = 0
-        self._points = 0
         self._closed = False
-        self._point: NDArray[Any] = np.empty(0, POINT)
+        self._buffers = FrameBuffers(0, 0, [0] * len(ROBOT_COLUMNS), ())
         self._states: dict[int, NDArray[np.float64]] = {}
-        self._robot: dict[str, NDArray[np.float32]] = {}
-        self._channels: dict[tuple[str, str], NDArray[np.float32]] = {}
-        self._started = False
-        self._lay_out(0, 0)
 
     def __len__(self) -> int:
         """T, frames so far."""
-        return self._frames
+        return self._buffers.length
 
     # ------------------------------------------------------------------ before the first frame
 
@@ -162,37 +153,36 @@ class TraceWriter:
                 does not fit.
         """
         robot = (joint_position, joint_velocity, joint_torque, action, gripper)
-        if not self._started:
+        if not len(self):
             self._start(poses, robot, channels or {})
-        n = self._frames
+        buffers = self._buffers
+        n = buffers.make_room()
         if self._closed:
             raise TraceError(self._where, "the writer is closed: no further frames")
-        if n and not t > self._t[n - 1]:
+        if n and not t > buffers.t[n - 1]:
             raise TraceError(
                 self._where,
-                f"time does not increase at frame {n}: {self._t[n - 1]:.6f} s, then {t:.6f} s.",
+                f"time does not increase at frame {n}: {buffers.t[n - 1]:.6f} s, then {t:.6f} s.",
                 "strictly increasing timestamps",
             )
-        if n == len(self._t):
-            self._grow()
         try:
             if isinstance(poses, np.ndarray):
-                _put(self._pose[n], poses, "poses")
+                put(buffers.pose[n], poses, "poses")
             else:
                 self._put_poses(n, poses)
             if twists is None:
-                self._twist[n] = 0
+                buffers.twist[n] = 0
             elif isinstance(twists, np.ndarray):
-                _put(self._twist[n], twists, "twists")
+                put(buffers.twist[n], twists, "twists")
             else:
                 self._put_twists(n, twists)
             for name, values in zip(ROBOT_COLUMNS, robot, strict=True):
-                row = self._robot[name][n]
+                row = buffers.robot[name][n]
                 if values is not None:
-                    _put(row, values, name)
+                    put(row, values, name)
                 elif len(row):
                     raise KeyError(name)
-            for key, column in self._channels.items():
+            for key, column in buffers.channels.items():
                 column[n] = (channels or {})[key]
         except KeyError as error:
             raise TraceError(
@@ -202,25 +192,15 @@ class TraceWriter:
             ) from None
         except (ValueError, TypeError) as error:
             raise TraceError(self._where, f"frame {n}: {error}") from None
-        if channels and len(channels) != len(self._channels):
-            extra = sorted(set(channels) - set(self._channels))
+        if channels and len(channels) != len(buffers.channels):
+            extra = sorted(set(channels) - set(buffers.channels))
             raise TraceError(
                 self._where, f"frame {n}: channel {extra[0]} was not there at frame 0."
             )
-        count = 0
-        if contacts is not None and len(contacts):
-            points = pack(contacts, self._names)
-            count = len(points)
-            while self._points + count > len(self._point):
-                self._point = _doubled(self._point)
-            raw, end = self._point.view(_RAW), self._points + count
-            raw[self._points : end] = points.view(_RAW)  # three times faster than field by field
-        self._points += count
+        points = pack(contacts, self._names) if contacts is not None and len(contacts) else None
         if state is not None:
             self._states[n] = np.array(state, np.float64).ravel()
-        self._t[n] = t
-        self._end[n] = self._points
-        self._frames = n + 1
+        buffers.finish_frame(t, points)
 
     def update_header(self, **fields: Any) -> None:
         """Set header fields that are known only now (``success``, ``success_time``, …).
@@ -246,7 +226,7 @@ class TraceWriter:
 
     def episode(self) -> Episode:
         """All frames so far, as views of the writer's buffers. Raises TraceError without frames."""
-        return self.window(0, self._frames)
+        return self.window(0, len(self))
 
     def window(self, first: int, last: int) -> Episode:
         """Frames first … last − 1 as an episode, with their times as recorded.
@@ -254,11 +234,12 @@ class TraceWriter:
         Raises:
             TraceError: the range is empty or not recorded yet, or a fixed body has no pose.
         """
-        if not 0 <= first < last <= self._frames:
+        buffers = self._buffers
+        if not 0 <= first < last <= buffers.length:
             raise TraceError(
-                self._where, f"frames {first}…{last - 1} asked, {self._frames} recorded"
+                self._where, f"frames {first}…{last - 1} asked, {buffers.length} recorded"
             )
-        pose, twist = self._pose[first:last], self._twist[first:last]
+        pose, twist = buffers.pose[first:last], buffers.twist[first:last]
         tracks = dict(self._fixed)
         for i, name in enumerate(self._movable):
             tracks[name] = Track(pose[:, i, :3], pose[:, i, 3:], twist[:, i, :3], twist[:, i, 3:])
@@ -269,18 +250,16 @@ class TraceWriter:
                     f"the fixed body {body.name!r} has no pose.",
                     fix=f"call set_fixed({body.name!r}, position, orientation)",
                 )
-        begin = int(self._end[first - 1]) if first else 0
-        points = self._point[begin : int(self._end[last - 1])]
-        counts = np.diff(self._end[first:last], prepend=begin)
+        points, counts = buffers.contacts(first, last)
         names = self._names
         return Episode(
             header=self.header,
-            t=self._t[first:last],
+            t=buffers.t[first:last],
             tracks=tracks,
             _contacts=lambda: table(points, counts, names),
-            _frames=RobotFrames(*(self._robot[name][first:last] for name in ROBOT_COLUMNS)),
+            _frames=RobotFrames(*(buffers.robot[name][first:last] for name in ROBOT_COLUMNS)),
             meshes=self.meshes,
-            channels={key: column[first:last] for key, column in self._channels.items()},
+            channels={key: column[first:last] for key, column in buffers.channels.items()},
             states={n - first: s for n, s in self._states.items() if first <= n < last},
             attachments=self.attachments,
         )
@@ -323,7 +302,7 @@ class TraceWriter:
         return f"recording {self.header.episode_id!r}"
 
     def _before_frames(self, what: str) -> None:
-        if self._started:
+        if len(self):
             raise TraceError(self._where, f"{what} cannot be added after the first frame")
 
     def _start(
@@ -339,32 +318,14 @@ class TraceWriter:
             for body in self.header.bodies:
                 if not body.movable and body.name in poses and body.name not in self._fixed:
                     self.set_fixed(body.name, *poses[body.name])
-        room = self._room
-        self._lay_out(room, len(self._movable))
-        for name, values in zip(ROBOT_COLUMNS, robot, strict=True):
-            width = 0 if values is None else np.asarray(values).size
-            self._robot[name] = np.empty((room, width), np.float32)
-        self._channels = {key: np.empty(room, np.float32) for key in channels}
-        self._started = True
-
-    def _lay_out(self, room: int, bodies: int) -> None:
-        self._t = np.empty(room, np.float64)
-        self._end = np.empty(room, np.int64)
-        self._pose = np.empty((room, bodies, 7), np.float32)
-        self._twist = np.empty((room, bodies, 6), np.float32)
-        self._point = np.empty(room, POINT)
-
-    def _grow(self) -> None:
-        """Twice the room. Views handed out before keep the old, now unchanging, buffers."""
-        self._t, self._end = _doubled(self._t), _doubled(self._end)
-        self._pose, self._twist = _doubled(self._pose), _doubled(self._twist)
-        self._robot = {name: _doubled(column) for name, column in self._robot.items()}
-        self._channels = {key: _doubled(column) for key, column in self._channels.items()}
+        widths = [0 if values is None else np.size(values) for values in robot]
+        self._buffers = FrameBuffers(self._room, len(self._movable), widths, channels)
 
     def _put_poses(self, n: int, poses: Mapping[str, Pose]) -> None:
         self._known(poses, n)
         for i, name in enumerate(self._movable):
-            self._pose[n, i, :3], self._pose[n, i, 3:] = poses[name]
+            pose = self._buffers.pose[n, i]
+            pose[:3], pose[3:] = poses[name]
         for name in self._fixed.keys() & poses.keys():
             still, (position, orientation) = self._fixed[name], poses[name]
             if not (
@@ -379,10 +340,11 @@ class TraceWriter:
 
     def _put_twists(self, n: int, twists: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> None:
         self._known(twists, n)
-        self._twist[n] = 0
+        self._buffers.twist[n] = 0
         for i, name in enumerate(self._movable):
             if name in twists:
-                self._twist[n, i, :3], self._twist[n, i, 3:] = twists[name]
+                twist = self._buffers.twist[n, i]
+                twist[:3], twist[3:] = twists[name]
 
     def _known(self, given: Mapping[str, Any], n: int) -> None:
         names = [body.name for body in self.header.bodies]
@@ -394,17 +356,3 @@ class TraceWriter:
                     ", ".join(names),
                     "add_body before the first frame",
                 )
-
-
-def _put(row: NDArray[np.float32], values: ArrayLike, name: str) -> None:
-    """Copy without broadcasting (one pose must not become everybody's); a number is a row of one."""
-    shape = values.shape if isinstance(values, np.ndarray) else np.shape(values)
-    if (shape or (1,)) != row.shape:
-        raise ValueError(f"{name} has shape {shape}, expected {row.shape}")
-    row[...] = values
-
-
-def _doubled(array: NDArray[Any]) -> NDArray[Any]:
-    bigger = np.empty((2 * len(array), *array.shape[1:]), array.dtype)
-    bigger[: len(array)] = array
-    return bigger

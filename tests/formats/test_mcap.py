@@ -99,7 +99,7 @@ def test_frames_and_contacts_decode_with_their_schemas(file):
 
 @given(episodes(max_frames=3))
 def test_viewers_get_a_message_for_every_kind_of_shape(episode):
-    from safestage_eval.formats.mcap_writer import _transforms
+    from safestage_eval.formats.mcap_transforms import transform_messages
     from safestage_eval.formats.scene import to_scene
     from safestage_eval.formats.urdf import to_urdf
 
@@ -112,7 +112,7 @@ def test_viewers_get_a_message_for_every_kind_of_shape(episode):
     robot = ET.fromstring(to_urdf(episode))
     links = [link.get("name") for link in robot.iter("link")]
     assert links == ["world", *(body.name for body in episode.header.bodies)]
-    for n, data in _transforms(episode, list(range(len(episode))), 1):
+    for n, data in transform_messages(episode, list(range(len(episode))), 1):
         sent = FrameTransforms.FromString(data).transforms
         for body, transform in zip(episode.header.bodies, sent, strict=True):
             track = episode.track(body.name)

@@ -206,3 +206,13 @@ def test_broken_episodes_are_not_written(tmp_path):
     with pytest.raises(TraceError, match="position of 'cube' is not a finite number at row 20"):
         writer.close()
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_failed_first_frame_decides_nothing():
+    writer = TraceWriter(header())
+    writer.set_fixed("table", (0, 0, 0))
+    with pytest.raises(TraceError, match="'ball' is missing"):
+        writer.add_frame(0.0, {"cube": ((0, 0, 0), STILL)}, gripper=1.0)
+    writer.add_frame(0.0, pose(1), joint_position=[1.0, 2.0])
+    assert writer.episode().frames.gripper.shape == (1, 0)
+    assert writer.episode().frames.joint_position.tolist() == [[1, 2]]
