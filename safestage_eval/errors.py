@@ -31,7 +31,7 @@ class InputError(Exception):
         if self.allowed:
             parts.append(f"Allowed: {self.allowed}.")
         if self.fix:
-            parts.append(f"Fix: {self.fix}.")
+            parts.append(f"Fix: {self.fix}" + ("" if self.fix.endswith("?") else "."))
         return " ".join(parts)
 
 

@@ -1,1 +1,24 @@
 """Rule files: TOML in, a checked and hashed rule set out. No geometry."""
+
+from .diagnostic import Diagnostic, RuleErrors
+from .digest import rule_digest
+from .files import builtin_names
+from .load import check_rules, load_rules
+from .resolve import Binding, bind_episode, parse_overrides, parse_settings
+from .syntax import GoalDef, Rule, RuleSet
+
+__all__ = [
+    "Binding",
+    "Diagnostic",
+    "GoalDef",
+    "Rule",
+    "RuleErrors",
+    "RuleSet",
+    "bind_episode",
+    "builtin_names",
+    "check_rules",
+    "load_rules",
+    "parse_overrides",
+    "parse_settings",
+    "rule_digest",
+]

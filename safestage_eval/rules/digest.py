@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -13,41 +13,70 @@ from . import syntax as ast
 BACKEND = "gjk"
 """The clearance engine whose answers a verdict rests on."""
 
-_PROSE = {"title", "why", "explain", "violates", "passes", "path", "line", "text"}
+Params = Mapping[str, ast.Quantity | ast.Duration]
+
+_UNORDERED = {"atoms", "alternatives", "forbid", "limits", "roles", "excluding"}
+"""Fields whose order says nothing."""
 
 
-def rule_digest(
-    rules: ast.RuleSet,
-    rule: ast.Rule,
-    params: Mapping[str, ast.Quantity | ast.Duration],
-    backend: str = BACKEND,
-) -> str:
+def rule_digest(rules: ast.RuleSet, rule: ast.Rule, params: Params, backend: str = BACKEND) -> str:
     """SHA-256 (first 16 hex digits) of a rule as it holds under given parameter values.
 
-    In SI, without prose; definitions and parameters count only if the rule reaches them. 8 cm,
-    80 mm and 0.08 m hash alike; so do the alternatives of ``forbid`` in another order.
+    In SI to 12 digits, without prose; definitions, parameters and material columns count only if
+    the rule reaches them, parameters with the values given here. 8 cm, 80 mm and 0.08 m hash
+    alike; so do the entries of a condition in another order.
+
+    Args:
+        rules: where the definitions are.
+        rule: one of its rules.
+        params: name → value, as they hold for the rule and episode.
+        backend: the clearance engine.
     """
-    reached: dict[str, Any] = {}
-    todo: list[Any] = [rule]
+    key = (rule, tuple(sorted(params.items(), key=lambda item: item[0])), backend)
+    if key not in rules.digests:
+        rules.digests[key] = _digest(rules, rule, params, backend)
+    return rules.digests[key]
+
+
+def reached(
+    rules: ast.RuleSet, node: Any, params: Params
+) -> dict[str, ast.Quantity | ast.Duration | Any]:
+    """Everything that a rule, goal or condition uses, directly or not: ``state.moved`` → definition.
+
+    Parameters come with the values given; material columns as pairs of material and value.
+    """
+    found: dict[str, Any] = {}
+    todo = [node]
     while todo:
-        for name, value in _referenced(todo.pop(), rules, params):
-            if name not in reached:
-                reached[name] = _plain(value)
+        for name, value in _named(todo.pop(), rules, params):
+            if name not in found:
+                found[name] = value
                 todo.append(value)
-    body = [_plain(rule), sorted(reached.items()), _plain(rules.baseline), backend]
-    return hashlib.sha256(json.dumps(body, sort_keys=True).encode()).hexdigest()[:16]
+    return found
 
 
-def _referenced(
-    node: Any, rules: ast.RuleSet, params: Mapping[str, ast.Quantity | ast.Duration]
-) -> list[tuple[str, Any]]:
+def _digest(rules: ast.RuleSet, rule: ast.Rule, params: Params, backend: str) -> str:
+    uses = reached(rules, rule, params)
+    body = [
+        _plain(rule),
+        [[name, _plain(value)] for name, value in sorted(uses.items(), key=lambda item: item[0])],
+        _plain(rules.baseline),
+        backend,
+    ]
+    text = json.dumps(body, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _named(node: Any, rules: ast.RuleSet, params: Params) -> Iterator[tuple[str, Any]]:
     """Definitions and parameter values that a node names directly."""
-    found: list[tuple[str, Any]] = []
     if isinstance(node, ast.Parameter):
-        found.append((f"param.{node.name}", params[node.name]))
+        yield f"param.{node.name}", params[node.name]
     elif isinstance(node, ast.Column):
-        values = [(m, row[node.name]) for m, row in rules.materials.items() if node.name in row]
-        found.append((f"material.{node.name}", tuple(sorted(values, key=lambda v: v[0]))))
+        rows = sorted(rules.materials.items())
+        yield (
+            f"material.{node.name}",
+            tuple((material, row[node.name]) for material, row in rows if node.name in row),
+        )
     elif isinstance(node, ast.Call):
         for kind, table in (
             ("state", rules.states),
@@ -55,33 +84,26 @@ def _referenced(
             ("signal", rules.signals),
         ):
             if node.name in table:
-                found.append((f"{kind}.{node.name}", table[node.name]))
+                yield f"{kind}.{node.name}", table[node.name]
     if is_dataclass(node):
         for item in fields(node):
-            if item.name not in _PROSE:
-                found += _referenced(getattr(node, item.name), rules, params)
-    elif isinstance(node, tuple | list):
+            if item.compare:
+                yield from _named(getattr(node, item.name), rules, params)
+    elif isinstance(node, tuple):
         for value in node:
-            found += _referenced(value, rules, params)
-    return found
+            yield from _named(value, rules, params)
 
 
 def _plain(node: Any) -> Any:
-    if isinstance(node, ast.Quantity):
-        return [float(f"{node.value:.12g}"), node.dimension]
     if is_dataclass(node):
-        plain = {
-            item.name: _plain(getattr(node, item.name))
-            for item in fields(node)
-            if item.name not in _PROSE
-        }
-        if isinstance(node, ast.Rule):
-            plain["forbid"] = sorted(plain["forbid"], key=json.dumps)
-        if isinstance(node, ast.Condition):
-            plain["atoms"] = sorted(plain["atoms"], key=json.dumps)
-        if isinstance(node, ast.AnyOf):
-            plain["alternatives"] = sorted(plain["alternatives"], key=json.dumps)
-        return {"": type(node).__name__, **plain}
-    if isinstance(node, tuple | list):
+        plain: dict[str, Any] = {"": type(node).__name__}
+        for item in fields(node):
+            # prose is not compared; what a rule sets is in the parameter values already
+            if not item.compare or item.name in ("title", "set"):
+                continue
+            value = _plain(getattr(node, item.name))
+            plain[item.name] = sorted(value, key=json.dumps) if item.name in _UNORDERED else value
+        return plain
+    if isinstance(node, tuple):
         return [_plain(value) for value in node]
     return float(f"{node:.12g}") if isinstance(node, float) else node

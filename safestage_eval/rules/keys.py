@@ -8,7 +8,7 @@ from typing import Literal
 Kind = Literal[
     "text", "texts", "names", "format", "code", "condition", "alternative", "alternatives", "span",
     "event", "duration", "roles", "players", "settings", "levels", "examples", "charges", "number",
-    "call", "value", "per", "columns", "goal",
+    "call", "value", "per", "goal",
 ]  # fmt: skip
 """What a key holds; ``schema`` and ``check`` know each of them."""
 

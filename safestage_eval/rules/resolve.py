@@ -1,11 +1,12 @@
 """What holds for one episode: its roles, goal, assigned rules and parameter values, and whence.
 
-The rule file says most, then a bind file, then the trace's header; ``--set`` beats them all.
+The rule file's ``[task.X]`` says most, then a bind file, then the trace's header, then its family,
+then the rule's own ``set``, then ``[param]``. ``--set`` beats them all.
 """
 
 from __future__ import annotations
 
-import difflib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,6 +16,8 @@ from safestage_eval.errors import RuleError
 
 from . import build, parse
 from . import syntax as ast
+from .check import check_goal
+from .names import Names, a_dimension, dimension_of, nearest
 
 Setting = ast.Quantity | ast.Duration
 
@@ -28,7 +31,9 @@ class Binding:
         assigned: codes of the rules that are the task's evaluator.
         goal: native success in the rule language, None if it is not given or not loaded.
         family: of the task.
-        provenance: ``roles.target``, ``param.edge``, … → where its value comes from.
+        provenance: ``roles.target``, ``rules``, ``goal``, ``family``, ``param.edge`` → where it
+            comes from (``trace header``, ``bind file``, ``rule file``, ``family NAME``, ``--set``).
+        notes: what was asked for and could not be found.
     """
 
     roles: Mapping[str, tuple[str, ...]]
@@ -36,14 +41,26 @@ class Binding:
     goal: ast.GoalDef | None
     family: str | None
     provenance: Mapping[str, str]
+    notes: tuple[str, ...]
     _rules: ast.RuleSet = field(repr=False)
-    _task: Mapping[str, Setting] = field(repr=False)
-    _overrides: Mapping[str, Setting] = field(repr=False)
+    _values: Mapping[str, Setting] = field(repr=False)
 
     def params(self, rule: ast.Rule | None) -> dict[str, Setting]:
         """Parameter values for a rule (None: for the goal), all sources applied in order."""
         own = dict(rule.set) if rule is not None else {}
-        return {**self._rules.params, **own, **self._task, **self._overrides}
+        return {**self._rules.params, **own, **self._values}
+
+    def resolved(self, rule: ast.Rule | None) -> dict[str, tuple[Setting, str]]:
+        """Parameter → its value for a rule and where that comes from."""
+        own = dict(rule.set) if rule is not None else {}
+        by_rule = f"rule {rule.code}" if rule is not None else ""
+        return {
+            name: (
+                value,
+                self.provenance.get(f"param.{name}", by_rule if name in own else "default"),
+            )
+            for name, value in self.params(rule).items()
+        }
 
     def players(self, rule: ast.Rule, header: Header) -> dict[str, tuple[str, ...]]:
         """Role of the rule → the bodies that play it; empty where none does."""
@@ -55,11 +72,11 @@ class Binding:
         return {name: self.roles.get(name, ()) for name, _ in roles}
 
     def _players(self, name: str, spec: ast.RoleSpec, header: Header) -> tuple[str, ...]:
+        """The bodies bound to the role; failing that, for ``every``, all of its kind."""
         excluded = {body for role in spec.excluding for body in self.roles.get(role, ())}
-        if spec.every:
+        bodies: Sequence[str] = self.roles.get(name, ())
+        if not bodies and spec.every:
             bodies = [b.name for b in header.bodies if _is_kind(b, spec.kind)]
-        else:
-            bodies = list(self.roles.get(name, ()))
         tags = {b.name: b.tags for b in header.bodies}
         return tuple(
             b for b in bodies if b not in excluded and (spec.tag is None or spec.tag in tags[b])
@@ -82,26 +99,29 @@ def bind_episode(
         overrides: parameter → value as written on the command line.
 
     Raises:
-        RuleError: an unknown parameter, a value of the wrong dimension, a role without a body.
+        RuleError: an unknown parameter, a value of the wrong dimension, a role without a body, a
+            goal that makes no sense.
     """
-    names = {body.name for body in header.bodies}
     task = header.task or ""
+    layers = [("trace header", _from_header(rules, header))]
     bound = (bind or {}).get("task", {}).get(task)
-    layers: list[tuple[str, ast.TaskDef]] = [("trace header", _from_header(rules, header))]
     if bound is not None:
-        layers.append(("bind file", build.task(task, bound)))
+        layers.append(("bind file", _from_bind(rules, task, bound)))
     if task in rules.tasks:
         layers.append(("rule file", rules.tasks[task]))
-    roles: dict[str, tuple[str, ...]] = {}
     values: dict[str, Setting] = {}
+    roles: dict[str, tuple[str, ...]] = {}
     provenance: dict[str, str] = {}
-    family = assigned = goal = None
-    for _, layer in layers:
-        family = layer.family or family
+    family = goal = None
+    assigned: tuple[str, ...] = ()
+    for source, layer in layers:
+        if layer.family:
+            family, provenance["family"] = layer.family, source
     if family in rules.families:
+        assigned = rules.families[family].rules
         values.update(rules.families[family].set)
-        assigned = rules.families[family].rules or None
-        provenance.update({f"param.{n}": f"family {family}" for n in values})
+        provenance.update({f"param.{name}": f"family {family}" for name in values})
+        provenance["rules"] = f"family {family}"
     for source, layer in layers:
         for role, players in layer.roles:
             roles[role], provenance[f"roles.{role}"] = players, source
@@ -111,96 +131,125 @@ def bind_episode(
             assigned, provenance["rules"] = layer.rules, source
         if layer.goal:
             goal, provenance["goal"] = layer.goal, source
-    for role, players in roles.items():
-        for player in players:
-            if player not in names:
-                raise RuleError(
-                    f"task {task!r}, role {role!r} ({provenance[f'roles.{role}']})",
-                    f"{player!r} is no body of the trace.",
-                    ", ".join(sorted(names)),
-                )
-    for name in values:
-        _known(rules, name, f"task {task!r} ({provenance[f'param.{name}']})")
+    _players_exist(header, roles, provenance)
     chosen = parse_overrides(rules, overrides or {})
+    values.update(chosen)
     provenance.update({f"param.{name}": "--set" for name in chosen})
-    return Binding(
-        roles, tuple(assigned or ()), _goal(rules, header, goal), family, provenance,
-        rules, values, chosen,
-    )  # fmt: skip
+    found, notes = _goal(rules, header, goal)
+    return Binding(roles, assigned, found, family, provenance, notes, rules, values)
 
 
-def parse_overrides(rules: ast.RuleSet, overrides: Mapping[str, str]) -> dict[str, Setting]:
-    """``{"edge": "3 cm"}`` → values, checked against the parameters' dimensions."""
+def parse_settings(settings: Sequence[str]) -> dict[str, str]:
+    """``["edge=3 cm"]`` → ``{"edge": "3 cm"}``; the last of one name wins.
+
+    Raises:
+        RuleError: no ``name=value``.
+    """
     found = {}
-    for name, text in overrides.items():
-        where = f"--set {name}={text}"
-        _known(rules, name, where)
-        try:
-            value = parse.setting(text)
-        except parse.GrammarError as problem:
-            raise RuleError(where, f"{problem.what}.", problem.allowed) from None
-        wanted, given = _dimension(rules.params[name]), _dimension(value)
-        if wanted != given:
-            raise RuleError(
-                where,
-                f"{name} is a {wanted}, {text!r} a {given}.",
-                f"a {wanted}, such as {_example(rules.params[name])!r}",
-            )
+    for text in settings:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not equals or not value or not re.fullmatch(parse.NAME, name):
+            raise RuleError(f"--set {text}", "not a setting.", 'name=value: --set edge="3 cm"')
         found[name] = value
     return found
 
 
-def _from_header(rules: ast.RuleSet, header: Header) -> ast.TaskDef:
-    # a parameter of rules that are not loaded is of no concern here
-    values = {n: v for n, v in header.parameters.items() if n in rules.params}
+def parse_overrides(rules: ast.RuleSet, overrides: Mapping[str, str]) -> dict[str, Setting]:
+    """``{"edge": "3 cm"}`` → values, checked against the parameters' dimensions.
+
+    Raises:
+        RuleError: an unknown parameter, no quantity, the wrong dimension.
+    """
+    return {
+        name: _setting(rules, name, text, f"--set {name}={text}")
+        for name, text in overrides.items()
+    }
+
+
+def _setting(rules: ast.RuleSet, name: str, text: Any, where: str) -> Setting:
+    if name not in rules.params:
+        raise RuleError(
+            where,
+            f'no loaded rule file has a parameter "{name}".',
+            ", ".join(sorted(rules.params)),
+            nearest(name, rules.params),
+        )
     try:
-        settings = build.settings(values)
+        value = parse.setting(text)
     except parse.GrammarError as problem:
-        raise RuleError("trace header, parameters", problem.what, problem.allowed) from None
+        raise RuleError(where, f"{problem.what}.", problem.allowed) from None
+    wanted, given = dimension_of(rules.params[name]), dimension_of(value)
+    if wanted != given:
+        raise RuleError(
+            where,
+            f'{name} is in {wanted}, but "{text}" is in {given}.',
+            f"{a_dimension(wanted)}; its default is {rules.params[name].text}",
+        )
+    return value
+
+
+def _from_header(rules: ast.RuleSet, header: Header) -> ast.TaskDef:
+    values = tuple(
+        (name, _setting(rules, name, text, f"trace header, parameter {name}"))
+        for name, text in header.parameters.items()
+        if name in rules.params  # a parameter of rules that are not loaded is of no concern here
+    )
     goal = header.goal if isinstance(header.goal, str) else None
-    return ast.TaskDef(
-        header.task or "", header.family, header.rules, goal, tuple(header.roles.items()), settings
-    )
+    roles = tuple(header.roles.items())
+    return ast.TaskDef(header.task or "", header.family, header.rules, goal, roles, values)
 
 
-def _goal(rules: ast.RuleSet, header: Header, name: str | None) -> ast.GoalDef | None:
+def _from_bind(rules: ast.RuleSet, task: str, table: Any) -> ast.TaskDef:
+    where = f"bind file, task {task}"
+    known = {"family", "rules", "goal", "roles", "set"}
+    if not isinstance(table, Mapping) or not set(table) <= known:
+        raise RuleError(where, "not what a task may be bound to.", ", ".join(sorted(known)))
+    for name, text in table.get("set", {}).items():
+        _setting(rules, name, text, f"{where}, set {name}")
+    return build.task(task, table)
+
+
+def _players_exist(
+    header: Header, roles: Mapping[str, Sequence[str]], provenance: Mapping[str, str]
+) -> None:
+    names = {body.name for body in header.bodies}
+    for role, players in roles.items():
+        for player in players:
+            if player not in names:
+                raise RuleError(
+                    f"task {header.task or 'without a name'}, role {role} "
+                    f"({provenance[f'roles.{role}']})",
+                    f'"{player}" is no body of the trace.',
+                    ", ".join(sorted(names)),
+                    nearest(player, names),
+                )
+
+
+def _goal(
+    rules: ast.RuleSet, header: Header, name: str | None
+) -> tuple[ast.GoalDef | None, tuple[str, ...]]:
     if name is not None:
-        return rules.goals.get(name)
-    if isinstance(header.goal, dict):
-        try:
-            return build.Builder(frozenset(rules.phases)).goal("header", header.goal)
-        except (parse.GrammarError, KeyError, TypeError) as problem:
-            raise RuleError("trace header, goal", f"not a goal: {problem}") from None
-    return None
-
-
-def _known(rules: ast.RuleSet, name: str, where: str) -> None:
-    if name in rules.params:
-        return
-    near: Sequence[str] = difflib.get_close_matches(name, rules.params, 1)
-    raise RuleError(
-        where,
-        f"no loaded rule file has a parameter {name!r}.",
-        ", ".join(sorted(rules.params)),
-        f"did you mean {near[0]!r}?" if near else "",
-    )
-
-
-def _dimension(value: Setting) -> str:
-    return value.dimension if isinstance(value, ast.Quantity) else "duration"
-
-
-def _example(value: Setting) -> str:
-    return value.text
+        if name in rules.goals:
+            return rules.goals[name], ()
+        return None, (f'goal "{name}" is not among the loaded rules: success is not recomputed',)
+    if not isinstance(header.goal, dict):
+        return None, ()
+    problems = check_goal(Names.of_rules(rules), header.goal, "trace header")
+    if problems:
+        first = problems[0]
+        raise RuleError("trace header, goal", f"{first.what}.", first.allowed, first.fix)
+    return build.Builder(frozenset(rules.phases)).goal("header", header.goal), ()
 
 
 def _is_kind(body: Body, kind: str) -> bool:
-    if kind == "body":
-        return True
-    if kind == "link":
-        return body.kind in ("robot", "gripper")
-    if kind == "container":
-        return body.cavity is not None
-    if kind == "surface":
-        return body.kind in ("object", "fixture")
-    return body.kind == kind
+    match kind:
+        case "body":
+            return True
+        case "link":
+            return body.kind in ("robot", "gripper")
+        case "container":
+            return body.cavity is not None
+        case "surface":
+            return body.kind in ("object", "fixture")
+        case _:
+            return body.kind == kind

@@ -347,3 +347,5 @@ class RuleSet:
     rules: dict[str, Rule]
     """By code. Only the rules of the files that were asked for, not of those they extend."""
     costs: dict[str, Cost]
+    digests: dict[object, str] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """Rule and parameter values → digest, as far as they were asked for."""

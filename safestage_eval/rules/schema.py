@@ -1,0 +1,218 @@
+"""JSON Schema of rule files, for editors: ``python -m safestage_eval.rules.schema [FOLDER]``.
+
+It knows the grammar, the built-in names and their dimensions. What needs the other definitions
+(names that the file or one it extends declares, roles, circles) only ``check`` can tell.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+from safestage_eval.relations.vocabulary import RELATIONS
+from safestage_eval.signals.vocabulary import SIGNALS, SignalSpec
+from safestage_eval.units import DIMENSIONS
+
+from . import parse, structure
+from .keys import NAMED, REPEATED, TABLES, Key
+
+FILE = "rules.schema.json"
+
+_NAME = parse.NAME
+_SPAN_BASE = (
+    f"(?:episode|{_NAME}|{parse.CALL}|{parse.DURATION} (?:before|after) {parse.EVENT}"
+    f"|from {parse.EVENT} to {parse.EVENT})"
+)
+_SPAN = f"(?:(?:first|last) {parse.DURATION} of )*{_SPAN_BASE}(?: while {parse.CALL})*"
+_ROLE = (
+    f"(?:every )?(?:{'|'.join(parse.ROLE_KINDS)})(?: tagged {_NAME})?"
+    f"(?: except {_NAME}(?:, *{_NAME})*)?"
+)
+_COUNT = rf"at (?:least|most) \d+ {_NAME}"
+_REFERENCE = rf"-?{_NAME}(?:\({_NAME}\))?"
+_ANY_QUANTITY = f"-?{parse.NUMBER}(?: ?(?:{parse.UNIT}))?"
+_LIMIT = f"(?:>=|<=|>|<) ?(?:{_ANY_QUANTITY}|{_REFERENCE})"
+
+
+def schema() -> dict[str, Any]:
+    """The schema (draft 7, which editors' TOML plugins understand)."""
+    tables = {kind: _table(kind) for kind in TABLES}
+    names = f"^{_NAME}$"
+    top: dict[str, Any] = {
+        "ruleset": tables["ruleset"],
+        "baseline": tables["baseline"],
+        "param": _mapping(names, _setting()),
+        "material": _mapping(names, _mapping(names, _quantity())),
+        **{kind: _mapping(names, tables[kind]) for kind in NAMED},
+        **{kind: {"type": "array", "items": tables[kind]} for kind in REPEATED},
+    }
+    return {
+        "$schema": "http://json-schema.org/draft-07/schema#",
+        "title": "SafeStage rule file",
+        "type": "object",
+        "properties": top,
+        "required": ["ruleset"],
+        "additionalProperties": False,
+        "definitions": {
+            "condition": _condition("inner_alternative"),
+            "inner_condition": _condition(None),
+            "alternative": _alternative("condition"),
+            "inner_alternative": _alternative("inner_condition"),
+        },
+    }
+
+
+def schema_text() -> str:
+    """The schema as the file that is committed."""
+    text = json.dumps(schema(), indent=2, ensure_ascii=False) + "\n"
+    return text.replace("\\\\ ", " ")  # an escaped space is no pattern outside Python
+
+
+def _table(kind: str) -> dict[str, Any]:
+    spec = TABLES[kind]
+    out: dict[str, Any] = {
+        "type": "object",
+        "properties": {
+            name: _key(key) | {"description": key.meaning} for name, key in spec.items()
+        },
+        "additionalProperties": False,
+    }
+    required = [name for name, key in spec.items() if key.required]
+    if required:
+        out["required"] = required
+    if kind == "rule":
+        out["anyOf"] = [{"required": [key]} for key in ("require", "forbid", "reach")]
+    if kind in REPEATED:
+        out["allOf"] = [
+            {"not": {"required": pair}}
+            for pair in [["at", "during"], ["at", "until"]]
+            + ([["require", "for"]] if kind == "rule" else [])
+        ]
+    if kind == "charge":
+        out["oneOf"] = [{"required": ["when"]}, {"required": ["of"]}]
+    return out
+
+
+def _key(key: Key) -> dict[str, Any]:
+    names = f"^{_NAME}$"
+    match key.kind:
+        case "text" | "goal":
+            return {"type": "string"}
+        case "format":
+            return {"const": structure.FORMAT}
+        case "code":
+            return _text(structure.CODE)
+        case "texts":
+            return {"type": "array", "items": {"type": "string"}}
+        case "names":
+            return {"type": "array", "items": _text(_NAME), "uniqueItems": True}
+        case "condition" | "alternative":
+            return {"$ref": f"#/definitions/{key.kind}"}
+        case "alternatives":
+            one = {"$ref": "#/definitions/alternative"}
+            lone = {"allOf": [{"$ref": "#/definitions/condition"}, {"maxProperties": 1}]}
+            return {"anyOf": [_text(parse.EVENT), lone, _list(one)]}
+        case "span":
+            return _text(_SPAN)
+        case "event":
+            return _text(parse.EVENT)
+        case "duration":
+            return _text(parse.DURATION)
+        case "call":
+            return _text(parse.CALL)
+        case "roles":
+            return _mapping(names, _text(_ROLE))
+        case "players":
+            return _mapping(names, {"anyOf": [{"type": "string"}, _list({"type": "string"})]})
+        case "settings":
+            return _mapping(names, _setting())
+        case "levels":
+            return _mapping(names, _mapping(names, _setting()))
+        case "examples":
+            return _table("examples")
+        case "charges":
+            return _list(_table("charge"))
+        case "number":
+            return {"type": "number"}
+        case "value":
+            return {"anyOf": [{"type": "number"}, _text(f"(?:{_ANY_QUANTITY}|{_REFERENCE})")]}
+        case "per":
+            return {"enum": ["start", "second", "step"]}
+
+
+def _condition(nested: str | None) -> dict[str, Any]:
+    """A table of entries; ``nested`` is what ``any`` may list, None where it may not stand."""
+    entries: dict[str, Any] = {}
+    for spec in SIGNALS.values():
+        limit = _text(_limit_of(spec))
+        since = f"(?: since {parse.EVENT})?" if spec.since else ""
+        for arity in spec.args:
+            entries[f"^{_call(spec.name, arity)}{since}$"] = {
+                "anyOf": [limit, _list(limit)],
+                "description": f"{spec.dimension}: {spec.meaning}",
+            }
+    for relation in RELATIONS.values():
+        entries[f"^{_call(relation.name, relation.args)}$"] = {
+            "anyOf": [{"type": "boolean"}, _text(_COUNT)],
+            "description": relation.meaning,
+        }
+    known = "|".join([*SIGNALS, *RELATIONS])
+    entries[rf"^(?!(?:{known})\(){parse.CALL}(?: since {parse.EVENT})?$"] = {
+        "anyOf": [{"type": "boolean"}, _text(_COUNT), _text(_LIMIT), _list(_text(_LIMIT))]
+    }
+    properties = {} if nested is None else {"any": _list({"$ref": f"#/definitions/{nested}"})}
+    return {
+        "type": "object",
+        "properties": properties,
+        "patternProperties": entries,
+        "additionalProperties": False,
+        "minProperties": 1,
+    }
+
+
+def _alternative(condition: str) -> dict[str, Any]:
+    return {"anyOf": [_text(parse.EVENT), {"$ref": f"#/definitions/{condition}"}]}
+
+
+def _limit_of(spec: SignalSpec) -> str:
+    units = "|".join(
+        re.escape(u) for u in sorted(DIMENSIONS[spec.dimension], key=len, reverse=True)
+    )
+    unit = f" ?(?:{units})"
+    if spec.dimension == "ratio":
+        unit = f"(?:{unit})?"
+    return f"(?:>=|<=|>|<) ?(?:-?{parse.NUMBER}{unit}|{_REFERENCE})"
+
+
+def _call(name: str, arity: int) -> str:
+    return rf"{name}\({', *'.join([_NAME] * arity)}\)"
+
+
+def _setting() -> dict[str, Any]:
+    frames = rf"{parse.NUMBER} {parse.FRAMES}(?: @ {parse.NUMBER} Hz)?"
+    return {"anyOf": [{"type": "number"}, _text(f"(?:{_ANY_QUANTITY}|{frames})")]}
+
+
+def _quantity() -> dict[str, Any]:
+    return {"anyOf": [{"type": "number"}, _text(_ANY_QUANTITY)]}
+
+
+def _text(pattern: str) -> dict[str, Any]:
+    return {"type": "string", "pattern": f"^(?:{pattern})$"}
+
+
+def _list(item: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "array", "items": item, "minItems": 1}
+
+
+def _mapping(names: str, value: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "patternProperties": {names: value}, "additionalProperties": False}
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "schemas")
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / FILE).write_text(schema_text(), "utf-8")
