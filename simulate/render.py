@@ -1,0 +1,218 @@
+"""Pictures of a recorded episode, drawn from what its trace holds: to look at what happened."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import struct
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Body, Episode, Geom
+from safestage_eval.errors import InputError
+
+from .objects import catalogue
+
+Image = NDArray[np.uint8]
+"""(H, W, 3), red green blue."""
+
+PALETTE = ((0.85, 0.45, 0.2), (0.3, 0.55, 0.8), (0.5, 0.7, 0.35), (0.75, 0.5, 0.75))
+"""Colours of objects that are not in the catalogue, in turn."""
+ROBOT_COLOR, GRIPPER_COLOR, FIXTURE_COLOR = (0.9, 0.9, 0.92), (0.25, 0.25, 0.28), (0.72, 0.6, 0.45)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A look at a point from a distance; lengths in m, angles in degrees."""
+
+    at: tuple[float, float, float] = (0.5, 0.0, 0.08)
+    distance: float = 1.15
+    azimuth: float = 140.0
+    elevation: float = -25.0
+
+
+VIEWS = {
+    "front": Camera(),
+    "side": Camera(azimuth=90.0, elevation=-12.0),
+    "top": Camera(azimuth=180.0, elevation=-80.0),
+    "close": Camera(distance=0.6, azimuth=120.0),
+}
+
+
+class EpisodeRenderer:
+    """Draws frames of an episode off screen. A context manager: it holds a graphics context.
+
+    The shapes are those of the trace, so the picture shows what is judged. One at a time per
+    process.
+    """
+
+    def __init__(self, episode: Episode, width: int = 640, height: int = 480) -> None:
+        """Build the scene; raises InputError where nothing can be drawn off screen."""
+        self._episode = episode
+        self._context = _graphics(width, height)
+        self._context.make_current()
+        spec = mujoco.MjSpec()
+        spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+        spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
+        spec.worldbody.add_light(
+            pos=[0.3, -0.7, 1.8], dir=[0.1, 0.4, -1], diffuse=[0.5, 0.5, 0.5], castshadow=True
+        )
+        for key, mesh in episode.meshes.items():
+            spec.add_mesh(
+                name=key,
+                uservert=mesh.vertices.astype(float).ravel(),
+                userface=mesh.faces.ravel(),
+                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+            )
+        for i, body in enumerate(episode.header.bodies):
+            node = spec.worldbody.add_body(name=body.name, mocap=True)
+            for geom in body.geoms:
+                _add_geom(node, geom, _color(body, i))
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        self._scene = mujoco.MjvScene(self._model, maxgeom=4000)
+        self._target = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
+        self._rect = mujoco.MjrRect(0, 0, width, height)
+
+    def frame(self, index: int, camera: Camera = VIEWS["front"]) -> Image:
+        """The picture of one frame; a negative index counts from the end."""
+        episode, data = self._episode, self._data
+        for body in episode.header.bodies:
+            track = episode.tracks[body.name]
+            row = index if len(track) > 1 else 0
+            slot = int(self._model.body(body.name).mocapid[0])
+            data.mocap_pos[slot] = track.position[row]
+            data.mocap_quat[slot] = track.orientation[row]
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_camlight(self._model, data)
+        view = mujoco.MjvCamera()
+        view.lookat[:] = camera.at
+        view.distance, view.azimuth = camera.distance, camera.azimuth
+        view.elevation = camera.elevation
+        mujoco.mjv_updateScene(
+            self._model,
+            data,
+            mujoco.MjvOption(),
+            None,
+            view,
+            mujoco.mjtCatBit.mjCAT_ALL.value,
+            self._scene,
+        )
+        out = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
+        mujoco.mjr_render(self._rect, self._scene, self._target)
+        mujoco.mjr_readPixels(out, None, self._rect, self._target)
+        return np.ascontiguousarray(out[::-1])
+
+    def close(self) -> None:
+        """Give the graphics context back."""
+        self._target.free()
+        self._context.free()
+
+    def __enter__(self) -> Self:
+        """The renderer itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close."""
+        self.close()
+
+
+def contact_sheet(images: Sequence[Image], columns: int = 4) -> Image:
+    """Pictures of one size side by side, row after row; the last row is filled with black."""
+    height, width, _ = images[0].shape
+    rows = -(-len(images) // columns)
+    sheet = np.zeros((rows * height, columns * width, 3), np.uint8)
+    for i, image in enumerate(images):
+        y, x = divmod(i, columns)
+        sheet[y * height : (y + 1) * height, x * width : (x + 1) * width] = image
+    return sheet
+
+
+def write_png(image: Image, path: Path) -> None:
+    """Save a picture (PNG specification, W3C 2003: 8 bits per sample, no filter)."""
+    height, width, _ = image.shape
+    rows = np.zeros((height, 1 + 3 * width), np.uint8)
+    rows[:, 1:] = image.reshape(height, -1)
+
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return (
+            struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        )
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    path.write_bytes(
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", head)
+        + chunk(b"IDAT", zlib.compress(rows.tobytes(), 6))
+        + chunk(b"IEND", b"")
+    )
+
+
+def _graphics(width: int, height: int) -> Any:
+    wanted = os.environ.get("MUJOCO_GL", "egl").lower()
+    if wanted not in ("egl", "osmesa", "glfw"):
+        raise InputError("MUJOCO_GL", f"{wanted!r} cannot draw off screen.", "egl, osmesa, glfw")
+    os.environ.setdefault("PYOPENGL_PLATFORM", wanted)
+    try:
+        return importlib.import_module(f"mujoco.{wanted}").GLContext(width, height)
+    except (ImportError, AttributeError, OSError, RuntimeError) as error:
+        raise InputError(
+            "rendering",
+            f"no graphics context ({wanted}: {error}).",
+            "MUJOCO_GL=egl or MUJOCO_GL=osmesa",
+            "apt-get install libegl1 libgl1-mesa-dri libosmesa6",
+        ) from error
+
+
+_KINDS = {
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    "plane": mujoco.mjtGeom.mjGEOM_PLANE,
+    "convex_mesh": mujoco.mjtGeom.mjGEOM_MESH,
+    "mesh": mujoco.mjtGeom.mjGEOM_MESH,
+}
+
+
+def _add_geom(body: Any, geom: Geom, color: tuple[float, float, float]) -> None:
+    plane = geom.kind == "plane"
+    fields: dict[str, Any] = {
+        "type": _KINDS[geom.kind],
+        "pos": geom.position,
+        "quat": geom.orientation,
+        "contype": 0,
+        "conaffinity": 0,
+        "rgba": [*((0.35, 0.37, 0.4) if plane else color), 1.0],
+    }
+    if geom.mesh is not None:
+        fields["meshname"] = geom.mesh
+    else:
+        fields["size"] = [3.0, 3.0, 0.1] if plane else [*geom.size, 0.0, 0.0][:3]
+    body.add_geom(**fields)
+
+
+def _color(body: Body, index: int) -> tuple[float, float, float]:
+    if body.kind == "robot":
+        return ROBOT_COLOR
+    if body.kind == "gripper":
+        return GRIPPER_COLOR
+    known = catalogue().get(body.name)
+    if known is not None:
+        return known.color
+    return FIXTURE_COLOR if body.kind == "fixture" else PALETTE[index % len(PALETTE)]
