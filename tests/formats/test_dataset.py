@@ -250,7 +250,7 @@ def record_some(folder, name):
 
 
 def test_two_recorders_into_one_dataset_do_not_disturb_each_other(tmp_path):
-    context = multiprocessing.get_context("fork")
+    context = multiprocessing.get_context("spawn")
     both = [context.Process(target=record_some, args=(tmp_path, name)) for name in "ab"]
     for process in both:
         process.start()
