@@ -140,27 +140,16 @@ def motion_bound(a: Mover, b: Mover | None = None) -> F64:
     angle. If d and e are the distances at the two frames and m the bound, the distance in between
     is at least (d + e − m) / 2.
     """
-    frames = frame_count(a, *([b] if b is not None else []))
-    return sum(
-        (_path_length(mover, frames) for mover in (a, b) if mover is not None),
-        np.zeros(frames - 1),
-    )
+    movers = [a] if b is None else [a, b]
+    bound = np.zeros(frame_count(*movers) - 1)
+    for mover in movers:
+        if len(mover) > 1:
+            bound += mover.steps
+    return bound
 
 
 def _nothing_known(frames: int, cap: float) -> Clearance:
     return Clearance(np.full(frames, float(cap)), np.full(frames, np.inf))
-
-
-def _path_length(mover: Mover, frames: int) -> F64:
-    if len(mover) == 1:
-        return np.zeros(frames - 1)
-    q = mover.motion.orientation
-    nearer = np.minimum(((q[1:] - q[:-1]) ** 2).sum(1), ((q[1:] + q[:-1]) ** 2).sum(1))
-    angle = 4 * np.arcsin(np.minimum(np.sqrt(nearer) / 2, np.sin(np.pi / 4)))
-    step = np.sqrt((np.diff(mover.motion.centre, axis=0) ** 2).sum(1))
-    turn = np.zeros(len(angle))
-    np.multiply(angle, mover.shape.radius, out=turn, where=angle > 0)
-    return np.asarray(step + turn)
 
 
 def _block_bounds(a: Mover, b: Mover, flat: bool) -> F64:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .compiled import helper, kernel, owned
-from .mover import Motion, Mover, frame_count, rotation_at
+from .mover import Motion, Mover, rotation_at
 from .shape import BOX, CYLINDER, HULL, PLANE, SEGMENT, Packed
 from .support import support_point, support_value
 
@@ -55,12 +55,6 @@ def farthest_point(mover: Mover, direction: ArrayLike) -> F64:
     out = np.full((max(len(mover), len(d)), 3), np.nan)
     _farthest(mover.shape.hulls, mover.motion, owned(d), out)
     return out
-
-
-def height_above(a: Mover, b: Mover) -> F64:
-    """(T,) m: lowest point of a minus highest point of b, world z."""
-    frame_count(a, b)
-    return lowest(a) - highest(b)
 
 
 @helper

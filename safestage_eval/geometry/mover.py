@@ -95,6 +95,18 @@ class Mover:
             raise ValueError(f"an orientation of {shape.name!r} has norm 0 or is not finite")
         return motion
 
+    @cached_property
+    def steps(self) -> F64:
+        """(T − 1,) m: how far any point of the body goes, at most, from each frame to the next.
+
+        Takes the way between two frames to be straight for the bounding centre and an even turn
+        by the smaller angle.
+        """
+        turn = turn_angle(self.orientation[1:], self.orientation[:-1])
+        way = np.sqrt((np.diff(self.motion.centre, axis=0) ** 2).sum(1))
+        np.multiply(turn, self.shape.radius, out=turn, where=turn > 0)
+        return np.asarray(way + turn)
+
     def at(self, frames: NDArray[np.integer] | slice) -> Mover:
         """The same shape at some of its frames; a body that never moves stays as it is."""
         if len(self) == 1:
