@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,15 +11,38 @@ from numpy.typing import NDArray
 
 from safestage_eval.geometry.cavity import inside_parts
 from safestage_eval.geometry.edge import edge_margin
+from safestage_eval.geometry.footprint import overlap_xy
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series, exact, unknown
+from safestage_eval.signals.vocabulary import SIGNALS
 
 from .dependence import Dependence
 from .graph import SupportGraph
 from .vocabulary import RELATIONS
 
 Bool = NDArray[np.bool_]
+
+
+COSTLY = ("edge_margin", "overlap_xy")
+"""Signals that clip polygons: measured only at the frames that matter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Partial:
+    """A signal measured at some frames only: bounds (T,) and which frames are done (T,)."""
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    done: Bool
+    notes: dict[str, None]
+
+    @classmethod
+    def blank(cls, frames: int) -> Partial:
+        """Nothing measured yet."""
+        return cls(
+            np.full(frames, -np.inf), np.full(frames, np.inf), np.zeros(frames, np.bool_), {}
+        )
 
 
 class Relations:
@@ -29,7 +53,7 @@ class Relations:
         self.signals = signals
         self.episode = signals.episode
         self._known: dict[tuple[str, tuple[str, ...]], Bool | None] = {}
-        self._edge: dict[tuple[str, ...], Series] = {}
+        self._partial: dict[tuple[str, tuple[str, ...]], Partial] = {}
 
     @cached_property
     def graph(self) -> SupportGraph:
@@ -52,15 +76,34 @@ class Relations:
         return self._known[key]
 
     def signal(
-        self, name: str, bodies: Sequence[str], reference: Reference | None = None, reach: float = 0
+        self,
+        name: str,
+        bodies: Sequence[str],
+        reference: Reference | None = None,
+        reach: float = 0,
+        wanted: Bool | None = None,
     ) -> Series:
-        """Any signal: those of ``signals``, and those that need the support graph."""
-        if name != "edge_margin":
+        """Any signal: those of ``signals``, and those that need the support graph.
+
+        The ``COSTLY`` ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
+        others; every frame is measured at most once.
+        """
+        if name not in COSTLY:
             return self.signals.get(name, bodies, reference, reach)
-        key = tuple(bodies)
-        if key not in self._edge:
-            self._edge[key] = self._edge_margin(*bodies)
-        return self._edge[key]
+        key = (name, tuple(bodies))
+        if key not in self._partial:
+            self._partial[key] = Partial.blank(len(self.episode))
+        partial = self._partial[key]
+        todo = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
+        missing = np.flatnonzero(todo & ~partial.done)
+        if len(missing):
+            measure = self._edge_margin if name == "edge_margin" else self._overlap
+            found = measure(missing, *bodies)
+            partial.lower[missing], partial.upper[missing] = found.lower, found.upper
+            partial.done[missing] = True
+            partial.notes.update(dict.fromkeys(found.notes))
+        dimension = SIGNALS[name].dimension
+        return Series(partial.lower, partial.upper, dimension, tuple(partial.notes))
 
     def _decide(self, name: str, bodies: list[str]) -> Bool | None:
         spec, index = RELATIONS[name], self.episode.body_index
@@ -113,30 +156,39 @@ class Relations:
         inside = low & centroid if bears is None else low & (centroid | bears)
         return np.broadcast_to(inside, len(episode))
 
-    def _edge_margin(self, a: str, s: str | None = None) -> Series:
-        """(T,) m; of whatever bears the body if no second is named: −∞ where nothing does.
+    def _overlap(self, at: NDArray[np.int64], a: str, b: str) -> Series:
+        """(N,) share of a's footprint over b's at some frames."""
+        movers = self.signals.movers
+        for name in (a, b):
+            if not movers.of([name]):
+                return unknown(len(at), "ratio", f"the trace has no shape of {name}")
+        share = np.broadcast_to(overlap_xy(movers[a], movers[b], at), len(self.episode))[at]
+        return exact(np.where(np.isnan(share), 0.0, share), "ratio")
 
-        Several bearers form one surface. Unknown where what bears the body has no upward face
-        under it (a ball in a groove, a leaning board).
+    def _edge_margin(self, at: NDArray[np.int64], a: str, s: str | None = None) -> Series:
+        """(N,) m, at some frames; of whatever bears the body if no second is named.
+
+        Several bearers form one surface. −∞ where nothing bears it; unknown where what bears it
+        has no upward face under it (a ball in a groove, a leaning board).
         """
         frames, movers = len(self.episode), self.signals.movers
         if not movers.of([a]):
-            return unknown(frames, "length", f"the trace has no shape of {a}")
+            return unknown(len(at), "length", f"the trace has no shape of {a}")
         if s is not None:
-            margin = np.broadcast_to(edge_margin(movers[a], [movers[s]]), frames)
+            margin = np.broadcast_to(edge_margin(movers[a], [movers[s]], at), frames)[at]
             return exact(np.where(np.isnan(margin), -np.inf, margin), "length")
         if self.episode.header.force_source == "none":
-            return unknown(frames, "length", "the trace has no contact forces")
+            return unknown(len(at), "length", "the trace has no contact forces")
         names = [body.name for body in self.episode.header.bodies]
         bearers = self.graph.bearers(self.episode.body_index[a])
         lower, upper = np.full(frames, -np.inf), np.full(frames, -np.inf)
-        bears = np.array(list(bearers.values())).reshape(len(bearers), frames)
+        bears = np.array(list(bearers.values())).reshape(len(bearers), frames)[:, at]
         for combination in np.unique(bears, axis=1).T:
             if not combination.any():
                 continue
-            at = np.flatnonzero((bears == combination[:, None]).all(axis=0))
+            there = at[(bears == combination[:, None]).all(axis=0)]
             under = [movers[names[b]] for b, on in zip(bearers, combination, strict=True) if on]
-            margin = edge_margin(movers[a], under, at)[at]
-            lower[at] = np.where(np.isnan(margin), -np.inf, margin)
-            upper[at] = np.where(np.isnan(margin), np.inf, margin)
-        return Series(lower, upper, "length")
+            margin = edge_margin(movers[a], under, there)[there]
+            lower[there] = np.where(np.isnan(margin), -np.inf, margin)
+            upper[there] = np.where(np.isnan(margin), np.inf, margin)
+        return Series(lower[at], upper[at], "length")

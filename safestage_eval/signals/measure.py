@@ -10,7 +10,7 @@ import numpy as np
 from safestage_eval.episode import Episode
 from safestage_eval.geometry.cavity import containment_depth
 from safestage_eval.geometry.clearance import clearance_series, motion_bound
-from safestage_eval.geometry.footprint import clearance_xy, overlap_xy
+from safestage_eval.geometry.footprint import clearance_xy
 
 from . import distance, motion
 from .contact_sums import ContactSums
@@ -157,8 +157,6 @@ class Signals:
             value = distance.lift(movers[0][0], frames, reference or Reference(self.baseline))
         elif name == "height_above":
             value = distance.height_above(movers[0], movers[1], frames)
-        elif name == "overlap_xy":
-            value = overlap_xy(movers[0][0], movers[1][0])
         elif name == "containment_depth":
             cavity = self.episode.bodies[groups[1][0]].cavity
             if cavity is None:

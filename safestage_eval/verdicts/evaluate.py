@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.reference import Reference, latest
@@ -91,8 +91,8 @@ class Evaluator:
             number = row.get(value.name, default[value.name]).value
         return -number if value.negative else number
 
-    def series(self, atom: ast.SignalAtom, env: Env) -> Series:
-        """The signal of an atom, up to where its limits need it exactly."""
+    def series(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None = None) -> Series:
+        """The signal of an atom, up to where its limits need it exactly, at the wanted frames."""
         bodies = tuple(env.get(arg, arg) for arg in atom.call.args)
         reference = None
         if atom.since is not None:
@@ -106,29 +106,41 @@ class Evaluator:
         name = atom.call.name
         if name in self.rules.signals:
             name = self.rules.signals[name].base
-        found = self.relations.signal(name, bodies, reference, reach)
+        found = self.relations.signal(name, bodies, reference, reach, wanted)
         for note in found.notes:
             self.notes[note] = None
         return found
 
     # ---- conditions
 
-    def condition(self, condition: ast.Condition, env: Env) -> Band:
-        """All atoms hold."""
-        return band.both([self.atom(atom, env) for atom in condition.atoms], self.frames)
+    def condition(self, condition: ast.Condition, env: Env, wanted: Bool | None = None) -> Band:
+        """All atoms hold.
 
-    def alternative(self, alternative: ast.Alternative, env: Env) -> Band:
-        """A condition, or the frames of an event."""
+        Only the ``wanted`` frames (T,) of the result mean anything; all of them if None. Costly
+        signals come last, and are measured only where no other atom has already decided.
+        """
+        mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
+        bands = []
+        for atom in sorted(condition.atoms, key=_is_costly):
+            found = self.atom(atom, env, mask)
+            bands.append(found)
+            mask = mask & ~np.isneginf(found.upper)
+        return band.both(bands, self.frames)
+
+    def alternative(
+        self, alternative: ast.Alternative, env: Env, wanted: Bool | None = None
+    ) -> Band:
+        """A condition, or the frames of an event; ``wanted`` as in ``condition``."""
         if isinstance(alternative, ast.Condition):
-            return self.condition(alternative, env)
+            return self.condition(alternative, env, wanted)
         if alternative.kind == "state" and alternative.edge is None and alternative.call:
-            return self.state(alternative.call, env)
+            return self.state(alternative.call, env, wanted)
         return band.crisp(self.truth(alternative, env))
 
-    def atom(self, atom: ast.Atom, env: Env) -> Band:
-        """One entry of a condition."""
+    def atom(self, atom: ast.Atom, env: Env, wanted: Bool | None = None) -> Band:
+        """One entry of a condition; ``wanted`` as in ``condition``."""
         if isinstance(atom, ast.SignalAtom):
-            series = self.series(atom, env)
+            series = self.series(atom, env, wanted)
             return band.both(
                 [
                     limit_margin(series, limit.op, self.number(limit.value, env), self._scale(atom))
@@ -137,17 +149,19 @@ class Evaluator:
                 self.frames,
             )
         if isinstance(atom, ast.StateAtom):
-            found = self.state(atom.call, env)
+            found = self.state(atom.call, env, wanted)
             return found if atom.want else band.opposite(found)
         if isinstance(atom, ast.CountAtom):
             each = [
-                self.state(atom.call, {**env, atom.role: body})
+                self.state(atom.call, {**env, atom.role: body}, wanted)
                 for body in self.players.get(atom.role, ())
             ]
             if atom.bound == "least":
                 return band.at_least(atom.count, each, self.frames)
             return band.opposite(band.at_least(atom.count + 1, each, self.frames))
-        return band.either([self.alternative(a, env) for a in atom.alternatives], self.frames)
+        return band.either(
+            [self.alternative(a, env, wanted) for a in atom.alternatives], self.frames
+        )
 
     def _scale(self, atom: ast.SignalAtom) -> float:
         name = atom.call.name
@@ -155,9 +169,16 @@ class Evaluator:
             name = self.rules.signals[name].base
         return SIGNALS[name].scale
 
-    def state(self, call: ast.Call, env: Env) -> Band:
-        """A declared state or a built-in relation, persistent and latched as declared."""
+    def state(self, call: ast.Call, env: Env, wanted: Bool | None = None) -> Band:
+        """A declared state or a built-in relation, persistent and latched as declared.
+
+        ``wanted`` as in ``condition``; a state that looks at neighbouring frames has them all.
+        """
         bodies = tuple(env.get(arg, arg) for arg in call.args)
+        declared = self.rules.states.get(call.name)
+        if wanted is not None and declared is not None and _is_momentary(declared):
+            inner = dict(zip(declared.of, bodies, strict=True))
+            return self.condition(declared.when, inner, wanted)
         key = (call.name, bodies)
         if key not in self._states:
             outer_horizon, outer_notes = self.horizon, self.notes
@@ -265,6 +286,15 @@ class Evaluator:
             case ast.While(of, call):
                 truth = self.truth(ast.Event("state", call), env)
                 return scope.within(self.spans(of, env), truth)
+
+
+def _is_momentary(state: ast.StateDef) -> bool:
+    """A mere name for a condition: no frame of it depends on another."""
+    return all(part is None for part in (state.for_, state.gap, state.until, state.fallback))
+
+
+def _is_costly(atom: ast.Atom) -> bool:
+    return isinstance(atom, ast.SignalAtom) and atom.call.name in COSTLY
 
 
 def band_known(found: Band) -> bool:

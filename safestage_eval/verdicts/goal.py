@@ -28,26 +28,41 @@ _HISTORY = {"lift", "displacement", "displacement_xy", "turn"}
 
 
 def first_success(
-    evaluator: Evaluator, goal: ast.GoalDef, players: Mapping[str, Sequence[str]]
+    evaluator: Evaluator,
+    goal: ast.GoalDef,
+    players: Mapping[str, Sequence[str]],
+    hint: int | None = None,
 ) -> int | None:
     """The first frame that confirms the goal; None if it never does.
 
     Causal: whether a frame confirms depends on no later frame. ``evaluator`` must be causal.
+    ``hint``: a frame by which the goal is probably confirmed; saves looking further if it is.
     """
+    if hint is not None and hint + 1 < evaluator.frames:
+        found = _first_success(evaluator, goal, players, hint + 1)
+        if found is not None:
+            return found
+    return _first_success(evaluator, goal, players, evaluator.frames)
+
+
+def _first_success(
+    evaluator: Evaluator, goal: ast.GoalDef, players: Mapping[str, Sequence[str]], stop: int
+) -> int | None:
+    wanted = np.arange(evaluator.frames) < stop
     evaluator.players = players
     names = [name for name, _ in goal.roles]
     counted = {n.role for n in nodes(goal.require) if isinstance(n, ast.CountAtom)}
     free = [name for name in names if name not in counted]
     found = band.both(
         [
-            evaluator.condition(goal.require, dict(zip(free, bodies, strict=True)))
+            evaluator.condition(goal.require, dict(zip(free, bodies, strict=True)), wanted)
             for bodies in itertools.product(*(players.get(name, ()) for name in free))
         ]
         or [band.crisp(np.zeros(evaluator.frames, np.bool_))],
         evaluator.frames,
     )
     lasting = max(evaluator.count(CONFIRM), evaluator.count(goal.for_ or CONFIRM))
-    confirmed = np.flatnonzero(held_until(found.lower, lasting) >= 0)
+    confirmed = np.flatnonzero((held_until(found.lower, lasting) >= 0) & wanted)
     return int(confirmed[0]) if len(confirmed) else None
 
 

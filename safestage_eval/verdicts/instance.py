@@ -113,8 +113,8 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
 
 def initially(evaluator: Evaluator, condition: ast.Condition, env: Env) -> tuple[float, float]:
     """Bounds of the margin with which a condition holds in most of the baseline frames."""
-    found = evaluator.condition(condition, env)
     count = min(evaluator.frames, evaluator.relations.signals.baseline.frames)
+    found = evaluator.condition(condition, env, _mask(evaluator, Scope(0, count)))
     return tuple(float(np.sort(end[:count])[(count - 1) // 2]) for end in found)  # type: ignore[return-value]
 
 
@@ -124,7 +124,8 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
     first, stop, _ = instance.scope
     lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
     for clause in clauses(rule):
-        found = evaluator.alternative(clause.what, instance.env).at(first, stop)
+        wanted = _mask(evaluator, instance.scope)
+        found = evaluator.alternative(clause.what, instance.env, wanted).at(first, stop)
         if clause.kind == "require":
             out[first:stop] |= found.false
         elif clause.kind == "forbid":
@@ -132,6 +133,12 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
         elif held_from(found.upper, lasting).max(initial=-np.inf) < 0:
             out[first:stop] = True
     return out
+
+
+def _mask(evaluator: Evaluator, scope: Scope) -> Bool:
+    mask = np.zeros(evaluator.frames, np.bool_)
+    mask[scope.first : scope.stop] = True
+    return mask
 
 
 def _scopes(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Scope]:
@@ -146,7 +153,7 @@ def _judge_scope(
     lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
     results = []
     for clause in clauses(rule):
-        whole = evaluator.alternative(clause.what, env)
+        whole = evaluator.alternative(clause.what, env, _mask(evaluator, scope))
         lower, upper, frame = _obligation(clause.kind, whole.at(scope.first, scope.stop), lasting)
         results.append((lower, upper, clause, scope.first + frame))
     violated = any(upper < 0 for _, upper, _, _ in results)

@@ -120,12 +120,16 @@ class _Judge:
     def _native_success(self) -> tuple[int | None, bool | None]:
         """Frame and truth of native success; recorded wins, a disagreement is noted."""
         header, goal = self._episode.header, self._binding.goal
+        recorded = None
+        if header.success and header.success_time is not None:
+            recorded = int(np.searchsorted(self._episode.t, header.success_time - 1e-6))
+            recorded = min(recorded, len(self._episode) - 1)
         recomputed = None
         if goal is not None:
             evaluator = Evaluator(
                 self._relations, self._rules, self._binding.params(None), None, causal=True
             )
-            recomputed = first_success(evaluator, goal, self._binding.goal_players())
+            recomputed = first_success(evaluator, goal, self._binding.goal_players(), hint=recorded)
         if header.success is None:
             return recomputed, None if goal is None else recomputed is not None
         if not header.success:
@@ -133,10 +137,8 @@ class _Judge:
                 at = float(self._episode.t[recomputed])
                 self.notes.append(f"recorded as no success, but the goal was reached at {at:.2f} s")
             return None, False
-        if header.success_time is None:
+        if recorded is None:
             return recomputed, True
-        recorded = int(np.searchsorted(self._episode.t, header.success_time - 1e-6))
-        recorded = min(recorded, len(self._episode) - 1)
         if goal is not None and recomputed is None:
             self.notes.append("recorded as success, but the goal is never reached in the trace")
         elif recomputed is not None and abs(recomputed - recorded) > 1:

@@ -8,7 +8,7 @@ import numpy as np
 
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.vocabulary import SIGNALS
-from safestage_eval.states.band import Band
+from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Env, Evaluator, band_known, limit_margin
 
@@ -58,13 +58,19 @@ class Search:
         """The margin that is followed, at one frame."""
         return float((band.upper if self.upper else band.lower)[frame])
 
+    def _only(self, frame: int) -> Bool:
+        mask = np.zeros(self.evaluator.frames, np.bool_)
+        mask[frame] = True
+        return mask
+
     def _opposite(self) -> Search:
         return Search(self.evaluator, not self.upper, -self.sign)
 
     def alternative(self, node: ast.Alternative, env: Env, frame: int) -> Witness:
         """Witness of a condition or event at a frame."""
         if isinstance(node, ast.Condition):
-            margins = [self.end(self.evaluator.atom(a, env), frame) for a in node.atoms]
+            here = self._only(frame)
+            margins = [self.end(self.evaluator.atom(a, env, here), frame) for a in node.atoms]
             return self.atom(node.atoms[int(np.argmin(margins))], env, frame)
         if node.call is None:
             return Witness(node.kind, (), frame)
@@ -92,7 +98,10 @@ class Search:
                 return Witness(str(atom.call), tuple(bodies), frame)
             decisive = bodies[int(np.argsort(margins)[-count])]
             return search.state(atom.call, {**env, atom.role: decisive}, frame)
-        margins = [self.end(self.evaluator.alternative(a, env), frame) for a in atom.alternatives]
+        here = self._only(frame)
+        margins = [
+            self.end(self.evaluator.alternative(a, env, here), frame) for a in atom.alternatives
+        ]
         return self.alternative(atom.alternatives[int(np.argmax(margins))], env, frame)
 
     def state(self, call: ast.Call, env: Env, frame: int) -> Witness:
@@ -114,7 +123,7 @@ class Search:
 
     def _signal(self, atom: ast.SignalAtom, env: Env, frame: int) -> Witness:
         evaluator = self.evaluator
-        series = evaluator.series(atom, env)
+        series = evaluator.series(atom, env, self._only(frame))
         limits = [evaluator.number(limit.value, env) for limit in atom.limits]
         margins = [
             self.end(limit_margin(series, limit.op, number, 1.0), frame)

@@ -8,6 +8,7 @@ from scenes import G, Scene
 
 from safestage_eval.episode import Episode, Geom, Track
 from safestage_eval.geometry.pose import product, rotate
+from safestage_eval.relations.measure import Relations
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.reference import Reference, latest
 
@@ -177,5 +178,7 @@ def test_moving_the_whole_scene_changes_nothing(yaw: float, x: float, y: float, 
     there = moved(here, yaw, np.array([x, y, 0]))
     for name, arity in NAMES:
         bodies = ["a", "b"][:arity]
-        one, two = (Signals(e).get(name, bodies, reach=0.5).value for e in (here, there))
+        one, two = (
+            Relations(Signals(e)).signal(name, bodies, reach=0.5).value for e in (here, there)
+        )
         assert np.allclose(one, two, atol=2e-5), name

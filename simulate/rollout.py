@@ -1,0 +1,169 @@
+"""One rollout: a policy in a task's scene, recorded whole, success watched live."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval import __version__
+from safestage_eval.episode import Header, Source
+from safestage_eval.formats import TraceWriter
+from safestage_eval.verdicts.goal import GoalMonitor
+
+from .policies import Observation, Policy, Reference
+from .privileged import PrivilegedState
+from .recorder import Recorder
+from .task import Task
+from .world import CONTROL_RATE, FRAME_RATE, FRAMES_PER_ACTION, World
+
+F64 = NDArray[np.float64]
+
+SETTLE_TIME = 1.0
+"""s that a scene comes to rest before its first frame."""
+HOLD_TIME = 5.0
+"""s recorded after success, with the arm frozen."""
+
+PROMPTS = ("default", "generic", "specific")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What one rollout is of."""
+
+    task: Task
+    seed: int = 0
+    prompt: str = "default"
+    rollout: int = 0
+    horizon: float | None = None
+    """s; the task's own where None."""
+    robot_mjcf: Path | None = None
+
+    def episode_id(self, policy: str) -> str:
+        """The same for the same rollout, whenever it is recorded."""
+        return (
+            f"{self.task.id}.{policy.replace(':', '-')}.{self.prompt}.s{self.seed}.r{self.rollout}"
+        )
+
+
+def roll_out(
+    setting: Setting, policy: Policy, progress: Callable[[float], None] | None = None
+) -> TraceWriter:
+    """Run one episode to its end.
+
+    Success is the task's goal, judged as the evaluator judges it: live, on the frames recorded so
+    far. When it comes, the arm is frozen at its *measured* pose (its commands are 0.2 s ahead) with
+    the gripper as commanded, and five more seconds are recorded.
+
+    Args:
+        setting: task, seed, prompt.
+        policy: what acts.
+        progress: told the simulated time (s) after each action.
+
+    Returns:
+        A writer that holds all frames, ready to be closed to a file.
+
+    Raises:
+        InputError: a reference names a skill that does not exist, or cannot be reached.
+        ValueError: the policy's actions are not (N, 8) finite numbers.
+    """
+    task = setting.task
+    world = World(task.models(), substeps=task.substeps, robot_mjcf=setting.robot_mjcf)
+    world.reset(task.layout(setting.seed))
+    home = np.append(world.arm_position, 0.0)
+    for _ in range(round(SETTLE_TIME * CONTROL_RATE)):
+        world.act(home)
+    header = _header(setting, policy.name)
+    recorder = Recorder(world, header)
+    writer = recorder.writer
+    monitor = GoalMonitor.of(writer.header)
+    policy.reset(task, header.instruction or "")
+    if isinstance(policy, Reference):
+        policy.look(PrivilegedState(world))
+    horizon = setting.horizon or task.horizon
+    success: float | None = None
+    frozen = home
+    chunk: list[F64] = []
+    while True:
+        now = len(writer) / FRAME_RATE
+        if success is None and now >= horizon:
+            break
+        if success is not None and now > success + HOLD_TIME:
+            break
+        if success is None:
+            chunk = chunk or _checked(policy.act(_observe(world, now, header.instruction)))
+            action = chunk.pop(0)
+        else:
+            action = frozen
+        world.act(action, lambda substep, a=action: recorder.step(substep, a))  # type: ignore[misc]
+        if success is None:
+            success = _watch(monitor, writer)
+            frozen = np.append(world.arm_position, action[7])
+        if progress is not None:
+            progress(now)
+    writer.update_header(
+        success=success is not None,
+        success_time=success,
+        termination="success" if success is not None else "horizon",
+        post_success_hold=HOLD_TIME if success is not None else None,
+    )
+    return writer
+
+
+def _watch(monitor: GoalMonitor, writer: TraceWriter) -> float | None:
+    last = len(writer)
+    back = monitor.window_frames
+    first = 0 if back is None else max(0, last - FRAMES_PER_ACTION - back)
+    return monitor.update(writer.window(first, last))
+
+
+def _observe(world: World, time: float, instruction: str | None) -> Observation:
+    return Observation(time, world.arm_position, world.gripper_opening, instruction or "")
+
+
+def _checked(actions: F64) -> list[F64]:
+    chunk = np.asarray(actions, np.float64)
+    if chunk.ndim != 2 or chunk.shape[1] != 8 or not len(chunk) or not np.isfinite(chunk).all():
+        raise ValueError(f"a policy must return (N, 8) finite actions, not {chunk.shape}")
+    return list(chunk)
+
+
+def _header(setting: Setting, policy: str) -> Header:
+    task = setting.task
+    goal_horizon = setting.horizon or task.horizon
+    digest = hashlib.sha256(task.model_dump_json().encode()).hexdigest()[:12]
+    return Header(
+        episode_id=setting.episode_id(policy),
+        task=task.id,
+        stage=task.stage,
+        family=task.family,
+        instruction=getattr(task.prompts, setting.prompt),
+        prompt=setting.prompt,
+        policy=policy,
+        seed=setting.seed,
+        rollout=setting.rollout,
+        physics_dt=1.0 / (FRAME_RATE * task.substeps),
+        frame_dt=1.0 / FRAME_RATE,
+        control_dt=1.0 / CONTROL_RATE,
+        horizon=math.ceil(goal_horizon),
+        roles=task.roles,
+        goal=task.goal,
+        rules=task.rules,
+        parameters=task.parameters,
+        force_source="recorded",
+        source=Source(
+            simulator="MuJoCo",
+            simulator_version=mujoco.__version__,
+            recorder="safestage",
+            recorder_version=__version__,
+            licence="Apache-2.0",
+        ),
+        notes=(f"task file {digest}", f"arm model: tabletask {version('tabletask')}"),
+    )
