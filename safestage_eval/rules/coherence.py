@@ -193,8 +193,9 @@ class Coherence:
                     if (kind, str(code)) not in self._scopes:
                         continue
                     reached = self._reached((kind, str(code)))
+                    known = self._scopes[kind, str(code)][0].names.params
                     for name, keys in _set_by(table, (kind, index)):
-                        if ("param", name) not in reached:
+                        if name in known and ("param", name) not in reached:
                             self._problems.append(
                                 file.diagnostic(
                                     "R412", keys, f"{code} sets {name}, but never reads it",

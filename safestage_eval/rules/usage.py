@@ -48,6 +48,10 @@ class Scope:
     groups: list[tuple[str, int, str, Keys]] = field(default_factory=list)
     passed: set[tuple[str, str, int]] = field(default_factory=set)
 
+    def unreadable(self) -> None:
+        """Part of it cannot be read, so whether its roles are used cannot be told."""
+        self.used |= set(self.roles)
+
 
 class Usage:
     """Checks one file's strings against all names; problems are collected, never raised."""
@@ -83,6 +87,8 @@ class Usage:
 
     def condition(self, table: Any, keys: Keys, scope: Scope, depth: int = 1) -> None:
         """A table of which every entry must hold."""
+        if not isinstance(table, dict) or not table or depth > 2:
+            scope.unreadable()
         if not isinstance(table, dict):
             self.report(
                 "R203", keys, f"a condition is a table, not {_literal(table)}",
@@ -122,6 +128,7 @@ class Usage:
             return
         atom = self.parsed("R307", keys, parse.atom_key, key, key=True)
         if atom is None:
+            scope.unreadable()
             return
         call, since = atom
         if since is not None:
@@ -249,7 +256,7 @@ class Usage:
                 "built-in signals and relations, and declared states (docs/meanings.md)",
                 nearest(name, names.callable()), key=key,
             )  # fmt: skip
-            scope.used |= set(call.args)
+            scope.unreadable()
             return None
         self._arity(call, arity, keys, key=key)
         for index, arg in enumerate(call.args):
@@ -328,7 +335,9 @@ class Usage:
     def event(self, text: str, keys: Keys, scope: Scope) -> None:
         """A moment, or the frames of a state."""
         found = self.parsed("R303", keys, parse.event, text)
-        if found is not None:
+        if found is None:
+            scope.unreadable()
+        else:
             self._event(found, keys, scope)
 
     def _event(self, event: ast.Event, keys: Keys, scope: Scope, *, key: bool = False) -> None:
@@ -362,7 +371,9 @@ class Usage:
     def span(self, text: str, keys: Keys, scope: Scope) -> None:
         """A stretch of frames."""
         found = self.parsed("R304", keys, parse.span, text)
-        if found is not None:
+        if found is None:
+            scope.unreadable()
+        else:
             self._span(found, keys, scope)
 
     def _span(self, span: ast.Span, keys: Keys, scope: Scope) -> None:

@@ -1,0 +1,27 @@
+"""What docs/rules.md shows is true."""
+
+import re
+from pathlib import Path
+
+from safestage_eval.rules import check_rules, load_rules
+
+TEXT = (Path(__file__).parents[2] / "docs" / "rules.md").read_text("utf-8")
+
+
+def test_the_example_checks_clean_and_its_mistake_looks_as_shown(
+    tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    example = re.search(r"```toml\n(\[ruleset\].*?)```", TEXT, re.S)[1]
+    Path("mine.toml").write_text(example, "utf-8")
+    assert list(load_rules(["mine.toml"]).rules) == ["ETS901"]
+    shown = re.search(r"```\n(error\[.*?)\n```", TEXT, re.S)[1]
+    Path("mine.toml").write_text(example.replace("> gentle", "> 2 cm"), "utf-8")
+    assert shown in [d.render() for d in check_rules(["mine.toml"])]
+
+
+def test_every_key_is_explained() -> None:
+    from safestage_eval.rules.keys import TABLES
+
+    for table in ("ruleset", "state", "phase", "goal", "task", "rule"):
+        assert all(f"`{key}`" in TEXT or f"`{key} =" in TEXT for key in TABLES[table]), table
