@@ -1,0 +1,204 @@
+"""Each production of the grammar: what it means, that it reads back, and what it refuses."""
+
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from safestage_eval.rules import parse
+from safestage_eval.rules.build import Builder
+from safestage_eval.rules.schema import schema
+from safestage_eval.rules.syntax import (
+    Around,
+    Call,
+    Column,
+    Duration,
+    Event,
+    FromTo,
+    Limit,
+    Parameter,
+    Part,
+    PhaseSpan,
+    Quantity,
+    RoleSpec,
+    StateSpan,
+    While,
+    Whole,
+)
+from safestage_eval.units import DIMENSIONS
+
+names = st.from_regex(r"[a-z][a-z0-9_]{0,6}", fullmatch=True).filter(
+    lambda name: name not in ("start", "end", "success", "episode", "first", "last", "from")
+)
+calls = st.builds(Call, names, st.lists(names, max_size=3).map(tuple))
+events = st.one_of(
+    st.builds(Event, st.sampled_from(["start", "end", "success"])),
+    st.builds(Event, st.just("state"), calls, st.sampled_from([None, "start", "end"])),
+)
+durations = st.one_of(
+    st.builds(lambda n: Duration(n / 8), st.integers(0, 80)),
+    st.builds(lambda n: Duration(float(n), frames=True), st.integers(0, 50)),
+    st.builds(Parameter, names),
+)
+spans = st.recursive(
+    st.one_of(
+        st.builds(Whole),
+        st.builds(lambda name: PhaseSpan(Call(name, ())), names),
+        st.builds(StateSpan, calls),
+        st.builds(Around, st.sampled_from(["before", "after"]), durations, events),
+        st.builds(FromTo, events, events),
+    ),
+    lambda inner: st.builds(Part, st.sampled_from(["first", "last"]), durations, inner),
+    max_leaves=3,
+)
+spans = st.one_of(spans, st.builds(While, spans, calls))
+
+
+def written(node: object) -> str:
+    """A piece of syntax as a rule file would say it."""
+    match node:
+        case Whole():
+            return "episode"
+        case PhaseSpan(Call(name, ())):
+            return name
+        case PhaseSpan(call) | StateSpan(call):
+            return str(call)
+        case Part(which, duration, of):
+            return f"{which} {written(duration)} of {written(of)}"
+        case Around(which, duration, event):
+            return f"{written(duration)} {which} {written(event)}"
+        case FromTo(begin, stop):
+            return f"from {written(begin)} to {written(stop)}"
+        case While(of, call):
+            return f"{written(of)} while {call}"
+        case Event("state", call, edge):
+            return f"{edge} of {call}" if edge else str(call)
+        case Event(kind):
+            return kind
+        case Duration(amount, frames):
+            return f"{amount:g} frames" if frames else f"{amount:g} s"
+        case Parameter(name, negative):
+            return "-" * negative + name
+    raise AssertionError(node)
+
+
+@given(spans)
+def test_spans_read_back(span: object) -> None:
+    assert parse.span(written(span)) == span
+    pattern = schema()["properties"]["baseline"]["properties"]["span"]["pattern"]
+    assert re.search(pattern, written(span))
+
+
+@given(events)
+def test_events_read_back(event: Event) -> None:
+    assert parse.event(written(event)) == event
+
+
+@given(st.integers(-10_000, 10_000), st.sampled_from(sorted(DIMENSIONS)), st.data())
+def test_every_unit_reads_as_si(number: int, dimension: str, data: st.DataObject) -> None:
+    unit, factor = data.draw(st.sampled_from(sorted(DIMENSIONS[dimension].items())))
+    value = number / 8
+    assert parse.quantity(f"{value} {unit}") == Quantity(value * factor, dimension)
+
+
+@given(st.sampled_from([">=", "<=", ">", "<"]), names, names, st.booleans())
+def test_limits_name_parameters_and_columns(op: str, name: str, role: str, minus: bool) -> None:
+    sign = "-" * minus
+    assert parse.limit(f"{op} {sign}{name}") == Limit(op, Parameter(name, minus))
+    assert parse.limit(f"{op} {sign}{name}({role})") == Limit(op, Column(name, role, minus))
+    assert parse.limit(f"{op} {sign}2 cm") == Limit(
+        op, Quantity(-0.02 if minus else 0.02, "length")
+    )
+
+
+def test_durations() -> None:
+    assert parse.duration("20 ms") == Duration(0.02)
+    assert parse.duration("1.5 min") == Duration(90.0)
+    assert parse.duration("3 frames") == Duration(3, frames=True)
+    several = parse.duration("3 frames @ 120 Hz")
+    assert several == Duration(0.025, least=2)
+    assert parse.duration("1 frame @ 100 Hz") == Duration(0.01, least=1)
+
+
+def test_settings_are_quantities_or_durations() -> None:
+    assert parse.setting("5 s") == Duration(5.0)
+    assert parse.setting("1 frame") == Duration(1, frames=True)
+    assert parse.setting("50 %") == parse.setting(0.5) == parse.setting("0.5")
+    assert parse.setting("-5 cm") == Quantity(-0.05, "length")
+
+
+@pytest.mark.parametrize(
+    ("text", "spec"),
+    [
+        ("object", RoleSpec("object")),
+        ("every fixture", RoleSpec("fixture", every=True)),
+        ("object tagged fragile", RoleSpec("object", tag="fragile")),
+        (
+            "every object tagged fragile except target, support",
+            RoleSpec("object", every=True, tag="fragile", excluding=("target", "support")),
+        ),
+    ],
+)
+def test_roles(text: str, spec: RoleSpec) -> None:
+    assert parse.role(text) == spec
+
+
+def test_counts() -> None:
+    assert parse.count("at least 2 fruit") == ("least", 2, "fruit")
+    assert parse.count("at most 1 fruit") == ("most", 1, "fruit")
+    assert parse.count("2 fruit") is None
+
+
+def test_a_phase_is_told_from_a_state_by_its_declaration() -> None:
+    builder = Builder(frozenset({"settle"}))
+    assert builder.span("settle(a)") == PhaseSpan(Call("settle", ("a",)))
+    assert builder.span("last 1 s of settle(a) while held(a)") == While(
+        Part("last", Duration(1.0), PhaseSpan(Call("settle", ("a",)))), Call("held", ("a",))
+    )
+    assert builder.span("held(a)") == StateSpan(Call("held", ("a",)))
+
+
+@pytest.mark.parametrize(
+    ("read", "text"),
+    [
+        (parse.quantity, "8 parsec"),
+        (parse.quantity, "eight cm"),
+        (parse.quantity, "1e3 cm"),
+        (parse.quantity, "__import__('os')"),
+        (parse.duration, "3 frames @ 0 Hz"),
+        (parse.duration, "0.5 frames"),
+        (parse.duration, "1 s @ 120 Hz"),
+        (parse.duration, "-1 s"),
+        (parse.call, "clearance(a, b"),
+        (parse.call, "Clearance(a)"),
+        (parse.call, "clearance(a,)"),
+        (parse.event, "middle of held(a)"),
+        (parse.event, "held"),
+        (parse.span, "first of hold"),
+        (parse.span, "from start"),
+        (parse.span, "last 1 s before hold"),
+        (parse.span, "hold while held"),
+        (parse.limit, "== 5 cm"),
+        (parse.limit, ">= "),
+        (parse.limit, ">= 5 cm and <= 6 cm"),
+        (parse.limit, ">= column(a, b)"),
+        (parse.role, "objects"),
+        (parse.role, "object except"),
+        (parse.atom_key, "held(a) while held(b)"),
+        (parse.atom_key, "held(a) since noon"),
+    ],
+)
+def test_refused(read, text: str) -> None:
+    with pytest.raises(parse.GrammarError) as caught:
+        read(text)
+    assert caught.value.allowed
+
+
+@given(st.text("abc(), @5.-><=%cmsofwhile", max_size=25))
+def test_nothing_but_a_grammar_error_comes_of_any_text(text: str) -> None:
+    for read in (parse.limit, parse.event, parse.span, parse.role, parse.duration, parse.setting):
+        try:
+            read(text)
+        except parse.GrammarError as error:
+            assert error.what
