@@ -26,7 +26,7 @@ CALL = rf"{NAME}\((?:{NAME}(?:, *{NAME})*)?\)"
 EVENT = rf"(?:start|end|success|(?:start of |end of )?{CALL})"
 FRAMES = r"frames?"
 TIME_UNITS = tuple(DIMENSIONS["time"])
-DURATION = rf"(?:{NUMBER} (?:{'|'.join(TIME_UNITS)}|{FRAMES})(?: @ {NUMBER} Hz)?|{NAME})"
+DURATION = rf"(?:{NUMBER} (?:{'|'.join(TIME_UNITS)})|\d+ {FRAMES}(?: @ {NUMBER} Hz)?|{NAME})"
 UNIT = "|".join(sorted((re.escape(u) for u in UNIT_DIMENSION), key=len, reverse=True))
 ROLE_KINDS = ("object", "surface", "container", "fixture", "body", "link", "gripper", "region")
 

@@ -1,0 +1,209 @@
+"""What holds for an episode, and whence: roles, goal, assigned rules, parameter values."""
+
+import itertools
+import tomllib
+
+import pytest
+
+from safestage_eval.episode import Body, Cavity, Header
+from safestage_eval.errors import RuleError
+from safestage_eval.rules import bind_episode, load_rules, parse_overrides, parse_settings
+from safestage_eval.rules.files import RuleFile
+from safestage_eval.rules.load import merge
+
+TEXT = """
+[ruleset]
+format = 1
+name = "test"
+version = "1"
+[param]
+near = "1 cm"
+hold = "1 s"
+[goal.there]
+roles = { target = "object" }
+require = { "supported(target)" = true }
+[goal.here]
+roles = { target = "object" }
+require = { "held(target)" = false }
+[[rule]]
+code = "ETS901"
+title = "t"
+roles = { target = "object", other = "every object tagged fragile except target" }
+require = { "clearance(target, other)" = ">= near" }
+set = { near = "2 cm" }
+"""
+FAMILY = '[family.pour]\nset = { near = "3 cm" }\nrules = ["ETS901"]\n'
+TASK = '[task.tea]\nset = { near = "6 cm" }\nroles = { target = "pot" }\ngoal = "here"\nrules = ["ETS903"]\n'
+
+BODIES = (
+    Body(name="mug", kind="object", tags=("fragile",), cavity=Cavity(kind="box", size=(1, 1, 1))),
+    Body(name="vase", kind="object", tags=("fragile",)),
+    Body(name="pot", kind="object"),
+    Body(name="table", kind="fixture", movable=False),
+    Body(name="finger", kind="gripper"),
+)
+BIND = {
+    "task": {"tea": {"set": {"near": "5 cm"}, "roles": {"target": "vase"}, "rules": ["ETS902"]}}
+}
+
+
+def ruleset(*more: str):
+    text = TEXT + "".join(more)
+    return merge([RuleFile("test.toml", text, tomllib.loads(text), asked=True)])
+
+
+def header(**more) -> Header:
+    return Header(episode_id="e", physics_dt=0.01, frame_dt=0.01, task="tea", bodies=BODIES, **more)
+
+
+def test_parameters_by_precedence() -> None:
+    """Each further source, in this order, wins over all before it."""
+    steps = [
+        ("default", {}),
+        ("family pour", {"family": True}),
+        ("trace header", {"header": True}),
+        ("bind file", {"bind": True}),
+        ("rule file", {"task": True}),
+        ("--set", {"override": True}),
+    ]
+    values = {"default": 0.02, "family pour": 0.03, "trace header": 0.04, "bind file": 0.05,
+              "rule file": 0.06, "--set": 0.07}  # fmt: skip
+    for count in range(1, len(steps) + 1):
+        for chosen in itertools.combinations(steps, count):
+            on = {key for _, options in chosen for key in options}
+            rules = ruleset(
+                *([FAMILY] if "family" in on else []), *([TASK] if "task" in on else [])
+            )
+            binding = bind_episode(
+                rules,
+                header(family="pour", parameters={"near": "4 cm"} if "header" in on else {}),
+                bind=BIND if "bind" in on else None,
+                overrides={"near": "7 cm"} if "override" in on else {},
+            )
+            rule = rules.rules["ETS901"]
+            source = chosen[-1][0] if chosen[-1][0] != "default" else "rule ETS901"
+            value, whence = binding.resolved(rule)["near"]
+            assert value.value == pytest.approx(values[chosen[-1][0]])
+            assert whence == source
+            assert binding.params(rule)["near"] == value
+            assert binding.resolved(rule)["hold"][1] == "default"
+
+
+def test_a_rules_own_values_are_not_the_goals() -> None:
+    binding = bind_episode(ruleset(), header())
+    assert binding.params(None)["near"].value == pytest.approx(0.01)
+
+
+def test_roles_goal_and_rules_by_precedence() -> None:
+    said = {"roles": {"target": ("mug",)}, "goal": "there", "rules": ("ETS900",)}
+    binding = bind_episode(ruleset(), header(**said))
+    assert (binding.roles["target"], binding.goal.name, binding.assigned) == (
+        ("mug",), "there", ("ETS900",),
+    )  # fmt: skip
+    binding = bind_episode(ruleset(), header(**said), bind=BIND)
+    assert (binding.roles["target"], binding.assigned) == (("vase",), ("ETS902",))
+    assert binding.provenance["roles.target"] == "bind file"
+    assert binding.provenance["goal"] == "trace header"
+    binding = bind_episode(ruleset(TASK), header(**said), bind=BIND)
+    assert (binding.roles["target"], binding.goal.name, binding.assigned) == (
+        ("pot",), "here", ("ETS903",),
+    )  # fmt: skip
+    assert binding.provenance["rules"] == "rule file"
+
+
+def test_a_family_assigns_rules_where_nothing_else_does() -> None:
+    assert bind_episode(ruleset(FAMILY), header(family="pour")).assigned == ("ETS901",)
+    said = bind_episode(ruleset(FAMILY), header(family="pour", rules=("ETS900",)))
+    assert said.assigned == ("ETS900",)
+
+
+def test_every_body_of_a_kind_unless_bound() -> None:
+    rules = ruleset()
+    rule = rules.rules["ETS901"]
+    one = header(roles={"target": ("mug",)})
+    assert bind_episode(rules, one).players(rule, one) == {"target": ("mug",), "other": ("vase",)}
+    bound = header(roles={"target": ("pot",), "other": ("vase",)})
+    assert bind_episode(rules, bound).players(rule, bound)["other"] == ("vase",)
+    nobody = header()
+    assert bind_episode(rules, nobody).players(rule, nobody)["target"] == ()
+
+
+@pytest.mark.parametrize(
+    ("kind", "bodies"),
+    [
+        ("object", ("mug", "vase", "pot")),
+        ("fixture", ("table",)),
+        ("surface", ("mug", "vase", "pot", "table")),
+        ("container", ("mug",)),
+        ("gripper", ("finger",)),
+        ("link", ("finger",)),
+        ("body", ("mug", "vase", "pot", "table", "finger")),
+        ("object tagged fragile", ("mug", "vase")),
+    ],
+)
+def test_kinds(kind: str, bodies: tuple[str, ...]) -> None:
+    text = TEXT.replace("every object tagged fragile except target", f"every {kind}")
+    rules = merge([RuleFile("test.toml", text, tomllib.loads(text), asked=True)])
+    players = bind_episode(rules, header()).players(rules.rules["ETS901"], header())
+    assert players["other"] == bodies
+
+
+def test_goal_in_the_header() -> None:
+    goal = {"roles": {"target": "object"}, "require": {"supported(target)": True}}
+    binding = bind_episode(ruleset(), header(goal=goal, roles={"target": ("mug",)}))
+    assert binding.goal is not None
+    assert binding.goal_players() == {"target": ("mug",)}
+    with pytest.raises(RuleError, match="no signal or state called suported") as caught:
+        bind_episode(ruleset(), header(goal={**goal, "require": {"suported(target)": True}}))
+    assert "did you mean" in str(caught.value)
+
+
+def test_a_goal_that_is_not_loaded_is_noted() -> None:
+    binding = bind_episode(ruleset(), header(goal="on_moon"))
+    assert binding.goal is None
+    assert "on_moon" in binding.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ({"neer": "3 cm"}, ['a parameter "neer"', "did you mean", "near"] ),
+        ({"near": "3 deg"}, ["near is in length", "angle", "m, cm, mm"]),
+        ({"near": "3"}, ["near is in length", "ratio"]),
+        ({"near": "three cm"}, ["is not a quantity"]),
+        ({"hold": "3 cm"}, ["hold is in time", "frames @ r Hz"]),
+    ],
+)  # fmt: skip
+def test_settings_that_do_not_fit(setting: dict[str, str], words: list[str]) -> None:
+    with pytest.raises(RuleError) as caught:
+        parse_overrides(ruleset(), setting)
+    assert all(word in str(caught.value) for word in words), str(caught.value)
+    assert next(iter(setting)) in caught.value.where
+    if "neer" not in setting:  # parameters of rules that are not loaded are nobody's mistake
+        with pytest.raises(RuleError, match="trace header"):
+            bind_episode(ruleset(), header(parameters=setting))
+    with pytest.raises(RuleError, match="bind file"):
+        bind_episode(ruleset(), header(), bind={"task": {"tea": {"set": setting}}})
+
+
+def test_settings_as_words_of_a_command() -> None:
+    assert parse_settings(["edge=3 cm", "hold = 2 s", "edge=4 cm"]) == {
+        "edge": "4 cm",
+        "hold": "2 s",
+    }
+    for text in ("edge", "edge=", "=3 cm", "Edge=3 cm"):
+        with pytest.raises(RuleError, match="name=value"):
+            parse_settings([text])
+
+
+def test_a_role_without_a_body() -> None:
+    with pytest.raises(RuleError, match='"cup" is no body') as caught:
+        bind_episode(ruleset(), header(), bind={"task": {"tea": {"roles": {"target": "cup"}}}})
+    assert "bind file" in caught.value.where
+    with pytest.raises(RuleError, match="not what a task may be bound to"):
+        bind_episode(ruleset(), header(), bind={"task": {"tea": {"role": {}}}})
+
+
+def test_a_parameter_of_rules_that_are_not_loaded_is_left_alone() -> None:
+    binding = bind_episode(load_rules(["fsh"]), header(parameters={"min_clearance": "12 cm"}))
+    assert "min_clearance" not in binding.params(None)
