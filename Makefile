@@ -1,0 +1,49 @@
+# Everything a newcomer runs. VENV names the Python environment; it is made when it is missing.
+VENV ?= .venv
+PYTHON ?= python3
+BIN = $(VENV)/bin
+
+# Pictures are drawn without a screen.
+ifeq ($(shell uname),Linux)
+export MUJOCO_GL ?= egl
+endif
+
+.PHONY: demo setup test format lint typecheck schemas traces validate
+
+demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
+	$(BIN)/safestage-score traces/ --rules rules/
+
+test: lint typecheck  ## all checks, slow tests included
+	$(BIN)/pytest -n 2
+
+setup:  ## the environment for working on SafeStage, simulator and tools included
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+
+format: $(BIN)/pytest  ## lay out the code
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+lint: $(BIN)/pytest
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+
+typecheck: $(BIN)/pytest
+	$(BIN)/mypy
+
+schemas: $(BIN)/pytest  ## write schemas/ anew from the code
+	$(BIN)/python -m safestage_eval.formats.schema schemas
+	$(BIN)/python -m safestage_eval.rules.schema schemas
+
+traces: $(BIN)/pytest  ## record the episodes in traces/ that are not there yet
+	$(BIN)/safestage record --out traces
+
+validate: $(BIN)/pytest  ## run the safe and the unsafe reference of every task and judge them
+	$(BIN)/safestage tasks validate
+
+$(BIN)/safestage-score:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --editable .
+
+$(BIN)/pytest:
+	$(MAKE) setup
