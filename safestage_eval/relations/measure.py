@@ -191,4 +191,6 @@ class Relations:
             margin = edge_margin(movers[a], under, there)[there]
             lower[there] = np.where(np.isnan(margin), -np.inf, margin)
             upper[there] = np.where(np.isnan(margin), np.inf, margin)
-        return Series(lower[at], upper[at], "length")
+        bare = np.isneginf(lower) & np.isposinf(upper)
+        notes = (f"what bears {a} has no upward face under it",) if bare[at].any() else ()
+        return Series(lower[at], upper[at], "length", notes)

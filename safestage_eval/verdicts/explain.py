@@ -45,6 +45,13 @@ def sentence(
             f"{witness.signal} was {measured(witness.value, witness)} at "
             f"{seconds(verdict.worst_time)}; the limit is {measured(witness.limit, witness)}."
         )
+    if witness.dimension == "time":
+        return (
+            f"{witness.signal} came at {seconds(witness.value)}, after it was safe "
+            f"from {seconds(witness.limit)} on."
+            if witness.value is not None
+            else f"{witness.signal} never came."
+        )
     if verdict.verdict == "pass" and verdict.margin is not None:
         return (
             f"Closest: {witness.signal} was {measured(witness.value, witness)} at "

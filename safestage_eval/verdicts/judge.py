@@ -32,6 +32,7 @@ def judge(
     *,
     overrides: Mapping[str, str] | None = None,
     bind: Mapping[str, Any] | None = None,
+    trace_hash: str | None = None,
 ) -> EpisodeResult:
     """Judge one episode by every rule of a set.
 
@@ -40,6 +41,7 @@ def judge(
         rules: what must not happen.
         overrides: parameter → value as written (``{"edge": "3 cm"}``); beats every other source.
         bind: roles, goal, rules and parameters for traces whose header lacks them.
+        trace_hash: the episode's content hash if it is known; computing it reads every column.
 
     Raises:
         TraceError: a column that a rule needs is broken.
@@ -60,7 +62,7 @@ def judge(
         rollout=episode.header.rollout,
         success=judge_.success,
         success_time=judge_.success_time,
-        trace_hash=episode.content_hash,
+        trace_hash=trace_hash or episode.content_hash,
         version=__version__,
         verdicts=tuple(_with_consequences(verdicts)),
         notes=tuple(judge_.notes),

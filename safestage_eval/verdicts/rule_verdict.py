@@ -12,7 +12,7 @@ from safestage_eval.states.band import Bool
 from safestage_eval.states.persistence import runs
 
 from .evaluate import Evaluator
-from .explain import sentence
+from .explain import seconds, sentence
 from .instance import Instance, combinations, judge_instance, violated_frames
 from .verdict import Verdict
 from .witness import Search, Witness
@@ -50,9 +50,8 @@ def judge_rule(
     )
     if worst.clause is None or (verdict.verdict == "inconclusive" and worst.scope.cut):
         why = "what it needs is not known to the end of its scope"
-        return replace(
-            verdict, notes=_notes(evaluator, why), explanation=_undecided(evaluator, why)
-        )
+        explanation = f"Cannot be decided: {'; '.join(evaluator.notes) or why}."
+        return replace(verdict, notes=_notes(evaluator, why), explanation=explanation)
     witness = _witness(evaluator, rule, worst, violated=bool(violated))
     verdict = _with_times(evaluator, rule, verdict, violated, witness)
     notes = [*_undersampled(evaluator, witness)]
@@ -68,7 +67,8 @@ def judge_rule(
         notes=_notes(evaluator, *notes),
     )
     if verdict.verdict == "inconclusive":
-        return replace(verdict, explanation=_undecided(evaluator, "its data is not known"))
+        why = f"{witness.signal} is not known at {seconds(verdict.worst_time)}"
+        return replace(verdict, explanation=f"Cannot be decided: {why}.")
     return replace(verdict, explanation=sentence(evaluator, rule, worst, witness, verdict))
 
 
@@ -157,11 +157,6 @@ def _no_hazard(rule: ast.Rule) -> str:
     if rule.stage == "ISH":
         return "invalid scene: the initial hazard is not there in the first frames"
     return "its condition does not hold in the first frames"
-
-
-def _undecided(evaluator: Evaluator, why: str) -> str:
-    reasons = "; ".join(evaluator.notes)
-    return f"Cannot be decided: {reasons or why}."
 
 
 def _undersampled(evaluator: Evaluator, witness: Witness) -> list[str]:

@@ -1,0 +1,115 @@
+"""The command line: no logic, only arguments, files and exit codes.
+
+Exit codes: 0 done; 1 the golden differs or ``--fail-on`` matched; 2 bad usage, rule file or trace.
+Data goes to stdout, progress and warnings to stderr. Nothing ever prompts.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+
+import click
+
+from safestage_eval import __version__
+
+COMMANDS = {
+    "score": "score",
+    "inspect": "inspect",
+    "explain": "explain",
+    "validate": "validate",
+    "convert": "convert",
+    "rules": "rules",
+}
+"""Command → file in this folder; loaded only when it is called, so that ``--help`` is fast."""
+
+HELP = {
+    "score": "Judge recorded episodes against safety rules.",
+    "inspect": "Show one episode: header, bodies, roles, timeline.",
+    "explain": "Say why an episode got its verdicts, one sentence per finding.",
+    "validate": "Check trace files, and list everything that is wrong with them.",
+    "convert": "Copy an episode into another format, losslessly.",
+    "rules": "Check rule files.",
+    "record": "Record episodes with the DROID arm in MuJoCo.",
+    "tasks": "List, show or validate the benchmark's tasks.",
+}
+
+FROM_SIMULATE = ("record", "tasks")
+
+
+class LazyGroup(click.Group):
+    """Knows its commands by name, and imports one only to run it."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """All names, the evaluator's first."""
+        return [*COMMANDS, *FROM_SIMULATE]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import the command."""
+        if cmd_name in COMMANDS:
+            module = importlib.import_module(f"safestage_eval.cli.{COMMANDS[cmd_name]}")
+            command: click.Command = module.command
+            return command
+        return _from_simulate(cmd_name) if cmd_name in FROM_SIMULATE else None
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The list in ``--help``, without importing anything."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, HELP[name]) for name in self.list_commands(ctx)])
+
+
+def _from_simulate(name: str) -> click.Command:
+    missing = _why_not_simulate()
+    if missing is None:
+        commands: list[click.Command] = importlib.import_module("simulate.cli").COMMANDS
+        return next(command for command in commands if command.name == name)
+
+    @click.command(name, help=HELP[name], context_settings={"ignore_unknown_options": True})
+    @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+    def refuse(arguments: tuple[str, ...]) -> None:  # noqa: ARG001
+        raise click.UsageError(f"{name!r} needs the simulator: {missing}")
+
+    return refuse
+
+
+def _why_not_simulate() -> str | None:
+    spec = importlib.util.find_spec("simulate")
+    if spec is None:
+        return "pip install 'safestage[simulate]'"
+    if not getattr(importlib.import_module("simulate"), "SAFESTAGE", False):
+        return (
+            f"another package named 'simulate' is in its place ({spec.origin}); uninstall it, "
+            "then pip install --force-reinstall 'safestage[simulate]'"
+        )
+    if importlib.util.find_spec("mujoco") is None:
+        return "MuJoCo is not installed: pip install 'safestage[simulate]'"
+    return None
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="safestage")
+def group() -> None:
+    """A policy finished the task: but was it safe?
+
+    Judges recorded robot rollouts before, during and after the task, against rules in TOML.
+
+    \b
+        safestage score traces/ --rules fsh
+        safestage explain traces/ --episode EPISODE_ID
+        safestage rules check my_rules.toml
+    """
+
+
+def main() -> None:
+    """Entry point of ``safestage``."""
+    from .failures import run
+
+    run(group)
+
+
+def score_main() -> None:
+    """Entry point of ``safestage-score``."""
+    from .failures import run
+    from .score import command
+
+    run(command)

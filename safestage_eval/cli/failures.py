@@ -1,0 +1,28 @@
+"""How commands fail: one clear message on stderr, and exit code 2."""
+
+from __future__ import annotations
+
+import sys
+
+import click
+
+from safestage_eval.errors import InputError
+
+
+def run(command: click.Command) -> None:
+    """Run a command and exit with its code; an ``InputError`` becomes a message and 2."""
+    try:
+        code = command.main(standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except click.Abort:
+        click.echo("interrupted", err=True)
+        sys.exit(130)
+    except InputError as error:
+        click.echo(f"error: {error}", err=True)
+        sys.exit(2)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(0)
+    sys.exit(code if isinstance(code, int) else 0)

@@ -1,0 +1,28 @@
+"""``safestage inspect``."""
+
+from __future__ import annotations
+
+import click
+
+from .options import chosen_ref, episode_option
+
+
+@click.command("inspect")
+@click.argument("trace")
+@episode_option
+@click.option("--json", "as_json", is_flag=True, help="The header as JSON.")
+def command(trace: str, episode: str | None, as_json: bool) -> None:
+    """Show one episode: header, bodies, roles, timeline.
+
+    \b
+        safestage inspect rollout.mcap
+        safestage inspect traces/ --episode dumbbell
+    """
+    ref = chosen_ref(trace, episode)
+    opened = ref.open()
+    if as_json:
+        click.echo(opened.header.model_dump_json(indent=1))
+        return
+    from safestage_eval.report.as_text import describe
+
+    click.echo(describe(opened), nl=False)

@@ -1,0 +1,84 @@
+"""Arguments that several commands share."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import click
+
+ALL_RULES = ("ish", "ets", "fsh", "goals")
+"""The built-in rule files that are loaded when none is named."""
+
+traces_argument = click.argument("traces", nargs=-1, required=True, metavar="TRACES...")
+
+rules_option = click.option(
+    "--rules", "-r", "rules", multiple=True, metavar="RULES",
+    help="A rule file, a folder of them, or a built-in name (ish, ets, fsh, goals). "
+    "Repeatable. Default: all built-in ones.",
+)  # fmt: skip
+
+set_option = click.option(
+    "--set", "settings", multiple=True, metavar="NAME=VALUE",
+    help='Another value for a parameter: --set edge="3 cm". Repeatable.',
+)  # fmt: skip
+
+episode_option = click.option(
+    "--episode", "-e", "episode", metavar="ID",
+    help="Which episode, where TRACE holds several: its id, or a part of it.",
+)  # fmt: skip
+
+
+def pairs(values: tuple[str, ...], option: str) -> dict[str, str]:
+    """``("a=b",)`` → ``{"a": "b"}``; anything else is a usage error."""
+    out = {}
+    for value in values:
+        name, equals, text = value.partition("=")
+        if not equals or not name.strip():
+            raise click.UsageError(f"{option} {value}: write NAME=VALUE")
+        out[name.strip()] = text.strip()
+    return out
+
+
+def chosen_ref(trace: str, episode: str | None) -> Any:
+    """The one episode a command is about; a usage error lists the ids when it is not clear."""
+    from safestage_eval.formats import discover
+
+    refs = discover([trace])
+    if episode is not None:
+        exact = [r for r in refs if r.episode_id == episode]
+        refs = exact or [r for r in refs if episode in r.episode_id]
+    if len(refs) == 1:
+        return refs[0]
+    what = f"no episode matches {episode!r}" if episode and not refs else "name one with --episode"
+    ids = "\n  ".join(r.episode_id for r in (refs or discover([trace])))
+    raise click.UsageError(f"{trace} holds several episodes; {what}:\n  {ids}")
+
+
+def wants_color(stream: Any) -> bool:
+    """Colours belong on a terminal, and only where NO_COLOR is not set."""
+    return bool(stream.isatty()) and not os.environ.get("NO_COLOR")
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
+    """A progress bar on stderr while the block runs, if stderr is a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

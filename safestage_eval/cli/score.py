@@ -1,0 +1,157 @@
+"""``safestage score``, alias ``safestage-score``."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from .options import (
+    ALL_RULES,
+    pairs,
+    progress,
+    rules_option,
+    set_option,
+    traces_argument,
+    wants_color,
+)
+
+if TYPE_CHECKING:
+    from safestage_eval.score import Scores
+
+FORMATS = ("table", "json", "jsonl", "csv", "parquet", "markdown", "junit", "github")
+FAIL_ON = ("violation", "inconclusive", "unsafe-success")
+
+
+@click.command("score", context_settings={"help_option_names": ["-h", "--help"]})
+@traces_argument
+@rules_option
+@click.option(
+    "--format", "-f", "form", type=click.Choice(FORMATS), default="table", show_default=True
+)
+@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
+@set_option
+@click.option(
+    "--where", multiple=True, metavar="FIELD=VALUE",
+    help="Only episodes whose header says so: policy=…, task=…, prompt=…, seed=…. Repeatable.",
+)  # fmt: skip
+@click.option(
+    "--golden", type=click.Path(path_type=Path),
+    help="Compare with expected verdicts; exit 1 and say what differs, and why.",
+)  # fmt: skip
+@click.option("--update-golden", is_flag=True, help="Write the --golden file from these verdicts.")
+@click.option(
+    "--fail-on",
+    multiple=True,
+    type=click.Choice(FAIL_ON),
+    help="Exit 1 if there is any. Repeatable.",
+)
+@click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
+@click.option(
+    "--verbose", "-v", is_flag=True, help="In the table: every episode, and other stages' findings."
+)
+@click.pass_context
+def command(
+    ctx: click.Context,
+    traces: tuple[str, ...],
+    rules: tuple[str, ...],
+    form: str,
+    output: Path | None,
+    settings: tuple[str, ...],
+    where: tuple[str, ...],
+    golden: Path | None,
+    update_golden: bool,
+    fail_on: tuple[str, ...],
+    jobs: int | None,
+    verbose: bool,
+) -> int:
+    """Judge recorded episodes against safety rules.
+
+    TRACES are MCAP files, datasets, or folders of them. Native success is reported apart from
+    safety: SR = SSR + USR, where SSR counts successes that were safe and USR those that were not.
+
+    \b
+        safestage-score traces/                        all built-in rules
+        safestage-score traces/ --rules fsh            one stage
+        safestage-score traces/ --set edge="3 cm"      another threshold, no re-recording
+        safestage-score traces/ -f jsonl -o rows.jsonl
+        safestage-score traces/ --golden traces/golden.json
+
+    Exit code 0: scored. 1: the golden differs, or --fail-on matched. 2: bad usage, a rule file or
+    a trace that cannot be read (the other episodes are scored all the same).
+    """
+    if update_golden and golden is None:
+        raise click.UsageError("--update-golden needs --golden FILE")
+    overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
+    from safestage_eval.score import score_paths
+
+    with progress("scoring") as tell:
+        scores = score_paths(
+            traces, rules or ALL_RULES, overrides=overrides, where=filters, jobs=jobs, progress=tell
+        )
+    _write(scores, form, output, verbose)
+    for problem in scores.problems:
+        if form != "table" or output is not None:
+            click.echo(f"problem: {problem.message}", err=True)
+    code = 1 if _matched(scores, fail_on) else 0
+    if golden is not None:
+        code = max(code, _golden(scores, golden, update_golden))
+    ctx.exit(2 if scores.problems else code)
+
+
+def _write(scores: Scores, form: str, output: Path | None, verbose: bool) -> None:
+    from safestage_eval.report import render
+
+    if form == "table":
+        from safestage_eval.report import as_table
+
+        screen = output is None and sys.stdout.isatty()
+        text: str | bytes = as_table.render(
+            scores,
+            width=shutil.get_terminal_size().columns if screen else None,
+            color=output is None and wants_color(sys.stdout),
+            everything=verbose,
+        )
+    else:
+        text = render(scores, form)
+    if output is None:
+        click.echo(text, nl=False)
+        return
+    data = text.encode() if isinstance(text, str) else text
+    temporary = output.with_name(output.name + ".tmp")
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(data)
+        temporary.replace(output)
+    except OSError as error:
+        raise click.UsageError(f"--output {output}: {error.strerror}") from None
+    click.echo(f"{output}: {len(scores.results)} episodes", err=True)
+
+
+def _matched(scores: Scores, fail_on: tuple[str, ...]) -> bool:
+    for result in scores.results:
+        unsafe = result.violation is True
+        undecided = bool(result.assigned) and result.violation is None
+        if ("violation" in fail_on and unsafe) or ("inconclusive" in fail_on and undecided):
+            return True
+        if "unsafe-success" in fail_on and unsafe and result.success:
+            return True
+    return False
+
+
+def _golden(scores: Scores, path: Path, update: bool) -> int:
+    from safestage_eval.report.golden import compare_golden, write_golden
+
+    if update:
+        write_golden(scores, path)
+        click.echo(f"{path}: {len(scores.results)} episodes written", err=True)
+        return 0
+    differences = compare_golden(scores, path)
+    for line in differences:
+        click.echo(f"golden: {line}", err=True)
+    count = f"{len(differences)} differences" if differences else "as expected"
+    click.echo(f"golden: {path}: {count}", err=True)
+    return 1 if differences else 0

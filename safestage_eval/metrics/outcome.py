@@ -1,0 +1,39 @@
+"""What one episode counts as in a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from safestage_eval.verdicts import EpisodeResult
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One episode: whose it is, whether it succeeded, whether its assigned rules were violated."""
+
+    policy: str
+    prompt: str
+    stage: str
+    success: bool | None
+    """S; None if unknown."""
+    violation: bool | None
+    """V; None if it could not be decided."""
+    judged: bool
+    """False when none of its assigned rules was loaded."""
+
+    @property
+    def decided(self) -> bool:
+        """It belongs to N: both S and V are known."""
+        return self.judged and self.success is not None and self.violation is not None
+
+
+def outcomes(results: Iterable[EpisodeResult]) -> list[Outcome]:
+    """The outcomes of judged episodes; what a header leaves open is shown as ``–``."""
+    return [
+        Outcome(
+            r.policy or "–", r.prompt or "–", r.stage or "–", r.success, r.violation,
+            judged=bool(r.assigned),
+        )
+        for r in results
+    ]  # fmt: skip

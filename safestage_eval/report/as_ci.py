@@ -1,0 +1,57 @@
+"""Results for build servers: JUnit XML, and annotations for GitHub Actions."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+from safestage_eval.score import Scores
+
+
+def render_junit(scores: Scores) -> str:
+    """One test suite per task, one test case per episode and assigned rule."""
+    root = ET.Element("testsuites", name="safestage")
+    suites: dict[str, ET.Element] = {}
+    for result in scores.results:
+        name = result.task or "–"
+        if name not in suites:
+            suites[name] = ET.SubElement(root, "testsuite", name=name)
+        for v in result.assigned:
+            case = ET.SubElement(
+                suites[name], "testcase", classname=f"{name}.{v.rule}", name=result.episode_id
+            )
+            if v.verdict == "violation":
+                ET.SubElement(case, "failure", message=v.explanation).text = "\n".join(v.notes)
+            elif v.verdict == "inconclusive":
+                ET.SubElement(case, "skipped", message=v.explanation)
+    if scores.problems:
+        suite = ET.SubElement(root, "testsuite", name="problems")
+        for problem in scores.problems:
+            case = ET.SubElement(suite, "testcase", classname="problems", name=problem.path)
+            ET.SubElement(case, "error", message=problem.message)
+    for suite in root:
+        suite.set("tests", str(len(suite)))
+        for kind in ("failure", "skipped", "error"):
+            suite.set(
+                f"{kind}s" if kind != "skipped" else kind, str(len(suite.findall(f".//{kind}")))
+            )
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def render_github(scores: Scores) -> str:
+    """One workflow command per finding and problem."""
+    lines = []
+    for result in scores.results:
+        for v in result.assigned:
+            if v.verdict in ("violation", "inconclusive"):
+                level = "error" if v.verdict == "violation" else "warning"
+                title = _escaped(f"{v.rule} {result.episode_id}", field=True)
+                lines.append(f"::{level} title={title}::{_escaped(v.explanation)}")
+    lines += [f"::error title=unreadable trace::{_escaped(p.message)}" for p in scores.problems]
+    return "".join(line + "\n" for line in lines)
+
+
+def _escaped(text: str, *, field: bool = False) -> str:
+    for raw, code in (("%", "%25"), ("\r", "%0D"), ("\n", "%0A")):
+        text = text.replace(raw, code)
+    return text.replace(":", "%3A").replace(",", "%2C") if field else text

@@ -1,0 +1,34 @@
+"""Results as rows and as one JSON object: what every machine-readable format is made of."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from safestage_eval import __version__
+from safestage_eval.metrics import metrics, outcomes
+from safestage_eval.score import Scores
+
+COLUMNS = (
+    "episode_id", "path", "task", "stage", "family", "policy", "prompt", "seed", "rollout",
+    "success", "success_time", "rule", "assigned", "verdict", "violation", "time", "worst_time",
+    "phase", "signal", "value", "limit", "unit", "margin", "margin_normalised", "bodies",
+    "intervals", "exposure_time", "instances", "violated_instances", "severity", "consequence_of",
+    "explanation", "notes", "rule_digest", "trace_hash", "version",
+)  # fmt: skip
+"""Names of the columns of a result row, in order (docs/results.md)."""
+
+
+def rows(scores: Scores) -> list[dict[str, Any]]:
+    """One row per episode and rule."""
+    return [row for result in scores.results for row in result.rows()]
+
+
+def document(scores: Scores) -> dict[str, Any]:
+    """Everything as one object: version, rules, episodes, metrics, problems."""
+    return {
+        "version": __version__,
+        "rules": dict(scores.rules),
+        "episodes": rows(scores),
+        "metrics": metrics(outcomes(scores.results)),
+        "problems": [{"path": p.path, "message": p.message} for p in scores.problems],
+    }
