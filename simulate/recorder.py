@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Header
-from safestage_eval.formats import TraceWriter
-from safestage_eval.formats.contact_points import POINT
+from safestage_eval.formats import CONTACT_POINT, TraceWriter
 
 from .describe import Description
 from .world import FRAME_RATE, World
@@ -96,7 +95,7 @@ class Recorder:
         slides = contact.dim[keep] >= 3
         for k in (1, 2):
             sideways[slides, k - 1] = rows[row[slides] + k]
-        points = np.zeros(len(keep), POINT)
+        points = np.zeros(len(keep), CONTACT_POINT)
         points["position"] = contact.pos[keep]
         points["normal"] = frame[:, 0]
         points["force"] = normal[:, None] * frame[:, 0] + np.einsum(

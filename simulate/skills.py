@@ -26,6 +26,8 @@ TRAVEL_SPEED = 0.25
 """m/s, mean speed of a straight move."""
 SETTLE = 0.4
 """s until the joints have caught up with their commands (they lag by kd/kp = 0.2 s)."""
+DROPPED = 0.08
+"""m, further from where it should be a held object is held no longer."""
 GRASP_TIME = 0.7
 RELEASE_TIME = 0.6
 
@@ -260,7 +262,7 @@ class Skills:
             if self._held is None:
                 return
             error = point - self._state.object_pose(self._held)[0]
-            if np.linalg.norm(error) < 7e-4:
+            if np.linalg.norm(error) < 7e-4 or np.linalg.norm(error) > DROPPED:
                 return
             yield from self._move(self._position + error, self._rotation, speed=0.05, least=0.3)
 
