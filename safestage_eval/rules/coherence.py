@@ -12,7 +12,8 @@ from .diagnostic import Diagnostic
 from .files import RuleFile
 from .locate import Keys
 from .names import Names
-from .usage import Read, Scope, Usage
+from .references import Read, Scope
+from .usage import Usage
 
 Scopes = Mapping[Read, tuple[Usage, Scope]]
 """Definition or rule → the file that says it last, and what it uses."""

@@ -1,0 +1,132 @@
+"""Rules and costs: what they ask for, when, and how they explain themselves."""
+
+from __future__ import annotations
+
+import string
+from typing import Any
+
+from . import parse, structure
+from .declarations import Declarations
+from .keys import TABLES
+from .locate import Keys
+from .names import nearest
+from .references import Scope
+
+_WORDS = ("signal", "value", "limit", "margin", "time", "t.worst", "t.first")
+"""What ``explain`` may mention besides roles and ``t.STATE``."""
+
+
+class Obligations(Declarations):
+    """Checks ``[[rule]]`` and ``[[cost]]``."""
+
+    def rule(self, kind: str, value: Any, keys: Keys) -> None:
+        """One ``[[rule]]`` or ``[[cost]]``."""
+        usage = self.usage
+        table = structure.table(usage, kind, value, keys)
+        code = table.get("code", f"this {kind}")
+        read = (kind, code if "code" in table else f"#{keys[-1]}")
+        scope = self.roles(read, code, table, keys, tuple(TABLES[kind]))
+        if "given" in table:
+            usage.condition(table["given"], (*keys, "given"), scope)
+        if "during" in table:
+            usage.span(table["during"], (*keys, "during"), scope)
+        for key in ("at", "until"):
+            if key in table:
+                usage.event(table[key], (*keys, key), scope)
+        for other in ("during", "until"):
+            if "at" in table and other in table:
+                usage.report(
+                    "R205", (*keys, other), f'"at" and "{other}" do not go together: '
+                    '"at" judges single frames', f'"at", or "{other}"', key=True,
+                )  # fmt: skip
+        if kind == "rule":
+            self._obligations(table, keys, scope, code)
+        else:
+            for index, charge in enumerate(table.get("charge", ())):
+                self._charge(charge, (*keys, "charge", index), scope)
+        self.settings(table.get("set", {}), (*keys, "set"))
+        for level, values in table.get("severity", {}).items():
+            structure.declared_name(usage, level, (*keys, "severity", level))
+            self.settings(values, (*keys, "severity", level))
+        structure.table(usage, "examples", table.get("examples", {}), (*keys, "examples"))
+        self._explain(table.get("explain", ""), (*keys, "explain"), scope)
+        self.unused(scope, (*keys, "roles"))
+
+    def _obligations(self, table: dict[str, Any], keys: Keys, scope: Scope, code: str) -> None:
+        usage = self.usage
+        if not {"require", "forbid", "reach"} & set(self._written(keys)):
+            usage.report(
+                "R202", keys, f"{code} asks for nothing",
+                "require, forbid or reach, or several of them", key=True,
+            )  # fmt: skip
+        if "require" in table:
+            usage.condition(table["require"], (*keys, "require"), scope)
+        forbid = table.get("forbid", [])
+        if isinstance(forbid, dict) and len(forbid) > 1:
+            usage.report(
+                "R206", (*keys, "forbid"), "a table means all of its entries at once; forbidding two "
+                "things is a list", '[{ "a(x)" = true }, { "b(x)" = true }]',
+                "put each entry into its own table in a list; if all at once is meant, a list of "
+                "this one table", key=True,
+            )  # fmt: skip
+        if isinstance(forbid, list):
+            for index, item in enumerate(forbid):
+                usage.alternative(item, (*keys, "forbid", index), scope)
+            if not forbid and "forbid" in table:
+                usage.report("R203", (*keys, "forbid"), "an empty list forbids nothing")
+        else:
+            usage.alternative(forbid, (*keys, "forbid"), scope)
+        if "reach" in table:
+            usage.alternative(table["reach"], (*keys, "reach"), scope)
+        if "for" in table:
+            usage.lasting(table["for"], (*keys, "for"), scope)
+            if "require" in table:
+                usage.report(
+                    "R208", (*keys, "for"), '"for" does not apply to "require", which every frame '
+                    "must meet", "for with forbid or reach", 'forbid the opposite "for" that long, '
+                    "in a rule of its own", key=True,
+                )  # fmt: skip
+
+    def _charge(self, value: Any, keys: Keys, scope: Scope) -> None:
+        usage = self.usage
+        table = structure.table(usage, "charge", value, keys)
+        if isinstance(value, dict) and ("when" in value) == ("of" in value):
+            usage.report("R205", keys, 'a charge has either "when" or "of"', "one of the two")
+        if "above" in table and "when" in table:
+            usage.report("R205", (*keys, "above"), '"above" goes with "of" only', key=True)
+        if "when" in table:
+            usage.alternative(table["when"], (*keys, "when"), scope)
+        if "of" in table:
+            call = usage.parsed("R307", (*keys, "of"), parse.call, table["of"])
+            if call is not None:
+                if usage.call(call, (*keys, "of"), scope) == "state":
+                    usage.report(
+                        "R404", (*keys, "of"), f"{call.name}() is a state", "a signal, or: when"
+                    )
+                elif "above" in table:
+                    usage.above(call, table["above"], (*keys, "above"), scope)
+            if table.get("per") == "start":
+                usage.report("R205", (*keys, "per"), "a signal has no starts", '"second" or "step"')
+
+    def _explain(self, text: str, keys: Keys, scope: Scope) -> None:
+        try:
+            fields = [name for _, name, _, _ in string.Formatter().parse(text) if name is not None]
+        except ValueError as error:
+            self.usage.report(
+                "R209", keys, f"the braces of explain do not match: {error}", "{name}"
+            )
+            return
+        states = [f"t.{name}" for name in sorted(scope.calls) if self.usage.names.is_state(name)]
+        allowed = [*scope.roles, *_WORDS, *states]
+        for name in fields:
+            if name not in allowed:
+                self.usage.report(
+                    "R209", keys, f"explain does not know {{{name}}}",
+                    ", ".join(f"{{{word}}}" for word in allowed), nearest(name, allowed),
+                )  # fmt: skip
+
+    def _written(self, keys: Keys) -> dict[str, Any]:
+        found: Any = self.usage.file.table
+        for key in keys:
+            found = found[key]
+        return found if isinstance(found, dict) else {}

@@ -1,0 +1,237 @@
+"""Whether a name in a rule file stands for something, and for the right kind of thing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
+
+from . import parse
+from . import syntax as ast
+from .diagnostic import Diagnostic
+from .files import RuleFile
+from .locate import Keys
+from .names import Names, a_dimension, dimension_of, nearest
+
+Read = tuple[str, str]
+"""Kind and name of a definition: ``("state", "moved")``."""
+
+T = TypeVar("T")
+
+
+@dataclass
+class Scope:
+    """One definition or rule while it is checked, and what it turned out to use.
+
+    Attributes:
+        label: how messages call it: ``state moved``, ``ETS101``.
+        roles: roles or formal arguments that may be named in it.
+        counting: "at least 2 role" has a meaning in it (rules and goals).
+        siblings: keys of the table around, which may have slipped into a sub-table.
+        used: roles that were named.
+        reads: definitions that were named.
+        calls: names that were applied to roles directly.
+        groups: unions of bodies passed on: (callee, argument, union, where).
+        passed: formal arguments passed on: (formal, callee, argument).
+    """
+
+    label: str
+    roles: tuple[str, ...]
+    counting: bool = False
+    siblings: tuple[str, ...] = ()
+    used: set[str] = field(default_factory=set)
+    reads: set[Read] = field(default_factory=set)
+    calls: set[str] = field(default_factory=set)
+    groups: list[tuple[str, int, str, Keys]] = field(default_factory=list)
+    passed: set[tuple[str, str, int]] = field(default_factory=set)
+
+    def unreadable(self) -> None:
+        """Part of it cannot be read, so whether its roles are used cannot be told."""
+        self.used |= set(self.roles)
+
+
+class References:
+    """Checks what one file names against all names; problems are collected, never raised."""
+
+    def __init__(self, file: RuleFile, names: Names, problems: list[Diagnostic]) -> None:
+        """``problems`` is added to."""
+        self.file, self.names, self.problems = file, names, problems
+
+    def report(
+        self,
+        code: str,
+        keys: Keys,
+        what: str,
+        allowed: str = "",
+        fix: str = "",
+        *,
+        key: bool = False,
+    ) -> None:
+        """A problem at an entry's value, or at its key."""
+        self.problems.append(self.file.diagnostic(code, keys, what, allowed, fix, key=key))
+
+    def parsed(
+        self, code: str, keys: Keys, read: Callable[[Any], T], text: Any, *, key: bool = False
+    ) -> T | None:
+        """What the grammar makes of a string; None, and a problem, if nothing."""
+        try:
+            return read(text)
+        except parse.GrammarError as error:
+            self.report(code, keys, error.what, error.allowed, key=key)
+            return None
+
+    def call(self, call: ast.Call, keys: Keys, scope: Scope, *, key: bool = False) -> str | None:
+        """``signal`` or ``state``, whatever a call names; None, and a problem, if nothing."""
+        names, name = self.names, call.name
+        scope.calls.add(name)
+        spec = names.signal(name)
+        arity: tuple[int, ...] | None
+        if spec is not None:
+            known, arity, groups = "signal", spec.args, spec.groups
+            if name in names.variants:
+                scope.reads.add(("signal", name))
+        elif name in names.states:
+            formals = names.states[name]
+            known, groups, arity = "state", True, None if formals is None else (len(formals),)
+            scope.reads.add(("state", name))
+        elif name in RELATIONS:
+            known, arity = "state", (RELATIONS[name].args,)
+            groups = RELATIONS[name].groups
+        elif name in names.phases:
+            self.report(
+                "R404", keys, f"{name} is a phase; here a signal or a state is needed", key=key
+            )
+            return None
+        else:
+            self.report(
+                "R401", keys, f"there is no signal or state called {name}()",
+                "built-in signals and relations, and declared states (docs/meanings.md)",
+                nearest(name, names.callable()), key=key,
+            )  # fmt: skip
+            scope.unreadable()
+            return None
+        self.arity(call, arity, keys, key=key)
+        for index, arg in enumerate(call.args):
+            if arg not in GROUPS:
+                if self.role(arg, keys, scope, key=key):
+                    scope.passed.add((arg, name, index))
+            elif not groups:
+                self.report(
+                    "R413", keys, f"{name}() is about one body, and {arg} stands for several",
+                    "a role", key=key,
+                )  # fmt: skip
+            elif known == "state":
+                scope.groups.append((name, index, arg, keys))
+        return known
+
+    def arity(
+        self, call: ast.Call, arity: tuple[int, ...] | None, keys: Keys, *, key: bool
+    ) -> None:
+        """Whether a call has one of the numbers of roles that it may have."""
+        if arity is not None and len(call.args) not in arity:
+            takes = " or ".join(map(str, arity))
+            self.report(
+                "R402", keys,
+                f"{call.name}() takes {takes} role{'s' if takes != '1' else ''}, not {len(call.args)}",
+                key=key,
+            )  # fmt: skip
+
+    def role(self, name: str, keys: Keys, scope: Scope, *, key: bool) -> bool:
+        """Whether a name is a role here; it then counts as used."""
+        if name in scope.roles:
+            scope.used.add(name)
+            return True
+        self.report(
+            "R403", keys, f'"{name}" is not a role of {scope.label}',
+            ", ".join([*scope.roles, *GROUPS]), nearest(name, [*scope.roles, *GROUPS]), key=key,
+        )  # fmt: skip
+        return False
+
+    def parameter(self, name: str, keys: Keys, scope: Scope) -> bool:
+        """Whether a name is a parameter; it then counts as read."""
+        scope.reads.add(("param", name))
+        if name in self.names.params:
+            return True
+        self.report(
+            "R408", keys, f'there is no parameter "{name}"',
+            "a quantity with its unit, or a name declared under [param]",
+            nearest(name, self.names.params),
+        )  # fmt: skip
+        return False
+
+    def setting(self, name: str, value: Any, keys: Keys) -> None:
+        """``NAME = VALUE`` for a declared parameter."""
+        if name not in self.names.params:
+            self.report(
+                "R408", keys, f'there is no parameter "{name}"', ", ".join(sorted(self.names.params)),
+                nearest(name, self.names.params), key=True,
+            )  # fmt: skip
+            return
+        found = self.value_of(value, keys)
+        wanted = self.names.params[name]
+        if found is not None and wanted is not None and dimension_of(found) != wanted:
+            self.report(
+                "R407", keys, f"{name} is {an(wanted)}, but {literal(value)} is {an(dimension_of(found))}",
+                a_dimension(wanted),
+            )  # fmt: skip
+
+    def value_of(self, value: Any, keys: Keys) -> ast.Quantity | ast.Duration | None:
+        """The value of a parameter or material column."""
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            self.report("R306", keys, f"{literal(value)} is not a quantity", '"8 cm", "0.5 s", 0.5')
+            return None
+        return self.parsed("R306", keys, parse.setting, value)
+
+    def limit_value(
+        self, value: ast.Value, dimension: str, of: str, keys: Keys, scope: Scope
+    ) -> None:
+        """Whether a limit's value fits what it is compared with."""
+        given: str | None
+        if isinstance(value, ast.Quantity):
+            given, said = value.dimension, f'"{value.text}"'
+        elif isinstance(value, ast.Parameter):
+            if not self.parameter(value.name, keys, scope):
+                return
+            given, said = self.names.params[value.name], value.name
+        else:
+            if not self.role(value.role, keys, scope, key=False):
+                return
+            scope.reads.add(("column", value.name))
+            if value.name not in self.names.columns:
+                self.report(
+                    "R409", keys, f'no material has a column "{value.name}"',
+                    ", ".join(sorted(self.names.columns)) or "columns declared in [material.default]",
+                    nearest(value.name, self.names.columns),
+                )  # fmt: skip
+                return
+            given, said = self.names.columns[value.name], f"{value.name}({value.role})"
+        if given is not None and given != dimension:
+            self.report(
+                "R407", keys, f"{of} is {an(dimension)}, but {said} is {an(given)}",
+                a_dimension(dimension),
+            )  # fmt: skip
+
+    def above(self, call: ast.Call, value: Any, keys: Keys, scope: Scope) -> None:
+        """What a charged signal is compared with."""
+        spec = self.names.signal(call.name)
+        limit = self.parsed("R301", keys, parse.limit, f"> {value}")
+        if limit is not None and spec is not None:
+            self.limit_value(limit.value, spec.dimension, f"{call.name}()", keys, scope)
+
+
+def literal(value: Any) -> str:
+    """A TOML value as its author wrote it, about."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, dict):
+        return "a table"
+    return "a list" if isinstance(value, list) else str(value)
+
+
+def an(dimension: str) -> str:
+    """``a length``, ``an angle``."""
+    return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"
