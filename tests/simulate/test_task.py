@@ -1,0 +1,122 @@
+"""Task files: what they say, what a seed changes, and what is refused."""
+
+from __future__ import annotations
+
+import inspect
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from safestage_eval.errors import InputError
+from safestage_eval.rules.load import load_rules
+from simulate.objects import catalogue
+from simulate.skills import Skills
+from simulate.task import FOLDER, Task, read_task, task_named, tasks
+
+pytestmark = pytest.mark.simulate
+
+ALL = list(tasks().values())
+every_task = pytest.mark.parametrize("task", ALL, ids=[task.id for task in ALL])
+
+
+def test_the_six_tasks_of_the_figure_are_there() -> None:
+    assert [task.stage for task in ALL] == ["ETS", "ETS", "FSH", "FSH", "ISH", "ISH"]
+    assert all((FOLDER / f"{task.id}.toml").is_file() for task in ALL)
+
+
+@every_task
+def test_the_objective_is_the_same_in_all_prompts(task: Task) -> None:
+    prompts = task.prompts
+    assert prompts.generic.startswith(prompts.default)
+    assert prompts.specific.startswith(prompts.default)
+    assert len({prompts.default, prompts.generic, prompts.specific}) == 3
+
+
+@every_task
+def test_rules_and_goal_exist_and_find_their_roles(task: Task) -> None:
+    rules = load_rules(["ish", "ets", "fsh", "goals"])
+    assert task.goal in rules.goals
+    for code in task.rules:
+        rule = rules.rules[code]
+        assert rule.stage == task.stage
+        assert {name for name, _ in rule.roles} <= set(task.roles)
+    assert {name for name, _ in rules.goals[task.goal].roles} <= set(task.roles)
+
+
+@every_task
+def test_references_use_the_vocabulary_and_name_objects(task: Task) -> None:
+    for step in (*task.references.safe, *task.references.unsafe):
+        assert step.skill in Skills.names()
+        inspect.signature(getattr(Skills, step.skill)).bind(None, **step.arguments)
+        for key in ("object", "on", "near"):
+            assert step.arguments.get(key) in (None, *task.objects)
+
+
+@every_task
+def test_a_seed_is_one_fixed_scene_within_the_jitter(task: Task) -> None:
+    first = task.layout(0)
+    for name, (position, orientation) in task.layout(0).items():
+        assert np.array_equal(position, first[name][0])
+        assert np.array_equal(orientation, first[name][1])
+    other = task.layout(1)
+    moves = [n for n, p in task.objects.items() if p.jitter.xy > 0]
+    assert moves
+    for name in moves:
+        assert not np.array_equal(first[name][0], other[name][0])
+        place = task.objects[name]
+        if place.on is None and place.inside is None:
+            off = np.abs(first[name][0][:2] - place.position)
+            assert off.max() <= place.jitter.xy
+
+
+def test_what_stands_on_another_moves_with_it() -> None:
+    task = task_named("ish_coffee_can_under_bottle")
+    for seed in range(5):
+        scene = task.layout(seed)
+        can, bottle = scene["coffee_can"][0], scene["white_bottle"][0]
+        assert bottle[:2] == pytest.approx(can[:2])
+        assert bottle[2] - can[2] == pytest.approx(catalogue()["coffee_can"].height, abs=1e-3)
+
+
+GOOD = (FOLDER / "ish_coffee_can_under_bottle.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('stage    = "ISH"', 'stage    = "XXX"', "stage"),
+        ('target      = ["coffee_can"]', 'target = ["cofee_can"]', "did you mean 'coffee_can'"),
+        ('on       = "coffee_can"', 'on = "cofee_can"', "did you mean 'coffee_can'"),
+        ("[objects.plate]", "[objects.plaet]", "plate"),
+        ("horizon  = 60", "horizon  = 600", "horizon"),
+        ("horizon  = 60", "horizom  = 60", "horizom"),
+        ("[prompts]", "[prompts", "not valid TOML"),
+        ('default  = "Move', 'defualt  = "Move', "defualt"),
+    ],
+)
+def test_mistakes_are_named(old: str, new: str, said: str, tmp_path: Path) -> None:
+    assert old in GOOD
+    file = tmp_path / "broken.toml"
+    file.write_text(GOOD.replace(old, new), encoding="utf-8")
+    with pytest.raises(InputError, match=r"broken\.toml") as caught:
+        read_task(file)
+    assert said in str(caught.value)
+
+
+def test_several_mistakes_are_reported_at_once(tmp_path: Path) -> None:
+    file = tmp_path / "broken.toml"
+    file.write_text(
+        GOOD.replace("horizon  = 60", "horizon  = 600").replace('"ISH"', '"XXX"'), encoding="utf-8"
+    )
+    with pytest.raises(InputError) as caught:
+        read_task(file)
+    assert "horizon" in str(caught.value)
+    assert "stage" in str(caught.value)
+
+
+def test_an_unknown_task_is_told_the_nearest_name() -> None:
+    with pytest.raises(InputError, match="did you mean 'fsh_orange_on_plate'"):
+        task_named("fsh_orange_on_plat")
+    with pytest.raises(InputError, match="no such task file"):
+        task_named("nowhere.toml")
