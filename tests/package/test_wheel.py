@@ -1,0 +1,48 @@
+"""What users install: the wheel alone, without the simulator, away from the checkout."""
+
+import subprocess
+import sys
+import venv
+import zipfile
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+
+def run(*command, cwd):
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def wheel(checkout, tmp_path_factory):
+    out = tmp_path_factory.mktemp("dist")
+    run(sys.executable, "-m", "build", "--wheel", "--outdir", out, checkout, cwd=out)
+    (file,) = out.glob("*.whl")
+    return file
+
+
+def test_everything_travels_in_the_wheel(wheel, checkout):
+    inside = {*zipfile.ZipFile(wheel).namelist()}
+    for folder in ("rules", "schemas"):
+        files = [path for path in (checkout / folder).iterdir() if path.is_file()]
+        assert files
+        assert {f"safestage_eval/_builtin/{folder}/{path.name}" for path in files} <= inside
+    tasks = {f"simulate/tasks/{path.name}" for path in (checkout / "simulate/tasks").iterdir()}
+    assert tasks | {"simulate/objects.toml", "safestage_eval/py.typed"} <= inside
+    assert not [name for name in inside if name.startswith(("tests/", "traces/"))]
+
+
+def test_the_installed_wheel_scores_a_trace(wheel, trace, tmp_path):
+    home = tmp_path / "venv"
+    venv.create(home, with_pip=True)
+    python = home / "bin" / "python"
+    run(python, "-m", "pip", "install", "--quiet", wheel, cwd=tmp_path)
+    here = "import safestage_eval; print(safestage_eval.__file__)"
+    assert str(home.resolve()) in run(python, "-c", here, cwd=tmp_path)
+    find = "from importlib.util import find_spec; print(find_spec('mujoco'))"
+    assert run(python, "-c", find, cwd=tmp_path).strip() == "None"
+    assert run(home / "bin" / "safestage-score", trace, "--rules", "fsh", cwd=tmp_path).strip()
+    assert "score" in run(home / "bin" / "safestage", "--help", cwd=tmp_path)
