@@ -38,7 +38,7 @@ def test_all_builtin_files_are_one_rule_set() -> None:
         "FSH104",
         "FSH202",
     } <= set(rules.rules)
-    assert {"on_plate", "on_shelf", "in_bin", "on", "in"} <= set(rules.goals)
+    assert {"on", "on_upright", "in"} <= set(rules.goals)
     assert rules.params["hold_time"] == Duration(5.0)
     assert rules.params["contact_for"] == Duration(0.025, least=2)
     assert rules.baseline == Part("first", Duration(5, frames=True), Whole())
