@@ -132,7 +132,7 @@ def record(
       safestage record fsh_orange_on_plate --seeds 0-9 --out oranges
       safestage record --policy idle --duration 10 --out idle --format mcap
       safestage-score traces --rules fsh                    and then
-    """  # noqa: D301 - click's mark for lines to be kept
+    """
     from .record import jobs
     from .record import record as run
 
