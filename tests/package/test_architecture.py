@@ -19,7 +19,7 @@ ROOMS = [
     {"states"},
     {"rules"},
     {"verdicts"},
-    {"score"},  # the verdicts of many episodes
+    {"scoring"},  # the verdicts of many episodes
     {"metrics"},
     {"report"},
     {"api"},
