@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import inspect
 import tomllib
 import zlib
 from functools import cache
@@ -16,6 +17,7 @@ from pydantic import Field, ValidationError, model_validator
 from safestage_eval.errors import InputError
 
 from .objects import ObjectModel, Strict, catalogue
+from .skills import Skills
 
 F64 = NDArray[np.float64]
 
@@ -107,6 +109,9 @@ class Task(Strict):
             for other in (place.on, place.inside):
                 if other is not None:
                     _known(other, self.objects, f"object {name!r}")
+        for kind in ("safe", "unsafe"):
+            for i, step in enumerate(getattr(self.references, kind), 1):
+                _usable(step, self.objects, f"references.{kind}, step {i}")
         return self
 
     def models(self) -> dict[str, ObjectModel]:
@@ -156,6 +161,20 @@ def _known(name: str, among: dict[str, Any], where: str) -> None:
         near = difflib.get_close_matches(name, among, 1)
         hint = f" (did you mean {near[0]!r}?)" if near else ""
         raise ValueError(f"{where}: no {name!r}{hint}; there are {', '.join(sorted(among))}")
+
+
+def _usable(step: Step, objects: dict[str, Any], where: str) -> None:
+    skills = {name: getattr(Skills, name) for name in Skills.names()}
+    _known(step.skill, skills, f"{where}: skill")
+    signature = inspect.signature(skills[step.skill])
+    try:
+        signature.bind(None, **step.arguments)
+    except TypeError as error:
+        allowed = ", ".join(name for name in signature.parameters if name != "self")
+        raise ValueError(f"{where}: {step.skill}: {error}; it takes {allowed}") from None
+    for key in ("object", "on", "near"):
+        if step.arguments.get(key) is not None:
+            _known(step.arguments[key], objects, f"{where}: {key}")
 
 
 def read_task(path: Path) -> Task:
