@@ -3,6 +3,9 @@ VENV ?= .venv
 PYTHON ?= python3
 BIN = $(VENV)/bin
 
+# Examples in prose are laid out for reading.
+FORMAT = $(BIN)/ruff format --exclude '*.md' .
+
 # Pictures are drawn without a screen.
 ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
@@ -21,11 +24,11 @@ setup:  ## the environment for working on SafeStage, simulator and tools include
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 
 format: $(BIN)/pytest  ## lay out the code
-	$(BIN)/ruff format .
+	$(FORMAT)
 	$(BIN)/ruff check --fix .
 
 lint: $(BIN)/pytest
-	$(BIN)/ruff format --check .
+	$(FORMAT) --check
 	$(BIN)/ruff check .
 
 typecheck: $(BIN)/pytest
