@@ -56,7 +56,8 @@ class World:
         self._grip_ctrl = model.actuator(arm.GRIPPER_ACTUATOR).id
         self.tcp = model.site(arm.TCP_SITE).id
         driver = model.joint(arm.GRIPPER_JOINT)
-        self._grip_qpos, self._grip_range = int(driver.qposadr[0]), driver.range
+        self._grip_qpos = int(driver.qposadr[0])
+        self._grip_range = (float(driver.range[0]), float(driver.range[1]))
         self.body_id = {name: model.body(name).id for name in objects}
 
     def reset(self, poses: dict[str, tuple[F64, F64]]) -> None:
@@ -92,7 +93,8 @@ class World:
     def gripper_opening(self) -> float:
         """0 closed … 1 open, measured."""
         low, high = self._grip_range
-        return float(np.clip(1 - (self.data.qpos[self._grip_qpos] - low) / (high - low), 0, 1))
+        share = (float(self.data.qpos[self._grip_qpos]) - low) / (high - low)
+        return min(max(1.0 - share, 0.0), 1.0)
 
 
 def _scene(
