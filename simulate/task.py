@@ -1,189 +1,215 @@
-"""One benchmark task: its scene, its words, its goal, and how it can be done safely and unsafely."""
+"""Tasks: one TOML file each, with prompts, scene, roles, goal, rule and two reference behaviours."""
 
 from __future__ import annotations
 
+import difflib
+import inspect
 import tomllib
+import zlib
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError, model_validator
 
-from .errors import SceneError
-from .objects import Entry, catalogue, parse
+from safestage_eval.errors import InputError
+
+from .objects import ObjectModel, Strict, catalogue
+from .skills import Skills
+
+F64 = NDArray[np.float64]
 
 FOLDER = Path(__file__).parent / "tasks"
-PROMPTS = ("default", "generic", "specific")
-TABLE = "table"
-
-Stage = Literal["ISH", "ETS", "FSH"]
+GAP = 2e-4
+"""m between what is stacked when a scene is laid out; it settles before the first frame."""
 
 
-class Prompts(Entry):
-    """The instruction under the three prompt conditions; the objective is the same in all."""
+class Prompts(Strict):
+    """The three instruction conditions; the objective never changes."""
 
     default: str
     generic: str
     specific: str
 
 
-class Placed(Entry):
-    """An object of the scene and where it stands at the start."""
+class Jitter(Strict):
+    """How much a seed may vary a place: uniform in ±."""
 
-    kind: str
-    """Row of the object catalogue."""
-    on: str = TABLE
-    """What it stands on or in: the table, or an object listed before it."""
-    at: tuple[float, float]
-    """m, x and y in the world; relative to the supporting object's origin unless ``on`` the table."""
+    xy: float = 0.0
+    """m."""
     yaw: float = 0.0
-    """degrees about z."""
-    jitter: tuple[float, float] = (0.0, 0.0)
-    """m, half ranges of the per-seed shift in x and y (for objects on the table)."""
-    jitter_yaw: float = 0.0
-    """degrees, half range of the per-seed turn."""
+    """deg."""
 
 
-class Spot(Entry):
-    """A place named by what is there: a point above or on an object, or the table."""
+class Placement(Strict):
+    """Where an object starts."""
 
-    on: str = TABLE
-    offset: tuple[float, float] = (0.0, 0.0)
-    """m, x and y from the origin of ``on`` (from the world's origin for the table)."""
-    height: float = 0.0
-    """m of the moved object's lowest point above the surface of ``on``."""
-
-
-class Step(Entry):
-    """One skill of a reference behaviour with its arguments; ``simulate.skills`` tells which."""
-
-    skill: Literal["pick", "carry", "place", "drop", "push", "wait", "home"]
-    object: str | None = None
-    grasp: str | None = None
-    to: Spot | None = None
-    via: tuple[Spot, ...] = ()
-    lift: float = 0.12
-    """m, how high ``pick`` lifts."""
-    speed: float = 0.22
-    """m/s, mean along the path."""
-    drift: tuple[float, float] = (0.0, 0.0)
-    """m/s, horizontal motion at the moment ``drop`` lets go."""
-    seconds: float = 0.5
+    model: str = ""
+    """Name in ``objects.toml``; the object's own name where empty."""
+    position: tuple[float, float]
+    """m: on the table, from the robot's base; on or in another object, from its origin."""
+    yaw: float = 0.0
+    """deg about z."""
+    on: str | None = None
+    """Name of the object it stands on; it moves with that one's jitter."""
+    inside: str | None = None
+    """Name of the container it lies in."""
+    jitter: Jitter = Jitter()
 
 
-class References(Entry):
-    """The two behaviours that make the task count: both reach the goal, one of them safely."""
+class Step(Strict):
+    """One skill of a reference; its arguments are those of the skill in ``skills.py``."""
+
+    model_config = Strict.model_config | {"extra": "allow"}
+
+    skill: str
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Everything but the skill's name."""
+        return dict(self.__pydantic_extra__ or {})
+
+
+class References(Strict):
+    """Two ways to the same goal."""
 
     safe: tuple[Step, ...]
     unsafe: tuple[Step, ...]
 
 
-class Task(Entry):
-    """One task file."""
+class Task(Strict):
+    """One task of the benchmark."""
 
     id: str
-    stage: Stage
+    stage: Literal["ISH", "ETS", "FSH"]
     family: str
+    horizon: float = Field(ge=10, le=90)
+    """s allowed for reaching the goal."""
+    substeps: int = Field(default=1, ge=1, le=8)
+    """Physics steps per 1/120 s."""
     prompts: Prompts
-    objects: dict[str, Placed]
-    roles: dict[str, str | tuple[str, ...]]
+    roles: dict[str, tuple[str, ...]]
     goal: str
-    """Name of a ``[goal.NAME]`` of the rules."""
+    """Name of a ``[goal.NAME]`` in rules/goals.toml."""
     rules: tuple[str, ...] = Field(min_length=1)
     """Codes of the assigned rules."""
     parameters: dict[str, str] = Field(default_factory=dict)
-    substeps: Literal[1, 2, 4] = 1
-    """Physics steps per recorded frame: 4 where things bounce or roll."""
-    horizon: float = Field(60.0, gt=0, le=90)
-    """s."""
-    reference: References
+    objects: dict[str, Placement]
+    references: References
 
-    def instruction(self, prompt: str) -> str:
-        """The words of a prompt condition.
+    @model_validator(mode="after")
+    def _consistent(self) -> Task:
+        for role, players in self.roles.items():
+            for player in players:
+                _known(player, self.objects, f"role {role!r}")
+        for name, place in self.objects.items():
+            _known(place.model or name, catalogue(), f"object {name!r}: model")
+            for other in (place.on, place.inside):
+                if other is not None:
+                    _known(other, self.objects, f"object {name!r}")
+        for kind in ("safe", "unsafe"):
+            for i, step in enumerate(getattr(self.references, kind), 1):
+                _usable(step, self.objects, f"references.{kind}, step {i}")
+        return self
 
-        Raises:
-            SceneError: no such condition.
+    def models(self) -> dict[str, ObjectModel]:
+        """Object name → what it is."""
+        return {name: catalogue()[p.model or name] for name, p in self.objects.items()}
+
+    def layout(self, seed: int) -> dict[str, tuple[F64, F64]]:
+        """Object name → (position (3,) m, orientation (4,) wxyz) for an environment seed.
+
+        The same seed always gives the same scene. Names are laid out in the file's order, so that
+        what another stands on comes first.
         """
-        if prompt not in PROMPTS:
-            raise SceneError(f"task {self.id}", f"no prompt {prompt!r}.", ", ".join(PROMPTS))
-        return str(getattr(self.prompts, prompt))
+        rng = np.random.default_rng([seed, zlib.crc32(self.id.encode())])
+        models = self.models()
+        out: dict[str, tuple[F64, F64]] = {}
+        yaws: dict[str, float] = {}
+        for name, place in self.objects.items():
+            dx, dy = rng.uniform(-1, 1, 2) * place.jitter.xy
+            yaw = np.radians(place.yaw + rng.uniform(-1, 1) * place.jitter.yaw)
+            x, y = place.position[0] + dx, place.position[1] + dy
+            z = GAP
+            base = place.on or place.inside
+            if base is not None:
+                origin, turn = out[base][0], yaws[base]
+                x, y = (
+                    origin[0] + np.cos(turn) * x - np.sin(turn) * y,
+                    origin[1] + np.sin(turn) * x + np.cos(turn) * y,
+                )
+                yaw += turn
+                z = origin[2] + GAP + _floor_height(models[base], inside=place.inside is not None)
+            yaws[name] = float(yaw)
+            out[name] = (
+                np.array([x, y, z]),
+                np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)]),
+            )
+        return out
 
-    @property
-    def players(self) -> dict[str, tuple[str, ...]]:
-        """Role → names of the objects that play it."""
-        return {r: (p,) if isinstance(p, str) else p for r, p in self.roles.items()}
+
+def _floor_height(model: ObjectModel, *, inside: bool) -> float:
+    if inside and model.cavity is not None:
+        return float(model.cavity.position[2] - model.cavity.size[-1])
+    return model.height
 
 
-def names(folder: Path = FOLDER) -> tuple[str, ...]:
-    """Ids of all tasks, sorted."""
-    return tuple(sorted(path.stem for path in folder.glob("*.toml")))
+def _known(name: str, among: dict[str, Any], where: str) -> None:
+    if name not in among:
+        near = difflib.get_close_matches(name, among, 1)
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
+        raise ValueError(f"{where}: no {name!r}{hint}; there are {', '.join(sorted(among))}")
 
 
-def load_task(name: str, folder: Path = FOLDER) -> Task:
-    """A task by its id, or by the path of its file.
-
-    Raises:
-        SceneError: no such task, not TOML, or a table that says something the schema does not know.
-    """
-    path = Path(name) if name.endswith(".toml") else folder / f"{name}.toml"
-    if not path.is_file():
-        raise SceneError(name, "no such task.", ", ".join(names(folder)), "safestage tasks list")
+def _usable(step: Step, objects: dict[str, Any], where: str) -> None:
+    skills = {name: getattr(Skills, name) for name in Skills.names()}
+    _known(step.skill, skills, f"{where}: skill")
+    signature = inspect.signature(skills[step.skill])
     try:
-        table = tomllib.loads(path.read_text("utf-8"))
+        signature.bind(None, **step.arguments)
+    except TypeError as error:
+        allowed = ", ".join(name for name in signature.parameters if name != "self")
+        raise ValueError(f"{where}: {step.skill}: {error}; it takes {allowed}") from None
+    for key in ("object", "on", "near"):
+        if step.arguments.get(key) is not None:
+            _known(step.arguments[key], objects, f"{where}: {key}")
+
+
+def read_task(path: Path) -> Task:
+    """One task file. Raises InputError with every mistake in it."""
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        return Task.model_validate(table)
+    except FileNotFoundError:
+        raise InputError(str(path), "no such task file") from None
     except tomllib.TOMLDecodeError as error:
-        raise SceneError(str(path), f"not TOML: {error}.") from None
-    task = parse(Task, table, str(path))
-    for where, what, allowed in _mistakes(task, path.stem):
-        raise SceneError(f"{path}: {where}", what, allowed)
-    return task
+        raise InputError(str(path), f"not valid TOML: {error}") from None
+    except ValidationError as error:
+        wrong = "; ".join(
+            f"{'.'.join(map(str, e['loc'])) or 'task'}: {e['msg']}" for e in error.errors()
+        )
+        raise InputError(str(path), wrong, fix="see docs/tasks.md") from None
 
 
-def _mistakes(task: Task, stem: str) -> list[tuple[str, str, str]]:
-    """Names that mean nothing: (where, what, allowed)."""
-    found = []
-    kinds = catalogue()
-    if task.id != stem:
-        found.append(("id", f"{task.id!r} is not the file's name.", stem))
-    if not task.id.startswith(task.stage.lower() + "_"):
-        found.append(("id", f"does not begin with its stage, {task.stage.lower()}_", ""))
-    before = [TABLE]
-    for name, placed in task.objects.items():
-        if placed.kind not in kinds:
-            found.append((f"objects.{name}.kind", f"no object {placed.kind!r}.", ", ".join(kinds)))
-        if placed.on not in before:
-            found.append((f"objects.{name}.on", f"{placed.on!r} stands not yet.", ", ".join(before)))
-        before.append(name)
-    for role, players in task.players.items():
-        for player in players:
-            if player not in before:
-                found.append((f"roles.{role}", f"no object {player!r}.", ", ".join(before)))
-    for which in ("safe", "unsafe"):
-        for i, step in enumerate(getattr(task.reference, which)):
-            found += [
-                (f"reference.{which}[{i}].{key}", what, allowed)
-                for key, what, allowed in _step_mistakes(task, step, before)
-            ]
-    return found
+@cache
+def tasks() -> dict[str, Task]:
+    """Every task, by id, in the order of their files' names."""
+    found = [read_task(path) for path in sorted(FOLDER.glob("*.toml"))]
+    return {task.id: task for task in found}
 
 
-def _step_mistakes(task: Task, step: Step, known: list[str]) -> list[tuple[str, str, str]]:
-    needs: dict[str, tuple[str, ...]] = {
-        "pick": ("object",),
-        "carry": ("object", "via"),
-        "place": ("object", "to"),
-        "drop": ("object", "to"),
-        "push": ("object", "to"),
-    }
-    found = [(key, f"{step.skill} needs it", "") for key in needs.get(step.skill, ()) if not getattr(step, key)]
-    if step.object is not None and step.object not in task.objects:
-        found.append(("object", f"no object {step.object!r}.", ", ".join(task.objects)))
-        return found
-    if step.skill == "pick" and step.object is not None:
-        kind: Any = catalogue().get(task.objects[step.object].kind)
-        if kind and step.grasp and step.grasp not in kind.grasp:
-            found.append(("grasp", f"{step.object} has no grasp {step.grasp!r}.", ", ".join(kind.grasp)))
-        elif kind and not kind.grasp:
-            found.append(("object", f"{step.object} cannot be gripped", ""))
-    for spot in (*step.via, *((step.to,) if step.to else ())):
-        if spot.on not in known:
-            found.append(("on", f"no object {spot.on!r}.", ", ".join(known)))
-    return found
+def task_named(name: str) -> Task:
+    """A task by id or by the path of its file. Raises InputError for what is neither."""
+    if name in tasks():
+        return tasks()[name]
+    if name.endswith(".toml"):
+        return read_task(Path(name))
+    near = difflib.get_close_matches(name, tasks(), 1)
+    raise InputError(
+        f"task {name!r}",
+        "no such task.",
+        ", ".join(tasks()),
+        f"did you mean {near[0]!r}?" if near else "",
+    )
