@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from safestage_eval import episode as model
 from safestage_eval.errors import InputError
 from safestage_eval.formats import load as load_stored
-from safestage_eval.score import score_paths
+from safestage_eval.scoring import score_paths
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -89,7 +89,7 @@ def load(path: str | Path, episode: str | None = None) -> Episode:
 
 def score(
     paths: str | Path | Sequence[str | Path],
-    rules: str | Path | Sequence[str | Path] = ("ish", "ets", "fsh", "goals"),
+    rules: str | Path | Sequence[str | Path] = (),
     *,
     jobs: int | None = 1,
     **settings: str,
@@ -98,7 +98,7 @@ def score(
 
     Args:
         paths: files and folders.
-        rules: rule files, folders or built-in names.
+        rules: rule files, folders or built-in names; all built-in ones if empty.
         jobs: worker processes; scripts that use several need the usual ``__main__`` guard.
         settings: parameter values, ``edge="3 cm"``.
 

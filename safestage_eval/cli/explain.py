@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from .options import ALL_RULES, chosen_ref, episode_option, pairs, rules_option, set_option
+from .options import chosen_ref, episode_option, pairs, rules_option, set_option
 
 
 @click.command("explain")
@@ -27,11 +27,11 @@ def command(
         safestage explain traces/ --episode orange --rules fsh
     """
     from safestage_eval.report.as_text import explain
-    from safestage_eval.rules import load_rules
+    from safestage_eval.rules import builtin_names, load_rules
     from safestage_eval.verdicts import judge
 
     ref = chosen_ref(trace, episode)
-    loaded = load_rules(list(rules or ALL_RULES))
+    loaded = load_rules(list(rules) or builtin_names())
     result = judge(
         ref.open(), loaded, overrides=pairs(settings, "--set"), trace_hash=ref.content_hash
     )

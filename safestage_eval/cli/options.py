@@ -10,9 +10,6 @@ from typing import Any
 
 import click
 
-ALL_RULES = ("ish", "ets", "fsh", "goals")
-"""The built-in rule files that are loaded when none is named."""
-
 traces_argument = click.argument("traces", nargs=-1, required=True, metavar="TRACES...")
 
 rules_option = click.option(

@@ -6,8 +6,6 @@ import json
 
 import click
 
-from .options import ALL_RULES
-
 
 @click.group("rules")
 def command() -> None:
@@ -27,9 +25,10 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
     \b
         safestage rules check my_rules.toml
     """
-    from safestage_eval.rules import check_rules, load_rules
+    from safestage_eval.rules import builtin_names, check_rules, load_rules
 
-    found = check_rules(list(rules or ALL_RULES))
+    specs = list(rules) or builtin_names()
+    found = check_rules(specs)
     if as_json:
         click.echo(json.dumps([d.to_dict() for d in found], indent=1, ensure_ascii=False))
     else:
@@ -38,6 +37,6 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
         if found:
             click.echo(f"{len(found)} problem{'s' if len(found) != 1 else ''}", err=True)
         else:
-            codes = ", ".join(load_rules(list(rules or ALL_RULES)).rules)
+            codes = ", ".join(load_rules(specs).rules)
             click.echo(f"sound: {codes or 'no rules'}")
     ctx.exit(2 if found else 0)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from safestage_eval.report import FORMATS
+
 from .options import (
-    ALL_RULES,
     pairs,
     progress,
     rules_option,
@@ -20,9 +21,8 @@ from .options import (
 )
 
 if TYPE_CHECKING:
-    from safestage_eval.score import Scores
+    from safestage_eval.scoring import Scores
 
-FORMATS = ("table", "json", "jsonl", "csv", "parquet", "markdown", "junit", "github")
 FAIL_ON = ("violation", "inconclusive", "unsafe-success")
 
 
@@ -86,11 +86,11 @@ def command(
     if update_golden and golden is None:
         raise click.UsageError("--update-golden needs --golden FILE")
     overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
-    from safestage_eval.score import score_paths
+    from safestage_eval.scoring import score_paths
 
     with progress("scoring") as tell:
         scores = score_paths(
-            traces, rules or ALL_RULES, overrides=overrides, where=filters, jobs=jobs, progress=tell
+            traces, rules, overrides=overrides, where=filters, jobs=jobs, progress=tell
         )
     _write(scores, form, output, verbose)
     for problem in scores.problems:

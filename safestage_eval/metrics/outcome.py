@@ -20,7 +20,7 @@ class Outcome:
     violation: bool | None
     """V; None if it could not be decided."""
     judged: bool
-    """False when none of its assigned rules was loaded."""
+    """False when its assigned rules, or those that V hangs on, were not loaded."""
 
     @property
     def decided(self) -> bool:
@@ -32,8 +32,12 @@ def outcomes(results: Iterable[EpisodeResult]) -> list[Outcome]:
     """The outcomes of judged episodes; what a header leaves open is shown as ``–``."""
     return [
         Outcome(
-            r.policy or "–", r.prompt or "–", r.stage or "–", r.success, r.violation,
-            judged=bool(r.assigned),
+            policy=r.policy or "–",
+            prompt=r.prompt or "–",
+            stage=r.stage or "–",
+            success=r.success,
+            violation=r.violation,
+            judged=bool(r.assigned) and (r.violation is True or not r.not_loaded),
         )
         for r in results
-    ]  # fmt: skip
+    ]

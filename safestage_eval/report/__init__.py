@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from safestage_eval.score import Scores
+    from safestage_eval.scoring import Scores
 
 FORMATS = ("table", "json", "jsonl", "csv", "parquet", "markdown", "junit", "github")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
-from safestage_eval.score import Scores
+from safestage_eval.scoring import Scores
 
 
 def render_junit(scores: Scores) -> str:

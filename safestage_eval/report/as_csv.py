@@ -7,7 +7,7 @@ import io
 import json
 from typing import Any
 
-from safestage_eval.score import Scores
+from safestage_eval.scoring import Scores
 
 from .rows import COLUMNS, rows
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from safestage_eval.score import Scores
+from safestage_eval.scoring import Scores
 
 from .rows import document, rows
 

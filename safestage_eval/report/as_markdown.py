@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from safestage_eval.metrics import by_policy_stage, outcomes
-from safestage_eval.score import Scores
+from safestage_eval.metrics import METRICS, by_policy_stage, outcomes, rates
+from safestage_eval.scoring import Scores
 
-from .as_table import rate
+from .as_table import by_importance, left_out, rate
 
 
 def render(scores: Scores) -> str:
     """Two sections; problems as a third if there are any."""
     lines = [
-        "| policy | prompt | stage | SR | SSR | USR | VR |",
+        "| policy | prompt | stage | SR % | SSR % | USR % | VR % |",
         "|---|---|---|---:|---:|---:|---:|",
     ]
     for (policy, prompt, stage), cell in by_policy_stage(outcomes(scores.results)).items():
-        values = " | ".join(" ".join(rate(cell, m).split()) for m in ("SR", "SSR", "USR", "VR"))
-        lines.append(f"| {policy} | {prompt} | {stage} | {values} |")
+        values = " | ".join(rate(cell, metric) for metric in METRICS)
+        lines.append(f"| {_cell(policy)} | {_cell(prompt)} | {stage} | {values} |")
+    lines += ["", *(f"{line}." for line in left_out(rates(outcomes(scores.results)), scores))]
     findings = [
         f"- **{v.rule}** `{r.episode_id}`: {v.explanation}"
         for r in scores.results
-        for v in r.assigned
+        for v in by_importance(r.assigned)
         if v.verdict in ("violation", "inconclusive")
     ]
     lines += ["", "## Findings", "", *(findings or ["None."])]
     if scores.problems:
         lines += ["", "## Problems", "", *(f"- {p.message}" for p in scores.problems)]
     return "\n".join(lines) + "\n"
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")

@@ -7,7 +7,7 @@ import io
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from safestage_eval.score import Scores
+from safestage_eval.scoring import Scores
 
 from .rows import COLUMNS, rows
 

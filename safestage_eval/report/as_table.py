@@ -1,29 +1,31 @@
-"""Results as text for people: findings first, then the rates, then what could not be judged."""
+"""Results as text for people: findings first, then the rates, then what is not in them."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from rich import box
 from rich.console import Console
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from safestage_eval.metrics import Rates, by_policy_stage, outcomes, rates
-from safestage_eval.score import Scores
+from safestage_eval.metrics import METRICS, Rates, by_policy_stage, outcomes, rates
+from safestage_eval.scoring import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
-MOST = 60
+MOST = 40
 """Episodes that are listed one by one; more are only counted unless asked for."""
 
-STYLES = {
-    "violation": "bold red",
-    "pass": "green",
-    "inconclusive": "yellow",
-    "not_applicable": "dim",
-}
+WIDTH = 100
+"""Characters per line where there is no terminal; lines are wrapped, never cut off."""
+
+SECTIONS = ((True, "Violations", "red"), (None, "Inconclusive", "yellow"), (False, "Safe", "green"))
+"""V of an episode, heading, colour: in this order."""
+
+_ORDER = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
 
 
 def render(
@@ -33,137 +35,144 @@ def render(
 
     Args:
         scores: what scoring came to.
-        width: of the terminal, in characters; nothing is cut off if None.
+        width: of the terminal, in characters.
         color: with terminal colours.
         everything: list every episode, and the findings of rules that are not assigned.
     """
     buffer = io.StringIO()
     console = Console(
-        file=buffer, width=width or 160, force_terminal=color, no_color=not color, highlight=False
+        file=buffer,
+        width=width or WIDTH,
+        color_system="standard" if color else None,
+        force_terminal=color,
+        no_color=not color,
+        highlight=False,
+        markup=False,
     )
-    judged = [r for r in scores.results if r.assigned]
-    if len(judged) <= MOST or everything:
-        console.print(_episodes(judged))
-    else:
-        shown = [r for r in judged if r.violation is not False][:MOST]
-        console.print(_episodes(shown))
-        console.print(
-            f"{len(shown)} of {len(judged)} judged episodes shown, violations first; "
-            "all with --verbose, or as rows with --format csv"
-        )
-    if everything:
-        _others(console, scores.results)
-    console.print(_rates(scores))
+    _findings(console, [r for r in scores.results if r.assigned], everything=everything)
+    _rates(console, scores)
     _leftovers(console, scores)
-    return buffer.getvalue()
-
-
-def number(value: float | None, verdict: Verdict) -> str:
-    """A value or limit of a verdict with its unit; a dash where it has none."""
-    if value is None or verdict.dimension is None:
-        return "–"
-    return format_quantity(value, verdict.dimension)
-
-
-def decisive(result: EpisodeResult) -> Verdict:
-    """The assigned verdict that stands for the episode: the earliest violation, else the closest."""
-    order = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
-    return min(
-        result.assigned,
-        key=lambda v: (
-            order[v.verdict],
-            v.time if v.time is not None else float("inf"),
-            v.margin_normalised if v.margin_normalised is not None else float("inf"),
-        ),
-    )
-
-
-def _episodes(results: Sequence[EpisodeResult]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title="Episodes", title_justify="left")
-    for name in ("task", "policy", "seed"):
-        table.add_column(name, overflow="fold")
-    table.add_column("success")
-    table.add_column("rule")
-    table.add_column("verdict")
-    table.add_column("at", justify="right")
-    table.add_column("what", overflow="fold")
-    table.add_column("value", justify="right")
-    table.add_column("limit", justify="right")
-    for result in results:
-        v = decisive(result)
-        bad = v.verdict == "violation"
-        success = {True: "yes", False: "no", None: "?"}[result.success]
-        table.add_row(
-            result.task or result.episode_id,
-            " ".join(filter(None, (result.policy, result.prompt))),
-            "–" if result.seed is None else str(result.seed),
-            success,
-            v.rule,
-            Text(v.verdict, style=STYLES[v.verdict]),
-            f"{v.time:.2f} s" if bad and v.time is not None else "",
-            v.signal or "",
-            number(v.value, v),
-            number(v.limit, v),
-        )
-    return table
-
-
-def _others(console: Console, results: Sequence[EpisodeResult]) -> None:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title="Other findings", title_justify="left")
-    for name in ("episode", "rule", "at", "what"):
-        table.add_column(name, overflow="fold")
-    for result in results:
-        for v in result.verdicts:
-            if not v.assigned and v.verdict == "violation":
-                after = f" (follows {v.consequence_of})" if v.consequence_of else ""
-                at = "" if v.time is None else f"{v.time:.2f} s"
-                table.add_row(result.episode_id, v.rule, at, v.explanation + after)
-    if table.row_count:
-        console.print(table)
-
-
-def _rates(scores: Scores) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, title="Rates", title_justify="left")
-    for name in ("policy", "prompt", "stage"):
-        table.add_column(name, overflow="fold")
-    for name in ("SR", "SSR", "USR", "VR"):
-        table.add_column(name, justify="right")
-    for (policy, prompt, stage), cell in by_policy_stage(outcomes(scores.results)).items():
-        if cell.n or cell.inconclusive:
-            table.add_row(
-                policy, prompt, stage, *(rate(cell, m) for m in ("SR", "SSR", "USR", "VR"))
-            )
-    return table
+    return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
 
 
 def rate(cell: Rates, metric: str) -> str:
-    """``66.7 %  4/6``; a dash when N is 0."""
+    """``66.7 4/6``: percent, then k/N; a dash when N is 0."""
     value = cell.value(metric)
-    return "–" if value is None else f"{100 * value:5.1f} %  {cell.count(metric)}/{cell.n}"
+    return "–" if value is None else f"{100 * value:.1f} {cell.counts[metric]}/{cell.n}"
+
+
+def by_importance(verdicts: Iterable[Verdict]) -> list[Verdict]:
+    """Assigned ones first; among them violations, the earliest first."""
+    return sorted(
+        verdicts,
+        key=lambda v: (not v.assigned, _ORDER[v.verdict], v.time if v.time is not None else 0.0),
+    )
+
+
+def goal_of(result: EpisodeResult) -> str:
+    """Native success in words: ``goal reached at 9.62 s``."""
+    when = "" if result.success_time is None else f" at {result.success_time:.2f} s"
+    said = {True: f"goal reached{when}", False: "goal not reached", None: "success unknown"}
+    return said[result.success]
+
+
+def _findings(console: Console, judged: Sequence[EpisodeResult], *, everything: bool) -> None:
+    all_shown = everything or len(judged) <= MOST
+    left = len(judged) if all_shown else MOST
+    for violation, heading, style in SECTIONS:
+        found = [r for r in judged if r.violation is violation]
+        shown = found[:left] if all_shown or violation is not False else []
+        left -= len(shown)
+        if not found:
+            continue
+        console.print(Text(f"{heading}: {len(found)} of {len(judged)} episodes", f"bold {style}"))
+        for result in shown:
+            console.print(Text(f"  {result.episode_id}, {goal_of(result)}", "bold"))
+            console.print(Padding(_lines(result, style, everything=everything), (0, 0, 0, 4)))
+        if len(shown) < len(found):
+            some = "they are" if not shown else f"{len(found) - len(shown)} more are"
+            console.print(f"  {some} listed with --verbose, or as rows with --format csv")
+        console.print()
+
+
+def _lines(result: EpisodeResult, style: str, *, everything: bool) -> Table:
+    grid = Table.grid(padding=(0, 2, 0, 0))
+    grid.add_column(overflow="fold")
+    grid.add_column(justify="right", min_width=8)
+    grid.add_column(overflow="fold", ratio=1)
+    for v in by_importance(result.verdicts):
+        bad = v.verdict in ("violation", "inconclusive")
+        if v.assigned or (everything and bad):
+            at = f"{v.time:.2f} s" if v.verdict == "violation" and v.time is not None else ""
+            grid.add_row(Text(v.rule, style if v.assigned else ""), at, Text(_sentence(v)))
+    return grid
+
+
+def _sentence(v: Verdict) -> str:
+    """What happened, with value and limit; then margin, severity, and why it is told at all."""
+    facts = []
+    if v.margin is not None and v.dimension is not None:
+        facts.append(f"margin {format_quantity(v.margin, v.dimension)}")
+    if v.severity:
+        facts.append(v.severity)
+    if not v.assigned:
+        facts.append(f"follows {v.consequence_of}" if v.consequence_of else "not assigned")
+    if v.verdict == "not_applicable":
+        facts.append("not applicable")
+    said = v.explanation or "; ".join(v.notes) or v.title
+    return said + (f" ({', '.join(facts)})" if facts else "")
+
+
+def _rates(console: Console, scores: Scores) -> None:
+    found = by_policy_stage(outcomes(scores.results))
+    if not any(cell.n or cell.inconclusive for cell in found.values()):
+        return
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    for name in ("policy", "prompt", "stage"):
+        table.add_column(name, overflow="fold")
+    for name in METRICS:
+        table.add_column(f"{name} %", justify="right", overflow="fold")
+    above = ("", "")
+    for (policy, prompt, stage), cell in found.items():
+        names = ("", "") if (policy, prompt) == above else (policy, prompt)
+        table.add_row(*map(Text, names), stage, *(rate(cell, m) for m in METRICS))
+        above = (policy, prompt)
+    console.print(Text("Rates: percent, k/N", "bold"))
+    console.print(table)
 
 
 def _leftovers(console: Console, scores: Scores) -> None:
     total = rates(outcomes(scores.results))
-    if total.inconclusive and total.violation_bounds:
-        low, high = total.violation_bounds
-        console.print(
-            f"{total.inconclusive} inconclusive, not in N: VR lies between "
-            f"{100 * low:.1f} % and {100 * high:.1f} % whatever they are"
-        )
-    if total.not_judged:
-        console.print(
-            f"{total.not_judged} not judged: their assigned rules are not among the loaded ones"
-        )
-    for result in scores.results:
-        for note in result.notes:
-            if "not judged" not in note:
-                console.print(f"{result.episode_id}: {note}", style="yellow", soft_wrap=True)
-        for v in result.assigned:
-            if v.verdict == "inconclusive":
-                console.print(
-                    f"{result.episode_id}: {v.rule}: {v.explanation}",
-                    style="yellow",
-                    soft_wrap=True,
-                )
+    for line in left_out(total, scores):
+        console.print(line, style="yellow", soft_wrap=True)
+    notes = [f"{r.episode_id}: {note}" for r in scores.results for note in r.notes]
+    for line in notes[:MOST]:
+        console.print(f"note: {line}", style="yellow", soft_wrap=True)
+    if len(notes) > MOST:
+        console.print(f"and {len(notes) - MOST} more notes", style="yellow")
     for problem in scores.problems:
         console.print(f"problem: {problem.message}", style="red", soft_wrap=True)
+    if scores.problems:
+        count = len(scores.problems)
+        console.print(f"{count} episode{'s' * (count > 1)} could not be judged", style="bold red")
+
+
+def left_out(total: Rates, scores: Scores) -> list[str]:
+    """Which episodes are not in N, and what they could change."""
+    lines = []
+    bounds = total.bounds("VR")
+    if total.inconclusive and bounds is not None:
+        low, high = (100 * bound for bound in bounds)
+        lines.append(
+            f"{total.inconclusive} inconclusive, not in N: whatever they are, VR over all lies "
+            f"between {low:.1f} % and {high:.1f} %"
+        )
+    if total.not_judged:
+        missing = sorted({code for r in scores.results for code in r.not_loaded})
+        why = (
+            f"rules not loaded: {', '.join(missing)}" if missing else "no rule is assigned to them"
+        )
+        lines.append(f"{total.not_judged} not judged, not in N: {why}")
+    if scores.copies:
+        lines.append(f"{len(scores.copies)} files hold copies of episodes, which count once")
+    return lines

@@ -8,15 +8,16 @@ from safestage_eval.episode import Episode
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
+from .as_table import by_importance, goal_of
+
 
 def explain(result: EpisodeResult, *, everything: bool = False) -> str:
     """Success, then one sentence per finding with time, value, limit and margin."""
-    when = "" if result.success_time is None else f" at {result.success_time:.2f} s"
-    success = {True: f"reached its goal{when}", False: "did not reach its goal", None: "unknown"}
-    lines = [f"{result.episode_id}: {success[result.success]}."]
+    lines = [f"{result.episode_id}: {goal_of(result)}."]
     lines += [f"  note: {note}" for note in result.notes]
-    order = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
-    for v in sorted(result.verdicts, key=lambda v: (not v.assigned, order[v.verdict])):
+    if result.not_loaded:
+        lines.append(f"  not loaded, so not judged: {', '.join(result.not_loaded)}")
+    for v in by_importance(result.verdicts):
         if v.verdict == "not_applicable" and not (everything or v.assigned):
             continue
         lines += _verdict(v)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval.errors import InputError
-from safestage_eval.score import Scores
+from safestage_eval.scoring import Scores
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
 TIME_TOLERANCE = 0.02

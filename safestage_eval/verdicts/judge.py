@@ -10,13 +10,14 @@ import numpy as np
 
 from safestage_eval import __version__
 from safestage_eval.episode import Episode
+from safestage_eval.errors import RuleError
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import rule_digest
 from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.measure import Signals
 
-from .evaluate import Evaluator
+from .evaluate import Evaluator, frame_count
 from .goal import first_success
 from .rule_verdict import judge_rule
 from .verdict import EpisodeResult, Verdict
@@ -66,6 +67,7 @@ def judge(
         version=__version__,
         verdicts=tuple(_with_consequences(verdicts)),
         notes=tuple(judge_.notes),
+        not_loaded=tuple(code for code in binding.assigned if code not in rules.rules),
     )
 
 
@@ -74,13 +76,9 @@ class _Judge:
 
     def __init__(self, episode: Episode, rules: ast.RuleSet, binding: Binding) -> None:
         self._episode, self._rules, self._binding = episode, rules, binding
-        self._relations = Relations(Signals(episode))
+        self._relations = Relations(Signals(episode, baseline_frames(rules, episode)))
         self._evaluators: dict[tuple[tuple[str, Any], ...], Evaluator] = {}
-        self.notes: list[str] = [
-            f"assigned rule {code} is not among the loaded rules: not judged"
-            for code in binding.assigned
-            if code not in rules.rules
-        ]
+        self.notes: list[str] = []
         self._success_frame, self.success = self._native_success()
         self.success_time = (
             None if self._success_frame is None else float(episode.t[self._success_frame])
@@ -149,6 +147,22 @@ class _Judge:
                 f"recorded success at {header.success_time:.3f} s, goal reached at {at:.3f} s"
             )
         return recorded, True
+
+
+def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
+    """How many first frames estimate the initial state: ``[baseline] span``.
+
+    Raises RuleError for a span that is not the first stretch of the episode.
+    """
+    span = rules.baseline
+    if (
+        isinstance(span, ast.Part)
+        and span.which == "first"
+        and isinstance(span.of, ast.Whole)
+        and isinstance(span.duration, ast.Duration)
+    ):
+        return frame_count(span.duration, episode.dt)
+    raise RuleError("[baseline] span", "not a first stretch.", '"first 5 frames of episode"')
 
 
 def _with_consequences(verdicts: Sequence[Verdict]) -> list[Verdict]:

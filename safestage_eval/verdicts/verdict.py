@@ -79,7 +79,9 @@ class EpisodeResult:
     version: str
     verdicts: tuple[Verdict, ...]
     notes: tuple[str, ...] = field(default=())
-    """Warnings about the episode: success disagreement, missing rules, light objects …"""
+    """Warnings about the episode: success disagreement, light objects …"""
+    not_loaded: tuple[str, ...] = ()
+    """Codes of assigned rules that were not among the loaded ones."""
 
     @property
     def assigned(self) -> tuple[Verdict, ...]:
@@ -88,11 +90,14 @@ class EpisodeResult:
 
     @property
     def violation(self) -> bool | None:
-        """V of the episode: any assigned rule violated; None if undecided or not judged."""
+        """V of the episode: any assigned rule violated; None if undecided or not judged.
+
+        One violation decides, whatever the other assigned rules would say.
+        """
         found = [v.violation for v in self.assigned]
-        if not found:
-            return None
-        return True if True in found else None if None in found else False
+        if True in found:
+            return True
+        return None if not found or None in found or self.not_loaded else False
 
     def rows(self) -> list[dict[str, Any]]:
         """One flat dict per verdict: the columns of result files (docs/results.md)."""

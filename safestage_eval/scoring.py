@@ -1,0 +1,267 @@
+"""Many stored episodes, judged: one pure function per episode, in one process or several."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from safestage_eval.errors import InputError
+from safestage_eval.formats import EpisodeRef, discover
+
+if TYPE_CHECKING:
+    from safestage_eval.rules import RuleSet
+    from safestage_eval.verdicts import EpisodeResult
+
+WORTH_A_POOL = 24
+"""Episodes below which starting worker processes costs more than it saves."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An episode that could not be judged."""
+
+    path: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Everything that scoring came to, in the order in which the episodes were found.
+
+    Attributes:
+        results: of the episodes that could be judged.
+        problems: the others.
+        rules: code → title of the rules that were loaded.
+        copies: files that hold an episode which another one holds as well, bit for bit; counted
+            once.
+    """
+
+    results: tuple[EpisodeResult, ...] = ()
+    problems: tuple[Problem, ...] = ()
+    rules: Mapping[str, str] = field(default_factory=dict)
+    copies: tuple[str, ...] = ()
+
+
+def score_episode(
+    ref: EpisodeRef, rules: RuleSet, overrides: Mapping[str, str] | None = None
+) -> EpisodeResult | Problem:
+    """Open and judge one episode; whatever is wrong with it becomes a problem, not an exception."""
+    from safestage_eval.verdicts import judge
+
+    try:
+        return judge(ref.open(), rules, overrides=overrides, trace_hash=ref.content_hash)
+    except InputError as error:
+        return Problem(str(ref.path), str(error))
+    except Exception as error:  # noqa: BLE001 — one episode must not cost the others
+        return Problem(str(ref.path), f"{ref.path}: cannot be judged: {_told(error)}")
+
+
+def score_many(
+    refs: Sequence[EpisodeRef],
+    rules: Sequence[str | Path],
+    *,
+    overrides: Mapping[str, str] | None = None,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[EpisodeResult | Problem]:
+    """Judge episodes; what comes back is in the order of what went in.
+
+    Args:
+        refs: the episodes.
+        rules: paths, folders or built-in names of rule files.
+        overrides: parameter → value as written; beats every other source.
+        jobs: worker processes. If None, as many as there are processors, or none at all for a few
+            episodes. A script that uses several needs the usual ``__main__`` guard.
+        progress: told (done, total) after each episode.
+
+    Raises:
+        RuleErrors, RuleError: rules or overrides that do not mean anything.
+    """
+    from safestage_eval.rules import load_rules, parse_overrides
+
+    loaded = load_rules(list(rules))
+    parse_overrides(loaded, overrides or {})
+    workers = min(jobs or os.cpu_count() or 1, len(refs))
+    if workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL):
+        return _Pool(refs, rules, overrides or {}, workers, progress).run()
+    found = []
+    for ref in refs:
+        found.append(score_episode(ref, loaded, overrides))
+        if progress is not None:
+            progress(len(found), len(refs))
+    return found
+
+
+def score_paths(
+    traces: Iterable[str | Path],
+    rules: Sequence[str | Path] = (),
+    *,
+    overrides: Mapping[str, str] | None = None,
+    where: Mapping[str, str] | None = None,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Scores:
+    """Find, open and judge episodes.
+
+    Args:
+        traces: files and folders.
+        rules: paths, folders or built-in names of rule files; all built-in ones if empty.
+        where: header field → value; only episodes that match are judged.
+        overrides: parameter → value as written; beats every other source.
+        jobs: worker processes; see ``score_many``.
+        progress: told (done, total) after each episode.
+
+    Raises:
+        TraceError: nothing was found.
+        InputError: nothing matches ``where``.
+        RuleErrors, RuleError: rules or overrides that do not mean anything.
+    """
+    from safestage_eval.rules import builtin_names, load_rules
+
+    specs = list(rules) or builtin_names()
+    titles = {rule.code: rule.title for rule in load_rules(specs).rules.values()}
+    refs, copies, clashes = _distinct(_matching(discover(list(traces)), where or {}))
+    found = score_many(refs, specs, overrides=overrides, jobs=jobs, progress=progress)
+    return Scores(
+        tuple(r for r in found if not isinstance(r, Problem)),
+        (*(r for r in found if isinstance(r, Problem)), *clashes),
+        titles,
+        copies,
+    )
+
+
+def _matching(refs: Sequence[EpisodeRef], where: Mapping[str, str]) -> list[EpisodeRef]:
+    """Episodes whose header has the wanted values, and all that cannot be read."""
+    if not where:
+        return list(refs)
+    known = {"episode_id", *(name for ref in refs for name in ref.fields)} - {"content_hash"}
+    for name in where:
+        if name not in known and any(ref.problem is None for ref in refs):
+            raise InputError(
+                f"{name}={where[name]}", f"no field {name!r}.", ", ".join(sorted(known))
+            )
+    found = [ref for ref in refs if ref.problem is not None or _matches(ref, where)]
+    if all(ref.problem is not None for ref in found):
+        wanted = " and ".join(f"{name}={value}" for name, value in where.items())
+        raise InputError(wanted, f"none of {len(refs)} episodes matches.")
+    return found
+
+
+def _matches(ref: EpisodeRef, where: Mapping[str, str]) -> bool:
+    fields = {"episode_id": ref.episode_id, **ref.fields}
+    return all(
+        str("" if fields[name] is None else fields[name]).lower() == value.lower()
+        for name, value in where.items()
+    )
+
+
+def _distinct(
+    refs: Iterable[EpisodeRef],
+) -> tuple[list[EpisodeRef], tuple[str, ...], list[Problem]]:
+    """Each episode once; the paths of copies; and ids that two different episodes have."""
+    kept: dict[str | int, EpisodeRef] = {}
+    copies, clashes = [], []
+    for number, ref in enumerate(refs):
+        first = kept.setdefault(ref.episode_id or number, ref)
+        if first is ref:
+            continue
+        if first.content_hash and first.content_hash == ref.content_hash:
+            copies.append(str(ref.path))
+            continue
+        error = InputError(
+            str(ref.path),
+            f"the id {ref.episode_id!r} is taken by another episode, in {first.path}.",
+            fix="give each episode its own id",
+        )
+        clashes.append(Problem(str(ref.path), str(error)))
+    return list(kept.values()), tuple(copies), clashes
+
+
+def _told(error: Exception) -> str:
+    """An unforeseen error in one line, with the place in the code where it came up."""
+    place, trace = "", error.__traceback__
+    while trace is not None:
+        code = trace.tb_frame.f_code
+        place, trace = f"{Path(code.co_filename).name}:{trace.tb_lineno}", trace.tb_next
+    return f"{type(error).__name__}: {error} ({place})"
+
+
+# ---- worker processes
+
+_worker: dict[str, object] = {}
+
+
+def _start_worker(rules: Sequence[str | Path], overrides: Mapping[str, str]) -> None:
+    from safestage_eval.rules import load_rules
+
+    _worker["rules"], _worker["overrides"] = load_rules(list(rules)), overrides
+
+
+def _work(ref: EpisodeRef) -> EpisodeResult | Problem:
+    return score_episode(ref, _worker["rules"], _worker["overrides"])  # type: ignore[arg-type]
+
+
+class _Pool:
+    """Spawned processes, with few episodes under way at a time.
+
+    When a process dies, those that were under way are judged one by one, so that the episode
+    that kills is found and listed; then the rest goes on with a new pool.
+    """
+
+    def __init__(
+        self,
+        refs: Sequence[EpisodeRef],
+        rules: Sequence[str | Path],
+        overrides: Mapping[str, str],
+        workers: int,
+        progress: Callable[[int, int], None] | None,
+    ) -> None:
+        self._refs, self._setup, self._workers = refs, (rules, overrides), workers
+        self._progress = progress
+        self._done: dict[int, EpisodeResult | Problem] = {}
+
+    def run(self) -> list[EpisodeResult | Problem]:
+        """All results, in order."""
+        while left := [i for i in range(len(self._refs)) if i not in self._done]:
+            for suspect in self._judge(left, self._workers):
+                for culprit in self._judge([suspect], 1):
+                    path = str(self._refs[culprit].path)
+                    what = f"{path}: its worker process died; out of memory, or a library crashed"
+                    self._note(culprit, Problem(path, what))
+        return [self._done[i] for i in range(len(self._refs))]
+
+    def _judge(self, todo: Sequence[int], workers: int) -> list[int]:
+        """Judge until done, or until a process dies; returns those that were under way then."""
+        waiting, newest = iter(todo), todo[0]
+        under_way: dict[Future[EpisodeResult | Problem], int] = {}
+        pool = ProcessPoolExecutor(
+            min(workers, len(todo)),
+            mp_context=multiprocessing.get_context("spawn"),
+            initializer=_start_worker,
+            initargs=self._setup,
+        )
+        try:
+            while True:
+                for newest in islice(waiting, 2 * workers - len(under_way)):
+                    under_way[pool.submit(_work, self._refs[newest])] = newest
+                if not under_way:
+                    return []
+                for future in wait(under_way, return_when=FIRST_COMPLETED).done:
+                    self._note(under_way[future], future.result())
+                    del under_way[future]
+        except BrokenProcessPool:
+            return [i for i in {*under_way.values(), newest} if i not in self._done]
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    def _note(self, index: int, result: EpisodeResult | Problem) -> None:
+        self._done[index] = result
+        if self._progress is not None:
+            self._progress(len(self._done), len(self._refs))
