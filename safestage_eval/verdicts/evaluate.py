@@ -72,9 +72,7 @@ class Evaluator:
         value = self.params[duration.name] if isinstance(duration, ast.Parameter) else duration
         if isinstance(value, ast.Quantity):
             value = ast.Duration(value.value)
-        if value.frames:
-            return max(0, round(value.amount))
-        return max(value.least, math.ceil(value.amount / self.episode.dt - 1e-6))
+        return frame_count(value, self.episode.dt)
 
     def number(self, value: ast.Value, env: Env) -> float:
         """A limit's value in SI; a column is looked up for the body that plays its role."""
@@ -286,6 +284,13 @@ class Evaluator:
             case ast.While(of, call):
                 truth = self.truth(ast.Event("state", call), env)
                 return scope.within(self.spans(of, env), truth)
+
+
+def frame_count(duration: ast.Duration, dt: float) -> int:
+    """Number of frames, ``dt`` seconds apart, that a duration lasts: ⌈D / dt⌉."""
+    if duration.frames:
+        return max(0, round(duration.amount))
+    return max(duration.least, math.ceil(duration.amount / dt - 1e-6))
 
 
 def _is_momentary(state: ast.StateDef) -> bool:
