@@ -165,5 +165,11 @@ def _header(setting: Setting, policy: str) -> Header:
             recorder_version=__version__,
             licence="Apache-2.0",
         ),
-        notes=(f"task file {digest}", f"arm model: tabletask {version('tabletask')}"),
+        notes=(f"task {digest}", f"arm model: {_arm_model(setting.robot_mjcf)}"),
     )
+
+
+def _arm_model(mjcf: Path | None) -> str:
+    if mjcf is None:
+        return f"tabletask {version('tabletask')}"
+    return f"{mjcf.name} {hashlib.sha256(mjcf.read_bytes()).hexdigest()[:12]}"

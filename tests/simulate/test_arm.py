@@ -1,0 +1,50 @@
+"""The arm's model: which files are one, and what is tuned."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from safestage_eval.errors import InputError
+from simulate import arm
+from simulate.world import World
+
+pytestmark = pytest.mark.simulate
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"nowhere\.xml: no such MJCF file"):
+        arm.arm_spec(tmp_path / "nowhere.xml")
+
+
+def test_another_robot_is_refused(tmp_path: Path) -> None:
+    other = tmp_path / "pole.xml"
+    other.write_text(
+        "<mujoco><worldbody><body name='b'><joint name='joint1'/>"
+        "<geom size='.1'/></body></worldbody></mujoco>",
+        encoding="utf-8",
+    )
+    with pytest.raises(InputError, match="not the DROID arm: no joint joint2"):
+        arm.arm_spec(other)
+
+
+def test_a_named_mjcf_of_the_same_arm_is_used() -> None:
+    world = World({}, robot_mjcf=arm.default_mjcf())
+    assert world.arm_range.shape == (7, 2)
+
+
+def test_what_is_only_seen_is_dropped_unless_drawn() -> None:
+    plain, full = arm.arm_spec(), arm.arm_spec(visuals=True)
+    assert len(plain.meshes) < len(full.meshes) / 2
+    solid = [g.name for g in full.geoms if g.contype or g.conaffinity]
+    assert [g.name for g in plain.geoms if g.contype or g.conaffinity] == solid
+
+
+def test_the_grip_is_gentle_and_the_pads_stick() -> None:
+    spec = arm.arm_spec()
+    finger = spec.actuator("fingers_actuator")
+    assert list(finger.forcerange) == [-10, 10]
+    pads = [g for g in spec.geoms if g.name.endswith(("_pad1", "_pad2"))]
+    assert len(pads) == 4
+    assert all(g.friction[0] == 1 and g.condim == 6 for g in pads)

@@ -1,0 +1,87 @@
+"""The catalogue: objects weigh, stand and hold what their rows say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from worlds import put, recorder_of, world_of
+
+from safestage_eval.episode import Body
+from safestage_eval.geometry.extent import highest, lowest
+from safestage_eval.geometry.mover import Mover
+from safestage_eval.geometry.shape import BodyShape
+from simulate.objects import ObjectModel, Ring, Shape, catalogue
+
+pytestmark = pytest.mark.simulate
+
+
+@pytest.fixture(scope="module")
+def bodies() -> dict[str, Body]:
+    world = world_of(*catalogue())
+    put(world, **{name: [0.0, 0.0, i * 1.0] for i, name in enumerate(catalogue())})
+    return {body.name: body for body in recorder_of(world).writer.header.bodies}
+
+
+every_object = pytest.mark.parametrize("name", list(catalogue()))
+
+
+@every_object
+def test_mass_is_that_of_the_row(name: str, bodies: dict[str, Body]) -> None:
+    assert bodies[name].mass == pytest.approx(catalogue()[name].mass)
+    assert bodies[name].movable is not catalogue()[name].fixed
+
+
+@every_object
+def test_it_stands_on_its_origin_and_is_as_high_as_the_row_says(
+    name: str, bodies: dict[str, Body]
+) -> None:
+    still = np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]])
+    mover = Mover(BodyShape.build(bodies[name], {}), *still)
+    assert lowest(mover)[0] == pytest.approx(0, abs=1e-9)
+    assert highest(mover)[0] == pytest.approx(catalogue()[name].height, abs=1e-9)
+
+
+@every_object
+def test_a_cavity_is_inside_and_open_at_the_top(name: str, bodies: dict[str, Body]) -> None:
+    body = bodies[name]
+    if body.cavity is None:
+        return
+    rim = body.cavity.position[2] + body.cavity.size[-1]
+    floor = body.cavity.position[2] - body.cavity.size[-1]
+    assert rim == pytest.approx(catalogue()[name].height)
+    assert floor > 0
+    half_x, half_y, _ = body.cavity.size
+    for geom in body.geoms:  # no wall reaches into it
+        away = np.abs(np.asarray(geom.position)) - np.asarray(geom.size)
+        beside = away[0] >= half_x - 1e-9 or away[1] >= half_y - 1e-9
+        below = geom.position[2] + geom.size[2] <= floor + 1e-9
+        assert beside or below
+
+
+def test_a_ring_closes() -> None:
+    ring = Ring(count=24, radius=0.1, thickness=0.006, height=0.01, z=0.02)
+    parts = ObjectModel(mass=1, height=0.025, ring=ring).parts()
+    assert len(parts) == 24
+    for angle in np.linspace(0, 2 * np.pi, 500):
+        point = 0.1 * np.array([np.cos(angle), np.sin(angle)])
+        assert any(_covers(part, point) for part in parts)
+
+
+def _covers(part: Shape, point: np.ndarray) -> bool:
+    turn = 2 * np.arctan2(part.orientation[3], part.orientation[0])
+    offset = point - np.asarray(part.position[:2])
+    x = np.cos(turn) * offset[0] + np.sin(turn) * offset[1]
+    y = -np.sin(turn) * offset[0] + np.cos(turn) * offset[1]
+    return bool(abs(x) <= part.size[0] + 1e-12 and abs(y) <= part.size[1] + 1e-12)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"mass": 0}, {"heigth": 1.0}, {"shapes": ()}, {"shapes": [{"kind": "cone", "size": [1]}]}],
+)
+def test_a_row_that_makes_no_sense_is_refused(fields: dict[str, object]) -> None:
+    good = {"mass": 1, "height": 0.1, "shapes": [{"kind": "sphere", "size": [0.05]}]}
+    ObjectModel.model_validate(good)
+    with pytest.raises(ValidationError):
+        ObjectModel.model_validate(good | fields)

@@ -1,0 +1,115 @@
+"""Arm skills do what their names say, in a small world."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from worlds import STILL, put, world_of
+
+from safestage_eval.errors import InputError
+from simulate.arm import HOME
+from simulate.privileged import PrivilegedState
+from simulate.skills import Skills
+from simulate.world import World
+
+pytestmark = pytest.mark.simulate
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return world_of("rubiks_cube", "soup_can", "bin")
+
+
+@pytest.fixture
+def state(world: World) -> PrivilegedState:
+    put(world, rubiks_cube=[0.5, 0.2, 0], soup_can=[0.45, 0.0, 0], bin=[0.5, -0.28, 0])
+    for _ in range(5):
+        world.act(STILL)
+    return PrivilegedState(world)
+
+
+def play(world: World, skills: Skills, skill: str, **arguments: Any) -> None:
+    for action in skills.run(skill, arguments):
+        world.act(action)
+
+
+def test_pick_lifts_and_place_puts_down_within_a_millimetre(
+    world: World, state: PrivilegedState
+) -> None:
+    skills = Skills(state)
+    play(world, skills, "pick", object="rubiks_cube", offset=[0, 0, 0.035])
+    lifted = state.object_pose("rubiks_cube")[0]
+    assert 0.09 < lifted[2] < 0.13  # the joints lag behind their commands
+    play(world, skills, "place", offset=[0.42, 0.3])
+    position, rotation = state.object_pose("rubiks_cube")
+    assert position == pytest.approx([0.42, 0.3, 0], abs=1.5e-3)
+    assert rotation[2, 2] > 0.9999
+    assert state.tcp[0][2] > 0.1
+
+
+def test_place_goes_into_a_container_and_onto_an_object(
+    world: World, state: PrivilegedState
+) -> None:
+    skills = Skills(state)
+    play(world, skills, "pick", object="rubiks_cube", offset=[0, 0, 0.035])
+    play(world, skills, "place", on="soup_can")
+    on_can = state.object_pose("rubiks_cube")[0] - state.object_pose("soup_can")[0]
+    assert on_can == pytest.approx([0, 0, 0.10], abs=2e-3)
+    play(world, skills, "pick", object="rubiks_cube", offset=[0, 0, 0.045])
+    play(world, skills, "place", on="bin", offset=[0.02, 0.0], drop=0.01, hover=0.2)
+    in_bin = state.object_pose("rubiks_cube")[0] - state.object_pose("bin")[0]
+    assert in_bin == pytest.approx([0.02, 0, 0.004], abs=4e-3)
+
+
+def test_push_moves_an_object_along_its_direction(world: World, state: PrivilegedState) -> None:
+    before = state.object_pose("soup_can")[0]
+    play(world, Skills(state), "push", object="soup_can", direction=0, distance=0.05)
+    position, rotation = state.object_pose("soup_can")
+    moved = position - before
+    assert 0.05 < moved[0] < 0.13
+    assert abs(moved[1]) < 0.02
+    assert rotation[2, 2] > 0.99
+
+
+def test_via_visits_points_and_home_goes_back(world: World, state: PrivilegedState) -> None:
+    skills = Skills(state)
+    play(world, skills, "via", points=[[0.4, 0.1, 0.35]], pause=0.8)
+    assert state.tcp[0] == pytest.approx([0.4, 0.1, 0.35], abs=5e-3)
+    play(world, skills, "via", points=[[0, 0, 0.3]], near="soup_can", pause=0.8)
+    beside = state.object_pose("soup_can")[0] + [0, 0, 0.3]
+    assert state.tcp[0] == pytest.approx(beside, abs=5e-3)
+    play(world, skills, "home")
+    play(world, skills, "wait", seconds=1)
+    assert state.arm_position == pytest.approx(HOME, abs=0.01)
+
+
+def test_what_cannot_be_done_is_said(world: World, state: PrivilegedState) -> None:
+    with pytest.raises(InputError, match="cannot reach"):
+        play(world, Skills(state), "via", points=[[1.5, 0, 0.3]])
+    with pytest.raises(InputError, match="no skill 'jump'"):
+        play(world, Skills(state), "jump")
+    with pytest.raises(InputError, match="outward"):
+        play(world, Skills(state), "pick", object="soup_can", facing="inward")
+
+
+def test_inverse_kinematics_undoes_forward_kinematics(world: World, state: PrivilegedState) -> None:
+    rng = np.random.default_rng(0)
+    low, high = world.arm_range.T
+    for _ in range(20):
+        joints = np.clip(HOME + rng.uniform(-0.5, 0.5, 7), low, high)
+        world.data.qpos[world.arm_qpos] = joints
+        put_back = world.data.qpos.copy()
+        mujoco.mj_forward(world.model, world.data)
+        position, rotation = state.tcp
+        found, error = state.inverse_kinematics(position, rotation, HOME)
+        assert error < 2e-4
+        assert ((low <= found) & (found <= high)).all()
+        assert np.array_equal(world.data.qpos, put_back), "looking changes nothing"
+        world.data.qpos[world.arm_qpos] = found
+        mujoco.mj_forward(world.model, world.data)
+        again, turned = state.tcp
+        assert again == pytest.approx(position, abs=2e-4)
+        assert np.abs(turned - rotation).max() < 3e-3
