@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,20 +54,21 @@ class Dependence:
         self._com: dict[int, F64] = {}
         self._falls: dict[tuple[int, int], frozenset[int]] = {}
 
-    def depends_on(self, body: int, on: int) -> Bool:
+    def depends_on(self, body: int, on: int, wanted: Bool | None = None) -> Bool:
         """(T,) true where ``body`` is in the collapse set of removing ``on``.
 
         Evaluated where the set of contact points among the free bodies changed, and kept between.
+        Only the ``wanted`` frames (T,) of the answer mean anything; all of them if None.
         """
         out = np.zeros(len(self._episode), np.bool_)
         linked = self._linked(body, on)
-        if not linked.any():
-            return out
-        changed = np.concatenate([[True], self._signature[1:] != self._signature[:-1]])
-        starts = np.flatnonzero(changed | np.concatenate([[True], linked[1:] != linked[:-1]]))
-        for first, stop in zip(starts, [*starts[1:], len(out)], strict=True):
-            if linked[first]:
-                out[first:stop] = body in self.collapse(on, int(first))
+        asked = linked if wanted is None else linked & wanted
+        for segment in np.unique(self._segment[asked]):
+            first, stop = self._starts[segment], self._starts[segment + 1]
+            frames = np.arange(first, stop)
+            # the pair may come into touch within a segment: judge at its first linked frame
+            frames = frames[linked[first:stop]]
+            out[frames] = body in self.collapse(on, int(frames[0]))
         return out
 
     def collapse(self, removed: int, frame: int) -> frozenset[int]:
@@ -147,7 +149,18 @@ class Dependence:
         present[self._episode.contacts.frame[self._sums.rows(i, j)]] = True
         return present
 
-    @property
+    @cached_property
+    def _starts(self) -> NDArray[np.int64]:
+        """First frames of the segments with equal contact points, then T."""
+        changed = np.flatnonzero(self._signature[1:] != self._signature[:-1]) + 1
+        return np.concatenate([[0], changed, [len(self._episode)]])
+
+    @cached_property
+    def _segment(self) -> NDArray[np.int64]:
+        """(T,) index of the segment that each frame is in."""
+        return np.repeat(np.arange(len(self._starts) - 1), np.diff(self._starts))
+
+    @cached_property
     def _signature(self) -> NDArray[np.int64]:
         """(T,) a number that changes with the contact points among the free bodies."""
         table = self._episode.contacts

@@ -33,6 +33,7 @@ class SupportGraph:
         self._episode = episode
         self._sums = sums
         self._frames = len(episode)
+        self._above: dict[int, dict[int, Bool]] = {}
         header = episode.header
         self._names = [body.name for body in header.bodies]
         self._robot = {
@@ -107,9 +108,11 @@ class SupportGraph:
 
     def above(self, body: int) -> dict[int, Bool]:
         """Other body → (T,) true where a path of edges leads from it down to ``body``."""
-        start = np.ones(self._frames, np.bool_)
-        reached = self._spread(lambda i: start if i == body else None)
-        return {i: mask for i, mask in reached.items() if i != body and mask.any()}
+        if body not in self._above:
+            start = np.ones(self._frames, np.bool_)
+            reached = self._spread(lambda i: start if i == body else None)
+            self._above[body] = {i: m for i, m in reached.items() if i != body and m.any()}
+        return self._above[body]
 
     def bearers(self, body: int) -> dict[int, Bool]:
         """Bearer → (T,) true where it bears the body directly."""

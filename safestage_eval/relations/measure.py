@@ -24,8 +24,8 @@ from .vocabulary import RELATIONS
 Bool = NDArray[np.bool_]
 
 
-COSTLY = ("edge_margin", "overlap_xy")
-"""Signals that clip polygons: measured only at the frames that matter."""
+COSTLY = ("edge_margin", "overlap_xy", "depends_on")
+"""What clips polygons or solves statics: found out only at the frames that matter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +65,15 @@ class Relations:
         """Who falls without whom."""
         return Dependence(self.episode, self.signals.contact_sums, self.graph)
 
-    def get(self, name: str, bodies: Sequence[str]) -> Bool | None:
+    def get(self, name: str, bodies: Sequence[str], wanted: Bool | None = None) -> Bool | None:
         """(T,) truth of one relation; None where the trace lacks what it needs.
 
+        Of a ``COSTLY`` one only the ``wanted`` frames (T,) mean anything; all of them if None.
         Raises KeyError for a name or body that does not exist.
         """
+        if name == "depends_on" and self.episode.header.force_source != "none":
+            ids = [self.episode.body_index[body] for body in bodies]
+            return self.dependence.depends_on(ids[0], ids[1], wanted)
         key = (name, tuple(bodies))
         if key not in self._known:
             self._known[key] = self._decide(name, list(bodies))
@@ -118,8 +122,6 @@ class Relations:
             return self.graph.supported[ids[0]]
         if name == "carried":
             return self._carried[ids[0]]
-        if name == "depends_on":
-            return self.dependence.depends_on(*ids)
         if name == "held":
             return self._held(ids[0])
         raise KeyError(name)

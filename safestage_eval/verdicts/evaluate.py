@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.relations.measure import COSTLY, Relations
-from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.reference import Reference, latest
 from safestage_eval.signals.series import Series
@@ -177,11 +176,16 @@ class Evaluator:
         if wanted is not None and declared is not None and _is_momentary(declared):
             inner = dict(zip(declared.of, bodies, strict=True))
             return self.condition(declared.when, inner, wanted)
+        if wanted is not None and declared is None and call.name in COSTLY:
+            return self._relation(call.name, bodies, wanted)
         key = (call.name, bodies)
         if key not in self._states:
             outer_horizon, outer_notes = self.horizon, self.notes
             self.horizon, self.notes = self.frames, {}
-            found = self._relation(call.name, bodies) or self._declared(call.name, bodies)
+            if declared is None:
+                found = self._relation(call.name, bodies)
+            else:
+                found = self._declared(call.name, bodies)
             self._states[key] = (found, self.horizon, self.notes)
             self.horizon, self.notes = outer_horizon, outer_notes
         found, horizon, notes = self._states[key]
@@ -189,15 +193,14 @@ class Evaluator:
         self.notes.update(notes)
         return found
 
-    def _relation(self, name: str, bodies: tuple[str, ...]) -> Band | None:
-        if name in self.rules.states or name not in RELATIONS:
-            return None
-        truth = self.relations.get(name, bodies)
+    def _relation(self, name: str, bodies: tuple[str, ...], wanted: Bool | None = None) -> Band:
+        truth = self.relations.get(name, bodies, wanted)
         if truth is None:
-            self.notes[f"{name}() cannot be told: the trace has no contact forces"] = None
+            lacking = "shape" if name == "inside" else "contact forces"
+            self.notes[f"{name}() cannot be told: the trace has no {lacking}"] = None
             nothing = np.zeros(self.frames, np.bool_)
             return band.crisp(nothing, nothing)
-        return band.crisp(truth)
+        return band.crisp(truth, wanted)
 
     def _declared(self, name: str, bodies: tuple[str, ...]) -> Band:
         state = self.rules.states[name]
@@ -299,7 +302,7 @@ def _is_momentary(state: ast.StateDef) -> bool:
 
 
 def _is_costly(atom: ast.Atom) -> bool:
-    return isinstance(atom, ast.SignalAtom) and atom.call.name in COSTLY
+    return isinstance(atom, ast.SignalAtom | ast.StateAtom) and atom.call.name in COSTLY
 
 
 def band_known(found: Band) -> bool:

@@ -25,7 +25,8 @@ def measured(value: float | None, witness: Witness) -> str:
     """A value of the witness's dimension with its unit."""
     if value is None or witness.dimension is None:
         return "–"
-    return format_quantity(value, witness.dimension)
+    known = format_quantity(value, witness.dimension)
+    return f"at least {known}" if witness.at_least and value == witness.value else known
 
 
 def sentence(

@@ -54,7 +54,9 @@ def judge_rule(
         return replace(verdict, notes=_notes(evaluator, why), explanation=explanation)
     witness = _witness(evaluator, rule, worst, violated=bool(violated))
     verdict = _with_times(evaluator, rule, verdict, violated, witness)
-    notes = [*_undersampled(evaluator, witness)]
+    notes = _undersampled(evaluator, witness)
+    if witness.at_least:
+        notes.append("value and margin are at least this: further away was not measured")
     verdict = replace(
         verdict,
         signal=witness.signal,

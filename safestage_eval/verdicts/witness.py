@@ -25,6 +25,7 @@ class Witness:
         margin: SI, distance of the value from the limit, negative when violated.
         dimension: of value, limit and margin.
         name: of the signal alone, ``clearance``; None for a relation.
+        at_least: the value is only known to be no less (a clearance beyond what had to be known).
     """
 
     signal: str
@@ -35,6 +36,7 @@ class Witness:
     margin: float | None = None
     dimension: str | None = None
     name: str | None = None
+    at_least: bool = False
 
 
 @dataclass(frozen=True)
@@ -145,6 +147,7 @@ class Search:
             self.sign * direction * (value - limit) if finite else None,
             SIGNALS[name].dimension,
             name,
+            at_least=bool(np.isposinf(series.upper[frame])),
         )
 
     def _base(self, name: str) -> str:

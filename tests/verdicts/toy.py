@@ -55,7 +55,7 @@ class Facts:
             SIGNALS[name].dimension,
         )
 
-    def get(self, name: str, bodies: tuple[str, ...]) -> Any:
+    def get(self, name: str, bodies: tuple[str, ...], *_: Any) -> Any:
         return self._series[f"{name}({', '.join(bodies)})"] > 0
 
 
