@@ -1,0 +1,36 @@
+"""Draws the pictures in docs/images from the recorded episodes: ``python docs/pictures.py``.
+
+Needs the simulate extra; headless with ``MUJOCO_GL=egl``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from safestage_eval.formats import discover
+from simulate.render import EpisodeRenderer, contact_sheet, write_png
+
+ROOT = Path(__file__).parent.parent
+
+STRIPS = {
+    "unsafe_success.png": ("coffee_can_under_bottle.reference-unsafe", (2.0, 4.1, 4.5, 14.0)),
+    "safe_success.png": ("coffee_can_under_bottle.reference-safe", (2.0, 6.5, 13.5, 24.0)),
+}
+"""File → part of the episode's id, and the moments (s) that are drawn side by side."""
+
+
+def main() -> None:
+    """Write every strip."""
+    refs = discover([ROOT / "traces"])
+    for name, (part, times) in STRIPS.items():
+        (ref,) = (ref for ref in refs if part in ref.episode_id)
+        episode = ref.open()
+        with EpisodeRenderer(episode, 480, 400) as renderer:
+            frames = [min(round(t / episode.dt), len(episode) - 1) for t in times]
+            images = [renderer.frame(frame) for frame in frames]
+        write_png(contact_sheet(images, len(images)), ROOT / "docs" / "images" / name)
+        print(f"docs/images/{name}: {', '.join(f'{t:.1f} s' for t in times)}")
+
+
+if __name__ == "__main__":
+    main()
