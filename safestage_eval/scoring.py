@@ -127,14 +127,10 @@ def score_paths(
 
     specs = list(rules) or builtin_names()
     titles = {rule.code: rule.title for rule in load_rules(specs).rules.values()}
-    refs, copies, clashes = _distinct(_matching(discover(list(traces)), where or {}))
+    refs = _matching(discover(list(traces)), where or {})
     found = score_many(refs, specs, overrides=overrides, jobs=jobs, progress=progress)
-    return Scores(
-        tuple(r for r in found if not isinstance(r, Problem)),
-        (*(r for r in found if isinstance(r, Problem)), *clashes),
-        titles,
-        copies,
-    )
+    results, problems, copies = _sorted_out(found)
+    return Scores(tuple(results), tuple(problems), titles, tuple(copies))
 
 
 def _matching(refs: Sequence[EpisodeRef], where: Mapping[str, str]) -> list[EpisodeRef]:
@@ -162,26 +158,29 @@ def _matches(ref: EpisodeRef, where: Mapping[str, str]) -> bool:
     )
 
 
-def _distinct(
-    refs: Iterable[EpisodeRef],
-) -> tuple[list[EpisodeRef], tuple[str, ...], list[Problem]]:
-    """Each episode once; the paths of copies; and ids that two different episodes have."""
-    kept: dict[str | int, EpisodeRef] = {}
-    copies, clashes = [], []
-    for number, ref in enumerate(refs):
-        first = kept.setdefault(ref.episode_id or number, ref)
-        if first is ref:
+def _sorted_out(
+    found: Iterable[EpisodeResult | Problem],
+) -> tuple[list[EpisodeResult], list[Problem], list[str]]:
+    """Each episode once; what could not be judged, or has the id of another; paths of copies."""
+    results: dict[str, EpisodeResult] = {}
+    problems, copies = [], []
+    for item in found:
+        if isinstance(item, Problem):
+            problems.append(item)
             continue
-        if first.content_hash and first.content_hash == ref.content_hash:
-            copies.append(str(ref.path))
+        first = results.setdefault(item.episode_id, item)
+        if first is item:
+            continue
+        if first.trace_hash == item.trace_hash:
+            copies.append(item.path)
             continue
         error = InputError(
-            str(ref.path),
-            f"the id {ref.episode_id!r} is taken by another episode, in {first.path}.",
+            item.path,
+            f"the id {item.episode_id!r} is taken by another episode, in {first.path}.",
             fix="give each episode its own id",
         )
-        clashes.append(Problem(str(ref.path), str(error)))
-    return list(kept.values()), tuple(copies), clashes
+        problems.append(Problem(item.path, str(error)))
+    return [*results.values()], problems, copies
 
 
 def _told(error: Exception) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+from difflib import get_close_matches
 
 import click
 
@@ -52,6 +53,16 @@ class LazyGroup(click.Group):
             return command
         return _from_simulate(cmd_name) if cmd_name in FROM_SIMULATE else None
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Suggest the nearest name for one that does not exist."""
+        if args and not args[0].startswith("-") and args[0] not in HELP:
+            near = get_close_matches(args[0], HELP, 1)
+            hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(HELP)}."
+            ctx.fail(f"no command {args[0]!r}: {hint}")
+        return super().resolve_command(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The list in ``--help``, without importing anything."""
         with formatter.section("Commands"):
@@ -94,9 +105,10 @@ def group() -> None:
     Judges recorded robot rollouts before, during and after the task, against rules in TOML.
 
     \b
-        safestage score traces/ --rules fsh
-        safestage explain traces/ --episode EPISODE_ID
-        safestage rules check my_rules.toml
+    Examples:
+      safestage score traces/ --rules fsh
+      safestage explain traces/ --episode EPISODE_ID
+      safestage rules check my_rules.toml
     """
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -14,9 +16,10 @@ from .options import progress, traces_argument
 @click.option("--to", "form", type=click.Choice(["parquet", "mcap"]), required=True)
 @click.option(
     "--out", "-o", "out", type=click.Path(path_type=Path), required=True,
-    help="A folder: a dataset for parquet, one file per episode for mcap.",
+    help="A folder: a dataset for parquet, one file per episode for mcap. Or, for a single "
+    "episode, the name of an .mcap file.",
 )  # fmt: skip
-@click.option("--force", is_flag=True, help="Replace episodes that are already there.")
+@click.option("--force", is_flag=True, help="Replace MCAP files that are already there.")
 @click.option("--recover", is_flag=True, help="Keep the whole frames of a truncated MCAP file.")
 @click.pass_context
 def command(
@@ -24,37 +27,88 @@ def command(
 ) -> None:
     """Copy episodes into another format, losslessly.
 
-    The sources are never changed. Every copy is read back, and its content hash compared.
+    The sources are never changed. Every copy is read back and its content compared by hash, which
+    is printed. Episodes that a dataset holds already are left as they are.
 
     \b
-        safestage convert traces/ --to mcap --out mcaps/
-        safestage convert rollout.mcap --to parquet --out dataset/
+    Examples:
+      safestage convert traces/ --to mcap --out mcaps/
+      safestage convert rollout.mcap --to parquet --out dataset/
+      safestage convert cut-off.mcap --recover --to mcap --out rescued.mcap
     """
     from safestage_eval.errors import InputError
-    from safestage_eval.formats import discover, save
+    from safestage_eval.formats import discover
 
     refs = discover(list(traces))
-    there = (
-        {r.episode_id for r in discover([out])} if out.exists() and any(out.iterdir()) else set()
-    )
+    if out.suffix == ".mcap" and (form != "mcap" or len(refs) > 1):
+        raise click.UsageError(f"--out {out}: give a folder for {len(refs)} episodes as {form}")
+    if out.is_file() and out.suffix != ".mcap":
+        raise click.UsageError(f"--out {out}: a file; give a folder, or the name of an .mcap file")
+    there = _hashes(out) if form == "parquet" else {}
+    written: set[Path] = set()
     failed = 0
     with progress("converting") as tell:
-        for done, ref in enumerate(refs):
+        for done, ref in enumerate(refs, 1):
             try:
                 episode = ref.open(recover=recover)
                 name = episode.header.episode_id
-                target = out / f"{name}.mcap" if form == "mcap" else out
-                if not force and name in there:
-                    raise InputError(str(out), f"{name!r} is already there.", fix="--force")
-                out.mkdir(parents=True, exist_ok=True)
-                copy = save(episode, target, "mcap" if form == "mcap" else "parquet")
-                if copy.open().content_hash != episode.content_hash:
-                    raise InputError(str(target), "the copy differs from its source.")
+                if there.get(name) == episode.content_hash:
+                    click.echo(f"{episode.content_hash}  {name}  there already")
+                    continue
+                target = out if form == "parquet" else _file_for(name, out)
+                if name in there:
+                    raise InputError(str(out), f"holds another episode {name!r}.", fix="--out")
+                if form == "mcap":
+                    _may_write(target, ref.path, written, force=force)
+                copy = _copied(episode, target, form)
+                written.add(target)
+                click.echo(f"{episode.content_hash}  {name}  {copy}")
             except InputError as error:
                 failed += 1
                 click.echo(f"problem: {error}", err=True)
-            else:
-                click.echo(f"{name}  {episode.content_hash[:16]}  {target}")
-            if tell is not None:
-                tell(done + 1, len(refs))
+            finally:
+                if tell is not None:
+                    tell(done, len(refs))
     ctx.exit(2 if failed else 0)
+
+
+def _hashes(folder: Path) -> dict[str, str | None]:
+    """Id → content hash of the episodes that are in a folder already."""
+    from safestage_eval.formats import discover
+
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return {}
+    return {ref.episode_id: ref.content_hash for ref in discover([folder])}
+
+
+def _file_for(name: str, out: Path) -> Path:
+    """The MCAP file of an episode; what file names cannot hold everywhere becomes ``_``."""
+    if out.suffix == ".mcap":
+        return out
+    plain = re.sub(r"[^\w.+=@-]", "_", name).lstrip(".")
+    return out / f"{plain or '_'}.mcap"
+
+
+def _may_write(target: Path, source: Path, written: set[Path], *, force: bool) -> None:
+    from safestage_eval.errors import InputError
+
+    if target.resolve() == source.resolve():
+        raise InputError(str(target), "the copy would replace its source.", fix="another --out")
+    if target in written:
+        raise InputError(
+            str(target), "two episodes would go to this file.", fix="convert one alone"
+        )
+    if target.exists() and not force:
+        raise InputError(str(target), "is there already.", fix="--force replaces it")
+
+
+def _copied(episode: Any, target: Path, form: str) -> Path:
+    """Write, read back and compare; returns the file."""
+    from safestage_eval.errors import InputError
+    from safestage_eval.formats import save
+
+    target.parent.mkdir(parents=True, exist_ok=True)
+    copy = save(episode, target, "mcap" if form == "mcap" else "parquet")
+    if copy.open().content_hash != episode.content_hash:
+        raise InputError(str(copy.path), "the copy differs from its source.", fix="report this bug")
+    return copy.path

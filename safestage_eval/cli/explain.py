@@ -23,8 +23,9 @@ def command(
     """Say why an episode got its verdicts, one sentence per finding.
 
     \b
-        safestage explain rollout.mcap
-        safestage explain traces/ --episode orange --rules fsh
+    Examples:
+      safestage explain rollout.mcap
+      safestage explain traces/ --episode orange --rules fsh
     """
     from safestage_eval.report.as_text import explain
     from safestage_eval.rules import builtin_names, load_rules

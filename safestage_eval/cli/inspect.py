@@ -15,8 +15,9 @@ def command(trace: str, episode: str | None, as_json: bool) -> None:
     """Show one episode: header, bodies, roles, timeline.
 
     \b
-        safestage inspect rollout.mcap
-        safestage inspect traces/ --episode dumbbell
+    Examples:
+      safestage inspect rollout.mcap
+      safestage inspect traces/ --episode dumbbell
     """
     ref = chosen_ref(trace, episode)
     opened = ref.open()

@@ -6,9 +6,12 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from safestage_eval.formats import EpisodeRef
 
 traces_argument = click.argument("traces", nargs=-1, required=True, metavar="TRACES...")
 
@@ -40,19 +43,20 @@ def pairs(values: tuple[str, ...], option: str) -> dict[str, str]:
     return out
 
 
-def chosen_ref(trace: str, episode: str | None) -> Any:
+def chosen_ref(trace: str, episode: str | None) -> EpisodeRef:
     """The one episode a command is about; a usage error lists the ids when it is not clear."""
     from safestage_eval.formats import discover
 
     refs = discover([trace])
+    found = refs
     if episode is not None:
-        exact = [r for r in refs if r.episode_id == episode]
-        refs = exact or [r for r in refs if episode in r.episode_id]
-    if len(refs) == 1:
-        return refs[0]
-    what = f"no episode matches {episode!r}" if episode and not refs else "name one with --episode"
-    ids = "\n  ".join(r.episode_id for r in (refs or discover([trace])))
-    raise click.UsageError(f"{trace} holds several episodes; {what}:\n  {ids}")
+        exact = [ref for ref in refs if ref.episode_id == episode]
+        found = exact or [ref for ref in refs if episode in ref.episode_id]
+    if len(found) == 1:
+        return found[0]
+    what = "several episodes; name one with --episode" if found else f"no episode {episode!r}, but"
+    ids = "".join(f"\n  {ref.episode_id or f'({ref.path}, broken)'}" for ref in found or refs)
+    raise click.UsageError(f"{trace} holds {what}:{ids}")
 
 
 def wants_color(stream: Any) -> bool:

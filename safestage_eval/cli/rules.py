@@ -23,7 +23,8 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
     problem says where it is, what is allowed and how to mend it. Exit code 2 if there is any.
 
     \b
-        safestage rules check my_rules.toml
+    Example:
+      safestage rules check my_rules.toml
     """
     from safestage_eval.rules import builtin_names, check_rules, load_rules
 

@@ -71,20 +71,27 @@ def command(
     """Judge recorded episodes against safety rules.
 
     TRACES are MCAP files, datasets, or folders of them. Native success is reported apart from
-    safety: SR = SSR + USR, where SSR counts successes that were safe and USR those that were not.
+    safety: SR = SSR + USR, where SSR counts successes that were safe and USR those that were not;
+    VR counts violations. All four are over the episodes that could be decided.
 
     \b
-        safestage-score traces/                        all built-in rules
-        safestage-score traces/ --rules fsh            one stage
-        safestage-score traces/ --set edge="3 cm"      another threshold, no re-recording
-        safestage-score traces/ -f jsonl -o rows.jsonl
-        safestage-score traces/ --golden traces/golden.json
+    Examples:
+      safestage-score traces/                        all built-in rules
+      safestage-score traces/ --rules fsh            one stage
+      safestage-score traces/ --rules mine.toml      your own rules
+      safestage-score traces/ --set edge="3 cm"      another threshold
+      safestage-score traces/ --where policy=mine -f csv -o rows.csv
+      safestage-score traces/ --golden expected.json --update-golden
 
     Exit code 0: scored. 1: the golden differs, or --fail-on matched. 2: bad usage, a rule file or
     a trace that cannot be read (the other episodes are scored all the same).
     """
     if update_golden and golden is None:
         raise click.UsageError("--update-golden needs --golden FILE")
+    if golden is not None and where:
+        raise click.UsageError("--golden is about all episodes: leave out --where")
+    if form == "parquet" and output is None and sys.stdout.isatty():
+        raise click.UsageError("--format parquet: give --output FILE, or pipe it on")
     overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
     from safestage_eval.scoring import score_paths
 
@@ -93,13 +100,13 @@ def command(
             traces, rules, overrides=overrides, where=filters, jobs=jobs, progress=tell
         )
     _write(scores, form, output, verbose)
-    for problem in scores.problems:
-        if form != "table" or output is not None:
+    if form != "table" or output is not None or not sys.stdout.isatty():
+        for problem in scores.problems:
             click.echo(f"problem: {problem.message}", err=True)
-    code = 1 if _matched(scores, fail_on) else 0
+    failed = _fails(scores, fail_on)
     if golden is not None:
-        code = max(code, _golden(scores, golden, update_golden))
-    ctx.exit(2 if scores.problems else code)
+        failed |= _golden(scores, golden, update_golden)
+    ctx.exit(2 if scores.problems else 1 if failed else 0)
 
 
 def _write(scores: Scores, form: str, output: Path | None, verbose: bool) -> None:
@@ -131,27 +138,29 @@ def _write(scores: Scores, form: str, output: Path | None, verbose: bool) -> Non
     click.echo(f"{output}: {len(scores.results)} episodes", err=True)
 
 
-def _matched(scores: Scores, fail_on: tuple[str, ...]) -> bool:
-    for result in scores.results:
-        unsafe = result.violation is True
-        undecided = bool(result.assigned) and result.violation is None
-        if ("violation" in fail_on and unsafe) or ("inconclusive" in fail_on and undecided):
-            return True
-        if "unsafe-success" in fail_on and unsafe and result.success:
-            return True
-    return False
+def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:
+    counts = {
+        "violation": sum(r.violation is True for r in scores.results),
+        "inconclusive": sum(bool(r.assigned) and r.violation is None for r in scores.results),
+        "unsafe-success": sum(bool(r.violation and r.success) for r in scores.results),
+    }
+    matched = [name for name in counts if name in fail_on and counts[name]]
+    for name in matched:
+        click.echo(f"--fail-on {name}: {counts[name]} of {len(scores.results)} episodes", err=True)
+    return bool(matched)
 
 
-def _golden(scores: Scores, path: Path, update: bool) -> int:
+def _golden(scores: Scores, path: Path, update: bool) -> bool:
     from safestage_eval.report.golden import compare_golden, write_golden
 
     if update:
         write_golden(scores, path)
         click.echo(f"{path}: {len(scores.results)} episodes written", err=True)
-        return 0
+        return False
     differences = compare_golden(scores, path)
     for line in differences:
         click.echo(f"golden: {line}", err=True)
-    count = f"{len(differences)} differences" if differences else "as expected"
+    number = len(differences)
+    count = f"{number} difference{'s' * (number > 1)}" if differences else "all as expected"
     click.echo(f"golden: {path}: {count}", err=True)
-    return 1 if differences else 0
+    return bool(differences)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
-from .options import traces_argument
+from .options import progress, traces_argument
 
 
 @click.command("validate")
@@ -15,17 +17,30 @@ def command(ctx: click.Context, traces: tuple[str, ...]) -> None:
 
     Reads every column: format, units that can be checked, unit quaternions, increasing time,
     contacts that name bodies, stored hashes. Exit code 2 if anything is wrong.
+
+    \b
+    Example:
+      safestage validate traces/ rollout.mcap
     """
     from safestage_eval.formats import discover, validate_episode
 
     refs = discover(list(traces))
-    wrong = 0
-    for ref in refs:
-        found = validate_episode(ref)
-        wrong += bool(found)
-        for error in found:
-            click.echo(f"error: {error}", err=True)
-        if not found:
-            click.echo(f"ok: {ref.episode_id}  ({ref.format}, {ref.path})")
-    click.echo(f"{len(refs) - wrong} of {len(refs)} episodes are sound", err=True)
-    ctx.exit(2 if wrong else 0)
+    broken = 0
+    first: dict[str, Any] = {}
+    with progress("checking") as tell:
+        for done, ref in enumerate(refs, 1):
+            found = [str(error) for error in validate_episode(ref)]
+            same = first.setdefault(ref.episode_id or str(ref.path), ref)
+            if same is not ref and same.content_hash != ref.content_hash:
+                found.append(f"{ref.path}: another episode has this id as well: {same.path}")
+            broken += bool(found)
+            for problem in found:
+                click.echo(f"error: {problem}", err=True)
+            if not found:
+                click.echo(
+                    f"{ref.content_hash or '(no hash stored)'}  {ref.episode_id}  {ref.path}"
+                )
+            if tell is not None:
+                tell(done, len(refs))
+    click.echo(f"{len(refs) - broken} of {len(refs)} episodes are sound", err=True)
+    ctx.exit(2 if broken else 0)

@@ -47,7 +47,8 @@ class Rates:
 
     def value(self, metric: str) -> float | None:
         """The rate, 0…1; None when N is 0. Raises KeyError for a metric that does not exist."""
-        return self.counts[metric] / self.n if self.n else None
+        count = self.counts[metric]
+        return count / self.n if self.n else None
 
     def bounds(self, metric: str) -> tuple[float, float] | None:
         """The least and the highest that the rate could be with every inconclusive one decided."""

@@ -87,7 +87,8 @@ def _findings(console: Console, judged: Sequence[EpisodeResult], *, everything: 
             continue
         console.print(Text(f"{heading}: {len(found)} of {len(judged)} episodes", f"bold {style}"))
         for result in shown:
-            console.print(Text(f"  {result.episode_id}, {goal_of(result)}", "bold"))
+            head = Text(f"  {result.episode_id}, {goal_of(result)}", "bold")
+            console.print(head, soft_wrap=True)
             console.print(Padding(_lines(result, style, everything=everything), (0, 0, 0, 4)))
         if len(shown) < len(found):
             some = "they are" if not shown else f"{len(found) - len(shown)} more are"

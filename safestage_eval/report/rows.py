@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from safestage_eval import __version__
@@ -20,7 +21,16 @@ COLUMNS = (
 
 def rows(scores: Scores) -> list[dict[str, Any]]:
     """One row per episode and rule."""
-    return [row for result in scores.results for row in result.rows()]
+    return [
+        {name: None if _endless(value) else value for name, value in row.items()}
+        for result in scores.results
+        for row in result.rows()
+    ]
+
+
+def _endless(value: Any) -> bool:
+    """Infinite or NaN: JSON has no such numbers, so rows leave them open."""
+    return isinstance(value, float) and not math.isfinite(value)
 
 
 def document(scores: Scores) -> dict[str, Any]:
