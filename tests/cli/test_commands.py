@@ -1,0 +1,102 @@
+"""The group: help, version, and the commands that need the simulator."""
+
+import importlib.util
+import subprocess
+import sys
+import types
+
+import pytest
+from studio import run
+
+import safestage_eval
+from safestage_eval.cli import COMMANDS, FROM_SIMULATE, HELP
+
+HEAVY = ("numpy", "polars", "pandas", "numba", "pyarrow", "scipy", "trimesh", "fcl", "mcap")
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["score", "--help"], ["convert", "-h"]])
+def test_help_imports_nothing_heavy(arguments):
+    code = f"""
+import sys
+sys.argv = ["safestage", *{arguments!r}]
+from safestage_eval.cli import main
+try:
+    main()
+except SystemExit as end:
+    print("EXIT", end.code)
+print("HEAVY", *[name for name in {HEAVY!r} + ("mujoco",) if name in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "Usage" in done.stdout
+    assert done.stdout.splitlines()[-2:] == ["EXIT 0", "HEAVY"] or done.stdout.endswith(
+        "EXIT 0\nHEAVY \n"
+    )
+
+
+def test_help_lists_every_command():
+    text = run("--help").text
+    assert all(name in text for name in (*COMMANDS, *FROM_SIMULATE))
+    assert set(HELP) == {*COMMANDS, *FROM_SIMULATE}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_help_shows_an_example(name):
+    if name == "rules":
+        name = ("rules", "check")
+    done = run(*([name] if isinstance(name, str) else name), "--help")
+    assert done.code == 0
+    assert any(line.strip().startswith("safestage") for line in done.text.splitlines())
+
+
+def test_version():
+    assert safestage_eval.__version__ in run("--version").text
+
+
+def test_an_unknown_command():
+    done = run("scoer")
+    assert (done.code, done.out) == (2, b"")
+    assert "scoer" in done.err
+
+
+@pytest.fixture
+def no_mujoco(monkeypatch):
+    find = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util,
+        "find_spec",
+        lambda name, package=None: None if name == "mujoco" else find(name, package),
+    )
+
+
+@pytest.mark.parametrize("name", FROM_SIMULATE)
+@pytest.mark.parametrize("arguments", [[], ["list"], ["--seeds", "0..3"]])
+def test_without_mujoco_the_extra_is_named(no_mujoco, name, arguments):
+    done = run(name, *arguments)
+    assert (done.code, done.out) == (2, b"")
+    assert "pip install 'safestage[simulate]'" in done.err
+
+
+@pytest.mark.parametrize("name", FROM_SIMULATE)
+def test_a_foreign_package_in_its_place_is_named(monkeypatch, tmp_path, name):
+    foreign = tmp_path / "simulate.py"
+    foreign.write_text("")
+    spec = importlib.util.spec_from_file_location("simulate", foreign)
+    module = types.ModuleType("simulate")
+    module.__spec__ = spec
+    monkeypatch.setitem(sys.modules, "simulate", module)
+    done = run(name)
+    assert (done.code, done.out) == (2, b"")
+    assert "another package named 'simulate'" in done.err
+    assert str(foreign) in done.err
+
+
+def test_the_simulator_missing_altogether(monkeypatch):
+    find = importlib.util.find_spec
+    monkeypatch.setattr(
+        importlib.util,
+        "find_spec",
+        lambda name, package=None: None if name == "simulate" else find(name, package),
+    )
+    done = run("record")
+    assert done.code == 2
+    assert "safestage[simulate]" in done.err

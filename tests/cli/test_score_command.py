@@ -1,0 +1,362 @@
+"""``safestage score``: what it says, where it says it, and how it exits."""
+
+import io
+import json
+import shutil
+
+import polars as pl
+import pytest
+from studio import block, run, safe_and_unsafe
+
+from safestage_eval.formats import save
+
+
+@pytest.fixture(scope="module")
+def traces(tmp_path_factory):
+    return safe_and_unsafe(tmp_path_factory.mktemp("traces"))
+
+
+def verdicts(rows):
+    return {row["episode_id"]: row["verdict"] for row in rows if row["rule"] == "FSH101"}
+
+
+BOTH = {"safe": "pass", "unsafe": "violation"}
+
+
+def test_data_on_stdout_and_nothing_else(traces):
+    done = run("score", traces, "--rules", "fsh", "--format", "jsonl")
+    assert (done.code, done.err) == (0, "")
+    assert verdicts(done.rows) == BOTH
+
+
+def test_without_rules_all_built_in_ones(traces):
+    rows = run("score", traces, "-f", "jsonl").rows
+    assert {row["rule"][:3] for row in rows} == {"ISH", "ETS", "FSH"}
+    assert verdicts(rows) == BOTH
+
+
+def test_table_says_when_why_and_by_how_much(traces):
+    done = run("score", traces, "--rules", "fsh")
+    told = " ".join(done.text.split())
+    assert done.code == 0
+    for fact in ("unsafe", "FSH101", "4.50 s", "0.5 cm", "2.0 cm", "100.0 2/2", "50.0 1/2"):
+        assert fact in told
+
+
+def test_single_files_and_repeated_ones(traces):
+    rows = run("score", traces / "safe.mcap", traces / "safe.mcap", "-f", "jsonl", "-r", "fsh").rows
+    assert verdicts(rows) == {"safe": "pass"}
+    assert len(rows) == len({row["rule"] for row in rows})
+
+
+# ---- settings and filters
+
+
+def test_another_threshold_another_verdict(traces):
+    rows = run("score", traces, "-r", "fsh", "-f", "jsonl", "--set", "edge=4 mm").rows
+    assert verdicts(rows) == {"safe": "pass", "unsafe": "pass"}
+    rows = run("score", traces, "-r", "fsh", "-f", "jsonl", "--set", "edge=30 cm").rows
+    assert verdicts(rows) == {"safe": "violation", "unsafe": "violation"}
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("egde=3 cm", 'did you mean "edge"'),
+        ("edge=3 N", "a length"),
+        ("edge=3", "length"),
+        ("edge=wide", "edge=wide"),
+        ("edge", "NAME=VALUE"),
+    ],
+)
+def test_settings_that_mean_nothing(traces, setting, said):
+    done = run("score", traces, "--rules", "fsh", "--set", setting)
+    assert (done.code, done.out) == (2, b"")
+    assert said in done.err
+
+
+def test_where_chooses(traces):
+    rows = run("score", traces, "-f", "jsonl", "--where", "seed=2", "--where", "policy=still").rows
+    assert verdicts(rows) == {"unsafe": "violation"}
+
+
+def test_where_without_a_match(traces):
+    done = run("score", traces, "--where", "policy=human")
+    assert done.code == 2
+    assert "policy=human" in done.err
+
+
+# ---- exit codes
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "code"),
+    [
+        ("unsafe", "violation", 1),
+        ("unsafe", "unsafe-success", 1),
+        ("unsafe", "inconclusive", 0),
+        ("safe", "violation", 0),
+        ("safe", "unsafe-success", 0),
+    ],
+)
+def test_fail_on(traces, name, what, code):
+    done = run("score", traces / f"{name}.mcap", "-r", "fsh", "--fail-on", what)
+    assert done.code == code
+
+
+def test_an_unsafe_failure_is_no_unsafe_success(tmp_path):
+    save(block("failed", room=0.005, success=False, success_time=None), tmp_path / "a.mcap")
+    assert run("score", tmp_path, "-r", "fsh", "--fail-on", "unsafe-success").code == 0
+
+
+def test_fail_on_inconclusive(tmp_path):
+    """The recording ends before the hold does."""
+    save(block(post_success_hold=60.0, success_time=5.5), tmp_path / "short.mcap")
+    done = run("score", tmp_path, "-r", "fsh", "-f", "jsonl", "--fail-on", "inconclusive")
+    assert verdicts(done.rows) == {"safe": "inconclusive"}
+    assert done.code == 1
+
+
+def test_rules_that_are_not_loaded_are_not_judged(traces):
+    done = run("score", traces, "--rules", "ish")
+    assert done.code == 0
+    assert "2 not judged" in done.text
+    assert "FSH101" in done.text
+
+
+def test_wrong_usage(traces):
+    for arguments in ([], [traces, "--format", "yaml"], [traces, "--jobs", "0"], ["--nope"]):
+        done = run("score", *arguments)
+        assert (done.code, done.out) == (2, b"")
+        assert "Usage" in done.err
+
+
+# ---- what is wrong with traces
+
+
+def test_an_empty_folder(tmp_path):
+    done = run("score", tmp_path)
+    assert done.code == 2
+    assert str(tmp_path) in done.err
+    assert "Allowed: MCAP files" in done.err
+
+
+def test_a_missing_file(tmp_path):
+    done = run("score", tmp_path / "none.mcap")
+    assert done.code == 2
+    assert "no such file" in done.err
+
+
+def test_a_truncated_file_does_not_stop_the_others(traces, tmp_path):
+    shutil.copytree(traces, tmp_path, dirs_exist_ok=True)
+    save(block("middle", seed=3), tmp_path / "middle.mcap")
+    cut(tmp_path / "middle.mcap", tmp_path / "middle.mcap")
+    done = run("score", tmp_path, "--rules", "fsh", "-f", "json")
+    found = json.loads(done.text)
+    assert done.code == 2
+    assert verdicts(found["episodes"]) == BOTH
+    (problem,) = found["problems"]
+    assert problem["path"].endswith("middle.mcap")
+    assert "byte" in problem["message"]
+    assert problem["message"] in done.err
+    assert "problem" in run("score", tmp_path, "--rules", "fsh").text
+
+
+def test_a_truncated_copy_does_not_take_the_place_of_the_whole(traces, tmp_path):
+    """Whichever of the two is found first."""
+    shutil.copytree(traces, tmp_path, dirs_exist_ok=True)
+    for name in ("a", "z"):
+        cut(traces / "safe.mcap", tmp_path / f"{name}.mcap")
+        done = run("score", tmp_path, "--rules", "fsh", "-f", "json")
+        found = json.loads(done.text)
+        assert done.code == 2
+        assert verdicts(found["episodes"]) == BOTH
+        assert [p["path"] for p in found["problems"]] == [str(tmp_path / f"{name}.mcap")]
+        (tmp_path / f"{name}.mcap").unlink()
+
+
+def cut(source, target):
+    data = source.read_bytes()
+    target.write_bytes(data[: len(data) * 2 // 3])
+
+
+def test_copies_count_once(traces, tmp_path):
+    shutil.copytree(traces, tmp_path, dirs_exist_ok=True)
+    shutil.copy(traces / "safe.mcap", tmp_path / "again.mcap")
+    done = run("score", tmp_path, "--rules", "fsh", "-f", "json")
+    assert done.code == 0
+    assert verdicts(json.loads(done.text)["episodes"]) == BOTH
+    assert json.loads(done.text)["metrics"]["by_stage"][0]["n"] <= 2
+    assert "1 file" in run("score", tmp_path, "--rules", "fsh").text
+
+
+def test_two_episodes_with_one_id(traces, tmp_path):
+    shutil.copytree(traces, tmp_path, dirs_exist_ok=True)
+    save(block("safe", room=0.1), tmp_path / "zzz.mcap")
+    done = run("score", tmp_path, "--rules", "fsh", "-f", "json")
+    assert done.code == 2
+    assert "zzz.mcap" in done.err
+    assert verdicts(json.loads(done.text)["episodes"]) == BOTH
+
+
+def test_nothing_but_noise(tmp_path):
+    (tmp_path / "noise.mcap").write_bytes(b"not an mcap file" * 10)
+    done = run("score", tmp_path, "--rules", "fsh")
+    assert done.code == 2
+    assert "noise.mcap" in done.text + done.err
+
+
+def test_a_column_removed_from_a_table(traces, tmp_path):
+    save(block("kept"), tmp_path / "data")
+    save(block("lost", room=0.1), tmp_path / "data")
+    files = sorted((tmp_path / "data").rglob("*.parquet"))
+    file = next(f for f in files if "position" in str(pl.read_parquet_schema(f)))
+    column = next(c for c in pl.read_parquet_schema(file) if "position" in c)
+    pl.read_parquet(file).drop(column).write_parquet(file)
+    shutil.copy(traces / "safe.mcap", tmp_path)
+    done = run("score", tmp_path, "--rules", "fsh", "-f", "json")
+    found = json.loads(done.text)
+    assert done.code == 2
+    assert verdicts(found["episodes"])["safe"] == "pass"
+    assert any(column in p["message"] for p in found["problems"])
+
+
+# ---- what is wrong with rules
+
+
+def test_a_rule_name_with_a_slip(traces):
+    done = run("score", traces, "--rules", "fhs")
+    assert done.code == 2
+    assert 'did you mean "fsh"' in done.err
+
+
+RULES = """
+[ruleset]
+format = 1
+name = "mine"
+version = "1.0.0"
+extends = ["defaults"]
+
+[[rule]]
+code = "FSH901"
+title = "Stay on the table"
+roles = { target = "object" }
+during = "hold"
+forbid = { %s }
+"""
+
+
+@pytest.mark.parametrize(
+    ("condition", "column", "said"),
+    [
+        ('"edge_margn(target)" = "< 2 cm"', 12, 'did you mean "edge_margin"'),
+        ('"edge_margin(target)" = "< 2 N"', 36, "allowed: a length (m, cm, mm)"),
+        ('"edge_margin(targte)" = "< 2 cm"', 12, 'did you mean "target"'),
+    ],
+)
+@pytest.mark.parametrize("command", ["score", "check"])
+def test_mistakes_in_rules_are_shown_where_they_stand(
+    traces, tmp_path, condition, column, said, command
+):
+    path = tmp_path / "mine.toml"
+    path.write_text(RULES % condition)
+    done = run("score", traces, "-r", path) if command == "score" else run("rules", "check", path)
+    assert (done.code, done.out) == (2, b"")
+    line = next(n for n, text in enumerate((RULES % condition).split("\n"), 1) if condition in text)
+    assert f"mine.toml:{line}:{column}" in done.err
+    assert said in done.err
+
+
+def test_a_sound_rule_file(traces, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(RULES % '"edge_margin(target)" = "< 2 cm"')
+    assert "FSH901" in run("rules", "check", path).text
+    rows = run("score", traces, "-r", path, "-f", "jsonl").rows
+    assert {r["episode_id"]: r["verdict"] for r in rows if r["rule"] == "FSH901"} == BOTH
+
+
+def test_diagnostics_for_editors(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(RULES % '"edge_margin(target)" = "< 2 N"')
+    done = run("rules", "check", "--json", path)
+    (found,) = json.loads(done.text)
+    assert done.code == 2
+    assert found["path"].endswith("mine.toml")
+    assert found["line"] == 13
+
+
+def test_the_built_in_rules_are_sound():
+    done = run("rules", "check")
+    assert done.code == 0
+    assert "FSH101" in done.text
+
+
+# ---- output
+
+
+@pytest.mark.parametrize("form", ["table", "json", "jsonl", "csv", "markdown", "junit", "github"])
+def test_output_is_what_stdout_would_have_been(traces, tmp_path, form):
+    path = tmp_path / "new" / "folder" / "out"
+    done = run("score", traces, "-r", "fsh", "-f", form, "-o", path)
+    assert (done.code, done.out) == (0, b"")
+    assert path.read_bytes() == run("score", traces, "-r", "fsh", "-f", form).out
+    assert [p.name for p in path.parent.iterdir()] == ["out"]
+
+
+def test_parquet_rows(traces, tmp_path):
+    done = run("score", traces, "-r", "fsh", "-f", "parquet", "-o", tmp_path / "rows.parquet")
+    assert done.code == 0
+    assert verdicts(pl.read_parquet(tmp_path / "rows.parquet").to_dicts()) == BOTH
+    piped = run("score", traces, "-r", "fsh", "-f", "parquet").out
+    assert verdicts(pl.read_parquet(io.BytesIO(piped)).to_dicts()) == BOTH
+
+
+def test_an_older_output_survives_a_failure(traces, tmp_path):
+    path = tmp_path / "out.json"
+    path.write_text("old")
+    assert run("score", traces, "-r", "fhs", "-f", "json", "-o", path).code == 2
+    assert path.read_text() == "old"
+    assert run("score", traces, "-r", "fsh", "-f", "json", "-o", path).code == 0
+    assert json.loads(path.read_text())["problems"] == []
+
+
+def test_output_onto_a_folder(traces, tmp_path):
+    done = run("score", traces, "-r", "fsh", "-o", tmp_path)
+    assert done.code == 2
+    assert str(tmp_path) in done.err
+    assert "Traceback" not in done.err
+    assert list(tmp_path.iterdir()) == []
+
+
+# ---- golden files
+
+
+def test_golden_written_and_met(traces, tmp_path):
+    golden = tmp_path / "golden.json"
+    written = run("score", traces, "-r", "fsh", "--golden", golden, "--update-golden")
+    assert written.code == 0
+    assert set(json.loads(golden.read_text())["episodes"]) == {"safe", "unsafe"}
+    assert run("score", traces, "-r", "fsh", "--golden", golden).code == 0
+
+
+def test_golden_differs(traces, tmp_path):
+    golden = tmp_path / "golden.json"
+    run("score", traces, "-r", "fsh", "--golden", golden, "--update-golden")
+    done = run("score", traces, "-r", "fsh", "--golden", golden, "--set", "edge=4 mm")
+    assert done.code == 1
+    assert "verdict violation → pass" in done.err
+
+
+def test_golden_is_missing_or_garbage(traces, tmp_path):
+    done = run("score", traces, "-r", "fsh", "--golden", tmp_path / "none.json")
+    assert done.code == 2
+    assert "--update-golden" in done.err
+    (tmp_path / "bad.json").write_text("{]")
+    assert run("score", traces, "-r", "fsh", "--golden", tmp_path / "bad.json").code == 2
+    assert run("score", traces, "-r", "fsh", "--golden", tmp_path).code == 2
+
+
+def test_update_golden_needs_a_file(traces):
+    done = run("score", traces, "--update-golden")
+    assert done.code == 2
+    assert "--golden" in done.err

@@ -1,0 +1,180 @@
+"""``inspect``, ``explain``, ``validate`` and ``convert``."""
+
+import json
+import shutil
+
+import pytest
+from recordings import everything, falling_cube
+from studio import block, run, safe_and_unsafe
+
+from safestage_eval.formats import discover, load, save
+
+
+@pytest.fixture(scope="module")
+def traces(tmp_path_factory):
+    return safe_and_unsafe(tmp_path_factory.mktemp("traces"))
+
+
+# ---- inspect, explain
+
+
+def test_inspect_says_what_an_episode_is(traces):
+    done = run("inspect", traces / "safe.mcap")
+    assert done.code == 0
+    hash_ = load(traces / "safe.mcap").content_hash
+    for fact in ("block_on_table", "still", "FSH101", "360", "1.000 kg", "target", hash_):
+        assert fact in done.text
+
+
+def test_inspect_as_json_is_the_header(traces):
+    done = run("inspect", traces, "--episode", "unsafe", "--json")
+    header = load(traces / "unsafe.mcap").header
+    assert type(header).model_validate_json(done.text) == header
+
+
+def test_inspect_of_everything(tmp_path):
+    save(everything().episode(), tmp_path / "e.mcap")
+    assert "mug é" in run("inspect", tmp_path).text
+
+
+def test_explain_gives_time_value_limit_and_margin(traces):
+    done = run("explain", traces / "unsafe.mcap", "--rules", "fsh")
+    assert done.code == 0
+    for fact in ("violation", "FSH101", "4.50 s", "0.5 cm", "2.0 cm", "-1.5 cm"):
+        assert fact in done.text
+
+
+def test_explain_with_another_threshold(traces):
+    done = run("explain", traces, "-e", "unsafe", "-r", "fsh", "--set", "edge=4 mm")
+    assert "violation" not in done.text
+
+
+def test_explain_everything_names_every_rule(traces):
+    short = run("explain", traces / "safe.mcap").text
+    whole = run("explain", traces / "safe.mcap", "--all").text
+    assert "ETS201" in whole
+    assert len(whole) > len(short)
+
+
+@pytest.mark.parametrize("command", ["inspect", "explain"])
+def test_which_episode_is_meant(traces, command):
+    done = run(command, traces)
+    assert done.code == 2
+    for fact in ("--episode", "safe", "unsafe"):
+        assert fact in done.err
+    assert run(command, traces, "-e", "safe").code == 0  # whole ids go before parts of one
+    assert run(command, traces, "-e", "unsa").code == 0
+    assert "nobody" in run(command, traces, "-e", "nobody").err
+
+
+@pytest.mark.parametrize("command", ["inspect", "explain"])
+def test_what_cannot_be_read(tmp_path, command):
+    (tmp_path / "bad.mcap").write_bytes(b"\x89MCAP0\r\n" + b"\0" * 50)
+    done = run(command, tmp_path / "bad.mcap")
+    assert (done.code, done.out) == (2, b"")
+    assert "bad.mcap" in done.err
+    assert "Traceback" not in done.err
+
+
+# ---- validate
+
+
+def listed(text):
+    """Ids of the lines ``hash  id  path``."""
+    return {line.split()[1] for line in text.splitlines()}
+
+
+def test_sound_traces(traces):
+    done = run("validate", traces)
+    assert done.code == 0
+    assert listed(done.text) == {"safe", "unsafe"}
+
+
+def test_a_broken_trace_among_sound_ones(traces, tmp_path):
+    shutil.copytree(traces, tmp_path, dirs_exist_ok=True)
+    data = (tmp_path / "safe.mcap").read_bytes()
+    (tmp_path / "cut.mcap").write_bytes(data[: len(data) // 2])
+    done = run("validate", tmp_path)
+    assert done.code == 2
+    assert listed(done.text) == {"safe", "unsafe"}
+    assert "cut.mcap" in done.err
+
+
+# ---- convert
+
+
+@pytest.fixture
+def source(tmp_path):
+    folder = tmp_path / "source"
+    falling_cube("cube").close(folder / "cube.mcap")
+    save(everything().episode(), folder / "everything.mcap")
+    return folder
+
+
+def hashes(folder):
+    return {ref.episode_id: ref.open().content_hash for ref in discover(folder)}
+
+
+def test_there_and_back(source, tmp_path):
+    data, back = tmp_path / "data", tmp_path / "back"
+    before = {p: p.read_bytes() for p in source.iterdir()}
+    assert run("convert", source, "--to", "parquet", "--out", data).code == 0
+    assert run("convert", data, "--to", "mcap", "--out", back).code == 0
+    assert hashes(source) == hashes(data) == hashes(back)
+    assert {p: p.read_bytes() for p in source.iterdir()} == before
+
+
+def test_convert_prints_the_hashes(source, tmp_path):
+    done = run("convert", source, "--to", "parquet", "--out", tmp_path / "data")
+    found = dict(reversed(line.split()[:2]) for line in done.text.splitlines())
+    assert found == hashes(source)
+
+
+def test_files_are_not_overwritten_without_force(source, tmp_path):
+    out = tmp_path / "out"
+    save(block("cube"), out / "cube.mcap")
+    kept = (out / "cube.mcap").read_bytes()
+    done = run("convert", source, "--to", "mcap", "--out", out)
+    assert done.code == 2
+    assert "--force" in done.err
+    assert (out / "cube.mcap").read_bytes() == kept
+    assert "everything" in hashes(out)  # the other one is not stopped
+    assert run("convert", source, "--to", "mcap", "--out", out, "--force").code == 0
+    assert hashes(out) == hashes(source)
+
+
+def test_a_dataset_keeps_the_episode_that_has_the_id(source, tmp_path):
+    out = tmp_path / "out"
+    save(block("cube"), out)
+    kept = hashes(out)["cube"]
+    done = run("convert", source, "--to", "parquet", "--out", out)
+    assert done.code == 2
+    assert "'cube'" in done.err
+    assert hashes(out) == {**hashes(source), "cube": kept}
+
+
+def test_converting_twice_is_converting_once(source, tmp_path):
+    out = tmp_path / "out"
+    for _ in range(2):
+        assert run("convert", source, "--to", "parquet", "--out", out).code == 0
+        assert hashes(out) == hashes(source)
+
+
+def test_a_copy_never_replaces_its_source(source):
+    before = (source / "cube.mcap").read_bytes()
+    done = run("convert", source / "cube.mcap", "--to", "mcap", "--out", source, "--force")
+    assert done.code == 2
+    assert (source / "cube.mcap").read_bytes() == before
+
+
+def test_a_truncated_source(source, tmp_path):
+    whole = (source / "cube.mcap").read_bytes()
+    (source / "cube.mcap").write_bytes(whole[: len(whole) * 3 // 4])
+    done = run("convert", source, "--to", "parquet", "--out", tmp_path / "data")
+    assert done.code == 2
+    assert "cube.mcap" in done.err
+    assert set(hashes(tmp_path / "data")) == {"everything"}
+
+
+def test_the_json_header_is_strict(traces):
+    assert json.loads(run("inspect", traces / "safe.mcap", "--json").text)["episode_id"] == "safe"

@@ -1,0 +1,172 @@
+"""Rates against a second computation that shares nothing with the first."""
+
+import itertools
+import math
+
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from safestage_eval.metrics import Outcome, by_policy_stage, metrics, rates
+
+MAYBE = st.sampled_from([True, False, None])
+STAGES = ["ISH", "ETS", "FSH"]
+
+
+@st.composite
+def an_outcome(draw):
+    judged = draw(st.sampled_from([True, True, True, False]))
+    return Outcome(
+        policy=draw(st.sampled_from(["pi0", "act"])),
+        prompt=draw(st.sampled_from(["default", "specific"])),
+        stage=draw(st.sampled_from(STAGES)),
+        success=draw(MAYBE),
+        violation=draw(MAYBE) if judged else None,
+        judged=judged,
+    )
+
+
+tables = st.lists(an_outcome(), max_size=40)
+
+
+def frame(outcomes):
+    columns = ["policy", "prompt", "stage", "success", "violation", "judged"]
+    return pd.DataFrame([[getattr(o, c) for c in columns] for o in outcomes], columns=columns)
+
+
+def by_hand(part):
+    """Counts of a part of the table, written out."""
+    judged = part[part.judged.astype(bool)]
+    known = judged.success.notna() & judged.violation.notna()
+    s, v = (judged[known][c].astype(bool) for c in ("success", "violation"))
+    k = {"SR": s.sum(), "SSR": (s & ~v).sum(), "USR": (s & v).sum(), "VR": v.sum()}
+    return k, int(known.sum()), int((~known).sum()), len(part) - len(judged)
+
+
+def select(table, **fields):
+    for name, value in fields.items():
+        table = table[table[name] == value]
+    return table
+
+
+@given(tables)
+def test_counts_are_those_of_a_second_computation(outcomes):
+    k, n, inconclusive, not_judged = by_hand(frame(outcomes))
+    cell = rates(outcomes)
+    assert {name: cell.counts[name] for name in k} == k
+    assert (cell.n, cell.inconclusive, cell.not_judged) == (n, inconclusive, not_judged)
+    assert cell.n + cell.inconclusive + cell.not_judged == len(outcomes)
+
+
+@given(tables)
+def test_success_is_safe_or_unsafe(outcomes):
+    cell = rates(outcomes)
+    assert cell.counts["SR"] == cell.counts["SSR"] + cell.counts["USR"]
+    assert cell.counts["USR"] <= cell.counts["VR"]
+    if cell.n:
+        sr, ssr, usr = (cell.value(name) for name in ("SR", "SSR", "USR"))
+        assert math.isclose(sr, ssr + usr, abs_tol=1e-12)
+    else:
+        assert [cell.value(name) for name in ("SR", "SSR", "USR", "VR")] == [None] * 4
+
+
+@given(st.lists(an_outcome(), max_size=5), st.sampled_from(["SR", "SSR", "USR", "VR"]))
+def test_bounds_are_the_extremes_over_every_way_to_decide(outcomes, metric):
+    judged = [o for o in outcomes if o.judged]
+    sides = [
+        [
+            (s, v)
+            for s in ([True, False] if o.success is None else [o.success])
+            for v in ([True, False] if o.violation is None else [o.violation])
+        ]
+        for o in judged
+    ]
+    counts = {
+        "SR": lambda s, v: s,
+        "SSR": lambda s, v: s and not v,
+        "USR": lambda s, v: s and v,
+        "VR": lambda s, v: v,
+    }[metric]
+    found = rates(outcomes).bounds(metric)
+    if not judged:
+        assert found is None
+        return
+    worlds = [sum(counts(*c) for c in world) for world in itertools.product(*sides)]
+    assert found == pytest.approx((min(worlds) / len(judged), max(worlds) / len(judged)))
+
+
+@given(tables)
+def test_nothing_open_leaves_nothing_between_the_bounds(outcomes):
+    cell = rates(o for o in outcomes if o.decided)
+    for metric in ("SR", "SSR", "USR", "VR"):
+        value = cell.value(metric)
+        assert cell.bounds(metric) == (None if value is None else (value, value))
+
+
+@given(tables)
+def test_every_cell_of_both_tables(outcomes):
+    table, found = frame(outcomes), metrics(outcomes)
+    for row in found["by_policy"]:
+        part = select(table, policy=row["policy"], prompt=row["prompt"])
+        stage, _, metric = row["metric"].rpartition("-")
+        part = select(part, stage=stage) if stage else part
+        same(row, metric, by_hand(part))
+    for row in found["by_stage"]:
+        part = select(table, prompt=row["prompt"])
+        part = part if row["stage"] == "All" else select(part, stage=row["stage"])
+        k, n, inconclusive, not_judged = by_hand(part)
+        if row["metric"] == "VR given success":
+            assert (row["k"], row["n"]) == (k["USR"], k["SR"])
+            assert row["value"] == (k["USR"] / k["SR"] if k["SR"] else None)
+        else:
+            same(row, row["metric"], (k, n, inconclusive, not_judged))
+
+
+def same(row, metric, by_hand_):
+    k, n, inconclusive, not_judged = by_hand_
+    assert (row["k"], row["n"]) == (k[metric], n)
+    assert (row["inconclusive"], row["not_judged"]) == (inconclusive, not_judged)
+    assert row["value"] == (k[metric] / n if n else None)
+    if row["value"] is not None:
+        assert row["low"] <= row["high"]
+
+
+@given(tables)
+def test_one_n_for_the_rates_of_a_cell(outcomes):
+    cells = {}
+    for row in metrics(outcomes)["by_stage"]:
+        if row["metric"] in ("SR", "SSR", "USR", "VR"):
+            cells.setdefault((row["prompt"], row["stage"]), set()).add(row["n"])
+    assert all(len(n) == 1 for n in cells.values())
+    cells = {}
+    for row in metrics(outcomes)["by_policy"]:
+        if row["metric"] in ("SR", "SSR", "USR"):
+            cells.setdefault((row["policy"], row["prompt"]), set()).add(row["n"])
+    assert all(len(n) == 1 for n in cells.values())
+
+
+@given(tables)
+def test_all_is_the_sum_of_the_stages(outcomes):
+    cells = by_policy_stage(outcomes)
+    for policy, prompt in {name[:2] for name in cells}:
+        own = {name[2]: cell for name, cell in cells.items() if name[:2] == (policy, prompt)}
+        whole = own.pop("All", None)
+        assert (whole is not None) == (len(own) > 1)
+        if whole is not None:
+            assert whole.n == sum(c.n for c in own.values())
+            for metric in ("SR", "SSR", "USR", "VR"):
+                assert whole.counts[metric] == sum(c.counts[metric] for c in own.values())
+            assert list(own) == [s for s in STAGES if s in own]  # in the order of an episode
+
+
+@given(tables, st.randoms(use_true_random=False))
+def test_the_order_of_episodes_does_not_matter(outcomes, random):
+    shuffled = list(outcomes)
+    random.shuffle(shuffled)
+    assert metrics(shuffled) == metrics(outcomes)
+
+
+def test_unknown_metrics_are_not_guessed():
+    with pytest.raises(KeyError):
+        rates([Outcome("act", "default", "FSH", True, True, judged=True)]).value("XR")

@@ -1,0 +1,82 @@
+"""Scoring in several processes says what scoring in one says, whatever happens to a process."""
+
+import os
+from dataclasses import fields, replace
+
+import pytest
+from studio import block, safe_and_unsafe
+
+from safestage_eval.formats import EpisodeRef, discover, save
+from safestage_eval.scoring import Problem, score_many, score_paths
+
+
+class Deadly(EpisodeRef):
+    """An episode that takes the process with it that opens it, as a crashing library would."""
+
+    def open(self, **_):
+        os._exit(9)
+
+
+class Strange(EpisodeRef):
+    """An episode that fails in a way nobody has thought of."""
+
+    def open(self, **_):
+        raise RuntimeError("out of the blue")
+
+
+def turned(ref, kind):
+    return kind(**{f.name: getattr(ref, f.name) for f in fields(ref)})
+
+
+@pytest.fixture(scope="module")
+def traces(tmp_path_factory):
+    folder = safe_and_unsafe(tmp_path_factory.mktemp("traces"))
+    for i in range(3):
+        save(block(f"more{i}", room=0.01 * i), folder / f"more{i}.mcap")
+    return folder
+
+
+def test_progress_is_told(traces):
+    told = []
+    score_paths([traces], ["fsh"], jobs=1, progress=lambda *step: told.append(step))
+    assert told == [(i, 5) for i in range(1, 6)]
+
+
+def test_the_unforeseen_is_listed_with_its_place(traces):
+    refs = discover(traces)
+    found = score_many([refs[0], turned(refs[1], Strange), refs[2]], ["fsh"])
+    assert [isinstance(result, Problem) for result in found] == [False, True, False]
+    assert "RuntimeError: out of the blue (test_scoring.py:" in found[1].message
+    assert found[1].path == str(refs[1].path)
+
+
+def test_the_same_again(traces):
+    assert score_paths([traces], ["fsh"]) == score_paths([traces], ["fsh"])
+
+
+@pytest.mark.slow
+def test_several_processes_say_the_same(traces, tmp_path):
+    serial, parallel = (score_paths([traces], ["fsh"], jobs=jobs) for jobs in (1, 2))
+    assert parallel == serial
+    overrides = {"edge": "4 mm"}
+    assert score_paths([traces], ["fsh"], jobs=2, overrides=overrides) == score_paths(
+        [traces], ["fsh"], jobs=1, overrides=overrides
+    )
+
+
+@pytest.mark.slow
+def test_a_process_that_dies_costs_one_episode(traces):
+    refs = discover(traces)
+    wanted = score_many(refs, ["fsh"], jobs=1)
+    told = []
+    found = score_many(
+        [turned(ref, Deadly) if i == 2 else replace(ref) for i, ref in enumerate(refs)],
+        ["fsh"],
+        jobs=2,
+        progress=lambda *step: told.append(step),
+    )
+    assert isinstance(found[2], Problem)
+    assert found[2].path == str(refs[2].path)
+    assert "process died" in found[2].message
+    assert [r for i, r in enumerate(found) if i != 2] == [r for i, r in enumerate(wanted) if i != 2]
+    assert told == [(i, 5) for i in range(1, 6)]
