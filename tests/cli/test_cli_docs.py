@@ -1,0 +1,63 @@
+"""docs/cli.md speaks of every command and option that there is, and of no other."""
+
+import re
+from pathlib import Path
+
+import click
+import pytest
+
+from safestage_eval.cli import COMMANDS, FROM_SIMULATE, group
+
+TEXT = (Path(__file__).resolve().parents[2] / "docs" / "cli.md").read_text("utf-8")
+
+
+def section(name):
+    """The part of the page about a command."""
+    parts = re.split(r"^## ", TEXT, flags=re.MULTILINE)
+    (found,) = [part for part in parts if part.startswith(f"safestage {name}")]
+    return found
+
+
+def options(command):
+    if isinstance(command, click.Group):
+        return {name for sub in command.commands.values() for name in options(sub)}
+    return {
+        name
+        for parameter in command.params
+        if isinstance(parameter, click.Option)
+        for name in parameter.opts
+    }
+
+
+def command(name):
+    found = group.get_command(click.Context(group), name)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_option_is_described(name):
+    assert {o for o in options(command(name)) if f"`{o}`" not in section(name)} == set()
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_no_option_is_invented(name):
+    known = set().union(*(options(command(other)) for other in COMMANDS))
+    said = set(re.findall(r"(?<![\w-])--[a-z][a-z-]*|(?<=`)-[a-z](?=`)", section(name)))
+    assert said <= known | {"--help"}
+
+
+def test_every_choice_is_described():
+    choices = [
+        choice
+        for name in COMMANDS
+        for parameter in command(name).params
+        if isinstance(parameter.type, click.Choice)
+        for choice in parameter.type.choices
+    ]
+    assert choices
+    assert [choice for choice in choices if f"`{choice}`" not in TEXT] == []
+
+
+def test_every_command_is_described():
+    assert [name for name in (*COMMANDS, *FROM_SIMULATE) if f"safestage {name}" not in TEXT] == []
