@@ -28,9 +28,7 @@ print("HEAVY", *[name for name in {HEAVY!r} + ("mujoco",) if name in sys.modules
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "Usage" in done.stdout
-    assert done.stdout.splitlines()[-2:] == ["EXIT 0", "HEAVY"] or done.stdout.endswith(
-        "EXIT 0\nHEAVY \n"
-    )
+    assert [line.split() for line in done.stdout.splitlines()[-2:]] == [["EXIT", "0"], ["HEAVY"]]
 
 
 def test_help_lists_every_command():
