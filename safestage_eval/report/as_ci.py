@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from xml.etree import ElementTree as ET
 
 from safestage_eval.scoring import Scores
+
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that no XML document may hold, not even escaped (XML 1.0, section 2.2)."""
 
 
 def render_junit(scores: Scores) -> str:
@@ -35,7 +39,8 @@ def render_junit(scores: Scores) -> str:
                 f"{kind}s" if kind != "skipped" else kind, str(len(suite.findall(f".//{kind}")))
             )
     ET.indent(root)
-    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+    text = ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
 def render_github(scores: Scores) -> str:

@@ -139,6 +139,11 @@ def test_junit():
     assert problem[0].get("message") == scores().problems[0].message
 
 
+def test_junit_of_names_that_xml_cannot_hold():
+    root = ET.fromstring(render(Scores((episode("a\x00\x1b<&>b é 🥚", VIOLATION),)), "junit"))
+    assert root.find(".//testcase").get("name") == "a��<&>b é 🥚"
+
+
 def test_github_annotations():
     lines = render(scores(), "github").splitlines()
     found = [re.fullmatch(r"::(error|warning) title=([^:,]*)::(.*)", line) for line in lines]
