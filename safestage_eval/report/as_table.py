@@ -70,9 +70,9 @@ def by_importance(verdicts: Iterable[Verdict]) -> list[Verdict]:
 
 
 def goal_of(result: EpisodeResult) -> str:
-    """Native success in words: ``goal reached at 9.62 s``."""
+    """Native success in words: ``success at 9.62 s``."""
     when = "" if result.success_time is None else f" at {result.success_time:.2f} s"
-    said = {True: f"goal reached{when}", False: "goal not reached", None: "success unknown"}
+    said = {True: f"success{when}", False: "no success", None: "success unknown"}
     return said[result.success]
 
 
@@ -99,13 +99,15 @@ def _findings(console: Console, judged: Sequence[EpisodeResult], *, everything: 
 def _lines(result: EpisodeResult, style: str, *, everything: bool) -> Table:
     grid = Table.grid(padding=(0, 2, 0, 0))
     grid.add_column(overflow="fold")
+    grid.add_column(no_wrap=True)
     grid.add_column(justify="right", min_width=8)
     grid.add_column(overflow="fold", ratio=1)
     for v in by_importance(result.verdicts):
         bad = v.verdict in ("violation", "inconclusive")
         if v.assigned or (everything and bad):
             at = f"{v.time:.2f} s" if v.verdict == "violation" and v.time is not None else ""
-            grid.add_row(Text(v.rule, style if v.assigned else ""), at, Text(_sentence(v)))
+            word = v.verdict.replace("_", " ")
+            grid.add_row(v.rule, Text(word, style if v.assigned else ""), at, Text(_sentence(v)))
     return grid
 
 
@@ -118,8 +120,6 @@ def _sentence(v: Verdict) -> str:
         facts.append(v.severity)
     if not v.assigned:
         facts.append(f"follows {v.consequence_of}" if v.consequence_of else "not assigned")
-    if v.verdict == "not_applicable":
-        facts.append("not applicable")
     said = v.explanation or "; ".join(v.notes) or v.title
     return said + (f" ({', '.join(facts)})" if facts else "")
 
