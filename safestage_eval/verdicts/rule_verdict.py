@@ -13,6 +13,7 @@ from safestage_eval.states.persistence import runs
 
 from .evaluate import Evaluator
 from .explain import seconds, sentence
+from .flicker import too_brief
 from .instance import Instance, combinations, judge_instance, violated_frames
 from .verdict import Verdict
 from .witness import Search, Witness
@@ -55,6 +56,7 @@ def judge_rule(
     witness = _witness(evaluator, rule, worst, violated=bool(violated))
     verdict = _with_times(evaluator, rule, verdict, violated, witness)
     notes = _undersampled(evaluator, witness)
+    notes += too_brief(evaluator, rule, instances)
     if witness.at_least:
         notes.append("value and margin are at least this: further away was not measured")
     verdict = replace(
