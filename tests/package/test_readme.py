@@ -3,7 +3,9 @@
 import re
 
 import pytest
+from click.testing import CliRunner
 
+from safestage_eval.cli import group
 from safestage_eval.formats import load
 from safestage_eval.rules.load import load_rules
 
@@ -19,11 +21,36 @@ def blocks(readme, language):
 
 def test_the_recorder_writes_a_trace(readme, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (code,) = blocks(readme, "python")
+    (code,) = (block for block in blocks(readme, "python") if "TraceWriter" in block)
     exec(compile(code, "README.md", "exec"), {})
     episode = load("mine.mcap")
     assert len(episode) == 100
     assert episode.header.roles["target"] == ("cube",)
+
+
+def test_the_notebook_runs(readme, checkout, monkeypatch):
+    pytest.importorskip("matplotlib").use("Agg")
+    monkeypatch.chdir(checkout)
+    (code,) = (block for block in blocks(readme, "python") if "sse.load" in block)
+    names = {}
+    exec(compile(code, "README.md", "exec"), names)
+    assert len(names["rows"]) > 0
+
+
+@pytest.mark.parametrize("command", ["score", "explain"])
+def test_the_tour_shows_what_is_printed(readme, checkout, monkeypatch, command):
+    monkeypatch.chdir(checkout)
+    (shown,) = (
+        block
+        for block in blocks(readme, "")
+        if ("Violations: 6" in block if command == "score" else "$ safestage explain" in block)
+    )
+    arguments = "score traces/ --rules rules/"
+    if command == "explain":
+        first, shown = shown.split("\n", 1)
+        arguments = first.removeprefix("$ safestage ")
+    printed = CliRunner().invoke(group, arguments.split()).stdout.splitlines()
+    assert [line for line in shown.splitlines() if line not in printed and "…" not in line] == []
 
 
 def test_the_rule_is_accepted(readme, tmp_path):
