@@ -37,6 +37,7 @@ typecheck: $(BIN)/pytest
 schemas: $(BIN)/pytest  ## write schemas/ anew from the code
 	$(BIN)/python -m safestage_eval.formats.schema schemas
 	$(BIN)/python -m safestage_eval.rules.schema schemas
+	$(BIN)/python -m safestage_eval.report.schema schemas
 
 traces: $(BIN)/pytest  ## record the episodes in traces/ that are not there yet
 	$(BIN)/safestage record --out traces

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from .options import chosen_ref, episode_option, pairs, rules_option, set_option
+from .options import announce_compiling, chosen_ref, episode_option, pairs, rules_option, set_option
 
 
 @click.command("explain")
@@ -33,6 +33,7 @@ def command(
 
     ref = chosen_ref(trace, episode)
     loaded = load_rules(list(rules) or builtin_names())
+    announce_compiling()
     result = judge(
         ref.open(), loaded, overrides=pairs(settings, "--set"), trace_hash=ref.content_hash
     )

@@ -20,7 +20,8 @@ def run(command: click.Command) -> None:
         click.echo("interrupted", err=True)
         sys.exit(130)
     except InputError as error:
-        click.echo(f"error: {error}", err=True)
+        text = str(error)
+        click.echo(text if text.startswith("error[") else f"error: {text}", err=True)
         sys.exit(2)
     except BrokenPipeError:
         sys.stderr.close()

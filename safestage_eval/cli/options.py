@@ -64,6 +64,14 @@ def wants_color(stream: Any) -> bool:
     return bool(stream.isatty()) and not os.environ.get("NO_COLOR")
 
 
+def announce_compiling() -> None:
+    """Say on stderr why the very first verdict takes a while."""
+    from safestage_eval.geometry.compiled import cache_folder
+
+    if not cache_folder().exists() and not os.environ.get("NUMBA_CACHE_DIR"):
+        click.echo("compiling the geometry kernels, once: about 20 s …", err=True)
+
+
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
     """A progress bar on stderr while the block runs, if stderr is a terminal."""

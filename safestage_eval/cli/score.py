@@ -12,6 +12,7 @@ import click
 from safestage_eval.report import FORMATS
 
 from .options import (
+    announce_compiling,
     pairs,
     progress,
     rules_option,
@@ -95,6 +96,7 @@ def command(
     overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
     from safestage_eval.scoring import score_paths
 
+    announce_compiling()
     with progress("scoring") as tell:
         scores = score_paths(
             traces, rules, overrides=overrides, where=filters, jobs=jobs, progress=tell
