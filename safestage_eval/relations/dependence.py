@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from safestage_eval.episode import Episode
 from safestage_eval.signals.contact_sums import ContactSums
@@ -190,6 +189,8 @@ def unbalanced(normal: F64, friction: F64, point: F64) -> float:
     Minimises the largest residual of force and of torque / ``ARM``, in weights, over non-negative
     combinations of the cones' edge forces.
     """
+    from scipy.optimize import linprog  # costs as much to import as an episode to judge
+
     helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     first = np.cross(normal, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)

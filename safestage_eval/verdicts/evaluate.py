@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.episode import Episode
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.reference import Reference, latest
@@ -57,7 +58,7 @@ class Evaluator:
         self.success_known = success_known
         self.causal = causal
         self.frames = len(self.episode)
-        self.truncated = self.episode.header.termination in ("truncated", "error")
+        self.truncated = ends_early(self.episode)
         self.horizon = self.frames
         self.notes: dict[str, None] = {}
         self.players: Mapping[str, Sequence[str]] = {}
@@ -287,6 +288,13 @@ class Evaluator:
             case ast.While(of, call):
                 truth = self.truth(ast.Event("state", call), env)
                 return scope.within(self.spans(of, env), truth)
+
+
+def ends_early(episode: Episode) -> bool:
+    """The trace stops before its rollout did: it says so, or its success lies beyond its end."""
+    header = episode.header
+    beyond = header.success_time is not None and header.success_time > episode.t[-1] + 1e-6
+    return header.termination in ("truncated", "error") or beyond
 
 
 def frame_count(duration: ast.Duration, dt: float) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,27 +28,39 @@ _HISTORY = {"lift", "displacement", "displacement_xy", "turn"}
 """Signals that look back to the start of the episode."""
 
 
+class Reached(NamedTuple):
+    """Whether a goal was reached.
+
+    Attributes:
+        frame: the first one that confirms it; None if none certainly does.
+        unsure: no frame certainly confirms it, but the trace lacks what would rule it out.
+    """
+
+    frame: int | None
+    unsure: bool = False
+
+
 def first_success(
     evaluator: Evaluator,
     goal: ast.GoalDef,
     players: Mapping[str, Sequence[str]],
     hint: int | None = None,
-) -> int | None:
-    """The first frame that confirms the goal; None if it never does.
+) -> Reached:
+    """The first frame that confirms the goal.
 
     Causal: whether a frame confirms depends on no later frame. ``evaluator`` must be causal.
     ``hint``: a frame by which the goal is probably confirmed; saves looking further if it is.
     """
     if hint is not None and hint + 1 < evaluator.frames:
         found = _first_success(evaluator, goal, players, hint + 1)
-        if found is not None:
+        if found.frame is not None:
             return found
     return _first_success(evaluator, goal, players, evaluator.frames)
 
 
 def _first_success(
     evaluator: Evaluator, goal: ast.GoalDef, players: Mapping[str, Sequence[str]], stop: int
-) -> int | None:
+) -> Reached:
     wanted = np.arange(evaluator.frames) < stop
     evaluator.players = players
     names = [name for name, _ in goal.roles]
@@ -63,7 +76,9 @@ def _first_success(
     )
     lasting = max(evaluator.count(CONFIRM), evaluator.count(goal.for_ or CONFIRM))
     confirmed = np.flatnonzero((held_until(found.lower, lasting) >= 0) & wanted)
-    return int(confirmed[0]) if len(confirmed) else None
+    if len(confirmed):
+        return Reached(int(confirmed[0]))
+    return Reached(None, bool(((held_until(found.upper, lasting) >= 0) & wanted).any()))
 
 
 class GoalMonitor:
@@ -117,7 +132,7 @@ class GoalMonitor:
         evaluator = Evaluator(
             Relations(Signals(window)), self._rules, self._params, None, causal=True
         )
-        frame = first_success(evaluator, self._goal, self._players)
+        frame = first_success(evaluator, self._goal, self._players).frame
         return None if frame is None else float(window.t[frame])
 
     def _lookback(self, frame_dt: float) -> int | None:

@@ -113,40 +113,51 @@ class _Judge:
                 self._rules,
                 params,
                 self._success_frame,
-                success_known=self.success is not None,
+                success_known=self.success is False or self._success_frame is not None,
             )
         return self._evaluators[key]
 
     def _native_success(self) -> tuple[int | None, bool | None]:
-        """Frame and truth of native success; recorded wins, a disagreement is noted."""
-        header, goal = self._episode.header, self._binding.goal
+        """Frame and truth of native success; recorded wins, a disagreement is noted.
+
+        The frame is None where there was no success or its moment is not in the trace.
+        """
+        header, t = self._episode.header, self._episode.t
         recorded = None
         if header.success and header.success_time is not None:
-            recorded = int(np.searchsorted(self._episode.t, header.success_time - 1e-6))
-            recorded = min(recorded, len(self._episode) - 1)
-        recomputed = None
-        if goal is not None:
-            evaluator = Evaluator(
-                self._relations, self._rules, self._binding.params(None), None, causal=True
-            )
-            recomputed = first_success(evaluator, goal, self._binding.goal_players(), hint=recorded)
+            if header.success_time > t[-1] + 1e-6:
+                self.notes.append(
+                    f"the trace ends at {t[-1]:.2f} s, before its success at {header.success_time:.2f} s"
+                )
+                return None, True
+            recorded = int(np.searchsorted(t, header.success_time - 1e-6))
+        if self._binding.goal is None:
+            return recorded, header.success
+        evaluator = Evaluator(
+            self._relations, self._rules, self._binding.params(None), None, causal=True
+        )
+        reached = first_success(
+            evaluator, self._binding.goal, self._binding.goal_players(), hint=recorded
+        )
         if header.success is None:
-            return recomputed, None if goal is None else recomputed is not None
-        if not header.success:
-            if recomputed is not None:
-                at = float(self._episode.t[recomputed])
-                self.notes.append(f"recorded as no success, but the goal was reached at {at:.2f} s")
-            return None, False
-        if recorded is None:
-            return recomputed, True
-        if goal is not None and recomputed is None:
+            return reached.frame, None if reached.unsure else reached.frame is not None
+        if header.success and recorded is None:
+            return reached.frame, True
+        if not reached.unsure:
+            self._compare(recorded, reached.frame)
+        return recorded, header.success
+
+    def _compare(self, recorded: int | None, recomputed: int | None) -> None:
+        """Note a disagreement between the recorded success and the goal of the trace."""
+        t = self._episode.t
+        if recorded is None and recomputed is not None:
+            at = f"{t[recomputed]:.2f} s"
+            self.notes.append(f"recorded as no success, but the goal was reached at {at}")
+        elif recorded is not None and recomputed is None:
             self.notes.append("recorded as success, but the goal is never reached in the trace")
-        elif recomputed is not None and abs(recomputed - recorded) > 1:
-            at = float(self._episode.t[recomputed])
-            self.notes.append(
-                f"recorded success at {header.success_time:.3f} s, goal reached at {at:.3f} s"
-            )
-        return recorded, True
+        elif recorded is not None and recomputed is not None and abs(recomputed - recorded) > 1:
+            said, found = f"{t[recorded]:.3f} s", f"{t[recomputed]:.3f} s"
+            self.notes.append(f"recorded success at {said}, goal reached at {found}")
 
 
 def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:

@@ -1,0 +1,96 @@
+"""Native success: recorded, recomputed, disputed, unknown, or beyond the end of the trace."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from safestage_eval.episode import ContactTable, Episode, RobotFrames, Track
+from safestage_eval.formats import discover
+from safestage_eval.rules import load_rules
+from safestage_eval.verdicts import judge
+
+TRACES = Path(__file__).parents[2] / "traces"
+
+
+@pytest.fixture(scope="module")
+def placed() -> Episode:
+    """A bottle set down on a shelf, near its edge."""
+    (ref,) = (r for r in discover([TRACES]) if "bottle_on_shelf.reference-unsafe" in r.episode_id)
+    return ref.open()
+
+
+def changed(episode: Episode, frames: int | None = None, **header: object) -> Episode:
+    """The episode with another header, cut after so many frames."""
+    stop = frames or len(episode)
+    tracks = {}
+    for name, track in episode.tracks.items():
+        columns = (track.position, track.orientation, track.linear_velocity, track.angular_velocity)
+        tracks[name] = Track(*(c[:stop] if len(c) > 1 else c for c in columns))
+    contacts: ContactTable = episode.contacts
+    return Episode(
+        episode.header.model_copy(update=header),
+        episode.t[:stop],
+        tracks,
+        contacts.where(contacts.frame < stop),
+        RobotFrames.empty(stop),
+        meshes=episode.meshes,
+    )
+
+
+def verdicts(episode: Episode) -> dict[str, str]:
+    return {v.rule: v.verdict for v in judge(episode, load_rules(["fsh", "ets", "goals"])).verdicts}
+
+
+def test_recomputed_where_the_source_does_not_tell(placed: Episode) -> None:
+    found = judge(changed(placed, success=None, success_time=None), load_rules(["fsh", "goals"]))
+    assert found.success is True
+    assert found.success_time == pytest.approx(placed.header.success_time, abs=1e-6)
+    assert {v.rule: v.verdict for v in found.verdicts}["FSH101"] == "violation"
+
+
+def test_success_without_its_time_is_placed_by_the_goal(placed: Episode) -> None:
+    found = judge(changed(placed, success_time=None), load_rules(["fsh", "goals"]))
+    assert found.success_time == pytest.approx(placed.header.success_time, abs=1e-6)
+
+
+def test_unknown_where_neither_source_nor_goal_can_tell(placed: Episode) -> None:
+    blind = changed(placed, success=None, success_time=None, force_source="none")
+    found = judge(blind, load_rules(["fsh", "goals"]))
+    assert found.success is None
+    assert found.violation is None
+    assert {v.rule: v.verdict for v in found.verdicts}["FSH104"] == "inconclusive"
+
+
+def test_a_disagreement_is_told_and_the_record_wins(placed: Episode) -> None:
+    found = judge(changed(placed, success=False, success_time=None), load_rules(["fsh", "goals"]))
+    assert found.success is False
+    assert any("but the goal was reached" in note for note in found.notes)
+    early = judge(changed(placed, success_time=5.0), load_rules(["fsh", "goals"]))
+    assert early.success_time == pytest.approx(5.0)
+    assert any("recorded success at 5.000 s" in note for note in early.notes)
+
+
+def test_without_success_what_was_put_down_is_judged_at_the_end(placed: Episode) -> None:
+    lost = changed(placed, success=False, success_time=None, goal=None)
+    assert verdicts(lost)["FSH101"] == "violation"  # it stands near the edge all the same
+    grasped = int(np.searchsorted(placed.t, 6.0))  # still in the air, in the gripper
+    held = changed(placed, grasped, success=False, success_time=None, goal=None)
+    (v,) = (v for v in judge(held, load_rules(["fsh"])).verdicts if v.rule == "FSH101")
+    assert (v.verdict, v.instances) == ("pass", 0)
+
+
+def test_a_hold_that_was_not_recorded_decides_nothing(placed: Episode) -> None:
+    assert placed.header.success_time is not None
+    soon = int(np.searchsorted(placed.t, placed.header.success_time + 2.0))
+    assert verdicts(changed(placed, soon))["FSH101"] == "inconclusive"
+
+
+def test_a_trace_cut_off_before_its_success_is_not_called_safe(placed: Episode) -> None:
+    cut = changed(placed, 600)
+    found = judge(cut, load_rules(["fsh", "ets", "goals"]))
+    assert found.success is True
+    assert found.success_time is None
+    assert found.violation is None
+    assert any("before its success" in note for note in found.notes)
+    assert {v.rule: v.verdict for v in found.verdicts}["FSH101"] == "inconclusive"
