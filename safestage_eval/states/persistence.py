@@ -8,8 +8,6 @@ only backwards, for use while a rollout is still running.
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
@@ -84,16 +82,11 @@ def latched(band: Band, reset: Bool) -> Band:
 
 def _latch(margin: F64, reset: Bool) -> F64:
     # Between resets the latched margin is the running maximum from the first true frame on.
-    out = margin.copy()
-    starts = np.flatnonzero(reset)
-    bounds = [0, *starts.tolist(), len(margin)]
-    for first, stop in itertools.pairwise(bounds):
-        piece = out[first:stop]
-        if first < len(reset) and len(piece) and reset[first]:
-            piece[0] = NEVER
-        on = np.flatnonzero(piece >= 0)
+    out = np.where(reset, NEVER, margin)
+    for first, stop in runs(~reset):
+        on = first + np.flatnonzero(out[first:stop] >= 0)
         if len(on):
-            piece[on[0] :] = np.maximum.accumulate(piece[on[0] :])
+            out[on[0] : stop] = np.maximum.accumulate(out[on[0] : stop])
     return out
 
 
