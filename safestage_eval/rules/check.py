@@ -96,7 +96,10 @@ class _FileChecker(Obligations):
         self.usage.span(found["span"], keys, scope)
         span = self.usage.parsed("R304", keys, parse.span, found["span"])
         if span is not None and not (
-            isinstance(span, ast.Part) and span.which == "first" and isinstance(span.of, ast.Whole)
+            isinstance(span, ast.Part)
+            and span.which == "first"
+            and isinstance(span.duration, ast.Duration)
+            and isinstance(span.of, ast.Whole)
         ):
             self.usage.report(
                 "R304", keys, "the baseline is the first frames of the episode",

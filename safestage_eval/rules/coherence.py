@@ -172,9 +172,10 @@ class Coherence:
                 continue
             bases = [other for other in self._files if other.path in file.extends]
             for name, _, keys in _definitions(file):
-                kind, *rest = name
-                read = ("column", rest[-1]) if kind == "material" else (kind, rest[0])
-                if kind not in ("param", "signal", "state", "phase", "material") or read in reads:
+                kind = name[0]
+                if kind not in ("param", "signal", "state", "phase", "material"):
+                    continue
+                if ("column" if kind == "material" else kind, name[-1]) in reads:
                     continue
                 if any(name == other for base in bases for other, _, _ in _definitions(base)):
                     continue

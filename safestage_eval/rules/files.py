@@ -169,6 +169,10 @@ class _Reader:
         except tomllib.TOMLDecodeError as error:
             self.problems.append(_not_toml(shown, text, str(error)))
             return None
+        except RecursionError:
+            what = "not readable: lists or tables are nested far too deeply"
+            self.problems.append(Diagnostic(shown, 1, 1, "R102", what))
+            return None
 
 
 def _not_toml(shown: str, text: str, message: str) -> Diagnostic:

@@ -94,7 +94,12 @@ def setting(value: str | float) -> ast.Quantity | ast.Duration:
         found = duration(value)
         if isinstance(found, ast.Duration):
             return found
-    return quantity(value)
+    number = quantity(value)
+    if number.dimension != "time":
+        return number
+    if number.value < 0:
+        raise GrammarError(f"{value!r} lasts less than no time", '"0.5 s", "3 frames @ 120 Hz"')
+    return ast.Duration(number.value, text=number.text)
 
 
 def call(text: str) -> ast.Call:

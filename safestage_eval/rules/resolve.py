@@ -104,7 +104,10 @@ def bind_episode(
     """
     task = header.task or ""
     layers = [("trace header", _from_header(rules, header))]
-    bound = (bind or {}).get("task", {}).get(task)
+    tables = (bind or {}).get("task", {})
+    if not isinstance(tables, Mapping):
+        raise RuleError("bind file, task", "not a table of tasks.", "[task.NAME]")
+    bound = tables.get(task)
     if bound is not None:
         layers.append(("bind file", _from_bind(rules, task, bound)))
     if task in rules.tasks:
@@ -201,9 +204,23 @@ def _from_header(rules: ast.RuleSet, header: Header) -> ast.TaskDef:
 
 def _from_bind(rules: ast.RuleSet, task: str, table: Any) -> ast.TaskDef:
     where = f"bind file, task {task}"
-    known = {"family", "rules", "goal", "roles", "set"}
-    if not isinstance(table, Mapping) or not set(table) <= known:
-        raise RuleError(where, "not what a task may be bound to.", ", ".join(sorted(known)))
+    known = {
+        "family": (str, "the name of a family"),
+        "goal": (str, "the name of a goal"),
+        "roles": (Mapping, '{ target = "mug", protected = ["vase", "phone"] }'),
+        "rules": (list | tuple, 'a list of codes: ["ETS101"]'),
+        "set": (Mapping, '{ edge = "3 cm" }'),
+    }
+    if not isinstance(table, Mapping) or not set(table) <= set(known):
+        raise RuleError(where, "not what a task may be bound to.", ", ".join(known))
+    for key, value in table.items():
+        kind, allowed = known[key]
+        if not isinstance(value, kind):
+            raise RuleError(f"{where}, {key}", "a value of the wrong type.", allowed)
+    for role, players in table.get("roles", {}).items():
+        bodies = [players] if isinstance(players, str) else players
+        if not isinstance(bodies, list | tuple) or not all(isinstance(b, str) for b in bodies):
+            raise RuleError(f"{where}, role {role}", "not a body.", '"mug", ["vase", "phone"]')
     for name, text in table.get("set", {}).items():
         _setting(rules, name, text, f"{where}, set {name}")
     return build.task(task, table)

@@ -166,13 +166,12 @@ def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
     Raises RuleError for a span that is not the first stretch of the episode.
     """
     span = rules.baseline
-    if (
-        isinstance(span, ast.Part)
-        and span.which == "first"
-        and isinstance(span.of, ast.Whole)
-        and isinstance(span.duration, ast.Duration)
-    ):
-        return frame_count(span.duration, episode.dt)
+    if isinstance(span, ast.Part) and span.which == "first" and isinstance(span.of, ast.Whole):
+        duration: ast.Duration | ast.Quantity | ast.Parameter = span.duration
+        if isinstance(duration, ast.Parameter):
+            duration = rules.params[duration.name]
+        if isinstance(duration, ast.Duration):
+            return max(1, frame_count(duration, episode.dt))
     raise RuleError("[baseline] span", "not a first stretch.", '"first 5 frames of episode"')
 
 

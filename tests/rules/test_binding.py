@@ -207,3 +207,15 @@ def test_a_role_without_a_body() -> None:
 def test_a_parameter_of_rules_that_are_not_loaded_is_left_alone() -> None:
     binding = bind_episode(load_rules(["fsh"]), header(parameters={"min_clearance": "12 cm"}))
     assert "min_clearance" not in binding.params(None)
+
+
+@pytest.mark.parametrize(
+    "task",
+    [5, {"roles": {"target": 5}}, {"roles": "pot"}, {"rules": "ETS901"}, {"set": 5}, {"goal": 3},
+     {"family": ["x"]}],
+)  # fmt: skip
+def test_values_of_the_wrong_type_in_a_bind_file_are_said_so(task) -> None:
+    with pytest.raises(RuleError, match="bind file"):
+        bind_episode(ruleset(), header(), bind={"task": {"tea": task}})
+    with pytest.raises(RuleError, match="bind file"):
+        bind_episode(ruleset(), header(), bind={"task": 5})

@@ -202,3 +202,13 @@ def test_nothing_but_a_grammar_error_comes_of_any_text(text: str) -> None:
             read(text)
         except parse.GrammarError as error:
             assert error.what
+
+
+@pytest.mark.parametrize("text", ["1s", "1 s", "1000ms", "1000 ms"])
+def test_a_time_is_a_duration_with_or_without_a_space(text: str) -> None:
+    assert parse.setting(text) == Duration(1.0)
+
+
+def test_no_time_is_negative() -> None:
+    with pytest.raises(parse.GrammarError, match="less than no time"):
+        parse.setting("-1 s")

@@ -126,3 +126,25 @@ def test_reading_rules_needs_no_geometry() -> None:
         "sys.exit(', '.join(heavy & set(sys.modules)) or None)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[2])
+
+
+OWN = '[ruleset]\nformat = 1\nname = "x"\nversion = "1"\nextends = ["defaults"]\n'
+MOVED = '[[rule]]\ncode = "ETS901"\ntitle = "t"\nroles = { a = "object" }\nforbid = "moved(a)"\n'
+
+
+def test_a_file_with_rules_may_have_its_own_baseline(tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text(OWN + '[baseline]\nspan = "first 0.1 s of episode"\n' + MOVED, "utf-8")
+    assert load_rules([path]).baseline == Part("first", Duration(0.1), Whole())
+
+
+def test_a_baseline_cannot_be_as_long_as_a_parameter(tmp_path: Path) -> None:
+    path = tmp_path / "param.toml"
+    path.write_text(OWN + '[baseline]\nspan = "first settle_time of episode"\n' + MOVED, "utf-8")
+    assert [(d.code, d.line) for d in check_rules([path])] == [("R304", 7)]
+
+
+def test_nesting_beyond_reason_is_a_problem_of_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "deep.toml"
+    path.write_text("x = " + "[" * 5000 + "]" * 5000, "utf-8")
+    assert [d.code for d in check_rules([path])] == ["R102"]
