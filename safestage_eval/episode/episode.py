@@ -93,8 +93,15 @@ class Episode:
 
     @cached_property
     def dt(self) -> float:
-        """s, spacing of frames: the median of the recorded time steps (``frame_dt`` if T < 2)."""
-        return float(np.median(np.diff(self.t))) if len(self.t) > 1 else self.header.frame_dt
+        """s, spacing of frames: the mean time step (``frame_dt`` if T < 2).
+
+        The median where a pause in the recording pulls the mean away from it.
+        """
+        if len(self.t) < 2:
+            return self.header.frame_dt
+        mean = float(self.t[-1] - self.t[0]) / (len(self.t) - 1)
+        median = float(np.median(np.diff(self.t)))
+        return mean if abs(mean - median) < 0.05 * median else median
 
     @cached_property
     def content_hash(self) -> str:

@@ -46,12 +46,18 @@ class Dependence:
         self._free = {
             i
             for i, body in enumerate(header.bodies)
-            if body.movable and body.kind not in ("robot", "gripper")
+            if body.kind == "object" and body.movable and body.parent is None
         }
         self._robot = {i for i, b in enumerate(header.bodies) if b.kind in ("robot", "gripper")}
         self._friction = np.array([g.friction[0] for b in header.bodies for g in b.geoms])
         self._com: dict[int, F64] = {}
         self._falls: dict[tuple[int, int], frozenset[int]] = {}
+
+    @property
+    def massless(self) -> list[str]:
+        """Free bodies whose mass is not known: statics cannot tell what falls."""
+        bodies = self._episode.header.bodies
+        return [bodies[i].name for i in sorted(self._free) if bodies[i].mass is None]
 
     def depends_on(self, body: int, on: int, wanted: Bool | None = None) -> Bool:
         """(T,) true where ``body`` is in the collapse set of removing ``on``.
@@ -75,27 +81,21 @@ class Dependence:
         if (removed, frame) in self._falls:
             return self._falls[removed, frame]
         contacts = self._contacts_at(frame)
-        gone, fell = {removed}, set[int]()
-        again = True
-        while again:
-            again = False
-            for body in sorted(self._touching(gone, contacts) - gone):
-                if not self._stands(body, frame, contacts, gone):
-                    gone.add(body)
-                    fell.add(body)
-                    again = True
-        self._falls[removed, frame] = frozenset(fell)
+        gone = {removed}
+        while True:  # in rounds against what is gone by then, so that no order of bodies matters
+            near = self._touching(gone, contacts) - gone
+            fallen = {b for b in near if not self._stands(b, frame, contacts, gone)}
+            if not fallen:
+                break
+            gone |= fallen
+        self._falls[removed, frame] = frozenset(gone - {removed})
         return self._falls[removed, frame]
 
     def _stands(self, body: int, frame: int, contacts: NDArray[np.intp], gone: set[int]) -> bool:
         table = self._episode.contacts
         # what the robot touches is a load of its own: it must not hold up what is beneath it
         handled = self._touching(self._robot, contacts)
-        group = {body} | {
-            b
-            for b, mask in self._graph.above(body).items()
-            if mask[frame] and b in self._free and b not in gone and b not in handled
-        }
+        group = self._with_load(body, frame, gone | handled)
         in1 = np.isin(table.body1[contacts], list(group))
         in2 = np.isin(table.body2[contacts], list(group))
         lost = np.isin(table.body1[contacts], list(gone)) | np.isin(
@@ -113,6 +113,17 @@ class Dependence:
         friction = np.minimum(self._friction[table.geom1[rows]], self._friction[table.geom2[rows]])
         point = table.position[rows].astype(np.float64) - com
         return unbalanced(normal, friction, point) <= LOST
+
+    def _with_load(self, body: int, frame: int, without: set[int]) -> set[int]:
+        """The body and all free bodies that it carries at that frame, directly or not."""
+        group, todo = {body}, [body]
+        while todo:
+            below = todo.pop()
+            for (bearer, borne), bears in self._graph.edges.items():
+                if bearer == below and borne not in group and borne not in without and bears[frame]:
+                    group.add(borne)
+                    todo.append(borne)
+        return group & self._free
 
     def _contacts_at(self, frame: int) -> NDArray[np.intp]:
         column = self._episode.contacts.frame

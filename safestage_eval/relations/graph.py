@@ -33,7 +33,6 @@ class SupportGraph:
         self._episode = episode
         self._sums = sums
         self._frames = len(episode)
-        self._above: dict[int, dict[int, Bool]] = {}
         header = episode.header
         self._names = [body.name for body in header.bodies]
         self._robot = {
@@ -41,7 +40,13 @@ class SupportGraph:
             for i, body in enumerate(header.bodies)
             if body.kind in ("robot", "gripper") and body.movable
         }
-        self._fixed = {i for i, body in enumerate(header.bodies) if not body.movable}
+        # an articulated fixture (a drawer) is held by its joint, which no contact shows
+        self._fixed = {
+            i
+            for i, body in enumerate(header.bodies)
+            if not body.movable
+            or (i not in self._robot and (body.kind == "fixture" or body.parent is not None))
+        }
         gravity = float(np.linalg.norm(header.gravity))
         self._least = [
             max(LEAST_LOAD, LEAST_SHARE * (body.mass or 0.0) * gravity) for body in header.bodies
@@ -105,14 +110,6 @@ class SupportGraph:
                     through |= bears & reached[bearer]
             out[i] = through
         return out
-
-    def above(self, body: int) -> dict[int, Bool]:
-        """Other body → (T,) true where a path of edges leads from it down to ``body``."""
-        if body not in self._above:
-            start = np.ones(self._frames, np.bool_)
-            reached = self._spread(lambda i: start if i == body else None)
-            self._above[body] = {i: m for i, m in reached.items() if i != body and m.any()}
-        return self._above[body]
 
     def bearers(self, body: int) -> dict[int, Bool]:
         """Bearer → (T,) true where it bears the body directly."""

@@ -35,7 +35,8 @@ class Partial:
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     done: Bool
-    notes: dict[str, None]
+    notes: dict[str, Bool]
+    """Note → (T,) the frames that it is about."""
 
     @classmethod
     def blank(cls, frames: int) -> Partial:
@@ -71,13 +72,28 @@ class Relations:
         Of a ``COSTLY`` one only the ``wanted`` frames (T,) mean anything; all of them if None.
         Raises KeyError for a name or body that does not exist.
         """
-        if name == "depends_on" and self.episode.header.force_source != "none":
+        if self.lacking(name):
+            return None
+        if name == "depends_on":
             ids = [self.episode.body_index[body] for body in bodies]
             return self.dependence.depends_on(ids[0], ids[1], wanted)
         key = (name, tuple(bodies))
         if key not in self._known:
             self._known[key] = self._decide(name, list(bodies))
         return self._known[key]
+
+    def lacking(self, name: str) -> str:
+        """What the trace would need to tell a relation, and does not have; empty if nothing."""
+        header = self.episode.header
+        if "forces" in RELATIONS[name].needs and header.force_source == "none":
+            return "contact forces"
+        fingers = {body.finger for body in header.bodies}
+        gripper = any(body.kind == "gripper" for body in header.bodies)
+        if name in ("held", "carried") and gripper and not {"left", "right"} <= fingers:
+            return "names of the left and the right finger"
+        if name == "depends_on" and self.dependence.massless:
+            return f"mass of {', '.join(self.dependence.massless)}"
+        return ""
 
     def signal(
         self,
@@ -105,16 +121,17 @@ class Relations:
             found = measure(missing, *bodies)
             partial.lower[missing], partial.upper[missing] = found.lower, found.upper
             partial.done[missing] = True
-            partial.notes.update(dict.fromkeys(found.notes))
-        dimension = SIGNALS[name].dimension
-        return Series(partial.lower, partial.upper, dimension, tuple(partial.notes))
+            for note in found.notes:
+                vague = np.isneginf(found.lower) & np.isposinf(found.upper)
+                about = partial.notes.setdefault(note, np.zeros(len(self.episode), np.bool_))
+                about[missing[vague]] = True
+        notes = tuple(note for note, about in partial.notes.items() if (about & todo).any())
+        return Series(partial.lower, partial.upper, SIGNALS[name].dimension, notes)
 
     def _decide(self, name: str, bodies: list[str]) -> Bool | None:
-        spec, index = RELATIONS[name], self.episode.body_index
+        index = self.episode.body_index
         if name == "inside":
             return self._inside(*bodies)
-        if "forces" in spec.needs and self.episode.header.force_source == "none":
-            return None
         ids = [index[body] for body in bodies]
         if name == "supports":
             return self.graph.supports(*ids)
@@ -176,6 +193,8 @@ class Relations:
         frames, movers = len(self.episode), self.signals.movers
         if not movers.of([a]):
             return unknown(len(at), "length", f"the trace has no shape of {a}")
+        if s is not None and not movers.of([s]):
+            return unknown(len(at), "length", f"the trace has no shape of {s}")
         if s is not None:
             margin = np.broadcast_to(edge_margin(movers[a], [movers[s]], at), frames)[at]
             return exact(np.where(np.isnan(margin), -np.inf, margin), "length")

@@ -43,11 +43,16 @@ class Signals:
         return ContactSums(self.episode)
 
     def bodies(self, name: str) -> list[str]:
-        """The bodies a name stands for: itself, or those of the union ``robot`` or ``gripper``."""
+        """The bodies a name stands for: itself, or those of the union ``robot`` or ``gripper``.
+
+        An immobile base of the robot is a fixture and in no union.
+        """
         if name in self.episode.bodies:
             return [name]
         kinds = {"robot": ("robot", "gripper"), "gripper": ("gripper",)}[name]
-        return [body.name for body in self.episode.header.bodies if body.kind in kinds]
+        return [
+            body.name for body in self.episode.header.bodies if body.kind in kinds and body.movable
+        ]
 
     def get(
         self,

@@ -95,12 +95,14 @@ class Evaluator:
         reference = None
         if atom.since is not None:
             instants = np.asarray(self.instants(atom.since, env), np.int64)
+            instants = instants[instants < self.frames]
             reference = Reference(
                 self.relations.signals.baseline,
                 latest(instants, self.frames),
-                key=instants.tobytes().hex(),
+                key=f"since {instants.tobytes().hex()}",
             )
-        reach = max(abs(self.number(limit.value, env)) for limit in atom.limits)
+        furthest = max(abs(self.number(limit.value, env)) for limit in atom.limits)
+        reach = furthest * (1 + 1e-6) + 1e-6  # a limit is never where the signal saturates
         name = atom.call.name
         if name in self.rules.signals:
             name = self.rules.signals[name].base
@@ -197,7 +199,7 @@ class Evaluator:
     def _relation(self, name: str, bodies: tuple[str, ...], wanted: Bool | None = None) -> Band:
         truth = self.relations.get(name, bodies, wanted)
         if truth is None:
-            lacking = "shape" if name == "inside" else "contact forces"
+            lacking = self.relations.lacking(name) or "shapes"
             self.notes[f"{name}() cannot be told: the trace has no {lacking}"] = None
             nothing = np.zeros(self.frames, np.bool_)
             return band.crisp(nothing, nothing)
@@ -246,9 +248,12 @@ class Evaluator:
         return out
 
     def instants(self, event: ast.Event, env: Env) -> list[int]:
-        """The frames at which an event happens; a bare state happens where it starts."""
+        """The frames at which an event happens; a bare state happens where it starts.
+
+        ``end`` comes after the last frame: T.
+        """
         if event.kind == "end":
-            return [self.frames - 1]
+            return [self.frames]
         if event.kind == "state" and event.edge is None:
             event = ast.Event("state", event.call, "start")
         found: NDArray[np.intp] = np.flatnonzero(self.truth(event, env))
@@ -273,14 +278,18 @@ class Evaluator:
                 return found
             case ast.StateSpan(call):
                 truth = self.truth(ast.Event("state", call), env)
-                return scope.of_truth(truth, truncated=self.truncated)
+                found = scope.of_truth(truth, truncated=self.truncated)
+                unseen = self.horizon < self.frames
+                return [s._replace(cut=s.cut or (unseen and s.stop == self.horizon)) for s in found]
             case ast.Part(which, duration, of):
                 part = scope.first_part if which == "first" else scope.last_part
                 return part(self.spans(of, env), self.count(duration))
             case ast.Around("after", duration, event):
                 return scope.after(self.instants(event, env), self.count(duration), self.frames)
             case ast.Around(_, duration, event):
-                return scope.before(self.instants(event, env), self.count(duration))
+                found = scope.before(self.instants(event, env), self.count(duration))
+                cut = self.truncated and event.kind == "end"
+                return [s._replace(cut=cut) for s in found]
             case ast.FromTo(begin, stop):
                 return scope.from_to(
                     self.truth(begin, env), self.truth(stop, env), truncated=self.truncated
@@ -311,6 +320,22 @@ def _is_momentary(state: ast.StateDef) -> bool:
 
 def _is_costly(atom: ast.Atom) -> bool:
     return isinstance(atom, ast.SignalAtom | ast.StateAtom) and atom.call.name in COSTLY
+
+
+def may_recur(span: ast.Span, evaluator: Evaluator) -> bool:
+    """Another stretch of the span may begin after what is known of the trace."""
+    match span:
+        case ast.PhaseSpan(call):
+            return may_recur(evaluator.rules.phases[call.name].span, evaluator)
+        case ast.Part(_, _, of):
+            return may_recur(of, evaluator)
+        case ast.FromTo(event, _) | ast.Around("after", _, event):
+            if event.kind == "success":
+                return evaluator.success is None
+            return event.kind == "state"
+        case ast.StateSpan() | ast.Around() | ast.While():
+            return True
+    return False
 
 
 def band_known(found: Band) -> bool:

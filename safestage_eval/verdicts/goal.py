@@ -19,7 +19,7 @@ from safestage_eval.states import band
 from safestage_eval.states.persistence import held_until
 
 from .evaluate import Evaluator
-from .instance import nodes
+from .instance import named_outside_counts, nodes
 
 CONFIRM = ast.Duration(3, frames=True)
 """The goal must be true for so many frames; success is the frame that confirms it."""
@@ -65,7 +65,9 @@ def _first_success(
     evaluator.players = players
     names = [name for name, _ in goal.roles]
     counted = {n.role for n in nodes(goal.require) if isinstance(n, ast.CountAtom)}
-    free = [name for name in names if name not in counted]
+    free = [name for name in names if name not in counted or named_outside_counts(goal, name)]
+    if any(not players.get(name) for name in names):
+        return Reached(None, unsure=True)
     found = band.both(
         [
             evaluator.condition(goal.require, dict(zip(free, bodies, strict=True)), wanted)

@@ -15,7 +15,7 @@ from safestage_eval.states.band import Band, Bool, negated
 from safestage_eval.states.persistence import held_from, without_short_runs
 from safestage_eval.states.scope import Scope
 
-from .evaluate import Env, Evaluator
+from .evaluate import Env, Evaluator, may_recur
 
 Kind = Literal["require", "forbid", "reach"]
 
@@ -71,7 +71,7 @@ def combinations(rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> Iterat
     """Every assignment of distinct bodies to the roles that are not merely counted over."""
     counted = {node.role for node in nodes(rule) if isinstance(node, ast.CountAtom)}
     named = [name for name, _ in rule.roles]
-    free = [name for name in named if name not in counted or _named_outside_counts(rule, name)]
+    free = [name for name in named if name not in counted or named_outside_counts(rule, name)]
     for bodies in itertools.product(*(players[name] for name in free)):
         if len(set(bodies)) == len(bodies):
             yield dict(zip(free, bodies, strict=True))
@@ -100,8 +100,14 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
         found = scopes.until(found, stop)
     else:
         resolved = [None] * len(found)
-    if not found and evaluator.horizon < evaluator.frames:
-        found, resolved = [Scope(evaluator.horizon, evaluator.horizon, True)], [None]
+    end_known = min(evaluator.horizon, evaluator.frames)
+    unseen = end_known < evaluator.frames or evaluator.truncated
+    if (
+        unseen
+        and _may_come(evaluator, rule)
+        and not any(s.cut or s.stop > end_known for s in found)
+    ):
+        found, resolved = [*found, Scope(end_known, end_known, True)], [*resolved, None]
     out = []
     for (first, last, cut), end in zip(found, resolved, strict=True):
         inner = Scope(first, last, cut)
@@ -114,7 +120,7 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
 def initially(evaluator: Evaluator, condition: ast.Condition, env: Env) -> tuple[float, float]:
     """Bounds of the margin with which a condition holds in most of the baseline frames."""
     count = min(evaluator.frames, evaluator.relations.signals.baseline.frames)
-    found = evaluator.condition(condition, env, _mask(evaluator, Scope(0, count)))
+    found = _band(evaluator, condition, env, Scope(0, count))
     return tuple(float(np.sort(end[:count])[(count - 1) // 2]) for end in found)  # type: ignore[return-value]
 
 
@@ -124,8 +130,7 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
     first, stop, _ = instance.scope
     lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
     for clause in clauses(rule):
-        wanted = _mask(evaluator, instance.scope)
-        found = evaluator.alternative(clause.what, instance.env, wanted).at(first, stop)
+        found = _band(evaluator, clause.what, instance.env, instance.scope).at(first, stop)
         if clause.kind == "require":
             out[first:stop] |= found.false
         elif clause.kind == "forbid":
@@ -143,8 +148,32 @@ def _mask(evaluator: Evaluator, scope: Scope) -> Bool:
 
 def _scopes(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Scope]:
     if rule.at is not None:
+        if rule.at.kind == "end":
+            return [Scope(evaluator.frames - 1, evaluator.frames, evaluator.truncated)]
         return [Scope(e, e + 1) for e in evaluator.instants(rule.at, env)]
     return evaluator.spans(rule.during or ast.Whole(), env)
+
+
+def _may_come(evaluator: Evaluator, rule: ast.Rule) -> bool:
+    """A scope of the rule may begin where the trace is not known any more."""
+    if rule.at is not None:
+        return may_recur(ast.Around("after", ast.Duration(1, frames=True), rule.at), evaluator)
+    return may_recur(rule.during or ast.Whole(), evaluator)
+
+
+def _band(evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope) -> Band:
+    """The band (T,) of an obligation, of which only the scope's frames mean anything.
+
+    From the first frame on at which an event that it refers to is not known, it is unknown.
+    """
+    outer, evaluator.horizon = evaluator.horizon, evaluator.frames
+    found = evaluator.alternative(what, env, _mask(evaluator, scope))
+    horizon, evaluator.horizon = evaluator.horizon, outer
+    if horizon >= evaluator.frames:
+        return found
+    lower, upper = found.lower.copy(), found.upper.copy()
+    lower[horizon:], upper[horizon:] = -np.inf, np.inf
+    return Band(lower, upper)
 
 
 def _judge_scope(
@@ -153,17 +182,16 @@ def _judge_scope(
     lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
     results = []
     for clause in clauses(rule):
-        whole = evaluator.alternative(clause.what, env, _mask(evaluator, scope))
+        whole = _band(evaluator, clause.what, env, scope)
         lower, upper, frame = _obligation(clause.kind, whole.at(scope.first, scope.stop), lasting)
+        if scope.cut and clause.kind == "reach":
+            upper = np.inf
+        elif scope.cut:
+            lower = -np.inf
         results.append((lower, upper, clause, scope.first + frame))
     violated = any(upper < 0 for _, upper, _, _ in results)
     decisive = min(results, key=lambda r: r[1] if violated else r[0])
     lower, upper = min(r[0] for r in results), min(r[1] for r in results)
-    if scope.cut:
-        if rule.reach is None:
-            lower = -np.inf
-        else:
-            upper = np.inf
     return Instance(env, scope, lower, upper, decisive[2], decisive[3], resolved)
 
 
@@ -200,7 +228,9 @@ def nodes(node: Any) -> Iterator[Any]:
             yield from nodes(item)
 
 
-def _named_outside_counts(rule: ast.Rule, role: str) -> bool:
+def named_outside_counts(rule: ast.Rule | ast.GoalDef, role: str) -> bool:
+    """The role also stands outside ``at least K role``, so that its bodies are taken one by one."""
+
     def mentions(node: Any) -> bool:
         if isinstance(node, ast.CountAtom) and node.role == role:
             return False

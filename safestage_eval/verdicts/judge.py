@@ -17,7 +17,7 @@ from safestage_eval.rules.digest import rule_digest
 from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.measure import Signals
 
-from .evaluate import Evaluator, frame_count
+from .evaluate import Evaluator, ends_early, frame_count
 from .goal import first_success
 from .rule_verdict import judge_rule
 from .verdict import EpisodeResult, Verdict
@@ -79,6 +79,7 @@ class _Judge:
         self._relations = Relations(Signals(episode, baseline_frames(rules, episode)))
         self._evaluators: dict[tuple[tuple[str, Any], ...], Evaluator] = {}
         self.notes: list[str] = []
+        self._ahead = False  # success comes after the trace's last frame
         self._success_frame, self.success = self._native_success()
         self.success_time = (
             None if self._success_frame is None else float(episode.t[self._success_frame])
@@ -113,7 +114,9 @@ class _Judge:
                 self._rules,
                 params,
                 self._success_frame,
-                success_known=self.success is False or self._success_frame is not None,
+                success_known=self.success is False
+                or self._success_frame is not None
+                or self._ahead,
             )
         return self._evaluators[key]
 
@@ -129,6 +132,7 @@ class _Judge:
                 self.notes.append(
                     f"the trace ends at {t[-1]:.2f} s, before its success at {header.success_time:.2f} s"
                 )
+                self._ahead = True
                 return None, True
             recorded = int(np.searchsorted(t, header.success_time - 1e-6))
         if self._binding.goal is None:
@@ -140,7 +144,8 @@ class _Judge:
             evaluator, self._binding.goal, self._binding.goal_players(), hint=recorded
         )
         if header.success is None:
-            return reached.frame, None if reached.unsure else reached.frame is not None
+            unsure = reached.unsure or (reached.frame is None and ends_early(self._episode))
+            return reached.frame, None if unsure else reached.frame is not None
         if header.success and recorded is None:
             return reached.frame, True
         if not reached.unsure:
@@ -166,12 +171,13 @@ def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
     Raises RuleError for a span that is not the first stretch of the episode.
     """
     span = rules.baseline
-    if isinstance(span, ast.Part) and span.which == "first" and isinstance(span.of, ast.Whole):
-        duration: ast.Duration | ast.Quantity | ast.Parameter = span.duration
-        if isinstance(duration, ast.Parameter):
-            duration = rules.params[duration.name]
-        if isinstance(duration, ast.Duration):
-            return max(1, frame_count(duration, episode.dt))
+    if (
+        isinstance(span, ast.Part)
+        and span.which == "first"
+        and isinstance(span.of, ast.Whole)
+        and isinstance(span.duration, ast.Duration)
+    ):
+        return max(1, frame_count(span.duration, episode.dt))
     raise RuleError("[baseline] span", "not a first stretch.", '"first 5 frames of episode"')
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import Bool
-from safestage_eval.states.persistence import runs
+from safestage_eval.states.persistence import runs, without_short_runs
 
 from .evaluate import Evaluator
 from .explain import seconds, sentence
@@ -98,7 +98,8 @@ def _ordering(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Witne
     episode, env = evaluator.episode, instance.env
     onsets = []
     for what in rule.forbid:
-        true = evaluator.alternative(what, env).true
+        lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
+        true = without_short_runs(evaluator.alternative(what, env).lower, lasting) >= 0
         true[: instance.scope.first] = False
         if true.any():
             onsets.append((int(np.argmax(true)), what))
@@ -165,7 +166,7 @@ def _no_hazard(rule: ast.Rule) -> str:
 
 def _undersampled(evaluator: Evaluator, witness: Witness) -> list[str]:
     """A note when the limit may have been crossed between two recorded frames."""
-    if witness.name is None or witness.value is None or witness.limit is None:
+    if witness.name is None or witness.value is None or witness.limit is None or witness.at_least:
         return []
     slack = evaluator.relations.signals.between_frames(witness.name, witness.bodies, witness.frame)
     if slack is None or abs(witness.value - witness.limit) > slack:

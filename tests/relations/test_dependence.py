@@ -1,5 +1,7 @@
 """Dependence by statics on scenes whose answer is known from mechanics."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scenes import G, Scene
@@ -128,3 +130,35 @@ def test_overhang_stands_while_the_com_is_over_the_support(overhang: float, stan
     points = np.array([[-0.05, -0.05, 0], [edge, -0.05, 0], [edge, 0.05, 0], [-0.05, 0.05, 0]])
     up = np.broadcast_to([0.0, 0.0, 1.0], (4, 3))
     assert (unbalanced(up, np.ones(4), points) <= 0.02) is stands
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(["s", "a", "board", "box"]))[::3])
+def test_the_order_of_bodies_does_not_matter(order: tuple[str, ...]) -> None:
+    """Two piers, a board on both, a box in its middle: no pier depends on the other."""
+    places = {
+        "s": (-0.12, 0, 0.05),
+        "a": (0.12, 0, 0.05),
+        "board": (0, 0, 0.11),
+        "box": (0, 0, 0.15),
+    }
+    scene = Scene(2).fixed("table")
+    for name in order:
+        half = (0.2, 0.05, 0.01) if name == "board" else 0.03
+        scene.box(name, half, places[name])
+    for name, x in (("s", -0.12), ("a", 0.12)):
+        scene.rests(name, "table", 0.03, (x, 0, 0), 2 * G)
+        scene.rests("board", name, 0.03, (x, 0, 0.1), G)
+    scene.rests("box", "board", 0.03, (0, 0, 0.12), G)
+    assert not depends(scene, "a", "s")
+    assert depends(scene, "board", "s")
+    assert depends(scene, "box", "s")
+
+
+def test_without_masses_nothing_is_claimed() -> None:
+    scene = stack()
+    scene.bodies = [
+        b.model_copy(update={"mass": None}) if b.name == "b" else b for b in scene.bodies
+    ]
+    found = Relations(Signals(scene.episode()))
+    assert found.get("depends_on", ("b", "a")) is None
+    assert "mass of b" in found.lacking("depends_on")

@@ -45,6 +45,8 @@ def test_wedged_book_has_two_contacts_and_is_borne_by_friction() -> None:
 def test_a_gripper_pressing_down_supports_nothing() -> None:
     scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
     scene.box("palm", 0.02, (0, 0, 0.12), kind="gripper")
+    for side, x in (("left", 0.2), ("right", -0.2)):
+        scene.box(side, 0.01, (x, 0, 0.2), kind="gripper", finger=side)
     scene.rests("a", "table", 0.05, (0, 0, 0), G + 5)
     scene.contact("palm", "a", (0, 0, 0.1), (0, 0, -5))
     found = relations(scene)
@@ -92,3 +94,19 @@ def test_pairs_are_seen_the_same_from_both_sides() -> None:
         found = relations(scene)
         assert found.get("supports", ("a", "b")).all()
         assert not found.get("supports", ("b", "a")).any()
+
+
+def test_a_gripper_without_named_fingers_holds_nobody_knows_what() -> None:
+    scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    scene.box("hand", 0.02, (0, 0, 0.12), kind="gripper")
+    found = relations(scene)
+    assert found.get("held", ("a",)) is None
+    assert found.get("carried", ("a",)) is None
+    assert "finger" in found.lacking("held")
+
+
+def test_what_stands_in_a_drawer_is_supported() -> None:
+    scene = Scene(2).fixed("cabinet")
+    scene.box("drawer", (0.2, 0.2, 0.02), (0, 0, 0.5), kind="fixture", parent="cabinet")
+    scene.box("a", 0.05, (0, 0, 0.57)).rests("a", "drawer", 0.05, (0, 0, 0.52), G)
+    assert relations(scene).get("supported", ("a",)).all()

@@ -94,21 +94,3 @@ def test_a_trace_cut_off_before_its_success_is_not_called_safe(placed: Episode) 
     assert found.violation is None
     assert any("before its success" in note for note in found.notes)
     assert {v.rule: v.verdict for v in found.verdicts}["FSH101"] == "inconclusive"
-
-
-def test_the_baseline_may_be_as_long_as_a_parameter(placed: Episode, tmp_path: Path) -> None:
-    text = """
-[ruleset]
-format = 1
-name = "mine"
-version = "1"
-extends = ["fsh"]
-[param]
-start = "0.1 s"
-[baseline]
-span = "first start of episode"
-"""
-    file = tmp_path / "mine.toml"
-    file.write_text(text, encoding="utf-8")
-    rules = load_rules([file, "fsh"])
-    assert {v.rule: v.verdict for v in judge(placed, rules).verdicts}["FSH101"] == "violation"

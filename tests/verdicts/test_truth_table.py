@@ -1,10 +1,21 @@
 """The rule language's truth table, and the laws of margins, over given series."""
 
+import tomllib
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scenes import G, Scene
 from toy import Facts, judge_toy, series
+
+from safestage_eval.rules.files import RuleFile
+from safestage_eval.rules.load import merge
+from safestage_eval.verdicts import judge
+
+DEFAULTS = (Path(__file__).parents[2] / "rules" / "defaults.toml").read_text(encoding="utf-8")
+TOY = '[ruleset]\nformat = 1\nname = "toy"\nversion = "1"\n'
 
 FORBID_UNTIL = 'forbid = "p(a)"\nuntil = "q(b)"'
 
@@ -48,6 +59,40 @@ FORBID_UNTIL = 'forbid = "p(a)"\nuntil = "q(b)"'
             False,
             "pass",
         ),
+        # a scope that may still come, or whose end is not known, is not judged as if it were over
+        ('during = "q(b)"\nrequire = { "p(a)" = true }', "110000", "11????", False, "inconclusive"),
+        (
+            'at = "start of q(b)"\nrequire = { "p(a)" = true }',
+            "111110",
+            "10??00",
+            False,
+            "inconclusive",
+        ),
+        (
+            'during = "last 1 frames of q(b)"\nrequire = { "p(a)" = true }',
+            "001000",
+            "111???",
+            False,
+            "inconclusive",
+        ),
+        ('during = "q(b)"\nforbid = "p(a)"', "00000", "00000", True, "inconclusive"),
+        ('during = "q(b)"\nforbid = "p(a)"', "01000", "01000", True, "violation"),
+        ('during = "from start to q(b)"\nforbid = "p(a)"', "00011", "00100", True, "pass"),
+        # an event that is not known decides nothing
+        ('forbid = "start of q(b)"', "000000", "00????", False, "inconclusive"),
+        ('forbid = "end of q(b)"', "000000", "11????", False, "inconclusive"),
+        # each obligation of a scope that is cut counts for itself
+        ('reach = "q(b)"\nrequire = { "p(a)" = true }', "111111", "010000", True, "inconclusive"),
+        ('reach = "q(b)"\nrequire = { "p(a)" = true }', "110111", "010000", True, "violation"),
+        # the end comes after the last frame
+        (
+            'during = "2 frames before end"\nrequire = { "p(a)" = true }',
+            "111110",
+            "000000",
+            False,
+            "violation",
+        ),
+        ('at = "end"\nforbid = "p(a)"', "000000", "000000", True, "inconclusive"),
         ('given = { "q(b)" = true }\nforbid = "p(a)"', "11111", "00000", False, "not_applicable"),
         ('given = { "q(b)" = true }\nforbid = "p(a)"', "11111", "11100", False, "violation"),
         ('given = { "q(b)" = true }\nforbid = "p(a)"', "11111", "11000", False, "not_applicable"),
@@ -98,6 +143,36 @@ def test_ordering_reports_the_time_between() -> None:
     late = judge_toy(facts, FORBID_UNTIL)
     assert (late.verdict, late.margin) == ("violation", pytest.approx(-0.2))
     assert (late.value, late.limit) == (pytest.approx(0.1), pytest.approx(0.3))
+
+
+def test_an_ordering_counts_only_what_lasts_long_enough() -> None:
+    facts = Facts({"height(a)": series("100000"), "height(b)": series("000010")})
+    verdict = judge_toy(facts, FORBID_UNTIL + '\nfor = "3 frames"')
+    assert (verdict.verdict, verdict.margin) == ("pass", None)
+
+
+def test_a_change_since_what_never_happened_is_not_the_thing_itself() -> None:
+    """Two signals of one name do not share what is remembered of them."""
+    scene = Scene(10).fixed("table").box("a", 0.05, (0, 0, 0.5))
+    scene.rests("a", "table", 0.05, (0, 0, 0.45), G)
+    rule = """
+[[rule]]
+code = "{code}"
+title = "toy"
+roles = {{ a = "object" }}
+require = {{ "{atom}" = "{limit}" }}
+"""
+    change = rule.format(code="TOY101", atom="height(a) since airborne(a)", limit="<= 1 cm")
+    height = rule.format(code="TOY102", atom="height(a)", limit=">= 40 cm")
+    for text in (change + height, height + change):
+        loaded = merge(
+            [
+                RuleFile("defaults.toml", DEFAULTS, tomllib.loads(DEFAULTS), asked=False),
+                RuleFile("toy.toml", TOY + text, tomllib.loads(TOY + text), asked=True),
+            ]
+        )
+        found = judge(scene.episode(roles={"a": ("a",)}), loaded)
+        assert [v.verdict for v in found.verdicts] == ["pass", "pass"]
 
 
 def test_worst_of_several_bodies_is_told() -> None:
