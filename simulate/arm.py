@@ -57,11 +57,15 @@ def arm_spec(mjcf: Path | None = None, *, visuals: bool = False) -> mujoco.MjSpe
     path = mjcf or default_mjcf()
     if not path.is_file():
         raise InputError(str(path), "no such MJCF file.", "an MJCF of the DROID arm")
-    spec = mujoco.MjSpec.from_file(str(path))
-    wanted = [name.removeprefix(PREFIX) for name in (*JOINTS, GRIPPER_JOINT)]
-    missing = [name for name in wanted if spec.joint(name) is None]
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise InputError(
+            str(path), f"not an MJCF file: {error}", "an MJCF of the DROID arm"
+        ) from None
+    missing = _missing(spec)
     if missing:
-        raise InputError(str(path), f"not the DROID arm: no joint {', '.join(missing)}")
+        raise InputError(str(path), f"not the DROID arm: it has no {', no '.join(missing)}")
     if not visuals:
         _drop_visuals(spec)
     for actuator in spec.actuators:
@@ -71,6 +75,22 @@ def arm_spec(mjcf: Path | None = None, *, visuals: bool = False) -> mujoco.MjSpe
         if geom.name.endswith(("_pad1", "_pad2")):
             geom.friction, geom.condim = PAD_FRICTION, 6
     return spec
+
+
+def _missing(spec: mujoco.MjSpec) -> list[str]:
+    """What makes the DROID arm and is not in the spec."""
+    wanted = {
+        "joint": (spec.joint, (*JOINTS, GRIPPER_JOINT)),
+        "actuator": (spec.actuator, (*JOINTS, GRIPPER_ACTUATOR)),
+        "site": (spec.site, (TCP_SITE,)),
+        "body": (spec.body, ("link0", GRIPPER_ROOT)),
+    }
+    return [
+        f"{kind} {name.removeprefix(PREFIX)}"
+        for kind, (find, names) in wanted.items()
+        for name in names
+        if find(name.removeprefix(PREFIX)) is None
+    ]
 
 
 def _drop_visuals(spec: mujoco.MjSpec) -> None:

@@ -47,6 +47,8 @@ def _numbers(_context: click.Context, _option: click.Parameter, text: str) -> tu
         first, dash, last = part.strip().partition("-")
         if not first.isdigit() or (dash and not last.isdigit()):
             raise click.BadParameter(f"{part!r} is no seed: write 0,1,2 or 0-9")
+        if dash and int(last) < int(first):
+            raise click.BadParameter(f"{part!r} runs backwards: write {last}-{first}")
         out += range(int(first), int(last or first) + 1)
     return tuple(dict.fromkeys(out))
 

@@ -142,12 +142,25 @@ def _is_gripper(model: mujoco.MjModel, body: int) -> bool:
 
 
 def _excluded(model: mujoco.MjModel, body: int) -> tuple[str, ...]:
+    """Bodies whose contacts with this one MuJoCo ignores: excluded by name, or next in the tree.
+
+    A parent and its child never collide, nor do bodies that are welded together.
+    """
+    weld, parent = model.body_weldid, model.body_parentid
     out = []
+    for other in range(1, model.nbody):
+        first, second = int(weld[body]), int(weld[other])
+        above = int(weld[parent[first]]), int(weld[parent[second]])
+        adjacent = first == second or (
+            0 not in (first, second) and (first in above or second in above)
+        )
+        if other != body and adjacent and 0 not in (first, second):
+            out.append(body_name(model.body(other).name))
     for signature in model.exclude_signature:
         first, second = int(signature) >> 16, int(signature) & 0xFFFF
         if body in (first, second):
             out.append(body_name(model.body(second if body == first else first).name))
-    return tuple(sorted(out))
+    return tuple(sorted(set(out)))
 
 
 def _joint(model: mujoco.MjModel, j: int) -> Joint:

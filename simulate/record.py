@@ -14,7 +14,7 @@ from safestage_eval.formats import discover
 
 from .policies import policy_named
 from .rollout import Setting, roll_out
-from .task import FOLDER, Task
+from .task import Task
 from .world import FRAME_RATE
 
 Format = Literal["parquet", "mcap"]
@@ -128,5 +128,4 @@ def recorded_ids(folder: Path) -> set[str]:
 
 
 def _attachments(task: Task) -> dict[str, bytes]:
-    file = FOLDER / f"{task.id}.toml"
-    return {file.name: file.read_bytes()} if file.is_file() else {}
+    return {} if task.source is None else dict([task.source])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from safestage_eval import __version__
 from safestage_eval.episode import Header, Source
+from safestage_eval.errors import InputError
 from safestage_eval.formats import TraceWriter
 from safestage_eval.verdicts.goal import GoalMonitor
 
@@ -75,6 +75,8 @@ def roll_out(
         ValueError: the policy's actions are not (N, 8) finite numbers.
     """
     task = setting.task
+    if setting.prompt not in PROMPTS:
+        raise InputError(f"prompt {setting.prompt!r}", "no such prompt.", ", ".join(PROMPTS))
     world = World(task.models(), substeps=task.substeps, robot_mjcf=setting.robot_mjcf)
     world.reset(task.layout(setting.seed))
     home = np.append(world.arm_position, 0.0)
@@ -137,7 +139,6 @@ def _checked(actions: F64) -> list[F64]:
 
 def _header(setting: Setting, policy: str) -> Header:
     task = setting.task
-    goal_horizon = setting.horizon or task.horizon
     digest = hashlib.sha256(task.model_dump_json().encode()).hexdigest()[:12]
     return Header(
         episode_id=setting.episode_id(policy),
@@ -152,7 +153,7 @@ def _header(setting: Setting, policy: str) -> Header:
         physics_dt=1.0 / (FRAME_RATE * task.substeps),
         frame_dt=1.0 / FRAME_RATE,
         control_dt=1.0 / CONTROL_RATE,
-        horizon=math.ceil(goal_horizon),
+        horizon=setting.horizon or task.horizon,
         roles=task.roles,
         goal=task.goal,
         rules=task.rules,

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from safestage_eval.errors import InputError
 
@@ -22,6 +22,8 @@ from .skills import Skills
 F64 = NDArray[np.float64]
 
 FOLDER = Path(__file__).parent / "tasks"
+TAKEN = ("world", "table", "floor")
+"""Names of bodies that every scene has."""
 GAP = 2e-4
 """m between what is stacked when a scene is laid out; it settles before the first frame."""
 
@@ -98,17 +100,31 @@ class Task(Strict):
     parameters: dict[str, str] = Field(default_factory=dict)
     objects: dict[str, Placement]
     references: References
+    _source: tuple[str, bytes] | None = PrivateAttr(default=None)
+
+    @property
+    def source(self) -> tuple[str, bytes] | None:
+        """Name and content of the file it was read from, None for one made in code."""
+        return self._source
 
     @model_validator(mode="after")
     def _consistent(self) -> Task:
         for role, players in self.roles.items():
             for player in players:
                 _known(player, self.objects, f"role {role!r}")
+        above: dict[str, Placement] = {}
         for name, place in self.objects.items():
+            if name in TAKEN or name.startswith(("robot_", "robot/")):
+                raise ValueError(f"object {name!r}: the scene has a body of that name already")
             _known(place.model or name, catalogue(), f"object {name!r}: model")
             for other in (place.on, place.inside):
                 if other is not None:
                     _known(other, self.objects, f"object {name!r}")
+                    if other not in above:
+                        raise ValueError(
+                            f"object {name!r}: write {other!r}, which bears it, above it"
+                        )
+            above[name] = place
         for kind in ("safe", "unsafe"):
             for i, step in enumerate(getattr(self.references, kind), 1):
                 _usable(step, self.objects, f"references.{kind}, step {i}")
@@ -180,8 +196,11 @@ def _usable(step: Step, objects: dict[str, Any], where: str) -> None:
 def read_task(path: Path) -> Task:
     """One task file. Raises InputError with every mistake in it."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-        return Task.model_validate(table)
+        text = path.read_text(encoding="utf-8")
+        table = tomllib.loads(text)
+        task = Task.model_validate(table)
+        task._source = (path.name, text.encode())  # noqa: SLF001 - its own module
+        return task
     except FileNotFoundError:
         raise InputError(str(path), "no such task file") from None
     except tomllib.TOMLDecodeError as error:

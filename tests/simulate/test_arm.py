@@ -25,7 +25,7 @@ def test_another_robot_is_refused(tmp_path: Path) -> None:
         "<geom size='.1'/></body></worldbody></mujoco>",
         encoding="utf-8",
     )
-    with pytest.raises(InputError, match="not the DROID arm: no joint joint2"):
+    with pytest.raises(InputError, match="it has no joint joint2"):
         arm.arm_spec(other)
 
 
@@ -48,3 +48,15 @@ def test_the_grip_is_gentle_and_the_pads_stick() -> None:
     pads = [g for g in spec.geoms if g.name.endswith(("_pad1", "_pad2"))]
     assert len(pads) == 4
     assert all(g.friction[0] == 1 and g.condim == 6 for g in pads)
+
+
+def test_what_is_no_mjcf_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "arm.xml"
+    file.write_text("no xml at all", encoding="utf-8")
+    with pytest.raises(InputError, match="not an MJCF file"):
+        arm.arm_spec(file)
+    file.write_text(
+        "<mujoco><worldbody><body name='link0'/></worldbody></mujoco>", encoding="utf-8"
+    )
+    with pytest.raises(InputError, match="no actuator fingers_actuator, no site tcp, no body base"):
+        arm.arm_spec(file)

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.errors import InputError
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts.judge import judge
 from simulate.policies import Idle, Observation, policy_named
@@ -144,3 +145,8 @@ def test_the_header_carries_the_task(success: Episode) -> None:
     assert header.physics_dt == pytest.approx(1 / 480)
     assert header.force_source == "recorded"
     assert header.source.simulator_version
+
+
+def test_an_unknown_prompt_is_named() -> None:
+    with pytest.raises(InputError, match="no such prompt"):
+        roll_out(Setting(task_named("fsh_bottle_on_shelf"), prompt="polite"), Idle())

@@ -54,6 +54,13 @@ def test_an_unknown_task_is_bad_usage(command: tuple[str, ...]) -> None:
     assert f"did you mean '{TASK}'" in result.stderr
 
 
+def test_seeds_that_run_backwards_are_bad_usage_and_not_no_seeds_at_all() -> None:
+    for command in (("record", TASK), ("tasks", "validate", TASK)):
+        result = run(*command, "--seeds", "5-2")
+        assert result.exit_code == 2
+        assert "write 2-5" in result.stderr
+
+
 @pytest.mark.parametrize("seeds", ["a", "1-b", "", "-1"])
 def test_bad_seeds_are_bad_usage(seeds: str) -> None:
     result = run("record", TASK, f"--seeds={seeds}")

@@ -112,3 +112,32 @@ def test_an_unknown_task_is_told_the_nearest_name() -> None:
         task_named("fsh_orange_on_plat")
     with pytest.raises(InputError, match="no such task file"):
         task_named("nowhere.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "field", "said"),
+    [("table", "", "already"), ("robot_x", "", "already"), ("early", 'on = "late"', "above it")],
+)
+def test_objects_that_no_scene_can_hold(tmp_path: Path, name: str, field: str, said: str) -> None:
+    extra = f"""
+[objects.{name}]
+model = "mat"
+position = [0.4, 0.4]
+{field}
+[objects.late]
+model = "mat"
+position = [0.4, -0.4]
+"""
+    file = tmp_path / "task.toml"
+    built_in = (FOLDER / "fsh_bottle_on_shelf.toml").read_text(encoding="utf-8")
+    file.write_text(
+        built_in.replace("[[references.safe]]", extra + "\n[[references.safe]]", 1), "utf-8"
+    )
+    with pytest.raises(InputError, match=said):
+        read_task(file)
+
+
+def test_a_task_knows_the_file_it_was_read_from(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_bytes((FOLDER / "fsh_bottle_on_shelf.toml").read_bytes() + b"# mine\n")
+    assert read_task(file).source == ("mine.toml", file.read_bytes())
