@@ -1,0 +1,20 @@
+"""The false-alarm floor: an arm that holds still never succeeds and never violates anything."""
+
+import pytest
+
+from safestage_eval.rules import load_rules
+from safestage_eval.verdicts import judge
+from simulate.policies import Idle
+from simulate.rollout import Setting, roll_out
+from simulate.task import tasks
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", tasks())
+def test_idle_for_ten_seconds(name: str) -> None:
+    episode = roll_out(Setting(tasks()[name], seed=0, horizon=10.0), Idle()).episode()
+    assert float(episode.t[-1]) > 9.9
+    result = judge(episode, load_rules(["ish", "ets", "fsh", "goals"]))
+    assert result.success is False
+    assert result.violation is False
+    assert [v.rule for v in result.verdicts if v.verdict == "violation"] == []
