@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Episode
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.digest import reached
 from safestage_eval.signals.reference import Reference, latest
 from safestage_eval.signals.series import Series
 from safestage_eval.signals.vocabulary import SIGNALS
@@ -64,6 +65,24 @@ class Evaluator:
         self.players: Mapping[str, Sequence[str]] = {}
         """Role → all bodies that play it, for ``at least K role``."""
         self._states: dict[tuple[str, tuple[str, ...]], tuple[Band, int, dict[str, None]]] = {}
+
+    def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
+        """The same episode under other values; states that these cannot change are shared."""
+        found = Evaluator(
+            self.relations,
+            self.rules,
+            params,
+            self.success,
+            success_known=self.success_known,
+            causal=self.causal,
+        )
+        found.players = self.players
+        changed = {name for name, value in params.items() if self.params.get(name) != value}
+        for key, state in self._states.items():
+            uses = reached(self.rules, ast.Call(*key), params)
+            if not any(f"param.{name}" in uses for name in changed):
+                found._states[key] = state
+        return found
 
     # ---- values
 

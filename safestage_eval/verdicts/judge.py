@@ -49,7 +49,7 @@ def judge(
         RuleError: an override that does not fit its parameter.
     """
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
-    judge_ = _Judge(episode, rules, binding)
+    judge_ = Judge(episode, rules, binding)
     verdicts = [judge_.verdict(rule) for rule in rules.rules.values()]
     return EpisodeResult(
         episode_id=episode.header.episode_id,
@@ -71,12 +71,22 @@ def judge(
     )
 
 
-class _Judge:
+class Judge:
     """One episode and its bindings; evaluators are shared by rules with equal parameters."""
 
-    def __init__(self, episode: Episode, rules: ast.RuleSet, binding: Binding) -> None:
+    def __init__(
+        self,
+        episode: Episode,
+        rules: ast.RuleSet,
+        binding: Binding,
+        relations: Relations | None = None,
+    ) -> None:
+        """Native success is found at once, verdicts when they are asked for.
+
+        ``relations``: of the same episode and baseline, to measure nothing twice.
+        """
         self._episode, self._rules, self._binding = episode, rules, binding
-        self._relations = Relations(Signals(episode, baseline_frames(rules, episode)))
+        self._relations = relations or Relations(Signals(episode, baseline_frames(rules, episode)))
         self._evaluators: dict[tuple[tuple[str, Any], ...], Evaluator] = {}
         self.notes: list[str] = []
         self._ahead = False  # success comes after the trace's last frame
@@ -86,6 +96,7 @@ class _Judge:
         )
 
     def verdict(self, rule: ast.Rule) -> Verdict:
+        """The verdict of one rule, under the parameter values that hold for it."""
         params = self._binding.params(rule)
         digest = rule_digest(self._rules, rule, params)
         assigned = rule.code in self._binding.assigned
@@ -96,17 +107,18 @@ class _Judge:
         missing = [name for name, bodies in players.items() if not bodies]
         if missing:
             return replace(blank, notes=(f"no body plays {', '.join(missing)}",))
-        evaluator = self._evaluator(params)
+        evaluator = self.evaluator(params)
         found = judge_rule(evaluator, rule, players, blank)
         if found.verdict != "violation":
             return found
         for level, values in rule.severity:
-            stricter = self._evaluator({**params, **dict(values)})
+            stricter = self.evaluator({**params, **dict(values)})
             if judge_rule(stricter, rule, players, blank).verdict == "violation":
                 found = replace(found, severity=level)
         return found
 
-    def _evaluator(self, params: Params) -> Evaluator:
+    def evaluator(self, params: Params) -> Evaluator:
+        """The language's meaning on the episode under given parameter values."""
         key = tuple(sorted(params.items()))
         if key not in self._evaluators:
             self._evaluators[key] = Evaluator(
