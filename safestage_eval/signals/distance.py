@@ -2,52 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-from numpy.typing import NDArray
 
-from safestage_eval.episode import Episode
+from safestage_eval.geometry.cavity import containment_depth
+from safestage_eval.geometry.clearance import clearance_series
 from safestage_eval.geometry.extent import highest, lowest
+from safestage_eval.geometry.footprint import clearance_xy
 from safestage_eval.geometry.mover import Mover
-from safestage_eval.geometry.shape import BodyShape
 
-from .reference import Reference
-
-F64 = NDArray[np.float64]
+from .facts import Query
+from .series import Series, exact
 
 
-class Movers:
-    """The bodies of an episode as shapes along their poses, built when first asked for."""
-
-    def __init__(self, episode: Episode) -> None:
-        """Nothing is loaded yet."""
-        self._episode = episode
-        self._movers: dict[str, Mover] = {}
-
-    def __getitem__(self, name: str) -> Mover:
-        """The body's shape and poses (one pose for a fixed body)."""
-        if name not in self._movers:
-            track = self._episode.tracks[name]
-            shape = BodyShape.build(self._episode.bodies[name], self._episode.meshes)
-            self._movers[name] = Mover.build(shape, track.position, track.orientation)
-        return self._movers[name]
-
-    def of(self, names: Sequence[str]) -> list[Mover]:
-        """Those of the bodies that have geometry."""
-        return [self[name] for name in names if self._episode.bodies[name].geoms]
-
-
-def lift(mover: Mover, frames: int, reference: Reference) -> F64:
-    """(T,) m, lowest point above the lowest point at the reference."""
-    low = np.broadcast_to(lowest(mover), frames)
+def lift(query: Query) -> Series:
+    """m, lowest point above the lowest point at the reference."""
+    movers = _shapes(query)
+    if isinstance(movers, Series):
+        return movers
+    low = np.broadcast_to(lowest(movers[0][0]), len(query.episode))
+    reference = query.reference
     initial = np.median(low[: reference.baseline.frames], keepdims=True)
-    return low - reference.of(low[:, None], initial)[:, 0]
+    return exact(low - reference.of(low[:, None], initial)[:, 0], query.dimension)
 
 
-def height_above(a: Sequence[Mover], b: Sequence[Mover], frames: int) -> F64:
-    """(T,) m, lowest point of a union above the highest point of another."""
-    low = np.minimum.reduce([np.broadcast_to(lowest(m), frames) for m in a])
-    high = np.maximum.reduce([np.broadcast_to(highest(m), frames) for m in b])
-    difference: F64 = low - high
-    return difference
+def clearance(query: Query) -> Series:
+    """m, distance of two unions, or of their horizontal projections; exact up to the cap."""
+    movers = _shapes(query)
+    if isinstance(movers, Series):
+        return movers
+    measured = clearance_series if query.name == "clearance" else clearance_xy
+    found = measured(movers[0], movers[1], query.cap)
+    frames = len(query.episode)
+    lower, upper = (np.broadcast_to(x, frames) for x in (found.lower, found.upper))
+    return Series(lower, upper, query.dimension)
+
+
+def height_above(query: Query) -> Series:
+    """m, lowest point of a union above the highest point of another."""
+    movers = _shapes(query)
+    if isinstance(movers, Series):
+        return movers
+    frames = len(query.episode)
+    low = np.minimum.reduce([np.broadcast_to(lowest(m), frames) for m in movers[0]])
+    high = np.maximum.reduce([np.broadcast_to(highest(m), frames) for m in movers[1]])
+    return exact(low - high, query.dimension)
+
+
+def containment(query: Query) -> Series:
+    """m, depth of the first body's hull centroid in the second's cavity."""
+    movers = _shapes(query)
+    if isinstance(movers, Series):
+        return movers
+    container = query.bodies[1]
+    cavity = query.episode.bodies[container].cavity
+    if cavity is None:
+        return query.unknown(f"{container} has no declared cavity")
+    depth = containment_depth(movers[0][0], movers[1][0], cavity)
+    return exact(np.broadcast_to(depth, len(query.episode)), query.dimension)
+
+
+def _shapes(query: Query) -> list[list[Mover]] | Series:
+    """The bodies that have geometry, per argument; an unknown series where one has none."""
+    movers = [query.facts.movers.of(group) for group in query.groups]
+    bare = [" and ".join(g) for g, m in zip(query.groups, movers, strict=True) if not m]
+    return query.unknown(f"the trace has no shape of {', '.join(bare)}") if bare else movers

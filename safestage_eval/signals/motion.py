@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Episode
 from safestage_eval.geometry.pose import angle, rotate
 
-from .reference import Reference
+from .facts import Query
+from .series import Series, exact
 
 F64 = NDArray[np.float64]
 
@@ -32,63 +33,63 @@ def com_velocity(episode: Episode, name: str) -> F64:
     return velocity + np.cross(track.angular_velocity.astype(np.float64), arm)
 
 
-def height(episode: Episode, name: str, reference: Reference | None) -> F64:
-    """(T,) m, z of the COM, or its change since the reference if one is given."""
-    com = com_position(episode, name)
-    if reference is None or reference.since is None:
-        return com[:, 2]
-    return com[:, 2] - reference.of(com, reference.baseline.position(com))[:, 2]
+def height(query: Query) -> Series:
+    """m, z of the COM, or its change since the reference if one is given."""
+    com = com_position(query.episode, query.bodies[0])
+    if query.since is None or query.since.since is None:
+        return exact(com[:, 2], query.dimension)
+    initial = query.since.baseline.position(com)
+    return exact(com[:, 2] - query.since.of(com, initial)[:, 2], query.dimension)
 
 
-def displacement(episode: Episode, name: str, reference: Reference, axes: int = 3) -> F64:
-    """(T,) m, distance of the COM from the reference; horizontal if ``axes`` is 2."""
-    com = com_position(episode, name)
+def displacement(query: Query) -> Series:
+    """m, distance of the COM from the reference; horizontal for ``displacement_xy``."""
+    com, reference = com_position(query.episode, query.bodies[0]), query.reference
     moved = com - reference.of(com, reference.baseline.position(com))
-    distance: F64 = np.linalg.norm(moved[:, :axes], axis=1)
-    return distance
+    axes = 2 if query.name.endswith("xy") else 3
+    return exact(np.linalg.norm(moved[:, :axes], axis=1), query.dimension)
 
 
-def turn(episode: Episode, name: str, reference: Reference) -> F64:
-    """(T,) rad, geodesic angle from the reference orientation."""
-    orientation = episode.track(name).orientation.astype(np.float64)
-    initial = reference.baseline.orientation(orientation)
-    return angle(orientation, reference.of(orientation, initial))
+def turn(query: Query) -> Series:
+    """rad, geodesic angle from the reference orientation."""
+    orientation = query.episode.track(query.bodies[0]).orientation.astype(np.float64)
+    initial = query.reference.baseline.orientation(orientation)
+    return exact(angle(orientation, query.reference.of(orientation, initial)), query.dimension)
 
 
-def tilt(episode: Episode, name: str) -> F64 | None:
-    """(T,) rad, angle between the declared up axis and world z; None for a body without one.
+def tilt(query: Query) -> Series:
+    """rad, angle between the declared up axis and world z.
 
     atan2 of sine and cosine, so that a small tilt keeps its digits (arccos loses half of them).
     """
-    axis = episode.bodies[name].up_axis
-    if axis is None:
-        return None
-    up = rotate(episode.track(name).orientation, np.asarray(axis, np.float64))
-    from_vertical: F64 = np.arctan2(np.hypot(up[:, 0], up[:, 1]), up[:, 2])
-    return from_vertical
+    name = query.bodies[0]
+    axis = query.episode.bodies[name].up_axis
+    if axis is None:  # below every upper limit and above no lower one: skipped
+        note = f"{name} has no up axis: its tilt is not judged"
+        return exact(np.full(len(query.episode), -np.inf), query.dimension, (note,))
+    up = rotate(query.episode.track(name).orientation, np.asarray(axis, np.float64))
+    return exact(np.arctan2(np.hypot(up[:, 0], up[:, 1]), up[:, 2]), query.dimension)
 
 
-def speed(episode: Episode, name: str) -> F64:
-    """(T,) m/s of the COM."""
-    value: F64 = np.linalg.norm(com_velocity(episode, name), axis=1)
-    return value
+def speed(query: Query) -> Series:
+    """m/s of the COM."""
+    velocity = com_velocity(query.episode, query.bodies[0])
+    return exact(np.linalg.norm(velocity, axis=1), query.dimension)
 
 
-def vertical_speed(episode: Episode, name: str) -> F64:
-    """(T,) m/s of the COM, up positive."""
-    return com_velocity(episode, name)[:, 2]
+def vertical_speed(query: Query) -> Series:
+    """m/s of the COM, up positive."""
+    return exact(com_velocity(query.episode, query.bodies[0])[:, 2], query.dimension)
 
 
-def angular_speed(episode: Episode, name: str) -> F64:
-    """(T,) rad/s."""
-    track = episode.track(name)
-    value: F64 = np.linalg.norm(track.angular_velocity.astype(np.float64), axis=1)
-    return value
+def angular_speed(query: Query) -> Series:
+    """rad/s."""
+    velocity = query.episode.track(query.bodies[0]).angular_velocity.astype(np.float64)
+    return exact(np.linalg.norm(velocity, axis=1), query.dimension)
 
 
-def relative_speed(episode: Episode, a: list[str], b: list[str]) -> F64:
-    """(T,) m/s between the COMs; over unions, the fastest pair."""
-    va, vb = ([com_velocity(episode, n) for n in names] for names in (a, b))
-    pairs = [np.linalg.norm(x - y, axis=1) for x in va for y in vb]
-    fastest: F64 = np.maximum.reduce(pairs)
-    return fastest
+def relative_speed(query: Query) -> Series:
+    """m/s between the COMs; over unions, the fastest pair."""
+    first, second = ([com_velocity(query.episode, n) for n in names] for names in query.groups)
+    pairs = [np.linalg.norm(a - b, axis=1) for a in first for b in second]
+    return exact(np.maximum.reduce(pairs), query.dimension)

@@ -1,0 +1,105 @@
+"""What all signals of one episode are measured from: motion, shapes, forces, the initial state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from safestage_eval.episode import Episode
+from safestage_eval.geometry.mover import Mover
+from safestage_eval.geometry.shape import BodyShape
+
+from .contact_sums import ContactSums
+from .reference import Baseline, Reference
+from .series import Series, unknown
+
+Options = tuple[tuple[str, "float | str | tuple[float, ...]"], ...]
+"""Option → value in SI, sorted by name: what a ``[signal.NAME]`` and the body's material say."""
+
+
+class Movers:
+    """The bodies of an episode as shapes along their poses, built when first asked for."""
+
+    def __init__(self, episode: Episode) -> None:
+        """Nothing is loaded yet."""
+        self._episode = episode
+        self._movers: dict[str, Mover] = {}
+
+    def __getitem__(self, name: str) -> Mover:
+        """The body's shape and poses (one pose for a fixed body)."""
+        if name not in self._movers:
+            track = self._episode.tracks[name]
+            shape = BodyShape.build(self._episode.bodies[name], self._episode.meshes)
+            self._movers[name] = Mover.build(shape, track.position, track.orientation)
+        return self._movers[name]
+
+    def of(self, names: Sequence[str]) -> list[Mover]:
+        """Those of the bodies that have geometry."""
+        return [self[name] for name in names if self._episode.bodies[name].geoms]
+
+
+class Facts:
+    """An episode, and what several signals share."""
+
+    def __init__(self, episode: Episode, baseline_frames: int = 5) -> None:
+        """``baseline_frames``: how many first frames estimate the initial state."""
+        self.episode = episode
+        self.baseline = Baseline(baseline_frames)
+        self.movers = Movers(episode)
+
+    @cached_property
+    def contact_sums(self) -> ContactSums:
+        """Forces summed per pair of bodies."""
+        return ContactSums(self.episode)
+
+    def bodies(self, name: str) -> list[str]:
+        """The bodies a name stands for: itself, or those of the union ``robot`` or ``gripper``.
+
+        An immobile base of the robot is a fixture and in no union.
+        """
+        if name in self.episode.bodies:
+            return [name]
+        kinds = {"robot": ("robot", "gripper"), "gripper": ("gripper",)}[name]
+        return [
+            body.name for body in self.episode.header.bodies if body.kind in kinds and body.movable
+        ]
+
+
+@dataclass(frozen=True)
+class Query:
+    """One signal that is asked for.
+
+    Attributes:
+        facts: what it is measured from.
+        name: of the built-in signal.
+        dimension: of its value.
+        bodies: names of bodies or unions, in the signal's order.
+        groups: the same, each as the bodies that it stands for; none of them empty.
+        since: what a change is measured from; None for the baseline.
+        cap: m, for clearances: distances up to here are wanted exactly.
+        options: what the signal's definition adds.
+    """
+
+    facts: Facts
+    name: str
+    dimension: str
+    bodies: tuple[str, ...]
+    groups: tuple[tuple[str, ...], ...]
+    since: Reference | None
+    cap: float
+    options: Options
+
+    @property
+    def episode(self) -> Episode:
+        """The episode."""
+        return self.facts.episode
+
+    @property
+    def reference(self) -> Reference:
+        """What a change is measured from."""
+        return self.since or Reference(self.facts.baseline)
+
+    def unknown(self, why: str) -> Series:
+        """Nothing is known of it, and why."""
+        return unknown(len(self.facts.episode), self.dimension, why)
