@@ -1,132 +1,164 @@
-"""Read + score of one stored episode, and its ratio to a plain per-frame python-fcl evaluator.
+"""Read + score of an episode of full size, and its ratio to a plain python-fcl evaluator.
 
-Both answer the same question in the same run: does the carried target come closer to the protected
-object than the limit? The plain evaluator reads the same file and asks python-fcl for the distance
-of every pair of shapes in every frame.
+    python benchmarks/score.py              # every stage, from Parquet and MCAP; the ratio
+    python benchmarks/score.py --growth     # how cost grows: frames, bodies, contacts, protected
+    python benchmarks/score.py --profile ETS
 
-    python benchmarks/score.py [EPISODE] [--rules ets] [--runs 7] [--every 1]
-
-``--every N`` lets the plain loop visit every Nth frame only, and scales its time by N.
+The episode (8,000 frames, 20 objects and an arm, 36 contacts per frame; made.py) is written to a
+temporary folder first. Times are the best of several runs in one warm process on one core, files
+in the page cache. ``--every N`` lets the plain loop visit every Nth frame and scales its time.
 """
 
 from __future__ import annotations
 
 import argparse
+import cProfile
 import platform
-import statistics
+import pstats
+import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import fcl
+import made
 import numpy as np
+from plain import distances
 
-from safestage_eval.episode import Episode, Geom
-from safestage_eval.formats import discover
-from safestage_eval.geometry.pose import matrix
+from safestage_eval.formats.episode_ref import EpisodeRef
 from safestage_eval.rules import load_rules
-from safestage_eval.verdicts.judge import judge
+from safestage_eval.signals.measure import Signals
+from safestage_eval.verdicts import EpisodeResult, judge
 
 LIMIT = 0.08
 """m, as ``min_clearance`` in rules/ets.toml."""
 
-Shapes = list[tuple[Any, np.ndarray, np.ndarray]]
 
-
-def fcl_shape(geom: Geom, episode: Episode) -> Any:
-    """The python-fcl geometry of a geom."""
-    size = geom.size
-    if geom.kind == "sphere":
-        return fcl.Sphere(size[0])
-    if geom.kind == "box":
-        return fcl.Box(*(2 * s for s in size))
-    if geom.kind == "cylinder":
-        return fcl.Cylinder(size[0], 2 * size[1])
-    if geom.kind == "capsule":
-        return fcl.Capsule(size[0], 2 * size[1])
-    if geom.kind == "ellipsoid":
-        return fcl.Ellipsoid(*size)
-    mesh = episode.meshes[geom.mesh or ""]
-    faces = np.column_stack([np.full(len(mesh.faces), 3), mesh.faces]).ravel()
-    return fcl.Convex(mesh.vertices.astype(float), len(mesh.faces), faces)
-
-
-def shapes(episode: Episode, name: str) -> Shapes:
-    """(shape, rotation, position in the body frame) of a body's geoms."""
-    return [
-        (fcl_shape(geom, episode), matrix(geom.orientation), np.array(geom.position))
-        for geom in episode.bodies[name].geoms
-        if geom.kind != "plane"
-    ]
-
-
-def plain(ref: Any, every: int) -> float:
-    """Least distance (m) between target and protected, by python-fcl, frame by frame."""
-    episode = ref.open()
-    roles = episode.header.roles
-    (target,) = roles["target"]
-    least = np.inf
-    for protected in roles["protected"]:
-        tracks = [episode.track(name) for name in (target, protected)]
-        bodies = [shapes(episode, name) for name in (target, protected)]
-        for frame in range(0, len(episode), every):
-            objects = []
-            for track, parts in zip(tracks, bodies, strict=True):
-                turn, origin = matrix(track.orientation[frame]), track.position[frame]
-                objects.append(
-                    [
-                        fcl.CollisionObject(s, fcl.Transform(turn @ r, turn @ p + origin))
-                        for s, r, p in parts
-                    ]
-                )
-            for a in objects[0]:
-                for b in objects[1]:
-                    least = min(least, fcl.distance(a, b, fcl.DistanceRequest()))
-    return float(least)
-
-
-def timed(function: Callable[[], Any], runs: int) -> tuple[float, Any]:
-    """Median wall time (s) of several runs, and the last result."""
-    times, result = [], None
+def best(function: Callable[[], Any], runs: int) -> tuple[float, Any]:
+    """Least wall time (s) of several runs after one that is not counted, and the last result."""
+    result, times = function(), []
     for _ in range(runs):
         start = time.perf_counter()
         result = function()
         times.append(time.perf_counter() - start)
-    return statistics.median(times), result
+    return min(times), result
+
+
+def read_and_score(ref: EpisodeRef, rules: Any) -> EpisodeResult:
+    """One episode from its file to its verdicts."""
+    return judge(ref.open(), rules, trace_hash=ref.content_hash)
+
+
+def headline(folder: Path, runs: int, every: int) -> None:
+    """Every stage from both formats; the ratio to the plain loop."""
+    episode = made.make("ETS").episode()
+    print(
+        f"{len(episode)} frames, {len(episode.header.bodies)} bodies, "
+        f"{len(episode.contacts) / len(episode):.0f} contacts per frame"
+    )
+    print(f"\n{'read + score':14}{'Parquet':>10}{'MCAP':>10}   verdicts")
+    for stage in made.ASSIGNED:
+        rules, times = load_rules([stage.lower()]), []
+        for target in (folder / stage, folder / f"{stage}.mcap"):
+            ref = made.write(target, stage)
+            seconds, result = best(lambda ref=ref, rules=rules: read_and_score(ref, rules), runs)
+            times.append(seconds)
+        told = ", ".join(f"{v.rule} {v.verdict}" for v in result.verdicts)
+        print(f"{stage:14}{times[0] * 1e3:7.1f} ms{times[1] * 1e3:7.1f} ms   {told}", flush=True)
+    print("\nagainst the plain python-fcl loop: robot and target to each protected object")
+    for protected in (3, 17):
+        compare(folder, protected, runs, every)
+
+
+def compare(folder: Path, protected: int, runs: int, every: int) -> None:
+    """The rules of ETS, read and scored, against the plain loop over the same pairs of bodies."""
+    size = made.Size(protected=protected)
+    ref = made.write(folder / f"plain{protected}", "ETS", size)
+    rules = load_rules(["ets"])
+    ours, result = best(lambda: read_and_score(ref, rules), runs)
+    start = time.perf_counter()
+    episode = ref.open()
+    robot = [b.name for b in episode.header.bodies if b.kind in ("robot", "gripper") and b.movable]
+    (target,) = episode.header.roles["target"]
+    found = distances(episode, [*robot, target], episode.header.roles["protected"], every)
+    theirs = (time.perf_counter() - start) * every
+    differ = 0
+    for (a, b), series in found.items():
+        own = Signals(episode).get("clearance", (a, b)).upper[::every]
+        differ += int(((series < LIMIT) != (own < LIMIT)).sum())
+    asked = sum(len(series) for series in found.values())
+    said = ", ".join(f"{v.rule} {v.verdict}" for v in result.verdicts)
+    print(
+        f"{protected:3} protected: {ours * 1e3:7.1f} ms against {theirs:6.1f} s"
+        f" = {theirs / ours:6.0f} x  ({said})\n"
+        f"    closer than {LIMIT * 100:.0f} cm: {differ} of {asked} answers differ",
+        flush=True,
+    )
+
+
+def growth(folder: Path, runs: int) -> None:
+    """One size at a time; ms of read + score with the rules of each stage, from Parquet."""
+    usual = made.Size()
+    axes: dict[str, list[Any]] = {
+        "frames": [1000, 2000, 4000, 8000, 16000],
+        "objects": [10, 20, 40, 80],
+        "points": [1, 4, 16, 32],
+        "protected": [1, 3, 9, 17],
+    }
+    ruleset = {stage: load_rules([stage.lower()]) for stage in made.ASSIGNED}
+    for axis, values in axes.items():
+        print(f"\n{axis:>10}  contacts/frame" + "".join(f"{stage:>11}" for stage in ruleset))
+        for value in values:
+            size, cells, density = replace(usual, **{axis: value}), [], 0.0
+            for stage, rules in ruleset.items():
+                ref = made.write(folder / f"{axis}{value}" / stage, stage, size)
+                seconds, _ = best(lambda r=ref, rules=rules: read_and_score(r, rules), runs)
+                cells.append(f"{seconds * 1e3:8.1f} ms")
+                density = len(ref.open().contacts) / size.frames
+            print(f"{value:10}{density:16.0f}" + "".join(cells), flush=True)
+
+
+def profile(folder: Path, stage: str, runs: int) -> None:
+    """Where the time goes, function by function."""
+    rules = load_rules([stage.lower()])
+    ref = made.write(folder / stage, stage)
+    read_and_score(ref, rules)
+    with cProfile.Profile() as found:
+        for _ in range(runs):
+            read_and_score(ref, rules)
+    pstats.Stats(found).sort_stats("tottime").print_stats(30)
 
 
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("episode", nargs="?", help="episode id; default: the first ETS201 one")
-    parser.add_argument("--traces", type=Path, default=Path(__file__).parent.parent / "traces")
-    parser.add_argument("--rules", default="ets")
-    parser.add_argument("--runs", type=int, default=7)
-    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--growth", action="store_true", help="tables over four sizes")
+    parser.add_argument("--profile", choices=made.ASSIGNED, help="one stage, by function")
+    parser.add_argument("--runs", type=int, default=9)
+    parser.add_argument("--every", type=int, default=10, help="frames per step of the plain loop")
     args = parser.parse_args()
-    refs = [ref for ref in discover([args.traces]) if "ETS201" in ref.open().header.rules]
-    chosen = [r for r in refs if args.episode in (None, r.episode_id)]
-    if not chosen:
-        parser.error("no such episode, or none with the assigned rule ETS201")
-    ref = chosen[0]
-    rules = load_rules([args.rules])
-    episode = ref.open()
-    judge(episode, rules)  # compile
-    print(f"{platform.processor() or platform.machine()}, Python {platform.python_version()}")
     print(
-        f"{ref.episode_id}: {len(episode)} frames, {len(episode.header.bodies)} bodies, "
-        f"{len(episode.contacts)} contacts"
+        f"{platform.node()}: {_processor()}, Python {platform.python_version()}, "
+        f"NumPy {np.__version__}"
     )
-    ours, result = timed(lambda: judge(ref.open(), rules), args.runs)
-    verdict = next(v for v in result.verdicts if v.rule == "ETS201")
-    print(f"read + score, all rules of {args.rules!r}: {ours * 1e3:8.1f} ms  ({verdict.verdict})")
-    theirs, least = timed(lambda: plain(ref, args.every), 1)
-    theirs *= args.every
-    print(f"plain python-fcl, one rule:          {theirs * 1e3:8.1f} ms  (least {least:.4f} m)")
-    print(f"ratio: {theirs / ours:.1f}")
-    said = f"{verdict.value:.4f} m" if verdict.value is not None else "more than it needs to know"
-    print(f"least clearance while in transit: {said}; limit {LIMIT} m")
+    with tempfile.TemporaryDirectory() as name:
+        if args.profile:
+            profile(Path(name), args.profile, args.runs)
+        elif args.growth:
+            growth(Path(name), args.runs)
+        else:
+            headline(Path(name), args.runs, args.every)
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
 
 
 if __name__ == "__main__":
