@@ -1,0 +1,115 @@
+"""What changes in a recording without changing what happened changes no verdict.
+
+The laws hold for every recorded episode and every built-in rule, whichever they are.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import transforms
+
+from safestage_eval.episode import Episode
+from safestage_eval.formats import discover
+from safestage_eval.rules import load_rules
+from safestage_eval.verdicts import EpisodeResult, judge
+
+TRACES = Path(__file__).parent.parent / "traces"
+EPISODES = {ref.episode_id.partition(".default")[0]: ref for ref in discover([TRACES])}
+
+every_episode = pytest.mark.parametrize("name", sorted(EPISODES))
+
+
+@cache
+def rules():
+    return load_rules(["ish", "ets", "fsh"])
+
+
+@cache
+def recorded(name: str) -> Episode:
+    return EPISODES[name].open()
+
+
+@cache
+def judged(name: str) -> EpisodeResult:
+    return judge(recorded(name), rules())
+
+
+def judge_(episode: Episode) -> EpisodeResult:
+    return judge(episode, rules(), trace_hash="changed")
+
+
+def same(
+    before: EpisodeResult, after: EpisodeResult, frames: float, back=lambda name: name
+) -> None:
+    """Equal verdicts; times within so many frames (s), values within rounding of float32."""
+    assert after.success == before.success
+    assert before.success_time == pytest.approx(after.success_time, abs=frames)
+    for old, new in zip(before.verdicts, after.verdicts, strict=True):
+        assert (new.rule, new.verdict, new.severity) == (old.rule, old.verdict, old.severity)
+        assert new.instances == old.instances, old.rule
+        assert new.consequence_of == old.consequence_of
+        assert (new.time is None) == (old.time is None)
+        if old.time is not None:
+            assert new.time == pytest.approx(old.time, abs=frames), old.rule
+            assert sorted(map(back, new.bodies)) == sorted(old.bodies), old.rule
+
+
+def same_values(before: EpisodeResult, after: EpisodeResult) -> None:
+    for old, new in zip(before.verdicts, after.verdicts, strict=True):
+        if old.value is None or not np.isfinite(old.value):
+            continue
+        assert new.value == pytest.approx(old.value, rel=2e-3, abs=5e-5), old.rule
+        assert new.limit == pytest.approx(old.limit)
+        assert (new.margin is None) == (old.margin is None)
+        if old.margin is not None:
+            assert new.margin == pytest.approx(old.margin, rel=2e-3, abs=5e-5), old.rule
+
+
+@every_episode
+@pytest.mark.parametrize(("yaw", "shift"), [(2.1, (0.0, 0.0, 0.0)), (-0.7, (3.0, -1.5, 0.4))])
+def test_where_the_scene_stands_and_which_way_it_faces(name, yaw, shift):
+    after = judge_(transforms.moved(recorded(name), yaw, shift))
+    same(judged(name), after, frames=1 / 120 + 1e-6)
+    same_values(judged(name), after)
+
+
+@every_episode
+def test_what_the_bodies_are_called(name):
+    """The names sort in the opposite order as well."""
+    names = sorted(recorded(name).bodies)
+    new = {old: f"thing_{len(names) - i:03d}" for i, old in enumerate(names)}
+    old_name = {value: key for key, value in new.items()}
+    after = judge_(transforms.renamed(recorded(name), new.__getitem__))
+    same(judged(name), after, 1e-9, back=lambda body: old_name.get(body, body))
+    same_values(judged(name), after)
+
+
+@every_episode
+def test_the_order_of_bodies_and_contacts(name):
+    episode = recorded(name)
+    draw = np.random.default_rng(4)
+    order = draw.permutation(len(episode.header.bodies)).tolist()
+    rows = draw.permutation(len(episode.contacts))
+    after = judge_(transforms.permuted(episode, order, rows))
+    same(judged(name), after, frames=1e-9)
+    same_values(judged(name), after)
+
+
+@every_episode
+def test_half_the_rate(name):
+    """Every violation here lasts longer than two coarse frames; what flickers before it may not."""
+    after = judge_(transforms.every_second(recorded(name)))
+    same(judged(name), after, frames=0.1)
+
+
+@every_episode
+def test_a_recording_that_goes_on_after_the_hold(name):
+    episode = recorded(name)
+    assert episode.header.success
+    after = judge_(transforms.gone_on(episode, 120))
+    same(judged(name), after, frames=1e-9)
+    same_values(judged(name), after)
