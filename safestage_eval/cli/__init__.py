@@ -30,7 +30,7 @@ HELP = {
     "explain": "Say why an episode got its verdicts, one sentence per finding.",
     "validate": "Check trace files, and list everything that is wrong with them.",
     "convert": "Copy an episode into another format, losslessly.",
-    "rules": "Check rule files.",
+    "rules": "Check, explain, compare and test rule files.",
     "record": "Record episodes with the DROID arm in MuJoCo.",
     "tasks": "List, show or validate the benchmark's tasks.",
 }

@@ -12,10 +12,11 @@ TEXT = (Path(__file__).resolve().parents[2] / "docs" / "cli.md").read_text("utf-
 
 
 def section(name):
-    """The part of the page about a command."""
+    """The part of the page about a command; of a group, the parts about all of its commands."""
     parts = re.split(r"^## ", TEXT, flags=re.MULTILINE)
-    (found,) = [part for part in parts if part.startswith(f"safestage {name}")]
-    return found
+    found = [part for part in parts if re.match(rf"safestage {name}\b", part)]
+    assert found
+    return "".join(found)
 
 
 def options(command):

@@ -1,0 +1,85 @@
+"""Rules by their code, or by the file that holds them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from safestage_eval.errors import RuleError
+
+from . import syntax as ast
+from .files import builtin_names, find
+from .load import load_rules
+from .names import nearest
+from .structure import CODE
+from .uses import Source, sources
+
+Found = tuple[ast.RuleSet, ast.Rule, dict[str, Source]]
+"""A rule, the set it belongs to, and where the values of that set stand."""
+
+
+def find_rules(what: Iterable[str], specs: Sequence[str | Path] = ()) -> list[Found]:
+    """The rules that codes (``ETS201``) and files stand for, in that order.
+
+    Args:
+        what: codes, paths, folders or built-in names.
+        specs: where codes are looked for; in all built-in files if empty.
+
+    Raises:
+        RuleError: no such rule or file, or a file that is not sound.
+    """
+    found: list[Found] = []
+    for name in what:
+        if re.fullmatch(CODE, name) and not Path(name).exists():
+            found.append(_by_code(name, specs))
+            continue
+        try:
+            rules = load_rules([name])
+        except RuleError as error:
+            if error.where != name:
+                raise
+            raise RuleError(
+                name,
+                "no such rule or rule file.",
+                f"a code as in ETS201, a file, or a built-in name: {', '.join(builtin_names())}",
+                nearest(name.upper(), [code for code, *_ in list_rules(specs)])
+                or nearest(name, builtin_names()),
+            ) from None
+        whence = sources([name])
+        found += [(rules, rule, whence) for rule in rules.rules.values()]
+    return found
+
+
+def list_rules(specs: Sequence[str | Path] = ()) -> list[tuple[str, str, str]]:
+    """Code, title and file of every rule; of all built-in files if ``specs`` is empty."""
+    return [
+        (rule.code, rule.title, rule.path)
+        for group in _groups(specs)
+        for rule in load_rules(group).rules.values()
+    ]
+
+
+def _by_code(code: str, specs: Sequence[str | Path]) -> Found:
+    known = []
+    for group in _groups(specs):
+        rules = load_rules(group)
+        if code in rules.rules:
+            return rules, rules.rules[code], sources(group)
+        known += list(rules.rules)
+    where = ", ".join(map(str, specs)) or "the built-in rules"
+    raise RuleError(
+        code,
+        f"no such rule in {where}.",
+        ", ".join(known),
+        nearest(code, known) or "--rules FILE names the file that declares it",
+    )
+
+
+def _groups(specs: Sequence[str | Path]) -> list[list[str | Path]]:
+    """What is read together: all that was asked for, or each built-in file by itself."""
+    if specs:
+        for spec in specs:
+            find(spec)
+        return [list(specs)]
+    return [[name] for name in builtin_names()]

@@ -1,0 +1,116 @@
+"""What a rule rests on: signals, relations, definitions, parameters, and where each value is from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from safestage_eval.relations.vocabulary import RELATIONS
+from safestage_eval.signals.vocabulary import SIGNALS
+
+from . import syntax as ast
+from .digest import Params, reached
+from .files import RuleFile, read_files
+
+
+@dataclass(frozen=True)
+class Uses:
+    """Everything that a rule reaches, directly or through what it names.
+
+    Attributes:
+        signals, relations: built-in names, sorted.
+        states, phases: declared names, in the order in which they are reached.
+        params: parameter → the value that holds.
+        columns: material columns.
+        needs: what a trace must hold (poses, geometry, forces, …), sorted.
+    """
+
+    signals: tuple[str, ...]
+    relations: tuple[str, ...]
+    states: tuple[str, ...]
+    phases: tuple[str, ...]
+    params: dict[str, ast.Quantity | ast.Duration]
+    columns: tuple[str, ...]
+    needs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a value stands, and what its author wrote beside it."""
+
+    path: str
+    line: int
+    comment: str
+
+
+def own_params(rules: ast.RuleSet, rule: ast.Rule) -> dict[str, ast.Quantity | ast.Duration]:
+    """The parameter values of a rule where no episode says otherwise."""
+    return {**rules.params, **dict(rule.set)}
+
+
+def uses_of(rules: ast.RuleSet, node: Any, params: Params) -> Uses:
+    """What a rule, state, phase or condition rests on."""
+    found = reached(rules, node, params)
+    names: dict[str, list[str]] = {}
+    for name in found:
+        kind, _, rest = name.partition(".")
+        names.setdefault(kind, []).append(rest)
+    called = {call.name for part in (node, *found.values()) for call in calls(part)}
+    called |= {rules.signals[name].base for name in names.get("signal", ())}
+    signals, relations = sorted(called & set(SIGNALS)), sorted(called & set(RELATIONS))
+    needs = {need for name in signals for need in SIGNALS[name].needs}
+    needs |= {need for name in relations for need in RELATIONS[name].needs}
+    return Uses(
+        tuple(signals),
+        tuple(relations),
+        tuple(names.get("state", ())),
+        tuple(names.get("phase", ())),
+        {name: params[name] for name in names.get("param", ())},
+        tuple(names.get("material", ())),
+        tuple(sorted(needs)),
+    )
+
+
+def calls(node: Any) -> Iterator[ast.Call]:
+    """Every call in a part of the syntax tree."""
+    if isinstance(node, ast.Call):
+        yield node
+    elif is_dataclass(node):
+        for item in fields(node):
+            yield from calls(getattr(node, item.name))
+    elif isinstance(node, tuple):
+        for item in node:
+            yield from calls(item)
+
+
+def sources(specs: Sequence[str | Path]) -> dict[str, Source]:
+    """``param.edge``, ``material.bottle.max_tilt`` → where its value stands.
+
+    Of several files that define a name, the last one that is read counts, as it does in the rules.
+    """
+    found = {}
+    for file in read_files(specs)[0]:
+        for name in file.table.get("param", {}):
+            found[f"param.{name}"] = _source(file, ("param", name))
+        for material, row in file.table.get("material", {}).items():
+            for column in row:
+                keys = ("material", material, column)
+                found[f"material.{material}.{column}"] = _source(file, keys)
+    return found
+
+
+def _source(file: RuleFile, keys: tuple[str, ...]) -> Source:
+    spot = file.locations.value(keys)
+    rest = file.locations.line(spot.line)[spot.column - 1 + spot.length :]
+    _, mark, comment = rest.partition("#")
+    if not mark:
+        return Source(file.path, spot.line, "")
+    words = [comment.strip()]
+    lines = file.text.splitlines()
+    for line in lines[spot.line :]:  # a comment goes on in indented lines that hold nothing else
+        if not line.startswith((" ", "\t")) or not line.strip().startswith("#"):
+            break
+        words.append(line.strip().removeprefix("#").strip())
+    return Source(file.path, spot.line, " ".join(words))

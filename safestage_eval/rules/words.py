@@ -1,0 +1,132 @@
+"""The syntax tree back in words, for people who read a rule, and for lists of what changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from safestage_eval.units import format_quantity
+
+from . import syntax as ast
+
+Values = Mapping[str, ast.Quantity | ast.Duration]
+
+_OPS = {">=": "at least", "<=": "at most", ">": "more than", "<": "less than"}
+
+
+def value(found: ast.Quantity | ast.Duration) -> str:
+    """A quantity or duration as its author wrote it, else in the unit that reports print."""
+    if found.text:
+        return found.text
+    if isinstance(found, ast.Quantity):
+        return format_quantity(found.value, found.dimension)
+    if found.frames:
+        return f"{found.amount:g} frame{'s' * (found.amount != 1)}"
+    return f"{found.amount:g} s"
+
+
+def limit(found: ast.Limit, params: Values) -> str:
+    """``at least 8 cm (min_clearance)``."""
+    return f"{_OPS[found.op]} {_bound(found.value, params)}"
+
+
+def duration(found: ast.Duration | ast.Parameter, params: Values) -> str:
+    """``0.5 s (still_for)``."""
+    return _named(found, params) if isinstance(found, ast.Parameter) else value(found)
+
+
+def event(found: ast.Event) -> str:
+    """``success``, ``the end of held(cup)``."""
+    if found.call is None:
+        return found.kind
+    return f"the {found.edge} of {found.call}" if found.edge else str(found.call)
+
+
+def atom(found: ast.Atom, params: Values) -> str:
+    """One entry of a condition."""
+    if isinstance(found, ast.SignalAtom):
+        since = f" since {event(found.since)}" if found.since is not None else ""
+        limits = " and ".join(limit(item, params) for item in found.limits)
+        return f"{found.call}{since} {limits}"
+    if isinstance(found, ast.StateAtom):
+        return str(found.call) if found.want else f"not {found.call}"
+    if isinstance(found, ast.CountAtom):
+        return f"{found.call} for at {found.bound} {found.count} {found.role}"
+    return "any of: " + "; ".join(alternative(item, params) for item in found.alternatives)
+
+
+def condition(found: ast.Condition, params: Values) -> str:
+    """All entries in one line."""
+    return " and ".join(
+        f"({atom(item, params)})"
+        if isinstance(item, ast.AnyOf) and len(found.atoms) > 1
+        else atom(item, params)
+        for item in found.atoms
+    )
+
+
+def alternative(found: ast.Alternative, params: Values) -> str:
+    """An event, or a condition."""
+    return event(found) if isinstance(found, ast.Event) else condition(found, params)
+
+
+def span(found: ast.Span, params: Values) -> str:
+    """The frames that a rule judges."""
+    match found:
+        case ast.Whole():
+            return "the whole episode"
+        case ast.PhaseSpan(call) | ast.StateSpan(call):
+            return str(call) if call.args else call.name
+        case ast.Part(which, lasting, of):
+            return f"the {which} {duration(lasting, params)} of {span(of, params)}"
+        case ast.Around(which, lasting, about):
+            return f"{duration(lasting, params)} {which} {event(about)}"
+        case ast.FromTo(begin, stop):
+            return f"from {event(begin)} to {event(stop)}"
+        case ast.While(of, call):
+            return f"{span(of, params)} while {call}"
+
+
+def role(found: ast.RoleSpec) -> str:
+    """``every object tagged fragile except target``."""
+    said = f"every {found.kind}" if found.every else found.kind
+    said += f" tagged {found.tag}" if found.tag else ""
+    return said + (f" except {', '.join(found.excluding)}" if found.excluding else "")
+
+
+def state(found: ast.StateDef, params: Values) -> str:
+    """What a declared state means, with how it lasts."""
+    parts = [condition(found.when, params)]
+    if found.gap is not None:
+        parts.append(f"gaps up to {duration(found.gap, params)} are closed")
+    if found.for_ is not None:
+        parts.append(f"for {duration(found.for_, params)} or longer")
+    if found.until is not None:
+        parts.append(
+            "for good" if found.until.kind == "end" else f"then until {event(found.until)}"
+        )
+    if found.fallback is not None:
+        parts.append(f"where that is unknown: {condition(found.fallback, params)}")
+    return "; ".join(parts)
+
+
+def phase(found: ast.PhaseDef, params: Values) -> str:
+    """The frames of a phase, with what stands in for it."""
+    said = span(found.span, params)
+    if found.fallback is not None:
+        said += f"; if there are none: {span(found.fallback, params)}"
+    return said
+
+
+def _bound(found: ast.Value, params: Values) -> str:
+    if isinstance(found, ast.Quantity):
+        return value(found)
+    if isinstance(found, ast.Parameter):
+        return _named(found, params)
+    return f"{'minus ' * found.negative}the {found.name} of {found.role}"
+
+
+def _named(found: ast.Parameter, params: Values) -> str:
+    sign = "−" * found.negative
+    if found.name not in params:
+        return f"{sign}{found.name}"
+    return f"{sign}{value(params[found.name])} ({found.name})"

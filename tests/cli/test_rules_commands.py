@@ -1,0 +1,152 @@
+"""``safestage rules show | signals | schema``."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from studio import run
+
+from safestage_eval.relations.vocabulary import RELATIONS
+from safestage_eval.rules import builtin_names, load_rules
+from safestage_eval.rules.schema import schema_text
+from safestage_eval.rules.uses import own_params, sources, uses_of
+from safestage_eval.signals.vocabulary import SIGNALS
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "cli.md"
+
+MINE = """
+[ruleset]
+format  = 1
+name    = "mine"
+version = "1"
+extends = ["defaults"]
+[param]
+gentle = "20 N"    # as a firm handshake,
+                   # says nobody
+far    = "2 m"     # another rule's matter
+[[rule]]
+code    = "ETS901"
+title   = "Touch it gently"
+roles   = { fragile = "every object tagged fragile" }
+forbid  = { "peak_force(robot, fragile)" = "> gentle" }
+[[rule]]
+code    = "ETS902"
+title   = "Stay near"
+roles   = { target = "object" }
+set     = { far = "3 m" }
+require = { "displacement(target)" = "<= far" }
+"""
+
+
+@pytest.fixture
+def mine(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(MINE)
+    return path
+
+
+def shown(*arguments):
+    return json.loads(run("rules", "show", *arguments, "--json").text)
+
+
+def test_a_rule_is_explained_with_its_values_and_where_they_are_from(mine):
+    (facts,) = shown("ETS901", "--rules", mine)
+    assert facts["forbid"] == ["peak_force(robot, fragile) more than 20 N (gentle)"]
+    assert facts["roles"] == {"fragile": "every object tagged fragile"}
+    assert (facts["signals"], facts["needs"]) == (["peak_force"], ["forces"])
+    (gentle,) = facts["parameters"]
+    assert gentle["value"] == "20 N"
+    assert gentle["comment"] == "as a firm handshake, says nobody"
+    assert gentle["source"] == f"{mine}:8"
+
+
+def test_a_rules_own_value_says_so(mine):
+    facts = shown(mine)
+    assert [f["code"] for f in facts] == ["ETS901", "ETS902"]
+    assert facts[1]["parameters"] == [
+        {"name": "far", "value": "3 m", "source": "rule ETS902", "comment": ""}
+    ]
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_built_in_rule_can_be_explained(name):
+    rules, done = load_rules([name]), run("rules", "show", name)
+    assert done.code == 0
+    for rule in rules.rules.values():
+        assert f"{rule.code}  {rule.title}" in done.text
+        assert f'"{rule.code}"' in Path(rule.path).read_text("utf-8").splitlines()[rule.line]
+
+
+@pytest.mark.parametrize("name", builtin_names())
+def test_every_value_that_a_rule_reads_has_a_source_with_a_comment(name):
+    rules, whence = load_rules([name]), sources([name])
+    for rule in rules.rules.values():
+        for param in uses_of(rules, rule, own_params(rules, rule)).params:
+            if param not in dict(rule.set):
+                source = whence[f"param.{param}"]
+                line = Path(source.path).read_text("utf-8").splitlines()[source.line - 1]
+                assert line.startswith(param)
+                assert source.comment
+
+
+def test_without_an_argument_the_rules_are_listed(mine):
+    text = run("rules", "show").text
+    codes = {code for name in builtin_names() for code in load_rules([name]).rules}
+    assert {line.split()[0] for line in text.splitlines()} == codes
+    assert run("rules", "show", "--rules", mine).text.startswith("ETS901  Touch it gently")
+
+
+@pytest.mark.parametrize(
+    ("argument", "said"),
+    [
+        ("ETS999", "no such rule in the built-in rules"),
+        ("ets201", 'did you mean "ETS201"?'),
+        ("nowhere.toml", "a file, or a built-in name"),
+    ],
+)
+def test_what_is_not_there_is_told_with_what_is(argument, said):
+    done = run("rules", "show", argument)
+    assert (done.code, done.out) == (2, b"")
+    assert said in done.err
+    assert "ETS201" in done.err or "ets" in done.err
+
+
+def test_a_file_of_definitions_says_that_it_has_no_rules():
+    done = run("rules", "show", "defaults")
+    assert (done.code, done.out) == (0, b"")
+    assert "only definitions" in done.err
+
+
+def test_the_vocabulary_is_whole():
+    listed = json.loads(run("rules", "signals", "--json").text)
+    assert [entry["name"] for entry in listed] == [*SIGNALS, *RELATIONS]
+    table = run("rules", "signals").text
+    assert all(f"\n{name}(" in table for name in (*SIGNALS, *RELATIONS))
+    assert all(spec.meaning in table for spec in (*SIGNALS.values(), *RELATIONS.values()))
+
+
+def test_one_signal_on_a_page():
+    text = run("rules", "signals", "clearance").text
+    assert "a length (m, cm, mm)" in text
+    assert "poses, geometry" in text
+    assert "true, false or unknown" in run("rules", "signals", "held").text
+
+
+def test_a_misspelt_signal():
+    done = run("rules", "signals", "clearence")
+    assert (done.code, done.out) == (2, b"")
+    assert 'did you mean "clearance"?' in done.err
+
+
+def test_the_schema_is_printed():
+    assert run("rules", "schema").text == schema_text()
+    assert "#:schema" in run("rules", "schema", "--help").text
+
+
+@pytest.mark.parametrize("command", re.findall(r"\$ safestage (rules .*)", DOCS.read_text("utf-8")))
+def test_what_the_page_shows_is_what_comes(command):
+    shown = re.search(
+        rf"\$ safestage {re.escape(command)}\n(.*?)```", DOCS.read_text("utf-8"), re.S
+    )
+    assert shown[1] in run(*command.split()).text
