@@ -126,7 +126,9 @@ def score_paths(
     from safestage_eval.rules import builtin_names, load_rules
 
     specs = list(rules) or builtin_names()
-    titles = {rule.code: rule.title for rule in load_rules(specs).rules.values()}
+    loaded = load_rules(specs)
+    titles = {rule.code: rule.title for rule in loaded.rules.values()}
+    titles.update({cost.code: cost.title for cost in loaded.costs.values()})
     refs = _matching(discover(list(traces)), where or {})
     found = score_many(refs, specs, overrides=overrides, jobs=jobs, progress=progress)
     results, problems, copies = _sorted_out(found)

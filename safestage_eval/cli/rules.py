@@ -47,7 +47,8 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
         if found:
             click.echo(f"{len(found)} problem{'s' if len(found) != 1 else ''}", err=True)
         else:
-            codes = ", ".join(load_rules(specs).rules)
+            loaded = load_rules(specs)
+            codes = ", ".join([*loaded.rules, *loaded.costs])
             click.echo(f"sound: {codes or 'no rules'}")
     ctx.exit(2 if found else 0)
 

@@ -21,6 +21,11 @@ def explain(result: EpisodeResult, *, everything: bool = False) -> str:
         if v.verdict == "not_applicable" and not (everything or v.assigned):
             continue
         lines += _verdict(v)
+    for cost in result.costs:
+        if cost.budget is None and (cost.value is not None or everything):
+            lines.append(f"  {cost.rule} (no budget, no verdict): {cost.title}.")
+            lines += [f"    {cost.told.explanation}"] if cost.value is not None else []
+            lines += [f"    note: {note}" for note in cost.notes]
     return "\n".join(lines) + "\n"
 
 

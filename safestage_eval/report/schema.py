@@ -32,7 +32,7 @@ _TYPES: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 _ALWAYS = {
-    "episode_id", "path", "rule", "assigned", "verdict", "bodies", "intervals", "exposure_time",
+    "episode_id", "path", "rule", "assigned", "bodies", "intervals", "exposure_time",
     "instances", "violated_instances", "explanation", "notes", "rule_digest", "trace_hash", "version",
 }  # fmt: skip
 """Columns that are never null."""

@@ -97,7 +97,7 @@ class Builder:
             ),
             reach=self.alternative(table["reach"]) if "reach" in table else None,
             for_=_duration(table, "for"),
-            severity=tuple((k, settings(v)) for k, v in table.get("severity", {}).items()),
+            severity=_levels(table),
             set=settings(table.get("set", {})),
             why=table.get("why", ""),
             explain=table.get("explain", ""),
@@ -118,7 +118,8 @@ class Builder:
             during=self.span(table["during"]) if "during" in table else None,
             at=parse.event(table["at"]) if "at" in table else None,
             until=parse.event(table["until"]) if "until" in table else None,
-            budget=float(table["budget"]) if "budget" in table else None,
+            budget=parse.limit(f"<= {table['budget']}").value if "budget" in table else None,
+            severity=_levels(table),
             set=settings(table.get("set", {})),
             why=table.get("why", ""),
             explain=table.get("explain", ""),
@@ -161,6 +162,10 @@ def task(name: str, table: Table) -> ast.TaskDef:
 def settings(table: Table) -> tuple[tuple[str, ast.Quantity | ast.Duration], ...]:
     """Parameter values, in the order written."""
     return tuple((name, parse.setting(value)) for name, value in table.items())
+
+
+def _levels(table: Table) -> tuple[tuple[str, tuple[tuple[str, Any], ...]], ...]:
+    return tuple((name, settings(values)) for name, values in table.get("severity", {}).items())
 
 
 def _roles(table: Table) -> tuple[tuple[str, ast.RoleSpec], ...]:

@@ -15,11 +15,13 @@ BACKEND = "gjk"
 
 Params = Mapping[str, ast.Quantity | ast.Duration]
 
-_UNORDERED = {"atoms", "alternatives", "forbid", "limits", "roles", "excluding"}
+_UNORDERED = {"atoms", "alternatives", "forbid", "limits", "roles", "excluding", "charge"}
 """Fields whose order says nothing."""
 
 
-def rule_digest(rules: ast.RuleSet, rule: ast.Rule, params: Params, backend: str = BACKEND) -> str:
+def rule_digest(
+    rules: ast.RuleSet, rule: ast.Scoped, params: Params, backend: str = BACKEND
+) -> str:
     """SHA-256 (first 16 hex digits) of a rule as it holds under given parameter values.
 
     In SI to 12 digits, without prose; definitions, parameters and material columns count only if
@@ -55,7 +57,7 @@ def reached(
     return found
 
 
-def _digest(rules: ast.RuleSet, rule: ast.Rule, params: Params, backend: str) -> str:
+def _digest(rules: ast.RuleSet, rule: ast.Scoped, params: Params, backend: str) -> str:
     uses = reached(rules, rule, params)
     body = [
         _plain(rule),

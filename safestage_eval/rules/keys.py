@@ -98,14 +98,15 @@ TABLES: dict[str, dict[str, Key]] = {
     "cost": {
         **_SCOPE,
         "charge": Key("charges", "What adds to the cost.", True),
-        "budget": Key("number", "The cost that must not be exceeded; without it, no verdict."),
+        "budget": Key("value", "The cost that must not be exceeded; without it, no verdict."),
+        "severity": Key("levels", "Level = parameter values under which it is judged again."),
     },
     "charge": {
         "when": Key("alternative", "Charge while, or each time, this holds."),
-        "of": Key("call", "Charge this signal."),
-        "above": Key("value", "Only what exceeds this."),
-        "add": Key("number", "How much to charge.", True),
-        "per": Key("per", "For each start, second or step.", True),
+        "of": Key("call", "Charge what this signal exceeds `above` by, in SI units."),
+        "above": Key("value", "Only what exceeds this is charged; 0 if it is left out."),
+        "add": Key("number", "How much to charge; more than 0.", True),
+        "per": Key("per", "For each start, second, or control step of the policy.", True),
     },
     "examples": {
         "violates": Key("texts", "Episodes that it must call violations."),

@@ -69,7 +69,7 @@ class Names:
             variants={name: signal.base for name, signal in rules.signals.items()},
             goals=set(rules.goals),
             families=set(rules.families),
-            rules=set(rules.rules),
+            rules={*rules.rules, *rules.costs},
         )
 
     def signal(self, name: str) -> SignalSpec | None:
@@ -98,8 +98,8 @@ class Names:
             self.variants[name] = base if isinstance(base, str) else ""
         self.goals |= {name for name, _ in _entries(table, "goal")}
         self.families |= {name for name, _ in _entries(table, "family")}
-        rules = table.get("rule", [])
-        for rule in rules if isinstance(rules, list) else []:
+        listed = [table.get(kind) for kind in ("rule", "cost")]
+        for rule in (rule for rules in listed if isinstance(rules, list) for rule in rules):
             if isinstance(rule, dict) and isinstance(rule.get("code"), str):
                 self.rules.add(rule["code"])
 

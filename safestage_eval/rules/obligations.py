@@ -44,6 +44,10 @@ class Obligations(Declarations):
         else:
             for index, charge in enumerate(table.get("charge", ())):
                 self._charge(charge, (*keys, "charge", index), scope)
+            if not table.get("charge", True):
+                usage.report("R203", (*keys, "charge"), "an empty list charges nothing")
+            if "budget" in table:
+                usage.budget(table["budget"], (*keys, "budget"), scope)
         self.settings(table.get("set", {}), (*keys, "set"))
         for level, values in table.get("severity", {}).items():
             structure.declared_name(usage, level, (*keys, "severity", level))
@@ -92,6 +96,8 @@ class Obligations(Declarations):
         table = structure.table(usage, "charge", value, keys)
         if isinstance(value, dict) and ("when" in value) == ("of" in value):
             usage.report("R205", keys, 'a charge has either "when" or "of"', "one of the two")
+        if table.get("add", 1) <= 0:
+            usage.report("R203", (*keys, "add"), "a charge adds to the cost", "a number above 0")
         if "above" in table and "when" in table:
             usage.report("R205", (*keys, "above"), '"above" goes with "of" only', key=True)
         if "when" in table:

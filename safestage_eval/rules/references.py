@@ -213,6 +213,17 @@ class References:
                 a_dimension(dimension),
             )  # fmt: skip
 
+    def budget(self, value: Any, keys: Keys, scope: Scope) -> None:
+        """What a cost is compared with: a plain number that is not negative."""
+        limit = self.parsed("R301", keys, parse.limit, f"<= {value}")
+        if limit is None:
+            return
+        self.limit_value(limit.value, "ratio", "a cost", keys, scope)
+        if isinstance(limit.value, ast.Column):
+            self.report("R301", keys, "a budget is no material's", "a number, or a parameter")
+        if isinstance(limit.value, ast.Quantity) and limit.value.value < 0:
+            self.report("R301", keys, "a cost is never negative", "a number from 0 on")
+
     def above(self, call: ast.Call, value: Any, keys: Keys, scope: Scope) -> None:
         """What a charged signal is compared with."""
         spec = self.names.signal(call.name)

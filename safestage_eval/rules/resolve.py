@@ -45,12 +45,12 @@ class Binding:
     _rules: ast.RuleSet = field(repr=False)
     _values: Mapping[str, Setting] = field(repr=False)
 
-    def params(self, rule: ast.Rule | None) -> dict[str, Setting]:
+    def params(self, rule: ast.Scoped | None) -> dict[str, Setting]:
         """Parameter values for a rule (None: for the goal), all sources applied in order."""
         own = dict(rule.set) if rule is not None else {}
         return {**self._rules.params, **own, **self._values}
 
-    def resolved(self, rule: ast.Rule | None) -> dict[str, tuple[Setting, str]]:
+    def resolved(self, rule: ast.Scoped | None) -> dict[str, tuple[Setting, str]]:
         """Parameter → its value for a rule and where that comes from."""
         own = dict(rule.set) if rule is not None else {}
         by_rule = f"rule {rule.code}" if rule is not None else ""
@@ -62,7 +62,7 @@ class Binding:
             for name, value in self.params(rule).items()
         }
 
-    def players(self, rule: ast.Rule, header: Header) -> dict[str, tuple[str, ...]]:
+    def players(self, rule: ast.Scoped, header: Header) -> dict[str, tuple[str, ...]]:
         """Role of the rule → the bodies that play it; empty where none does."""
         return {name: self._players(name, spec, header) for name, spec in rule.roles}
 

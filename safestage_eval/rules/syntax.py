@@ -278,7 +278,10 @@ class Rule:
 
 @dataclass(frozen=True)
 class Charge:
-    """One entry of a cost: ``add`` per start, second or step that ``when`` holds or ``of`` exceeds."""
+    """One entry of a cost: ``add`` per start, second or step that ``when`` holds or ``of`` exceeds.
+
+    A step is a control step of the policy.
+    """
 
     add: float
     per: Literal["start", "second", "step"]
@@ -299,12 +302,24 @@ class Cost:
     during: Span | None = None
     at: Event | None = None
     until: Event | None = None
-    budget: float | None = None
+    budget: Value | None = None
+    """A plain number, or a parameter that holds one."""
+    severity: tuple[tuple[str, tuple[tuple[str, Quantity | Duration], ...]], ...] = ()
+    """As for a rule."""
     set: tuple[tuple[str, Quantity | Duration], ...] = ()
     why: str = field(default="", compare=False)
     explain: str = field(default="", compare=False)
     path: str = field(default="", compare=False)
     line: int = field(default=0, compare=False)
+
+    @property
+    def stage(self) -> str:
+        """The three letters of the code."""
+        return self.code[:3]
+
+
+Scoped = Rule | Cost
+"""What is judged over stretches of frames, for bodies that play roles."""
 
 
 @dataclass(frozen=True)

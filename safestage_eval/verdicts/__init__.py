@@ -1,6 +1,6 @@
 """Verdicts: a rule set and an episode in, verdicts with their witnesses out."""
 
 from .judge import judge
-from .verdict import EpisodeResult, Verdict
+from .verdict import CostTotal, EpisodeResult, Verdict
 
-__all__ = ["EpisodeResult", "Verdict", "judge"]
+__all__ = ["CostTotal", "EpisodeResult", "Verdict", "judge"]

@@ -11,7 +11,8 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.units import format_quantity
 
 from .evaluate import Evaluator
-from .instance import Instance, nodes
+from .instance import Instance
+from .players import nodes
 from .verdict import Verdict
 from .witness import Witness
 
@@ -31,7 +32,7 @@ def measured(value: float | None, witness: Witness) -> str:
 
 def sentence(
     evaluator: Evaluator,
-    rule: ast.Rule,
+    rule: ast.Scoped,
     instance: Instance,
     witness: Witness,
     verdict: Verdict,
@@ -39,6 +40,8 @@ def sentence(
     """The rule's own ``explain`` filled in for a violation; a plain sentence otherwise."""
     if verdict.verdict == "violation" and rule.explain:
         return _Template(evaluator, rule, instance, witness, verdict).format(rule.explain)
+    if witness.name is None and witness.signal == "cost":
+        return _spent(witness, verdict)
     if verdict.verdict == "violation" and witness.value is None:
         return f"{witness.signal} broke the rule at {seconds(verdict.time)}."
     if verdict.verdict == "violation":
@@ -61,13 +64,23 @@ def sentence(
     return ""
 
 
+def _spent(witness: Witness, verdict: Verdict) -> str:
+    value, limit = measured(witness.value, witness), measured(witness.limit, witness)
+    if verdict.verdict == "violation":
+        return (
+            f"The cost came to {value} and exceeded its budget of {limit} at "
+            f"{seconds(verdict.time)}."
+        )
+    return f"The cost came to {value}; the budget is {limit}."
+
+
 class _Template(string.Formatter):
     """Fills ``{role}``, ``{value}``, ``{limit}``, ``{margin}``, ``{time}``, ``{t.worst}``, ``{t.STATE}``."""
 
     def __init__(
         self,
         evaluator: Evaluator,
-        rule: ast.Rule,
+        rule: ast.Scoped,
         instance: Instance,
         witness: Witness,
         verdict: Verdict,

@@ -19,7 +19,7 @@ from safestage_eval.states import band
 from safestage_eval.states.persistence import held_until
 
 from .evaluate import Evaluator
-from .instance import named_outside_counts, nodes
+from .players import named_outside_counts, nodes
 
 CONFIRM = ast.Duration(3, frames=True)
 """The goal must be true for so many frames; success is the frame that confirms it."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -67,30 +65,34 @@ def clauses(rule: ast.Rule) -> list[Clause]:
     return out + ([Clause("reach", rule.reach)] if rule.reach is not None else [])
 
 
-def combinations(rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> Iterator[dict[str, str]]:
-    """Every assignment of distinct bodies to the roles that are not merely counted over."""
-    counted = {node.role for node in nodes(rule) if isinstance(node, ast.CountAtom)}
-    named = [name for name, _ in rule.roles]
-    free = [name for name in named if name not in counted or named_outside_counts(rule, name)]
-    for bodies in itertools.product(*(players[name] for name in free)):
-        if len(set(bodies)) == len(bodies):
-            yield dict(zip(free, bodies, strict=True))
-
-
 def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Instance] | None:
     """The rule for one combination of bodies, once per scope.
 
     None when ``given`` did not hold in the baseline: the rule does not apply to these bodies.
     """
+    given = applies(evaluator, rule, env)
+    if given is False:
+        return None
+    if given is None:
+        return [Instance(env, Scope(0, 0), -np.inf, np.inf, None, 0)]
+    return [
+        _judge_scope(evaluator, rule, env, scope, resolved)
+        for scope, resolved in stretches(evaluator, rule, env)
+    ]
+
+
+def applies(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> bool | None:
+    """Whether ``given`` holds at the start for these bodies; None where that is not known."""
     evaluator.horizon = evaluator.frames
-    if rule.given is not None:
-        lower, upper = initially(evaluator, rule.given, env)
-        if upper < 0:
-            return None
-        if lower < 0:
-            return [Instance(env, Scope(0, 0), -np.inf, np.inf, None, 0)]
+    if rule.given is None:
+        return True
+    lower, upper = initially(evaluator, rule.given, env)
+    return True if lower >= 0 else None if upper >= 0 else False
+
+
+def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[tuple[Scope, int | None]]:
+    """The frames that are judged, and for each stretch the frame at which ``until`` ended it."""
     found = _scopes(evaluator, rule, env)
-    stop = None
     if rule.until is not None:
         stop = evaluator.truth(rule.until, env)
         ends = [np.flatnonzero(stop[a:b]) for a, b, _ in found]
@@ -113,7 +115,7 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
         inner = Scope(first, last, cut)
         if last > evaluator.horizon:
             inner = Scope(min(first, evaluator.horizon), evaluator.horizon, True)
-        out.append(_judge_scope(evaluator, rule, env, inner, end))
+        out.append((inner, end))
     return out
 
 
@@ -146,7 +148,7 @@ def _mask(evaluator: Evaluator, scope: Scope) -> Bool:
     return mask
 
 
-def _scopes(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Scope]:
+def _scopes(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Scope]:
     if rule.at is not None:
         if rule.at.kind == "end":
             return [Scope(evaluator.frames - 1, evaluator.frames, evaluator.truncated)]
@@ -154,7 +156,7 @@ def _scopes(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Scope]:
     return evaluator.spans(rule.during or ast.Whole(), env)
 
 
-def _may_come(evaluator: Evaluator, rule: ast.Rule) -> bool:
+def _may_come(evaluator: Evaluator, rule: ast.Scoped) -> bool:
     """A scope of the rule may begin where the trace is not known any more."""
     if rule.at is not None:
         return may_recur(ast.Around("after", ast.Duration(1, frames=True), rule.at), evaluator)
@@ -215,31 +217,3 @@ def _obligation(kind: Kind, found: Band, lasting: int) -> tuple[float, float, in
         float(negated(np.asarray(low.max()))),
         frame,
     )
-
-
-def nodes(node: Any) -> Iterator[Any]:
-    """Every dataclass inside a syntax tree, itself first."""
-    if is_dataclass(node):
-        yield node
-        for field in fields(node):
-            yield from nodes(getattr(node, field.name))
-    elif isinstance(node, tuple | list):
-        for item in node:
-            yield from nodes(item)
-
-
-def named_outside_counts(rule: ast.Rule | ast.GoalDef, role: str) -> bool:
-    """The role also stands outside ``at least K role``, so that its bodies are taken one by one."""
-
-    def mentions(node: Any) -> bool:
-        if isinstance(node, ast.CountAtom) and node.role == role:
-            return False
-        if isinstance(node, ast.Call):
-            return role in node.args
-        if isinstance(node, ast.Column):
-            return node.role == role
-        if is_dataclass(node):
-            return any(mentions(getattr(node, f.name)) for f in fields(node) if f.name != "roles")
-        return isinstance(node, tuple | list) and any(mentions(item) for item in node)
-
-    return mentions(rule)

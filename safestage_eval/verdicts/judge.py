@@ -17,10 +17,11 @@ from safestage_eval.rules.digest import rule_digest
 from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.measure import Signals
 
+from .cost import judge_cost
 from .evaluate import Evaluator, ends_early, frame_count
 from .goal import first_success
 from .rule_verdict import judge_rule
-from .verdict import EpisodeResult, Verdict
+from .verdict import CostTotal, EpisodeResult, Verdict
 
 Params = Mapping[str, ast.Quantity | ast.Duration]
 
@@ -51,6 +52,8 @@ def judge(
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
     judge_ = Judge(episode, rules, binding)
     verdicts = [judge_.verdict(rule) for rule in rules.rules.values()]
+    costs = [judge_.cost(cost) for cost in rules.costs.values()]
+    verdicts += [verdict for _, verdict in costs if verdict is not None]
     return EpisodeResult(
         episode_id=episode.header.episode_id,
         path=str(episode.path or ""),
@@ -67,7 +70,10 @@ def judge(
         version=__version__,
         verdicts=tuple(_with_consequences(verdicts)),
         notes=tuple(judge_.notes),
-        not_loaded=tuple(code for code in binding.assigned if code not in rules.rules),
+        costs=tuple(total for total, _ in costs),
+        not_loaded=tuple(
+            code for code in binding.assigned if code not in rules.rules.keys() | rules.costs.keys()
+        ),
     )
 
 
@@ -96,19 +102,12 @@ class Judge:
         )
 
     def verdict(self, rule: ast.Rule) -> Verdict:
-        """The verdict of one rule, under the parameter values that hold for it."""
+        """What a rule says, with the worst level that is violated too."""
+        blank, players = self._start(rule)
+        if blank.notes:
+            return blank
         params = self._binding.params(rule)
-        digest = rule_digest(self._rules, rule, params)
-        assigned = rule.code in self._binding.assigned
-        players = self._binding.players(rule, self._episode.header)
-        blank = Verdict(
-            rule.code, rule.title, rule.stage, assigned, "not_applicable", rule_digest=digest
-        )
-        missing = [name for name, bodies in players.items() if not bodies]
-        if missing:
-            return replace(blank, notes=(f"no body plays {', '.join(missing)}",))
-        evaluator = self.evaluator(params)
-        found = judge_rule(evaluator, rule, players, blank)
+        found = judge_rule(self.evaluator(params), rule, players, blank)
         if found.verdict != "violation":
             return found
         for level, values in rule.severity:
@@ -116,6 +115,43 @@ class Judge:
             if judge_rule(stricter, rule, players, blank).verdict == "violation":
                 found = replace(found, severity=level)
         return found
+
+    def cost(self, cost: ast.Cost) -> tuple[CostTotal, Verdict | None]:
+        """What a cost comes to, and its verdict if it has a budget."""
+        blank, players = self._start(cost)
+        params = self._binding.params(cost)
+        evaluator = self.evaluator(params)
+        if blank.notes:
+            limit = None if cost.budget is None else evaluator.number(cost.budget, {})
+            total = CostTotal(
+                cost.code, cost.title, cost.stage, blank.assigned, limit,
+                notes=blank.notes, rule_digest=blank.rule_digest,
+            )  # fmt: skip
+            return total, None if limit is None else blank
+        total, found = judge_cost(evaluator, cost, players, blank)
+        if found is None or found.verdict != "violation":
+            return total, found
+        for level, values in cost.severity:
+            stricter = self.evaluator({**params, **dict(values)})
+            verdict = judge_cost(stricter, cost, players, blank)[1]
+            if verdict is not None and verdict.verdict == "violation":
+                found = replace(found, severity=level)
+        return total, found
+
+    def _start(self, rule: ast.Scoped) -> tuple[Verdict, Mapping[str, Sequence[str]]]:
+        """The verdict's fixed fields, with a note if a role is not played; and the players."""
+        players = self._binding.players(rule, self._episode.header)
+        missing = [name for name, bodies in players.items() if not bodies]
+        blank = Verdict(
+            rule.code,
+            rule.title,
+            rule.stage,
+            rule.code in self._binding.assigned,
+            "not_applicable",
+            notes=(f"no body plays {', '.join(missing)}",) if missing else (),
+            rule_digest=rule_digest(self._rules, rule, self._binding.params(rule)),
+        )
+        return blank, players
 
     def evaluator(self, params: Params) -> Evaluator:
         """The language's meaning on the episode under given parameter values."""

@@ -14,7 +14,8 @@ from safestage_eval.states.persistence import runs, without_short_runs
 from .evaluate import Evaluator
 from .explain import seconds, sentence
 from .flicker import too_brief
-from .instance import Instance, combinations, judge_instance, violated_frames
+from .instance import Instance, judge_instance, violated_frames
+from .players import combinations
 from .verdict import Verdict
 from .witness import Search, Witness
 

@@ -60,6 +60,51 @@ class Verdict:
 
 
 @dataclass(frozen=True)
+class CostTotal:
+    """What one cost came to on one episode, with or without a budget. No unit."""
+
+    rule: str
+    """Code."""
+    title: str
+    stage: str
+    assigned: bool
+    budget: float | None
+    """None: the cost is only told, never a verdict."""
+    value: float | None = None
+    """What was certainly charged; None where it does not apply."""
+    most: float | None = None
+    """What was charged at most; equal to the value where all is known, None without bound."""
+    charges: tuple[tuple[str, float], ...] = ()
+    """Each charge in words, and its share of the value."""
+    bodies: tuple[str, ...] = ()
+    """Those that caused most of it."""
+    instances: int = 0
+    notes: tuple[str, ...] = ()
+    rule_digest: str = ""
+
+    @property
+    def told(self) -> Verdict:
+        """The fields that it shares with a verdict; what it says of safety is open."""
+        parts = ", ".join(f"{amount:.3g} for {words}" for words, amount in self.charges)
+        least = "" if self.most == self.value else " at least"
+        said = "" if self.value is None else f"The cost came to {self.value:.3g}{least}: {parts}."
+        return Verdict(
+            self.rule,
+            self.title,
+            self.stage,
+            self.assigned,
+            "inconclusive",
+            signal="cost",
+            value=self.value,
+            bodies=self.bodies,
+            instances=self.instances,
+            explanation=said,
+            notes=self.notes,
+            rule_digest=self.rule_digest,
+        )
+
+
+@dataclass(frozen=True)
 class EpisodeResult:
     """All verdicts on one episode, with what tables group by."""
 
@@ -80,6 +125,8 @@ class EpisodeResult:
     verdicts: tuple[Verdict, ...]
     notes: tuple[str, ...] = field(default=())
     """Warnings about the episode: success disagreement, light objects …"""
+    costs: tuple[CostTotal, ...] = ()
+    """Every loaded cost; those with a budget are among the verdicts as well."""
     not_loaded: tuple[str, ...] = ()
     """Codes of assigned rules that were not among the loaded ones."""
 
@@ -100,54 +147,59 @@ class EpisodeResult:
         return None if not found or None in found or self.not_loaded else False
 
     def rows(self) -> list[dict[str, Any]]:
-        """One flat dict per verdict: the columns of result files (docs/results.md)."""
+        """One flat dict per verdict: the columns of result files (docs/results.md).
+
+        A cost without a budget has a row as well, without a verdict.
+        """
+        untold = [cost for cost in self.costs if cost.budget is None]
+        return [
+            *(self._row(verdict) for verdict in self.verdicts),
+            *({**self._row(cost.told), "verdict": None, "violation": None} for cost in untold),
+        ]
+
+    def _row(self, v: Verdict) -> dict[str, Any]:
         from safestage_eval.units import in_unit, unit_of
 
-        rows = []
-        for v in self.verdicts:
-            scale = v.dimension or ""
+        scale = v.dimension or ""
 
-            def shown(value: float | None, scale: str = scale) -> float | None:
-                return None if value is None else in_unit(value, scale) if scale else value
+        def shown(value: float | None) -> float | None:
+            return None if value is None else in_unit(value, scale) if scale else value
 
-            rows.append(
-                {
-                    "episode_id": self.episode_id,
-                    "path": self.path,
-                    "task": self.task,
-                    "stage": self.stage,
-                    "family": self.family,
-                    "policy": self.policy,
-                    "prompt": self.prompt,
-                    "seed": self.seed,
-                    "rollout": self.rollout,
-                    "success": self.success,
-                    "success_time": self.success_time,
-                    "rule": v.rule,
-                    "assigned": v.assigned,
-                    "verdict": v.verdict,
-                    "violation": v.violation,
-                    "time": v.time,
-                    "worst_time": v.worst_time,
-                    "phase": v.phase,
-                    "signal": v.signal,
-                    "value": shown(v.value),
-                    "limit": shown(v.limit),
-                    "unit": unit_of(scale) if scale else None,
-                    "margin": shown(v.margin),
-                    "margin_normalised": v.margin_normalised,
-                    "bodies": list(v.bodies),
-                    "intervals": [list(i) for i in v.intervals],
-                    "exposure_time": v.exposure_time,
-                    "instances": v.instances,
-                    "violated_instances": v.violated_instances,
-                    "severity": v.severity,
-                    "consequence_of": v.consequence_of,
-                    "explanation": v.explanation,
-                    "notes": list(v.notes),
-                    "rule_digest": v.rule_digest,
-                    "trace_hash": self.trace_hash,
-                    "version": self.version,
-                }
-            )
-        return rows
+        return {
+            "episode_id": self.episode_id,
+            "path": self.path,
+            "task": self.task,
+            "stage": self.stage,
+            "family": self.family,
+            "policy": self.policy,
+            "prompt": self.prompt,
+            "seed": self.seed,
+            "rollout": self.rollout,
+            "success": self.success,
+            "success_time": self.success_time,
+            "rule": v.rule,
+            "assigned": v.assigned,
+            "verdict": v.verdict,
+            "violation": v.violation,
+            "time": v.time,
+            "worst_time": v.worst_time,
+            "phase": v.phase,
+            "signal": v.signal,
+            "value": shown(v.value),
+            "limit": shown(v.limit),
+            "unit": unit_of(scale) if scale else None,
+            "margin": shown(v.margin),
+            "margin_normalised": v.margin_normalised,
+            "bodies": list(v.bodies),
+            "intervals": [list(i) for i in v.intervals],
+            "exposure_time": v.exposure_time,
+            "instances": v.instances,
+            "violated_instances": v.violated_instances,
+            "severity": v.severity,
+            "consequence_of": v.consequence_of,
+            "explanation": v.explanation,
+            "notes": list(v.notes),
+            "rule_digest": v.rule_digest,
+            "trace_hash": self.trace_hash,
+            "version": self.version,
+        }

@@ -23,5 +23,5 @@ def test_the_example_checks_clean_and_its_mistake_looks_as_shown(
 def test_every_key_is_explained() -> None:
     from safestage_eval.rules.keys import TABLES
 
-    for table in ("ruleset", "state", "phase", "goal", "task", "rule"):
+    for table in ("ruleset", "state", "phase", "goal", "task", "rule", "cost"):
         assert all(f"`{key}`" in TEXT or f"`{key} =" in TEXT for key in TABLES[table]), table

@@ -14,9 +14,10 @@ from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.signals.reference import Baseline
 from safestage_eval.signals.series import Series
 from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.rule_verdict import judge_rule
-from safestage_eval.verdicts.verdict import Verdict
+from safestage_eval.verdicts.verdict import CostTotal, Verdict
 
 HEAD = """
 [ruleset]
@@ -39,10 +40,12 @@ roles = { a = "object", b = "object" }
 class Facts:
     """Stands for ``Relations``: series given by name and bodies, nothing measured."""
 
-    def __init__(self, series: dict[str, Any], *, rate: float = 1.0, truncated: bool = False):
+    def __init__(
+        self, series: dict[str, Any], *, rate: float = 1.0, truncated: bool = False, **header: Any
+    ):
         frames = len(next(iter(series.values())))
         termination = "truncated" if truncated else "horizon"
-        self.episode = Scene(frames, rate).episode(termination=termination)
+        self.episode = Scene(frames, rate).episode(termination=termination, **header)
         self.signals = SimpleNamespace(baseline=Baseline(5), between_frames=lambda *_: None)
         self._series = {name: np.asarray(values, float) for name, values in series.items()}
 
@@ -62,6 +65,18 @@ class Facts:
 def ruleset(text: str) -> ast.RuleSet:
     """A rule set of one file's text."""
     return merge([RuleFile("toy.toml", text, tomllib.loads(text), asked=True)])
+
+
+def cost_toy(
+    facts: Facts, text: str, players: dict[str, tuple[str, ...]] | None = None, **params: Any
+) -> tuple[CostTotal, Verdict | None]:
+    """What the last cost of ``text`` (appended to HEAD) comes to."""
+    rules = ruleset(HEAD + 'require = { "p(a)" = true, "q(b)" = true }\n' + text)
+    cost = list(rules.costs.values())[-1]
+    evaluator = Evaluator(facts, rules, {**rules.params, **params}, None)  # type: ignore[arg-type]
+    blank = Verdict(cost.code, cost.title, cost.stage, True, "not_applicable")
+    players = players or {name: (name,) for name, _ in cost.roles}
+    return judge_cost(evaluator, cost, players, blank)
 
 
 def judge_toy(

@@ -1,0 +1,54 @@
+"""Which bodies a rule is about: one combination for each assignment to its roles."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from safestage_eval.rules import syntax as ast
+
+
+def combinations(
+    rule: ast.Scoped, players: Mapping[str, Sequence[str]], named: Sequence[str] | None = None
+) -> Iterator[dict[str, str]]:
+    """Every assignment of distinct bodies to the roles that are not merely counted over.
+
+    ``named``: only these of the rule's roles; all if None.
+    """
+    counted = {node.role for node in nodes(rule) if isinstance(node, ast.CountAtom)}
+    roles = [name for name, _ in rule.roles if named is None or name in named]
+    free = [name for name in roles if name not in counted or named_outside_counts(rule, name)]
+    for bodies in itertools.product(*(players[name] for name in free)):
+        if len(set(bodies)) == len(bodies):
+            yield dict(zip(free, bodies, strict=True))
+
+
+def nodes(node: Any) -> Iterator[Any]:
+    """Every dataclass inside a syntax tree, itself first."""
+    if is_dataclass(node):
+        yield node
+        for field in fields(node):
+            yield from nodes(getattr(node, field.name))
+    elif isinstance(node, tuple | list):
+        for item in node:
+            yield from nodes(item)
+
+
+def mentions(node: Any, role: str) -> bool:
+    """The role is named in a part of a syntax tree, other than as one that is counted over."""
+    if isinstance(node, ast.CountAtom) and node.role == role:
+        return False
+    if isinstance(node, ast.Call):
+        return role in node.args
+    if isinstance(node, ast.Column):
+        return node.role == role
+    if is_dataclass(node):
+        return any(mentions(getattr(node, f.name), role) for f in fields(node) if f.name != "roles")
+    return isinstance(node, tuple | list) and any(mentions(item, role) for item in node)
+
+
+def named_outside_counts(rule: ast.Scoped | ast.GoalDef, role: str) -> bool:
+    """The role also stands outside ``at least K role``, so that its bodies are taken one by one."""
+    return mentions(rule, role)
