@@ -18,6 +18,7 @@ ROOMS = [
     {"relations"},
     {"states"},
     {"rules"},
+    {"sketch"},  # example scenes of the rules
     {"verdicts"},
     {"scoring"},  # the verdicts of many episodes
     {"metrics"},
