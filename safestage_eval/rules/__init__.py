@@ -2,7 +2,7 @@
 
 from .diagnostic import Diagnostic, RuleErrors
 from .digest import rule_digest
-from .files import builtin_names
+from .files import benchmark_names, builtin_names
 from .load import check_rules, load_rules
 from .resolve import Binding, bind_episode, parse_overrides, parse_settings
 from .syntax import GoalDef, Rule, RuleSet
@@ -14,6 +14,7 @@ __all__ = [
     "Rule",
     "RuleErrors",
     "RuleSet",
+    "benchmark_names",
     "bind_episode",
     "builtin_names",
     "check_rules",

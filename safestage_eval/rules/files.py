@@ -16,6 +16,9 @@ from .diagnostic import Diagnostic
 from .locate import Keys, Locations
 from .names import nearest
 
+BENCHMARKS = "benchmarks"
+"""Sub-folder of the built-in rule files that no folder and no default takes in."""
+
 
 @dataclass(frozen=True)
 class RuleFile:
@@ -59,8 +62,13 @@ def builtin_folder() -> Path:
 
 
 def builtin_names() -> list[str]:
-    """Names that stand for built-in rule files: ``fsh`` for ``fsh.toml``."""
+    """Names of SafeStage's own rule files, the default set: ``fsh`` for ``fsh.toml``."""
     return sorted(path.stem for path in builtin_folder().glob("*.toml"))
+
+
+def benchmark_names() -> list[str]:
+    """Names of the rule files that ask other benchmarks' questions; read only when named."""
+    return sorted(path.stem for path in (builtin_folder() / BENCHMARKS).glob("*.toml"))
 
 
 def find(spec: str | Path) -> list[Path]:
@@ -80,11 +88,12 @@ def find(spec: str | Path) -> list[Path]:
     builtin = _builtin(str(spec))
     if builtin is not None:
         return [builtin]
+    named = [*builtin_names(), *benchmark_names()]
     raise RuleError(
         str(spec),
         "no such rule file.",
-        f"a file, a folder, or a built-in name: {', '.join(builtin_names())}",
-        nearest(str(spec), builtin_names()),
+        f"a file, a folder, or a built-in name: {', '.join(named)}",
+        nearest(str(spec), named),
     )
 
 
@@ -198,7 +207,9 @@ def _base(path: Path, name: str) -> Path | None:
 
 def _builtin(name: str) -> Path | None:
     stem = name.removesuffix(".toml")
-    return builtin_folder() / f"{stem}.toml" if stem in builtin_names() else None
+    if stem in builtin_names():
+        return builtin_folder() / f"{stem}.toml"
+    return builtin_folder() / BENCHMARKS / f"{stem}.toml" if stem in benchmark_names() else None
 
 
 def _beside(path: Path) -> list[str]:

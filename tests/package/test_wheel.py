@@ -27,9 +27,10 @@ def wheel(checkout, tmp_path_factory):
 def test_everything_travels_in_the_wheel(wheel, checkout):
     inside = {*zipfile.ZipFile(wheel).namelist()}
     for folder in ("rules", "schemas"):
-        files = [path for path in (checkout / folder).iterdir() if path.is_file()]
+        files = [path for path in (checkout / folder).rglob("*") if path.is_file()]
         assert files
-        assert {f"safestage_eval/_builtin/{folder}/{path.name}" for path in files} <= inside
+        below = {path.relative_to(checkout).as_posix() for path in files}
+        assert {f"safestage_eval/_builtin/{path}" for path in below} <= inside
     tasks = {f"simulate/tasks/{path.name}" for path in (checkout / "simulate/tasks").iterdir()}
     assert tasks | {"simulate/objects.toml", "safestage_eval/py.typed"} <= inside
     assert not [name for name in inside if name.startswith(("tests/", "traces/"))]
