@@ -91,6 +91,7 @@ def score(
     paths: str | Path | Sequence[str | Path],
     rules: str | Path | Sequence[str | Path] = (),
     *,
+    bind: str | Path | None = None,
     jobs: int | None = 1,
     **settings: str,
 ) -> pd.DataFrame:
@@ -99,6 +100,7 @@ def score(
     Args:
         paths: files and folders.
         rules: rule files, folders or built-in names; all built-in ones if empty.
+        bind: a bind file: roles, goal, rules and values that the traces' headers lack.
         jobs: worker processes; scripts that use several need the usual ``__main__`` guard.
         settings: parameter values, ``edge="3 cm"``.
 
@@ -111,7 +113,7 @@ def score(
     def several(value: str | Path | Sequence[str | Path]) -> list[str | Path]:
         return [value] if isinstance(value, str | Path) else list(value)
 
-    scores = score_paths(several(paths), several(rules), overrides=settings, jobs=jobs)
+    scores = score_paths(several(paths), several(rules), overrides=settings, bind=bind, jobs=jobs)
     frame = pd.DataFrame(rows(scores), columns=list(COLUMNS))
     problems: list[dict[str, Any]] = [dataclasses.asdict(p) for p in scores.problems]
     frame.attrs["problems"] = problems

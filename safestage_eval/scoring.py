@@ -16,7 +16,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
 
 if TYPE_CHECKING:
-    from safestage_eval.rules import RuleSet
+    from safestage_eval.rules import BindFile, RuleSet
     from safestage_eval.verdicts import EpisodeResult
 
 WORTH_A_POOL = 24
@@ -50,13 +50,16 @@ class Scores:
 
 
 def score_episode(
-    ref: EpisodeRef, rules: RuleSet, overrides: Mapping[str, str] | None = None
+    ref: EpisodeRef,
+    rules: RuleSet,
+    overrides: Mapping[str, str] | None = None,
+    bind: BindFile | None = None,
 ) -> EpisodeResult | Problem:
     """Open and judge one episode; whatever is wrong with it becomes a problem, not an exception."""
     from safestage_eval.verdicts import judge
 
     try:
-        return judge(ref.open(), rules, overrides=overrides, trace_hash=ref.content_hash)
+        return judge(ref.open(), rules, overrides=overrides, bind=bind, trace_hash=ref.content_hash)
     except InputError as error:
         return Problem(str(ref.path), str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others
@@ -68,6 +71,7 @@ def score_many(
     rules: Sequence[str | Path],
     *,
     overrides: Mapping[str, str] | None = None,
+    bind: str | Path | None = None,
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[EpisodeResult | Problem]:
@@ -77,23 +81,30 @@ def score_many(
         refs: the episodes.
         rules: paths, folders or built-in names of rule files.
         overrides: parameter → value as written; beats every other source.
+        bind: a bind file (docs/rules.md).
         jobs: worker processes. If None, as many as there are processors, or none at all for a few
             episodes. A script that uses several needs the usual ``__main__`` guard.
         progress: told (done, total) after each episode.
 
     Raises:
-        RuleErrors, RuleError: rules or overrides that do not mean anything.
+        RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
     """
-    from safestage_eval.rules import load_rules, parse_overrides
+    from safestage_eval.rules import load_bind, load_rules, parse_overrides
 
     loaded = load_rules(list(rules))
     parse_overrides(loaded, overrides or {})
+    bound = None if bind is None else load_bind(bind, loaded)
+    if bound is not None and not any(_is_bound(ref, bound) for ref in refs):
+        raise InputError(
+            bound.path, f"it speaks of none of the {len(refs)} episodes.",
+            fix="name their tasks under [task.NAME], or their ids under [episode.ID]",
+        )  # fmt: skip
     workers = min(jobs or os.cpu_count() or 1, len(refs))
     if workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL):
-        return _Pool(refs, rules, overrides or {}, workers, progress).run()
+        return _Pool(refs, (rules, overrides or {}, bound), workers, progress).run()
     found = []
     for ref in refs:
-        found.append(score_episode(ref, loaded, overrides))
+        found.append(score_episode(ref, loaded, overrides, bound))
         if progress is not None:
             progress(len(found), len(refs))
     return found
@@ -104,6 +115,7 @@ def score_paths(
     rules: Sequence[str | Path] = (),
     *,
     overrides: Mapping[str, str] | None = None,
+    bind: str | Path | None = None,
     where: Mapping[str, str] | None = None,
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -115,13 +127,14 @@ def score_paths(
         rules: paths, folders or built-in names of rule files; all built-in ones if empty.
         where: header field → value; only episodes that match are judged.
         overrides: parameter → value as written; beats every other source.
+        bind: a bind file: roles, goal, rules and values that the traces' headers lack.
         jobs: worker processes; see ``score_many``.
         progress: told (done, total) after each episode.
 
     Raises:
         TraceError: nothing was found.
         InputError: nothing matches ``where``.
-        RuleErrors, RuleError: rules or overrides that do not mean anything.
+        RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
     """
     from safestage_eval.rules import builtin_names, load_rules
 
@@ -130,7 +143,7 @@ def score_paths(
     titles = {rule.code: rule.title for rule in loaded.rules.values()}
     titles.update({cost.code: cost.title for cost in loaded.costs.values()})
     refs = _matching(discover(list(traces)), where or {})
-    found = score_many(refs, specs, overrides=overrides, jobs=jobs, progress=progress)
+    found = score_many(refs, specs, overrides=overrides, bind=bind, jobs=jobs, progress=progress)
     results, problems, copies = _sorted_out(found)
     return Scores(tuple(results), tuple(problems), titles, tuple(copies))
 
@@ -150,6 +163,10 @@ def _matching(refs: Sequence[EpisodeRef], where: Mapping[str, str]) -> list[Epis
         wanted = " and ".join(f"{name}={value}" for name, value in where.items())
         raise InputError(wanted, f"none of {len(refs)} episodes matches.")
     return found
+
+
+def _is_bound(ref: EpisodeRef, bind: BindFile) -> bool:
+    return bind.speaks_of(ref.fields.get("task"), ref.episode_id)
 
 
 def _matches(ref: EpisodeRef, where: Mapping[str, str]) -> bool:
@@ -199,14 +216,16 @@ def _told(error: Exception) -> str:
 _worker: dict[str, object] = {}
 
 
-def _start_worker(rules: Sequence[str | Path], overrides: Mapping[str, str]) -> None:
+def _start_worker(
+    rules: Sequence[str | Path], overrides: Mapping[str, str], bind: BindFile | None
+) -> None:
     from safestage_eval.rules import load_rules
 
-    _worker["rules"], _worker["overrides"] = load_rules(list(rules)), overrides
+    _worker.update(rules=load_rules(list(rules)), overrides=overrides, bind=bind)
 
 
 def _work(ref: EpisodeRef) -> EpisodeResult | Problem:
-    return score_episode(ref, _worker["rules"], _worker["overrides"])  # type: ignore[arg-type]
+    return score_episode(ref, **_worker)  # type: ignore[arg-type]
 
 
 class _Pool:
@@ -219,12 +238,11 @@ class _Pool:
     def __init__(
         self,
         refs: Sequence[EpisodeRef],
-        rules: Sequence[str | Path],
-        overrides: Mapping[str, str],
+        setup: tuple[Sequence[str | Path], Mapping[str, str], BindFile | None],
         workers: int,
         progress: Callable[[int, int], None] | None,
     ) -> None:
-        self._refs, self._setup, self._workers = refs, (rules, overrides), workers
+        self._refs, self._setup, self._workers = refs, setup, workers
         self._progress = progress
         self._done: dict[int, EpisodeResult | Problem] = {}
 

@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
-from .options import announce_compiling, chosen_ref, episode_option, pairs, rules_option, set_option
+from .options import (
+    announce_compiling,
+    bind_option,
+    chosen_ref,
+    episode_option,
+    pairs,
+    rules_option,
+    set_option,
+)
 
 
 @click.command("explain")
 @click.argument("trace")
 @episode_option
 @rules_option
+@bind_option
 @set_option
 @click.option("--all", "-a", "everything", is_flag=True, help="Rules that do not apply as well.")
 def command(
     trace: str,
     episode: str | None,
     rules: tuple[str, ...],
+    bind: Path | None,
     settings: tuple[str, ...],
     everything: bool,
 ) -> None:
@@ -28,13 +40,17 @@ def command(
       safestage explain traces/ --episode orange --rules fsh
     """
     from safestage_eval.report.as_text import explain
-    from safestage_eval.rules import builtin_names, load_rules
+    from safestage_eval.rules import builtin_names, load_bind, load_rules
     from safestage_eval.verdicts import judge
 
     ref = chosen_ref(trace, episode)
     loaded = load_rules(list(rules) or builtin_names())
     announce_compiling()
     result = judge(
-        ref.open(), loaded, overrides=pairs(settings, "--set"), trace_hash=ref.content_hash
+        ref.open(),
+        loaded,
+        overrides=pairs(settings, "--set"),
+        bind=None if bind is None else load_bind(bind, loaded),
+        trace_hash=ref.content_hash,
     )
     click.echo(explain(result, everything=everything), nl=False)

@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,6 +20,11 @@ rules_option = click.option(
     "--rules", "-r", "rules", multiple=True, metavar="RULES",
     help="A rule file, a folder of them, or a built-in name (ish, ets, fsh, goals). "
     "Repeatable. Default: all built-in ones.",
+)  # fmt: skip
+
+bind_option = click.option(
+    "--bind", type=click.Path(path_type=Path), metavar="FILE",
+    help="Roles, goal, rules and values for traces whose header lacks them.",
 )  # fmt: skip
 
 set_option = click.option(

@@ -13,6 +13,7 @@ from safestage_eval.report import FORMATS
 
 from .options import (
     announce_compiling,
+    bind_option,
     pairs,
     progress,
     rules_option,
@@ -30,6 +31,7 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success")
 @click.command("score", context_settings={"help_option_names": ["-h", "--help"]})
 @traces_argument
 @rules_option
+@bind_option
 @click.option(
     "--format", "-f", "form", type=click.Choice(FORMATS), default="table", show_default=True
 )
@@ -59,6 +61,7 @@ def command(
     ctx: click.Context,
     traces: tuple[str, ...],
     rules: tuple[str, ...],
+    bind: Path | None,
     form: str,
     output: Path | None,
     settings: tuple[str, ...],
@@ -99,7 +102,13 @@ def command(
     announce_compiling()
     with progress("scoring") as tell:
         scores = score_paths(
-            traces, rules, overrides=overrides, where=filters, jobs=jobs, progress=tell
+            traces,
+            rules,
+            overrides=overrides,
+            bind=bind,
+            where=filters,
+            jobs=jobs,
+            progress=tell,
         )
     _write(scores, form, output, verbose)
     if form != "table" or output is not None or not sys.stdout.isatty():

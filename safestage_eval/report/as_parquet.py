@@ -18,6 +18,7 @@ _TYPES = {
     "worst_time": pa.float64(), "value": pa.float64(), "limit": pa.float64(),
     "margin": pa.float64(), "margin_normalised": pa.float64(), "exposure_time": pa.float64(),
     "bodies": pa.list_(pa.string()), "notes": pa.list_(pa.string()),
+    "sources": pa.list_(pa.string()),
     "intervals": pa.list_(pa.list_(pa.float64())),
 }  # fmt: skip
 

@@ -51,6 +51,8 @@ def _verdict(v: Verdict) -> list[str]:
         )
     elif v.verdict == "pass" and not v.instances:
         lines.append("    vacuous: there was nothing to judge")
+    if v.sources:
+        lines.append(f"    from: {'; '.join(v.sources)}")
     return lines + [f"    note: {note}" for note in v.notes]
 
 

@@ -28,12 +28,13 @@ _TYPES: dict[str, dict[str, Any]] = {
     "margin_normalised": _NUMBER, "exposure_time": _NUMBER,
     "verdict": {"enum": list(get_args(VerdictName))},
     "bodies": {"type": "array", "items": _TEXT}, "notes": {"type": "array", "items": _TEXT},
+    "sources": {"type": "array", "items": _TEXT},
     "intervals": {"type": "array", "items": _PAIR},
 }  # fmt: skip
 
 _ALWAYS = {
     "episode_id", "path", "rule", "assigned", "bodies", "intervals", "exposure_time",
-    "instances", "violated_instances", "explanation", "notes", "rule_digest", "trace_hash", "version",
+    "instances", "violated_instances", "explanation", "notes", "sources", "rule_digest", "trace_hash", "version",
 }  # fmt: skip
 """Columns that are never null."""
 

@@ -1,5 +1,6 @@
 """Rule files: TOML in, a checked and hashed rule set out. No geometry."""
 
+from .bind_file import BindFile, bind_tables, load_bind
 from .diagnostic import Diagnostic, RuleErrors
 from .digest import rule_digest
 from .files import benchmark_names, builtin_names
@@ -8,6 +9,7 @@ from .resolve import Binding, bind_episode, parse_overrides, parse_settings
 from .syntax import GoalDef, Rule, RuleSet
 
 __all__ = [
+    "BindFile",
     "Binding",
     "Diagnostic",
     "GoalDef",
@@ -16,8 +18,10 @@ __all__ = [
     "RuleSet",
     "benchmark_names",
     "bind_episode",
+    "bind_tables",
     "builtin_names",
     "check_rules",
+    "load_bind",
     "load_rules",
     "parse_overrides",
     "parse_settings",

@@ -34,11 +34,16 @@ def check(files: Sequence[RuleFile]) -> list[Diagnostic]:
     return sorted(set(problems))
 
 
-def check_goal(names: Names, table: Any, path: str) -> list[Diagnostic]:
-    """All problems of one goal table that stands in a trace's header instead of a rule file."""
+def check_goal(
+    names: Names, table: Any, path: str, file: RuleFile | None = None, keys: Keys = ("goal",)
+) -> list[Diagnostic]:
+    """All problems of one goal table that stands in a trace's header or a bind file.
+
+    ``file`` and ``keys``: where it stands; nowhere that could be shown if None.
+    """
     problems: list[Diagnostic] = []
-    file = RuleFile(path, "", {}, asked=True)
-    _FileChecker(Usage(file, names, problems)).goal(("goal",), table)
+    checker = _FileChecker(Usage(file or RuleFile(path, "", {}, asked=True), names, problems))
+    checker.goal(keys, table)
     return sorted(set(problems))
 
 
@@ -197,13 +202,7 @@ class _FileChecker(Obligations):
                     ", ".join(sorted(among)) or f"a [{key}.NAME] of this file or one it extends",
                     nearest(table[key], among),
                 )  # fmt: skip
-        for role, players in table.get("roles", {}).items():
-            bodies = players if isinstance(players, list) else [players]
-            if not bodies or not all(isinstance(body, str) for body in bodies):
-                self.usage.report(
-                    "R203", (*keys, "roles", role), "a role is played by one body or a list of them",
-                    '"mug", ["vase", "phone"]',
-                )  # fmt: skip
+        structure.players(self.usage, table, keys)
 
     def _assigned(self, table: dict[str, Any], keys: Keys) -> None:
         for index, code in enumerate(table.get("rules", ())):

@@ -176,7 +176,7 @@ class _Reader:
         try:
             return RuleFile(shown, text, tomllib.loads(text), path in self._asked)
         except tomllib.TOMLDecodeError as error:
-            self.problems.append(_not_toml(shown, text, str(error)))
+            self.problems.append(not_toml(shown, text, str(error)))
             return None
         except RecursionError:
             what = "not readable: lists or tables are nested far too deeply"
@@ -184,7 +184,8 @@ class _Reader:
             return None
 
 
-def _not_toml(shown: str, text: str, message: str) -> Diagnostic:
+def not_toml(shown: str, text: str, message: str) -> Diagnostic:
+    """What the TOML parser said, at the place that it named."""
     match = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
     lines = text.split("\n")
     what, line, column = (match[1], match[2], match[3]) if match else (message, None, None)

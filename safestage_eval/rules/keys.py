@@ -9,6 +9,7 @@ Kind = Literal[
     "text", "texts", "names", "format", "code", "condition", "alternative", "alternatives", "span",
     "event", "duration", "roles", "players", "settings", "levels", "examples", "charges", "number",
     "call", "value", "per", "goal",
+    "goal table",
 ]  # fmt: skip
 """What a key holds; ``schema`` and ``check`` know each of them."""
 
@@ -86,6 +87,13 @@ TABLES: dict[str, dict[str, Key]] = {
         "roles": Key("players", "Role = body, or a list of bodies."),
         "set": Key("settings", "Its values of shared parameters."),
     },
+    "bound": {
+        "family": Key("text", "The family that it belongs to."),
+        "rules": Key("texts", "Codes of its assigned rules."),
+        "goal": Key("goal table", "Its native goal: a name, or a goal as under [goal.NAME]."),
+        "roles": Key("players", "Role = body, or a list of bodies."),
+        "set": Key("settings", "Its values of shared parameters."),
+    },
     "rule": {
         **_SCOPE,
         "require": Key("condition", "Must hold in every frame that is judged."),
@@ -113,7 +121,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "passes": Key("texts", "Episodes that it must pass."),
     },
 }
-"""Table → its keys. ``param`` and ``material`` hold names of the author's choice."""
+"""Table → its keys. ``param`` and ``material`` hold names of the author's choice; ``bound`` is each
+table of a bind file."""
 
 NAMED = ("signal", "state", "phase", "goal", "family", "task")
 """Tables with one sub-table per name: ``[state.NAME]``."""

@@ -7,7 +7,7 @@ then the rule's own ``set``, then ``[param]``. ``--set`` beats them all.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +16,7 @@ from safestage_eval.errors import RuleError
 
 from . import build, parse
 from . import syntax as ast
+from .bind_file import BindFile
 from .check import check_goal
 from .names import Names, a_dimension, dimension_of, nearest
 
@@ -62,6 +63,30 @@ class Binding:
             for name, value in self.params(rule).items()
         }
 
+    def sources(self, rule: ast.Scoped, used: Iterable[str]) -> tuple[str, ...]:
+        """Where the rule's bodies and its own assignment come from, and values that are not its own.
+
+        ``used``: names of the parameters that the rule reads. One text each, such as
+        ``target = mug: trace header``, ``edge = 3 cm: --set``, ``assigned: family pour``.
+        """
+        told = [
+            f"{name} = {', '.join(self.roles[name])}: {self.provenance[f'roles.{name}']}"
+            for name, _ in rule.roles
+            if name in self.roles
+        ]
+        told += [
+            f"{name} = {self._values[name].text}: {self.provenance[f'param.{name}']}"
+            for name in sorted(set(used) & self._values.keys())
+        ]
+        if rule.code in self.assigned:
+            told.append(f"assigned: {self.provenance['rules']}")
+        return tuple(told)
+
+    @property
+    def overridden(self) -> frozenset[str]:
+        """Parameters that have another value than the rule files give them."""
+        return frozenset(self._values)
+
     def players(self, rule: ast.Scoped, header: Header) -> dict[str, tuple[str, ...]]:
         """Role of the rule → the bodies that play it; empty where none does."""
         return {name: self._players(name, spec, header) for name, spec in rule.roles}
@@ -87,7 +112,7 @@ def bind_episode(
     rules: ast.RuleSet,
     header: Header,
     *,
-    bind: Mapping[str, Any] | None = None,
+    bind: BindFile | None = None,
     overrides: Mapping[str, str] | None = None,
 ) -> Binding:
     """Resolve what holds for an episode.
@@ -95,7 +120,7 @@ def bind_episode(
     Args:
         rules: the rule set, with its ``[task.X]`` and ``[family.X]``.
         header: of the trace.
-        bind: a bind file's tables: ``{"task": {name: {roles, goal, rules, set, family}}}``.
+        bind: a checked bind file.
         overrides: parameter → value as written on the command line.
 
     Raises:
@@ -104,18 +129,14 @@ def bind_episode(
     """
     task = header.task or ""
     layers = [("trace header", _from_header(rules, header))]
-    tables = (bind or {}).get("task", {})
-    if not isinstance(tables, Mapping):
-        raise RuleError("bind file, task", "not a table of tasks.", "[task.NAME]")
-    bound = tables.get(task)
-    if bound is not None:
-        layers.append(("bind file", _from_bind(rules, task, bound)))
+    layers += [("bind file", layer) for layer in (bind.layers(header) if bind else ())]
     if task in rules.tasks:
         layers.append(("rule file", rules.tasks[task]))
     values: dict[str, Setting] = {}
     roles: dict[str, tuple[str, ...]] = {}
     provenance: dict[str, str] = {}
-    family = goal = None
+    family: str | None = None
+    goal: str | ast.GoalDef | None = None
     assigned: tuple[str, ...] = ()
     for source, layer in layers:
         if layer.family:
@@ -202,30 +223,6 @@ def _from_header(rules: ast.RuleSet, header: Header) -> ast.TaskDef:
     return ast.TaskDef(header.task or "", header.family, header.rules, goal, roles, values)
 
 
-def _from_bind(rules: ast.RuleSet, task: str, table: Any) -> ast.TaskDef:
-    where = f"bind file, task {task}"
-    known = {
-        "family": (str, "the name of a family"),
-        "goal": (str, "the name of a goal"),
-        "roles": (Mapping, '{ target = "mug", protected = ["vase", "phone"] }'),
-        "rules": (list | tuple, 'a list of codes: ["ETS101"]'),
-        "set": (Mapping, '{ edge = "3 cm" }'),
-    }
-    if not isinstance(table, Mapping) or not set(table) <= set(known):
-        raise RuleError(where, "not what a task may be bound to.", ", ".join(known))
-    for key, value in table.items():
-        kind, allowed = known[key]
-        if not isinstance(value, kind):
-            raise RuleError(f"{where}, {key}", "a value of the wrong type.", allowed)
-    for role, players in table.get("roles", {}).items():
-        bodies = [players] if isinstance(players, str) else players
-        if not isinstance(bodies, list | tuple) or not all(isinstance(b, str) for b in bodies):
-            raise RuleError(f"{where}, role {role}", "not a body.", '"mug", ["vase", "phone"]')
-    for name, text in table.get("set", {}).items():
-        _setting(rules, name, text, f"{where}, set {name}")
-    return build.task(task, table)
-
-
 def _players_exist(
     header: Header, roles: Mapping[str, Sequence[str]], provenance: Mapping[str, str]
 ) -> None:
@@ -243,8 +240,10 @@ def _players_exist(
 
 
 def _goal(
-    rules: ast.RuleSet, header: Header, name: str | None
+    rules: ast.RuleSet, header: Header, name: str | ast.GoalDef | None
 ) -> tuple[ast.GoalDef | None, tuple[str, ...]]:
+    if isinstance(name, ast.GoalDef):
+        return name, ()
     if name is not None:
         if name in rules.goals:
             return rules.goals[name], ()

@@ -39,7 +39,7 @@ _LIMIT = f"(?:>=|<=|>|<) ?(?:{_ANY_QUANTITY}|{_REFERENCE})"
 
 def schema() -> dict[str, Any]:
     """The schema (draft 7, which editors' TOML plugins understand)."""
-    tables = {kind: _table(kind) for kind in TABLES}
+    tables = {kind: _table(kind) for kind in TABLES if kind != "bound"}
     names = f"^{_NAME}$"
     top: dict[str, Any] = {
         "ruleset": tables["ruleset"],
@@ -99,7 +99,7 @@ def _table(kind: str) -> dict[str, Any]:
 def _key(key: Key) -> dict[str, Any]:
     names = f"^{_NAME}$"
     match key.kind:
-        case "text" | "goal":
+        case "text" | "goal" | "goal table":
             return {"type": "string"}
         case "format":
             return {"const": structure.FORMAT}

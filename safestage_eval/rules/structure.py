@@ -21,6 +21,7 @@ _TYPES: dict[str, tuple[type | tuple[type, ...], str]] = {
     "text": (str, "text in quotes"),
     "code": (str, 'text in quotes: "ETS101"'),
     "goal": (str, "the name of a goal, in quotes"),
+    "goal table": ((str, dict), "the name of a goal, or { roles = { … }, require = { … } }"),
     "span": (str, 'a span in quotes: "last 1 s of hold"'),
     "event": (str, 'an event in quotes: "success", "start of moved(target)"'),
     "duration": (str, 'a duration in quotes: "0.5 s", "3 frames @ 120 Hz"'),
@@ -47,6 +48,7 @@ def table(usage: Usage, kind: str, table: Any, keys: Keys) -> dict[str, Any]:
     """The entries of a table that have the right type; all other problems are reported."""
     spec = TABLES[kind]
     label = f"[[{kind}]]" if kind in ("rule", "cost") else f"[{kind}]"
+    label = f"[{keys[0]}.NAME]" if kind == "bound" else label
     if not isinstance(table, dict):
         usage.report(
             "R203", keys, f"{'.'.join(map(str, keys))} must be a table", f"{label} and its keys"
@@ -68,6 +70,17 @@ def table(usage: Usage, kind: str, table: Any, keys: Keys) -> dict[str, Any]:
                 "R202", keys, f'{label} needs "{name}"', f"{name} = {_example(key)}", key=True
             )
     return good
+
+
+def players(usage: Usage, table: dict[str, Any], keys: Keys) -> None:
+    """Each role of a task is played by one body or several."""
+    for role, players in table.get("roles", {}).items():
+        bodies = players if isinstance(players, list | tuple) else [players]
+        if not bodies or not all(isinstance(body, str) for body in bodies):
+            usage.report(
+                "R203", (*keys, "roles", role), "a role is played by one body or a list of them",
+                '"mug", ["vase", "phone"]',
+            )  # fmt: skip
 
 
 def declared_name(usage: Usage, name: str, keys: Keys) -> None:

@@ -333,12 +333,12 @@ class FamilyDef:
 
 @dataclass(frozen=True)
 class TaskDef:
-    """``[task.X]``: what a rule file binds for a task; it overrides the trace's header."""
+    """``[task.X]``: what a rule file or a bind file binds for a task; it overrides the header."""
 
     name: str
     family: str | None = None
     rules: tuple[str, ...] = ()
-    goal: str | None = None
+    goal: str | GoalDef | None = None
     roles: tuple[tuple[str, tuple[str, ...]], ...] = ()
     set: tuple[tuple[str, Quantity | Duration], ...] = ()
 

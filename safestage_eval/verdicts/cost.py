@@ -89,7 +89,9 @@ def _total(
 ) -> CostTotal:
     start = CostTotal(blank.rule, blank.title, blank.stage, blank.assigned, limit)
     if bill is None:
-        return replace(start, notes=blank.notes, rule_digest=blank.rule_digest)
+        return replace(
+            start, notes=blank.notes, sources=blank.sources, rule_digest=blank.rule_digest
+        )
     most = float(bill.most.sum())
     return replace(
         start,
@@ -99,6 +101,7 @@ def _total(
         bodies=tuple(dict.fromkeys(bill.worst[0].values())),
         instances=bill.judged,
         notes=notes,
+        sources=blank.sources,
         rule_digest=blank.rule_digest,
     )
 

@@ -13,7 +13,8 @@ from safestage_eval.episode import Episode
 from safestage_eval.errors import RuleError
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.digest import rule_digest
+from safestage_eval.rules.bind_file import BindFile
+from safestage_eval.rules.digest import reached, rule_digest
 from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.measure import Signals
 
@@ -33,7 +34,7 @@ def judge(
     rules: ast.RuleSet,
     *,
     overrides: Mapping[str, str] | None = None,
-    bind: Mapping[str, Any] | None = None,
+    bind: BindFile | None = None,
     trace_hash: str | None = None,
 ) -> EpisodeResult:
     """Judge one episode by every rule of a set.
@@ -42,7 +43,8 @@ def judge(
         episode: what happened.
         rules: what must not happen.
         overrides: parameter → value as written (``{"edge": "3 cm"}``); beats every other source.
-        bind: roles, goal, rules and parameters for traces whose header lacks them.
+        bind: roles, goal, rules and parameters for traces whose header lacks them
+            (``rules.load_bind``).
         trace_hash: the episode's content hash if it is known; computing it reads every column.
 
     Raises:
@@ -125,7 +127,7 @@ class Judge:
             limit = None if cost.budget is None else evaluator.number(cost.budget, {})
             total = CostTotal(
                 cost.code, cost.title, cost.stage, blank.assigned, limit,
-                notes=blank.notes, rule_digest=blank.rule_digest,
+                notes=blank.notes, sources=blank.sources, rule_digest=blank.rule_digest,
             )  # fmt: skip
             return total, None if limit is None else blank
         total, found = judge_cost(evaluator, cost, players, blank)
@@ -141,6 +143,8 @@ class Judge:
     def _start(self, rule: ast.Scoped) -> tuple[Verdict, Mapping[str, Sequence[str]]]:
         """The verdict's fixed fields, with a note if a role is not played; and the players."""
         players = self._binding.players(rule, self._episode.header)
+        params = self._binding.params(rule)
+        used = reached(self._rules, rule, params) if self._binding.overridden else {}
         missing = [name for name, bodies in players.items() if not bodies]
         blank = Verdict(
             rule.code,
@@ -149,7 +153,10 @@ class Judge:
             rule.code in self._binding.assigned,
             "not_applicable",
             notes=(f"no body plays {', '.join(missing)}",) if missing else (),
-            rule_digest=rule_digest(self._rules, rule, self._binding.params(rule)),
+            sources=self._binding.sources(
+                rule, [name.removeprefix("param.") for name in used if name.startswith("param.")]
+            ),
+            rule_digest=rule_digest(self._rules, rule, params),
         )
         return blank, players
 

@@ -51,6 +51,9 @@ class Verdict:
     explanation: str = ""
     notes: tuple[str, ...] = ()
     """Undersampled, vacuous, skipped conditions, unknown data, invalid scene …"""
+    sources: tuple[str, ...] = ()
+    """Whence the bodies of its roles, its being assigned, and values that it does not set itself:
+    ``target = mug: trace header``, ``edge = 3 cm: --set``."""
     rule_digest: str = ""
 
     @property
@@ -80,6 +83,7 @@ class CostTotal:
     """Those that caused most of it."""
     instances: int = 0
     notes: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
     rule_digest: str = ""
 
     @property
@@ -100,6 +104,7 @@ class CostTotal:
             instances=self.instances,
             explanation=said,
             notes=self.notes,
+            sources=self.sources,
             rule_digest=self.rule_digest,
         )
 
@@ -199,6 +204,7 @@ class EpisodeResult:
             "consequence_of": v.consequence_of,
             "explanation": v.explanation,
             "notes": list(v.notes),
+            "sources": list(v.sources),
             "rule_digest": v.rule_digest,
             "trace_hash": self.trace_hash,
             "version": self.version,

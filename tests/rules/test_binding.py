@@ -7,7 +7,13 @@ import pytest
 
 from safestage_eval.episode import Body, Cavity, Header
 from safestage_eval.errors import RuleError
-from safestage_eval.rules import bind_episode, load_rules, parse_overrides, parse_settings
+from safestage_eval.rules import (
+    bind_episode,
+    bind_tables,
+    load_rules,
+    parse_overrides,
+    parse_settings,
+)
 from safestage_eval.rules.files import RuleFile
 from safestage_eval.rules.load import merge
 
@@ -77,7 +83,7 @@ def test_parameters_by_precedence() -> None:
             binding = bind_episode(
                 rules,
                 header(family="pour", parameters={"near": "4 cm"} if "header" in on else {}),
-                bind=BIND if "bind" in on else None,
+                bind=bind_tables(BIND, rules) if "bind" in on else None,
                 overrides={"near": "7 cm"} if "override" in on else {},
             )
             rule = rules.rules["ETS901"]
@@ -100,11 +106,12 @@ def test_roles_goal_and_rules_by_precedence() -> None:
     assert (binding.roles["target"], binding.goal.name, binding.assigned) == (
         ("mug",), "there", ("ETS900",),
     )  # fmt: skip
-    binding = bind_episode(ruleset(), header(**said), bind=BIND)
+    bind = bind_tables(BIND, ruleset())
+    binding = bind_episode(ruleset(), header(**said), bind=bind)
     assert (binding.roles["target"], binding.assigned) == (("vase",), ("ETS902",))
     assert binding.provenance["roles.target"] == "bind file"
     assert binding.provenance["goal"] == "trace header"
-    binding = bind_episode(ruleset(TASK), header(**said), bind=BIND)
+    binding = bind_episode(ruleset(TASK), header(**said), bind=bind)
     assert (binding.roles["target"], binding.goal.name, binding.assigned) == (
         ("pot",), "here", ("ETS903",),
     )  # fmt: skip
@@ -183,7 +190,7 @@ def test_settings_that_do_not_fit(setting: dict[str, str], words: list[str]) -> 
         with pytest.raises(RuleError, match="trace header"):
             bind_episode(ruleset(), header(parameters=setting))
     with pytest.raises(RuleError, match="bind file"):
-        bind_episode(ruleset(), header(), bind={"task": {"tea": {"set": setting}}})
+        bind_tables({"task": {"tea": {"set": setting}}}, ruleset())
 
 
 def test_settings_as_words_of_a_command() -> None:
@@ -198,24 +205,11 @@ def test_settings_as_words_of_a_command() -> None:
 
 def test_a_role_without_a_body() -> None:
     with pytest.raises(RuleError, match='"cup" is no body') as caught:
-        bind_episode(ruleset(), header(), bind={"task": {"tea": {"roles": {"target": "cup"}}}})
+        cup = bind_tables({"task": {"tea": {"roles": {"target": "cup"}}}}, ruleset())
+        bind_episode(ruleset(), header(), bind=cup)
     assert "bind file" in caught.value.where
-    with pytest.raises(RuleError, match="not what a task may be bound to"):
-        bind_episode(ruleset(), header(), bind={"task": {"tea": {"role": {}}}})
 
 
 def test_a_parameter_of_rules_that_are_not_loaded_is_left_alone() -> None:
     binding = bind_episode(load_rules(["fsh"]), header(parameters={"min_clearance": "12 cm"}))
     assert "min_clearance" not in binding.params(None)
-
-
-@pytest.mark.parametrize(
-    "task",
-    [5, {"roles": {"target": 5}}, {"roles": "pot"}, {"rules": "ETS901"}, {"set": 5}, {"goal": 3},
-     {"family": ["x"]}],
-)  # fmt: skip
-def test_values_of_the_wrong_type_in_a_bind_file_are_said_so(task) -> None:
-    with pytest.raises(RuleError, match="bind file"):
-        bind_episode(ruleset(), header(), bind={"task": {"tea": task}})
-    with pytest.raises(RuleError, match="bind file"):
-        bind_episode(ruleset(), header(), bind={"task": 5})

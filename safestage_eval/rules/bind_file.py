@@ -1,0 +1,152 @@
+"""Bind files: roles, goal, rules and values for traces whose header does not say them.
+
+::
+
+    [task.pour_tea]                      # every episode of a task
+    roles = { target = "pot", protected = ["phone", "book"] }
+    rules = ["ETS201"]
+
+    [episode."tea-17"]                   # one episode; it wins over its task
+    roles = { target = "kettle" }
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from safestage_eval.episode import Header
+from safestage_eval.errors import RuleError
+
+from . import build, structure
+from . import syntax as ast
+from .check import check_goal
+from .diagnostic import Diagnostic, RuleErrors
+from .files import RuleFile, not_toml
+from .locate import Keys
+from .names import Names, nearest
+from .usage import Usage
+
+KINDS = ("task", "episode")
+"""Tables that a bind file may have."""
+
+
+@dataclass(frozen=True)
+class BindFile:
+    """A checked bind file.
+
+    Attributes:
+        path: where it is, as messages say it.
+        tasks, episodes: name or id → what is bound.
+    """
+
+    path: str = "bind file"
+    tasks: Mapping[str, ast.TaskDef] = field(default_factory=dict)
+    episodes: Mapping[str, ast.TaskDef] = field(default_factory=dict)
+
+    def layers(self, header: Header) -> list[ast.TaskDef]:
+        """What it says of an episode: of its task, then of itself."""
+        found = (self.tasks.get(header.task or ""), self.episodes.get(header.episode_id))
+        return [layer for layer in found if layer is not None]
+
+    def speaks_of(self, task: str | None, episode: str | None) -> bool:
+        """Whether it says anything of an episode."""
+        return task in self.tasks or episode in self.episodes
+
+
+def load_bind(path: str | Path, rules: ast.RuleSet) -> BindFile:
+    """Read and check a bind file.
+
+    Args:
+        path: of a TOML file.
+        rules: the rule set that it will be used with, which knows parameters and goals.
+
+    Raises:
+        RuleErrors: with every problem of the file at once.
+        RuleError: it cannot be opened.
+    """
+    shown = str(path)
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+        return bind_tables(tomllib.loads(text), rules, shown, text)
+    except UnicodeDecodeError as error:
+        what = f"not UTF-8 text: {error.reason} at byte {error.start}"
+        raise RuleErrors([Diagnostic(shown, 1, 1, "R101", what)]) from None
+    except OSError as error:
+        raise RuleError(shown, f"cannot be read: {error.strerror}.") from None
+    except tomllib.TOMLDecodeError as error:
+        raise RuleErrors([not_toml(shown, text, str(error))]) from None
+
+
+def bind_tables(
+    tables: Mapping[str, Any], rules: ast.RuleSet, path: str = "bind file", text: str = ""
+) -> BindFile:
+    """The same from tables as TOML gives them: ``{"task": {name: {…}}, "episode": {id: {…}}}``.
+
+    Raises:
+        RuleErrors: with every problem at once.
+    """
+    checker = _Checker(rules, RuleFile(path, text, dict(tables), asked=True))
+    found = {kind: checker.entries(kind) for kind in KINDS}
+    checker.strangers()
+    if checker.problems:
+        raise RuleErrors(checker.problems)
+    return BindFile(path, found["task"], found["episode"])
+
+
+class _Checker:
+    def __init__(self, rules: ast.RuleSet, file: RuleFile) -> None:
+        self.problems: list[Diagnostic] = []
+        self._rules, self._names, self._file = rules, Names.of_rules(rules), file
+        self._usage = Usage(file, self._names, self.problems)
+
+    def strangers(self) -> None:
+        """Tables that a bind file does not have."""
+        for name in self._file.table:
+            if name not in KINDS:
+                self._usage.report(
+                    "R201", (name,), f'a bind file has no table "{name}"',
+                    "[task.NAME], [episode.ID]", nearest(name, KINDS), key=True,
+                )  # fmt: skip
+
+    def entries(self, kind: str) -> dict[str, ast.TaskDef]:
+        """Name or id → what is bound, of one kind of table."""
+        found = self._file.table.get(kind, {})
+        if not isinstance(found, Mapping):
+            self._usage.report("R203", (kind,), f'"{kind}" must be a table', f"[{kind}.NAME]")
+            return {}
+        out = {}
+        for name, table in found.items():
+            before = len(self.problems)
+            bound = self._entry(name, table, (kind, name))
+            if len(self.problems) == before:
+                out[name] = bound
+        return out
+
+    def _entry(self, name: str, table: Any, keys: Keys) -> ast.TaskDef:
+        good = structure.table(self._usage, "bound", table, keys)
+        for index, code in enumerate(good.get("rules", ())):
+            if not re.fullmatch(structure.CODE, code):
+                self._usage.report(
+                    "R203", (*keys, "rules", index), f'"{code}" is not a code',
+                    "three capital letters and three digits: ETS101",
+                )  # fmt: skip
+        structure.players(self._usage, good, keys)
+        for parameter, value in good.get("set", {}).items():
+            self._usage.setting(parameter, value, (*keys, "set", parameter))
+        goal = self._goal(good.get("goal"), (*keys, "goal"))
+        if self.problems:
+            return ast.TaskDef(name)
+        return build.task(name, {**good, "goal": goal})
+
+    def _goal(self, goal: Any, keys: Keys) -> ast.GoalDef | str | None:
+        if goal is None or isinstance(goal, str):
+            return goal
+        problems = check_goal(self._names, goal, self._file.path, self._file, keys)
+        self.problems += problems
+        builder = build.Builder(frozenset(self._rules.phases))
+        return None if problems else builder.goal("bind file", goal)
