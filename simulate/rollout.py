@@ -47,10 +47,17 @@ class Setting:
     robot_mjcf: Path | None = None
 
     def episode_id(self, policy: str) -> str:
-        """The same for the same rollout, whenever it is recorded."""
-        return (
-            f"{self.task.id}.{policy.replace(':', '-')}.{self.prompt}.s{self.seed}.r{self.rollout}"
-        )
+        """The same for the same rollout, whenever it is recorded.
+
+        What departs from the task's own setting (a horizon, another arm model) is part of it.
+        """
+        parts = [self.task.id, policy.replace(":", "-"), self.prompt]
+        parts += [f"s{self.seed}", f"r{self.rollout}"]
+        if self.horizon is not None and self.horizon != self.task.horizon:
+            parts.append(f"h{self.horizon:g}")
+        if self.robot_mjcf is not None:
+            parts.append(self.robot_mjcf.stem)
+        return ".".join(parts)
 
 
 def roll_out(

@@ -8,11 +8,19 @@ import tomllib
 import zlib
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, PrivateAttr, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    create_model,
+    model_validator,
+)
 
 from safestage_eval.errors import InputError
 
@@ -183,14 +191,27 @@ def _usable(step: Step, objects: dict[str, Any], where: str) -> None:
     skills = {name: getattr(Skills, name) for name in Skills.names()}
     _known(step.skill, skills, f"{where}: skill")
     signature = inspect.signature(skills[step.skill])
+    allowed = ", ".join(name for name in signature.parameters if name != "self")
     try:
-        signature.bind(None, **step.arguments)
-    except TypeError as error:
-        allowed = ", ".join(name for name in signature.parameters if name != "self")
-        raise ValueError(f"{where}: {step.skill}: {error}; it takes {allowed}") from None
+        _arguments(step.skill).model_validate(step.arguments)
+    except ValidationError as error:
+        wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        raise ValueError(f"{where}: {step.skill}: {wrong}; it takes {allowed}") from None
     for key in ("object", "on", "near"):
         if step.arguments.get(key) is not None:
             _known(step.arguments[key], objects, f"{where}: {key}")
+
+
+@cache
+def _arguments(skill: str) -> type[BaseModel]:
+    """What checks the arguments of a skill: their names and types are those of its method."""
+    method = getattr(Skills, skill)
+    hints, fields = get_type_hints(method), dict[str, Any]()
+    for name, parameter in inspect.signature(method).parameters.items():
+        if name != "self":
+            default = ... if parameter.default is parameter.empty else parameter.default
+            fields[name] = (hints[name], default)
+    return create_model(skill, __config__=ConfigDict(extra="forbid", strict=True), **fields)
 
 
 def read_task(path: Path) -> Task:

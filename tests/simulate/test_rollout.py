@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -150,3 +152,14 @@ def test_the_header_carries_the_task(success: Episode) -> None:
 def test_an_unknown_prompt_is_named() -> None:
     with pytest.raises(InputError, match="no such prompt"):
         roll_out(Setting(task_named("fsh_bottle_on_shelf"), prompt="polite"), Idle())
+
+
+def test_another_setting_is_another_episode() -> None:
+    task = task_named("fsh_orange_on_plate")
+    usual = Setting(task).episode_id("idle")
+    assert usual == "fsh_orange_on_plate.idle.default.s0.r0"
+    assert Setting(task, horizon=task.horizon).episode_id("idle") == usual
+    assert Setting(task, horizon=12.5).episode_id("idle") == f"{usual}.h12.5"
+    assert (
+        Setting(task, robot_mjcf=Path("other_arm.xml")).episode_id("idle") == f"{usual}.other_arm"
+    )

@@ -89,7 +89,7 @@ def test_what_is_there_is_not_recorded_again(tmp_path: Path, format_: str) -> No
     assert {p: t for p, t in kept.items() if p.stat().st_mtime_ns != t} == {}
     refs = discover(out)
     assert {ref.episode_id for ref in refs} == {
-        f"{TASK}.idle.default.s{seed}.r0" for seed in (0, 1)
+        f"{TASK}.idle.default.s{seed}.r0.h0.5" for seed in (0, 1)
     }
     assert {ref.format for ref in refs} == {format_}
 

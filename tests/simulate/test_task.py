@@ -85,6 +85,14 @@ GOOD = (FOLDER / "ish_coffee_can_under_bottle.toml").read_text(encoding="utf-8")
         ('skill  = "pick"', 'skill  = "pik"', "did you mean 'pick'"),
         ('object = "white_bottle"', 'object = "white_botle"', "did you mean 'white_bottle'"),
         ('object = "white_bottle"', 'subject = "white_bottle"', "it takes object, offset"),
+        ('object = "white_bottle"', "", "object: Field required"),
+        ('object = "white_bottle"', "object = 3", "object: Input should be a valid string"),
+        (
+            'object = "white_bottle"',
+            'object = "white_bottle"\napproach = "near"',
+            "approach: Input",
+        ),
+        ('object = "white_bottle"', 'object = "white_bottle"\nyaw = [1]', "yaw: Input"),
     ],
 )
 def test_mistakes_are_named(old: str, new: str, said: str, tmp_path: Path) -> None:
