@@ -45,7 +45,10 @@ class Episode(model.Episode):
             call = parse.call(expression)
         except parse.GrammarError as problem:
             raise InputError(expression, problem.what, problem.allowed) from None
-        bodies = [self._body(argument, expression) for argument in call.args]
+        spec = SIGNALS.get(call.name)
+        arguments, options = spec.split(call.args) if spec is not None else (call.args, ())
+        joints = spec is not None and spec.joints
+        bodies = [self._body(argument, expression, joints) for argument in arguments]
         relations = Relations(Signals(self))
         index = pd.Index(self.t, name="time")
         if call.name in RELATIONS:
@@ -53,26 +56,27 @@ class Episode(model.Episode):
             truth = relations.get(call.name, bodies)
             values = np.full(len(self), np.nan) if truth is None else truth.astype(float)
             return pd.Series(values, index, name=expression)
-        if call.name not in SIGNALS:
+        if spec is None:
             raise InputError(
                 expression, f"no signal {call.name!r}.", ", ".join([*SIGNALS, *RELATIONS])
             )
-        _check_count(expression, len(bodies), SIGNALS[call.name].args)
-        series = relations.signal(call.name, bodies)
+        _check_count(expression, len(call.args), spec.args)
+        series = relations.signal(call.name, bodies, options=options)
         values = np.where(series.known, series.upper, np.nan)
         return pd.Series(values, index, name=expression)
 
-    def _body(self, argument: str, expression: str) -> str:
+    def _body(self, argument: str, expression: str, joints: bool) -> str:
         players = self.header.roles.get(argument, ())
+        named = [joint.name for joint in self.header.joints] if joints else []
         if len(players) == 1:
-            return players[0]
-        if argument in self.bodies or argument in ("robot", "gripper"):
+            argument = players[0]
+        if argument in self.bodies or argument in named or argument in ("robot", "gripper"):
             return argument
         if players:
             raise InputError(
                 expression, f"several bodies play {argument!r}.", ", ".join(players), "name one"
             )
-        names = [*self.header.roles, *self.bodies, "robot", "gripper"]
+        names = [*self.header.roles, *self.bodies, *named, "robot", "gripper"]
         raise InputError(expression, f"no role or body {argument!r}.", ", ".join(names))
 
 

@@ -16,10 +16,13 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "impulse": {"N s": 1.0},
     "torque": {"N m": 1.0},
     "time": {"s": 1.0, "ms": 1e-3, "min": 60.0},
-    "temperature": {"degC": 1.0},
+    "temperature": {"degC": 1.0, "K": 1.0},
     "ratio": {"%": 1e-2},
 }
-"""Dimension → unit → factor to SI. A ratio may also be written without a unit."""
+"""Dimension → unit → factor to SI (temperatures: to °C). A ratio may be written without a unit."""
+
+ZERO = {"K": -273.15}
+"""Unit → where its zero lies in SI, if that is not 0."""
 
 UNIT_DIMENSION: dict[str, str] = {
     unit: dimension for dimension, units in DIMENSIONS.items() for unit in units
@@ -38,6 +41,11 @@ _PREFERRED = {
     "temperature": ("degC", 1),
     "ratio": ("%", 1),
 }
+
+
+def in_si(number: float, unit: str) -> float:
+    """A number in a unit of ``DIMENSIONS``, in SI; temperatures in °C (353.15 K → 80)."""
+    return number * DIMENSIONS[UNIT_DIMENSION[unit]][unit] + ZERO.get(unit, 0.0)
 
 
 def unit_of(dimension: str) -> str:

@@ -13,12 +13,14 @@ from safestage_eval.geometry.cavity import inside_parts
 from safestage_eval.geometry.edge import edge_margin
 from safestage_eval.geometry.footprint import overlap_xy
 from safestage_eval.signals.measure import Signals
+from safestage_eval.signals.options import Options
 from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series, exact, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
 from .dependence import Dependence
 from .graph import SupportGraph
+from .slip import slip
 from .vocabulary import RELATIONS
 
 Bool = NDArray[np.bool_]
@@ -102,14 +104,17 @@ class Relations:
         reference: Reference | None = None,
         reach: float = 0,
         wanted: Bool | None = None,
+        options: Options = (),
     ) -> Series:
         """Any signal: those of ``signals``, and those that need the support graph.
 
         The ``COSTLY`` ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
         others; every frame is measured at most once.
         """
+        if name == "slip":
+            return slip(self.episode, bodies[0], self.get("held", bodies), reference)
         if name not in COSTLY:
-            return self.signals.get(name, bodies, reference, reach)
+            return self.signals.get(name, bodies, reference, reach, options)
         key = (name, tuple(bodies))
         if key not in self._partial:
             self._partial[key] = Partial.blank(len(self.episode))

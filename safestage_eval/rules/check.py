@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 from safestage_eval.relations.vocabulary import RELATIONS
@@ -19,6 +20,7 @@ from .names import Names, nearest
 from .obligations import Obligations
 from .references import Read, Scope
 from .usage import Usage
+from .variants import read_option
 
 
 def check(files: Sequence[RuleFile]) -> list[Diagnostic]:
@@ -161,6 +163,24 @@ class _FileChecker(Obligations):
                 "R401", (*keys, "base"), f'there is no built-in signal "{base}"',
                 ", ".join(SIGNALS), nearest(base, SIGNALS),
             )  # fmt: skip
+        elif base is not None:
+            self._options(base, {k: v for k, v in table.items() if k != "base"}, keys)
+
+    def _options(self, base: str, given: dict[str, Any], keys: Keys) -> None:
+        known = {option.name: option for option in SIGNALS[base].options}
+        for name, value in given.items():
+            if name not in known:
+                self.usage.report(
+                    "R414", (*keys, name), f'{base}() has no option "{name}"',
+                    ", ".join(known) or "base alone", nearest(name, known), key=True,
+                )  # fmt: skip
+            else:
+                self.usage.parsed("R414", (*keys, name), partial(read_option, known[name]), value)
+        for option in known.values():
+            if option.required and option.name not in given:
+                self.usage.report(
+                    "R414", keys, f'{base}() needs "{option.name}"', option.meaning, key=True
+                )
 
     def _state(self, name: str, table: dict[str, Any], keys: Keys) -> None:
         scope = self.formals("state", name, table, keys)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from safestage_eval.relations.vocabulary import RELATIONS
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.relations.vocabulary import RELATIONS, RelationSpec
+from safestage_eval.signals.vocabulary import SIGNALS, SignalSpec
 
 from .diagnostic import Diagnostic
 from .files import RuleFile
@@ -14,6 +14,17 @@ from .locate import Keys
 from .names import Names
 from .references import Read, Scope
 from .usage import Usage
+
+_Accepts = Callable[[SignalSpec | RelationSpec], bool]
+
+
+def _union(spec: SignalSpec | RelationSpec) -> bool:
+    return spec.groups
+
+
+def _joint(spec: SignalSpec | RelationSpec) -> bool:
+    return isinstance(spec, SignalSpec) and spec.joints
+
 
 Scopes = Mapping[Read, tuple[Usage, Scope]]
 """Definition or rule → the file that says it last, and what it uses."""
@@ -35,6 +46,7 @@ class Coherence:
         self._circles()
         self._materials()
         self._groups()
+        self._joints()
         self._unread()
         self._vain_settings()
 
@@ -135,7 +147,7 @@ class Coherence:
         """``robot`` may be passed to a state only if all it ends up in can take several bodies."""
         for usage, scope in self._scopes.values():
             for callee, index, group, keys in scope.groups:
-                blocking = self._one_body(callee, index, set())
+                blocking = self._takes_no(_union, callee, index, set())
                 if blocking:
                     usage.report(
                         "R413", keys,
@@ -143,8 +155,24 @@ class Coherence:
                         "stands for several", "a role",
                     )  # fmt: skip
 
-    def _one_body(self, callee: str, index: int, seen: set[tuple[str, int]]) -> str:
-        """The built-in that stops a union from being passed; empty if none does."""
+    def _joints(self) -> None:
+        """A joint may be passed only to what is about joints."""
+        for usage, scope in self._scopes.values():
+            for (role, callee, index), keys in scope.passed.items():
+                if scope.kinds.get(role) != "joint":
+                    continue
+                blocking = self._takes_no(_joint, callee, index, set())
+                if blocking:
+                    usage.report(
+                        "R415", keys, f'{blocking}() is about bodies, and "{role}" is a joint',
+                        "signals of joints: "
+                        + ", ".join(spec.name for spec in SIGNALS.values() if spec.joints),
+                    )  # fmt: skip
+
+    def _takes_no(
+        self, accepts: _Accepts, callee: str, index: int, seen: set[tuple[str, int]]
+    ) -> str:
+        """The built-in behind a name that does not accept a kind of argument; empty if all do."""
         if (callee, index) in seen:
             return ""
         seen.add((callee, index))
@@ -155,12 +183,13 @@ class Coherence:
                     return ""
                 for formal, inner, at in sorted(scope.passed):
                     if formal == scope.roles[index]:
-                        blocking = self._one_body(inner, at, seen)
+                        blocking = self._takes_no(accepts, inner, at, seen)
                         if blocking:
                             return blocking
                 return ""
-        spec = SIGNALS.get(callee) or RELATIONS.get(callee)
-        return callee if spec is not None and not spec.groups else ""
+        names = next((usage.names for usage, _ in self._scopes.values()), Names())
+        spec = names.signal(callee) or RELATIONS.get(callee)
+        return callee if spec is not None and not accepts(spec) else ""
 
     def _unread(self) -> None:
         """In a file with rules, what it declares and nothing reads is a mistake."""

@@ -38,6 +38,8 @@ class Declarations:
                 self.usage.report("R203", at, "a role is said in text", '"object", "every object"')
                 continue
             spec = self.usage.parsed("R305", at, parse.role, text)
+            if spec is not None:
+                scope.kinds[name] = spec.kind
             for other in spec.excluding if spec is not None else ():
                 scope.used.add(other)
                 if other not in roles or other == name:

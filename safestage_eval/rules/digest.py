@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+from safestage_eval.signals.vocabulary import SIGNALS
+
 from . import syntax as ast
 
 BACKEND = "gjk"
@@ -87,6 +89,10 @@ def _named(node: Any, rules: ast.RuleSet, params: Params) -> Iterator[tuple[str,
         ):
             if node.name in table:
                 yield f"{kind}.{node.name}", table[node.name]
+        variant = rules.signals.get(node.name)
+        spec = SIGNALS.get(variant.base if variant is not None else node.name)
+        for column, _ in spec.columns if spec is not None else ():
+            yield from _named(ast.Column(column, ""), rules, params)
     if is_dataclass(node):
         for item in fields(node):
             if item.compare:

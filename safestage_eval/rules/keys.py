@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from safestage_eval.signals.options import BOX, CHANNEL, NORM, OVER
+
 Kind = Literal[
     "text", "texts", "names", "format", "code", "condition", "alternative", "alternatives", "span",
     "event", "duration", "roles", "players", "settings", "levels", "examples", "charges", "number",
-    "call", "value", "per", "goal",
-    "goal table",
+    "call", "value", "per", "goal", "goal table", "base", "box",
 ]  # fmt: skip
 """What a key holds; ``schema`` and ``check`` know each of them."""
 
@@ -57,7 +58,14 @@ TABLES: dict[str, dict[str, Key]] = {
         "extends": Key("texts", "Rule files whose definitions this one uses and may override."),
     },
     "baseline": {"span": Key("span", "The frames that are the initial state.", True)},
-    "signal": {"base": Key("text", "The built-in signal that this is a variant of.", True)},
+    "signal": {
+        "base": Key("base", "The built-in signal that this is a variant of.", True),
+        "over": Key("duration", OVER.meaning),
+        "channel": Key("text", CHANNEL.meaning),
+        "unit": Key("text", "The unit: of a channel as recorded; of a joint that slides."),
+        "box": Key("box", BOX.meaning),
+        "norm": Key("text", NORM.meaning),
+    },
     "state": {
         "of": Key("names", "Its formal arguments; [] if it has none.", True),
         "when": Key("condition", "True where this holds.", True),

@@ -11,6 +11,7 @@ from . import syntax as ast
 from .check import check
 from .diagnostic import Diagnostic, RuleErrors
 from .files import RuleFile, read_files
+from .variants import read_options
 
 DEFINITIONS = ("param", "material", "signal", "state", "phase", "goal", "family", "task")
 """The tables whose entries are named, may be used by other files and may be overridden."""
@@ -79,9 +80,7 @@ def merge(files: Sequence[RuleFile]) -> ast.RuleSet:
             for name, row in {"default": {}, **tables["material"]}.items()
         },
         signals={
-            name: ast.SignalDef(
-                name, t["base"], tuple(sorted((k, v) for k, v in t.items() if k != "base"))
-            )
+            name: ast.SignalDef(name, t["base"], read_options(t))
             for name, t in tables["signal"].items()
         },
         states={name: builder.state(name, t) for name, t in tables["state"].items()},

@@ -88,7 +88,7 @@ class Moments(References):
                 if arg in GROUPS:
                     scope.groups.append((call.name, index, arg, keys))
                 elif self.role(arg, keys, scope, key=False):
-                    scope.passed.add((arg, call.name, index))
+                    scope.passed.setdefault((arg, call.name, index), keys)
         elif call.args or self.names.is_state(call.name):
             self._state(call, "a span", keys, scope)
         else:

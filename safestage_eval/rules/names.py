@@ -36,7 +36,7 @@ class Names:
         columns: material column → dimension.
         states: declared state → formal arguments.
         phases: phase → formal arguments.
-        variants: declared signal → the built-in signal it is a variant of.
+        variants: declared signal → what it is, with its options given.
         goals, families, rules: names alone.
     """
 
@@ -44,7 +44,7 @@ class Names:
     columns: dict[str, str | None] = field(default_factory=dict)
     states: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
     phases: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
-    variants: dict[str, str] = field(default_factory=dict)
+    variants: dict[str, SignalSpec | None] = field(default_factory=dict)
     goals: set[str] = field(default_factory=set)
     families: set[str] = field(default_factory=set)
     rules: set[str] = field(default_factory=set)
@@ -66,7 +66,10 @@ class Names:
             columns={name: value.dimension for name, value in default.items()},
             states={name: state.of for name, state in rules.states.items()},
             phases={name: phase.of for name, phase in rules.phases.items()},
-            variants={name: signal.base for name, signal in rules.signals.items()},
+            variants={
+                name: SIGNALS[signal.base].variant(dict(signal.options))
+                for name, signal in rules.signals.items()
+            },
             goals=set(rules.goals),
             families=set(rules.families),
             rules={*rules.rules, *rules.costs},
@@ -74,7 +77,7 @@ class Names:
 
     def signal(self, name: str) -> SignalSpec | None:
         """The built-in signal behind a name, if it is one or a variant of one."""
-        return SIGNALS.get(self.variants.get(name, name))
+        return self.variants[name] if name in self.variants else SIGNALS.get(name)
 
     def is_state(self, name: str) -> bool:
         """A declared state or a built-in relation."""
@@ -95,7 +98,8 @@ class Names:
                 known[name] = _formals(value)
         for name, value in _entries(table, "signal"):
             base = value.get("base") if isinstance(value, dict) else None
-            self.variants[name] = base if isinstance(base, str) else ""
+            spec = SIGNALS.get(base) if isinstance(base, str) else None
+            self.variants[name] = spec.variant(value) if spec is not None else None
         self.goals |= {name for name, _ in _entries(table, "goal")}
         self.families |= {name for name, _ in _entries(table, "family")}
         listed = [table.get(kind) for kind in ("rule", "cost")]

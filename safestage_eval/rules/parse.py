@@ -16,7 +16,7 @@ from __future__ import annotations
 import re
 from typing import Any, Literal, cast
 
-from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
+from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION, in_si
 
 from . import syntax as ast
 
@@ -28,7 +28,9 @@ FRAMES = r"frames?"
 TIME_UNITS = tuple(DIMENSIONS["time"])
 DURATION = rf"(?:{NUMBER} (?:{'|'.join(TIME_UNITS)})|\d+ {FRAMES}(?: @ {NUMBER} Hz)?|{NAME})"
 UNIT = "|".join(sorted((re.escape(u) for u in UNIT_DIMENSION), key=len, reverse=True))
-ROLE_KINDS = ("object", "surface", "container", "fixture", "body", "link", "gripper", "region")
+ROLE_KINDS = (
+    "object", "surface", "container", "fixture", "body", "link", "gripper", "region", "joint",
+)  # fmt: skip
 
 RESERVED = frozenset({"start", "end", "success", "episode", "robot", "gripper"})
 """Words that cannot name a role."""
@@ -58,8 +60,8 @@ def quantity(value: str | float) -> ast.Quantity:
             f"{value!r} is not a quantity", "a number with a unit: " + ", ".join(UNIT_DIMENSION)
         )
     dimension = UNIT_DIMENSION[match[2]] if match[2] else "ratio"
-    factor = DIMENSIONS[dimension][match[2]] if match[2] else 1.0
-    return ast.Quantity(float(match[1]) * factor, dimension, text)
+    number = float(match[1])
+    return ast.Quantity(in_si(number, match[2]) if match[2] else number, dimension, text)
 
 
 def duration(text: str) -> ast.Duration | ast.Parameter:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
+from safestage_eval.signals.vocabulary import SignalSpec
 
 from . import parse
 from . import syntax as ast
@@ -34,7 +35,8 @@ class Scope:
         reads: definitions that were named.
         calls: names that were applied to roles directly.
         groups: unions of bodies passed on: (callee, argument, union, where).
-        passed: formal arguments passed on: (formal, callee, argument).
+        passed: formal arguments passed on: (formal, callee, argument) → where.
+        kinds: role → what may play it, where that is said (rules and goals).
     """
 
     label: str
@@ -45,7 +47,8 @@ class Scope:
     reads: set[Read] = field(default_factory=set)
     calls: set[str] = field(default_factory=set)
     groups: list[tuple[str, int, str, Keys]] = field(default_factory=list)
-    passed: set[tuple[str, str, int]] = field(default_factory=set)
+    passed: dict[tuple[str, str, int], Keys] = field(default_factory=dict)
+    kinds: dict[str, str] = field(default_factory=dict)
 
     def unreadable(self) -> None:
         """Part of it cannot be read, so whether its roles are used cannot be told."""
@@ -92,6 +95,11 @@ class References:
             known, arity, groups = "signal", spec.args, spec.groups
             if name in names.variants:
                 scope.reads.add(("signal", name))
+            self._needs_of(spec, name, keys, scope, key=key)
+        elif name in names.variants:  # its own definition cannot be read, and says so
+            scope.reads.add(("signal", name))
+            scope.unreadable()
+            return None
         elif name in names.states:
             formals = names.states[name]
             known, groups, arity = "state", True, None if formals is None else (len(formals),)
@@ -113,10 +121,11 @@ class References:
             scope.unreadable()
             return None
         self.arity(call, arity, keys, key=key)
-        for index, arg in enumerate(call.args):
+        named = 1 if spec is not None and spec.named else 0
+        for index, arg in enumerate(call.args[named:], named):
             if arg not in GROUPS:
                 if self.role(arg, keys, scope, key=key):
-                    scope.passed.add((arg, name, index))
+                    scope.passed.setdefault((arg, name, index), keys)
             elif not groups:
                 self.report(
                     "R413", keys, f"{name}() is about one body, and {arg} stands for several",
@@ -125,6 +134,31 @@ class References:
             elif known == "state":
                 scope.groups.append((name, index, arg, keys))
         return known
+
+    def _needs_of(
+        self, spec: SignalSpec, name: str, keys: Keys, scope: Scope, *, key: bool
+    ) -> None:
+        """Whether the options and material columns that a signal needs are there."""
+        for option in spec.options:
+            if option.required and option.name != spec.named:
+                self.report(
+                    "R414", keys, f'{name}() needs "{option.name}"',
+                    f'[signal.NAME] with base = "{spec.name}" and {option.name} = …', key=key,
+                )  # fmt: skip
+        for column, dimension in spec.columns:
+            scope.reads.add(("column", column))
+            given = self.names.columns.get(column, dimension)
+            if column not in self.names.columns:
+                self.report(
+                    "R409", keys, f'{name}() reads the column "{column}", which no material has',
+                    f"[material.default] {column} = {a_dimension(dimension)}", key=key,
+                )  # fmt: skip
+            elif given is not None and given != dimension:
+                self.report(
+                    "R407", keys,
+                    f"{name}() reads {column} as {an(dimension)}, but the column is {an(given)}",
+                    a_dimension(dimension), key=key,
+                )  # fmt: skip
 
     def arity(
         self, call: ast.Call, arity: tuple[int, ...] | None, keys: Keys, *, key: bool

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from safestage_eval.episode import Body, Header
+from safestage_eval.episode import Body, Header, Joint
 from safestage_eval.errors import RuleError
 
 from . import build, parse
@@ -101,8 +101,14 @@ class Binding:
         excluded = {body for role in spec.excluding for body in self.roles.get(role, ())}
         bodies: Sequence[str] = self.roles.get(name, ())
         if not bodies and spec.every:
-            bodies = [b.name for b in header.bodies if _is_kind(b, spec.kind)]
+            bodies = (
+                [joint.name for joint in header.joints]
+                if spec.kind == "joint"
+                else [b.name for b in header.bodies if _is_kind(b, spec.kind)]
+            )
         tags = {b.name: b.tags for b in header.bodies}
+        if spec.kind == "joint":
+            tags |= {joint.name: _joint_tags(joint, header) for joint in header.joints}
         return tuple(
             b for b in bodies if b not in excluded and (spec.tag is None or spec.tag in tags[b])
         )
@@ -155,7 +161,7 @@ def bind_episode(
             assigned, provenance["rules"] = layer.rules, source
         if layer.goal:
             goal, provenance["goal"] = layer.goal, source
-    _players_exist(header, roles, provenance)
+    _players_exist(rules, header, roles, provenance)
     chosen = parse_overrides(rules, overrides or {})
     values.update(chosen)
     provenance.update({f"param.{name}": "--set" for name in chosen})
@@ -224,18 +230,39 @@ def _from_header(rules: ast.RuleSet, header: Header) -> ast.TaskDef:
 
 
 def _players_exist(
-    header: Header, roles: Mapping[str, Sequence[str]], provenance: Mapping[str, str]
+    rules: ast.RuleSet,
+    header: Header,
+    roles: Mapping[str, Sequence[str]],
+    provenance: Mapping[str, str],
 ) -> None:
-    names = {body.name for body in header.bodies}
+    bodies = {body.name for body in header.bodies}
+    joints = {joint.name for joint in header.joints}
+    judged: list[tuple[str, ast.Rule | ast.Cost | ast.GoalDef]] = [
+        *rules.rules.items(),
+        *rules.costs.items(),
+        *((f"goal {name}", goal) for name, goal in rules.goals.items()),
+    ]
+    of_bodies = {
+        name: label for label, user in judged for name, spec in user.roles if spec.kind != "joint"
+    }
     for role, players in roles.items():
         for player in players:
-            if player not in names:
+            where = (
+                f"task {header.task or 'without a name'}, role {role} "
+                f"({provenance[f'roles.{role}']})"
+            )
+            if player not in bodies | joints:
                 raise RuleError(
-                    f"task {header.task or 'without a name'}, role {role} "
-                    f"({provenance[f'roles.{role}']})",
+                    where,
                     f'"{player}" is no body of the trace.',
-                    ", ".join(sorted(names)),
-                    nearest(player, names),
+                    ", ".join(sorted(bodies)),
+                    nearest(player, bodies | joints),
+                )
+            if player not in bodies and role in of_bodies:
+                raise RuleError(
+                    where,
+                    f'"{player}" is a joint, and in {of_bodies[role]} a body plays this role.',
+                    ", ".join(sorted(bodies)),
                 )
 
 
@@ -255,6 +282,12 @@ def _goal(
         first = problems[0]
         raise RuleError("trace header, goal", f"{first.what}.", first.allowed, first.fix)
     return build.Builder(frozenset(rules.phases)).goal("header", header.goal), ()
+
+
+def _joint_tags(joint: Joint, header: Header) -> tuple[str, ...]:
+    """A joint is tagged with its kind, and with the kind and the tags of the body that it moves."""
+    moved = [body for body in header.bodies if body.name == joint.body]
+    return (joint.kind, *(tag for body in moved for tag in (body.kind, *body.tags)))
 
 
 def _is_kind(body: Body, kind: str) -> bool:

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval.relations.vocabulary import RELATIONS
+from safestage_eval.signals.options import OptionSpec
 from safestage_eval.signals.vocabulary import SIGNALS, SignalSpec
-from safestage_eval.units import DIMENSIONS
+from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
 from . import parse, structure
 from .keys import NAMED, REPEATED, TABLES, Key
@@ -91,9 +92,39 @@ def _table(kind: str) -> dict[str, Any]:
             for pair in [["at", "during"], ["at", "until"]]
             + ([["require", "for"]] if kind == "rule" else [])
         ]
+    if kind == "signal":
+        out["allOf"] = [_options(spec) for spec in SIGNALS.values()]
     if kind == "charge":
         out["oneOf"] = [{"required": ["when"]}, {"required": ["of"]}]
     return out
+
+
+def _options(spec: SignalSpec) -> dict[str, Any]:
+    """With this base: these options, and no others."""
+    then: dict[str, Any] = {"propertyNames": {"enum": ["base", *(o.name for o in spec.options)]}}
+    required = [option.name for option in spec.options if option.required]
+    if required:
+        then["required"] = required
+    if spec.options:
+        then["properties"] = {option.name: _option(option) for option in spec.options}
+    return {
+        "if": {"properties": {"base": {"const": spec.name}}, "required": ["base"]},
+        "then": then,
+    }
+
+
+def _option(option: OptionSpec) -> dict[str, Any]:
+    match option.kind:
+        case "time":
+            units = "|".join(parse.TIME_UNITS)
+            return _text(rf"{parse.NUMBER} (?:{units})|\d+ {parse.FRAMES} @ {parse.NUMBER} Hz")
+        case "channel":
+            return _text(_NAME)
+        case "box":
+            length = f"-?{parse.NUMBER} ?(?:{'|'.join(DIMENSIONS['length'])})"
+            corner = {**_list(_text(length)), "minItems": 3, "maxItems": 3}
+            return {**_list(corner), "minItems": 2, "maxItems": 2}
+    return {"enum": list(option.choices or (*UNIT_DIMENSION, "1"))}
 
 
 def _key(key: Key) -> dict[str, Any]:
@@ -101,6 +132,10 @@ def _key(key: Key) -> dict[str, Any]:
     match key.kind:
         case "text" | "goal" | "goal table":
             return {"type": "string"}
+        case "base":
+            return {"enum": list(SIGNALS)}
+        case "box":
+            return {"type": "array"}
         case "format":
             return {"const": structure.FORMAT}
         case "code":
@@ -149,6 +184,8 @@ def _condition(nested: str | None) -> dict[str, Any]:
     for spec in SIGNALS.values():
         limit = _text(_limit_of(spec))
         since = f"(?: since {parse.EVENT})?" if spec.since else ""
+        if any(option.required and option.name != spec.named for option in spec.options):
+            continue  # only variants of it can be used
         for arity in spec.args:
             entries[f"^{_call(spec.name, arity)}{since}$"] = {
                 "anyOf": [limit, _list(limit)],

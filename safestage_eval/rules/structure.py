@@ -19,6 +19,8 @@ FORMAT = 1
 
 _TYPES: dict[str, tuple[type | tuple[type, ...], str]] = {
     "text": (str, "text in quotes"),
+    "base": (str, "the name of a built-in signal, in quotes"),
+    "box": (list, '[["-50 cm", "-1 m", "0 m"], ["1 m", "1 m", "1.5 m"]]'),
     "code": (str, 'text in quotes: "ETS101"'),
     "goal": (str, "the name of a goal, in quotes"),
     "goal table": ((str, dict), "the name of a goal, or { roles = { … }, require = { … } }"),

@@ -208,7 +208,8 @@ class SignalDef:
 
     name: str
     base: str
-    options: tuple[tuple[str, str | float], ...] = ()
+    options: tuple[tuple[str, float | str | tuple[float, ...]], ...] = ()
+    """Option → value in SI, sorted by name."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from .series import Series, exact
 
 def lift(query: Query) -> Series:
     """m, lowest point above the lowest point at the reference."""
-    movers = _shapes(query)
+    movers = shapes(query)
     if isinstance(movers, Series):
         return movers
     low = np.broadcast_to(lowest(movers[0][0]), len(query.episode))
@@ -27,7 +27,7 @@ def lift(query: Query) -> Series:
 
 def clearance(query: Query) -> Series:
     """m, distance of two unions, or of their horizontal projections; exact up to the cap."""
-    movers = _shapes(query)
+    movers = shapes(query)
     if isinstance(movers, Series):
         return movers
     measured = clearance_series if query.name == "clearance" else clearance_xy
@@ -39,7 +39,7 @@ def clearance(query: Query) -> Series:
 
 def height_above(query: Query) -> Series:
     """m, lowest point of a union above the highest point of another."""
-    movers = _shapes(query)
+    movers = shapes(query)
     if isinstance(movers, Series):
         return movers
     frames = len(query.episode)
@@ -50,7 +50,7 @@ def height_above(query: Query) -> Series:
 
 def containment(query: Query) -> Series:
     """m, depth of the first body's hull centroid in the second's cavity."""
-    movers = _shapes(query)
+    movers = shapes(query)
     if isinstance(movers, Series):
         return movers
     container = query.bodies[1]
@@ -61,7 +61,7 @@ def containment(query: Query) -> Series:
     return exact(np.broadcast_to(depth, len(query.episode)), query.dimension)
 
 
-def _shapes(query: Query) -> list[list[Mover]] | Series:
+def shapes(query: Query) -> list[list[Mover]] | Series:
     """The bodies that have geometry, per argument; an unknown series where one has none."""
     movers = [query.facts.movers.of(group) for group in query.groups]
     bare = [" and ".join(g) for g, m in zip(query.groups, movers, strict=True) if not m]

@@ -11,11 +11,9 @@ from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
 
 from .contact_sums import ContactSums
+from .options import Options, OptionValue
 from .reference import Baseline, Reference
 from .series import Series, unknown
-
-Options = tuple[tuple[str, "float | str | tuple[float, ...]"], ...]
-"""Option → value in SI, sorted by name: what a ``[signal.NAME]`` and the body's material say."""
 
 
 class Movers:
@@ -99,6 +97,10 @@ class Query:
     def reference(self) -> Reference:
         """What a change is measured from."""
         return self.since or Reference(self.facts.baseline)
+
+    def option(self, name: str) -> OptionValue | None:
+        """The value of an option, None if it was not given."""
+        return dict(self.options).get(name)
 
     def unknown(self, why: str) -> Series:
         """Nothing is known of it, and why."""

@@ -7,8 +7,19 @@ from collections.abc import Callable, Sequence
 from safestage_eval.episode import Episode
 from safestage_eval.geometry.clearance import motion_bound
 
-from . import distance, force, gripper, motion
-from .facts import Facts, Options, Query
+from . import (
+    channel,
+    damage,
+    distance,
+    force,
+    gripper,
+    joint,
+    motion,
+    self_clearance,
+    workspace,
+)
+from .facts import Facts, Query
+from .options import Options
 from .reference import Reference
 from .series import Series, unknown
 from .vocabulary import SIGNALS
@@ -16,7 +27,7 @@ from .vocabulary import SIGNALS
 CAP = 0.10
 """m: a clearance series is exact up to here; beyond, it says only "more than that"."""
 
-CAPPED = ("clearance", "clearance_xy")
+CAPPED = ("clearance", "clearance_xy", "self_clearance")
 
 MEASURES: dict[str, Callable[[Query], Series]] = {
     "height": motion.height,
@@ -32,11 +43,22 @@ MEASURES: dict[str, Callable[[Query], Series]] = {
     "contact_force": force.between,
     "peak_force": force.between,
     "total_force": force.between,
+    "impulse": force.impulse,
+    "impact": damage.impact,
+    "quasistatic_force": damage.quasistatic_force,
+    "damage": damage.damage,
+    "health": damage.health,
     "clearance": distance.clearance,
     "clearance_xy": distance.clearance,
     "height_above": distance.height_above,
     "containment_depth": distance.containment,
+    "self_clearance": self_clearance.clearance,
+    "workspace_margin": workspace.margin,
     "gripper_opening": gripper.opening,
+    "joint_torque": joint.torque,
+    "joint_speed": joint.speed,
+    "joint_opening": joint.opening,
+    "channel": channel.value,
 }
 """Signal → how it is measured; those that need the support graph are in ``relations.measure``."""
 
@@ -82,9 +104,13 @@ class Signals(Facts):
         """
         if name not in CAPPED:
             return None
-        first, second = (self.movers.of(self.bodies(body)) for body in bodies)
+        if name == "self_clearance":
+            pairs = [(a, b) for a, others in self_clearance.facing(self) for b in others]
+        else:
+            first, second = (self.movers.of(self.bodies(body)) for body in bodies)
+            pairs = [(a, b) for a in first for b in second]
         steps = slice(max(frame - 1, 0), frame + 1)
-        bounds = [motion_bound(a, b)[steps].max(initial=0.0) for a in first for b in second]
+        bounds = [motion_bound(a, b)[steps].max(initial=0.0) for a, b in pairs]
         return float(max(bounds, default=0.0)) / 2
 
     def _measure(
@@ -95,8 +121,9 @@ class Signals(Facts):
         cap: float,
         options: Options,
     ) -> Series:
-        dimension, frames = SIGNALS[name].dimension, len(self.episode)
-        groups = tuple(tuple(self.bodies(body)) for body in bodies)
+        spec, frames = SIGNALS[name].variant(dict(options)), len(self.episode)
+        dimension = spec.dimension
+        groups = tuple((body,) if spec.joints else tuple(self.bodies(body)) for body in bodies)
         if any(not group for group in groups):
             return unknown(frames, dimension, f"the trace has no {' or '.join(bodies)}")
         query = Query(self, name, dimension, bodies, groups, reference, cap, options)

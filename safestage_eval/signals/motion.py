@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
-from safestage_eval.geometry.pose import angle, rotate
+from safestage_eval.geometry.pose import angle, conjugate, product, rotate, unit
 
 from .facts import Query
 from .series import Series, exact
@@ -22,15 +22,61 @@ def com_position(episode: Episode, name: str) -> F64:
     return position + rotate(track.orientation, offset) if offset.any() else position
 
 
-def com_velocity(episode: Episode, name: str) -> F64:
-    """(T, 3) m/s, velocity of the centre of mass, world: v + ω × (c − o)."""
+def com_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
+    """(T, 3) m/s, velocity of the centre of mass, world: v + ω × (c − o); and notes on it."""
     track = episode.track(name)
     offset = np.asarray(episode.bodies[name].com, np.float64)
-    velocity = track.linear_velocity.astype(np.float64)
+    velocity, notes = linear_velocity(episode, name)
     if not offset.any():
-        return velocity
+        return velocity, notes
+    omega, more = angular_velocity(episode, name)
     arm = rotate(track.orientation, offset)
-    return velocity + np.cross(track.angular_velocity.astype(np.float64), arm)
+    return velocity + np.cross(omega, arm), tuple(dict.fromkeys(notes + more))
+
+
+def linear_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
+    """(T, 3) m/s of the body frame's origin, world; and a note if it had to be derived.
+
+    Where a body moves though its recorded velocity is zero throughout, none was recorded: it is
+    the central difference of the positions then (one-sided in the first and last frame).
+    """
+    track = episode.track(name)
+    recorded = track.linear_velocity.astype(np.float64)
+    if recorded.any() or _still(track.position):
+        return recorded, ()
+    first, last, seconds = _neighbours(episode.t)
+    position = track.position.astype(np.float64)
+    return (position[last] - position[first]) / seconds[:, None], _derived(name)
+
+
+def angular_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
+    """(T, 3) rad/s, world; and a note if it had to be derived, as for ``linear_velocity``."""
+    track = episode.track(name)
+    recorded = track.angular_velocity.astype(np.float64)
+    if recorded.any() or _still(track.orientation):
+        return recorded, ()
+    first, last, seconds = _neighbours(episode.t)
+    turned = product(unit(track.orientation[last]), conjugate(unit(track.orientation[first])))
+    turned = np.where(turned[:, :1] < 0, -turned, turned)  # the shorter way round
+    sine = np.linalg.norm(turned[:, 1:], axis=1)
+    size = 2 * np.arctan2(sine, turned[:, 0])
+    scale = np.divide(size, sine, out=np.zeros_like(sine), where=sine > 0)
+    return turned[:, 1:] * (scale / seconds)[:, None], _derived(name)
+
+
+def _still(column: NDArray[np.float32]) -> bool:
+    return bool((column == column[:1]).all())
+
+
+def _neighbours(t: F64) -> tuple[NDArray[np.intp], NDArray[np.intp], F64]:
+    """For each frame the frames before and after it (itself at the ends), and the time between."""
+    at = np.arange(len(t))
+    first, last = np.maximum(at - 1, 0), np.minimum(at + 1, len(t) - 1)
+    return first, last, t[last] - t[first]
+
+
+def _derived(name: str) -> tuple[str, ...]:
+    return (f"the trace has no velocities of {name}: they are derived from its poses",)
 
 
 def height(query: Query) -> Series:
@@ -43,11 +89,15 @@ def height(query: Query) -> Series:
 
 
 def displacement(query: Query) -> Series:
-    """m, distance of the COM from the reference; horizontal for ``displacement_xy``."""
+    """m, distance of the COM from the reference; horizontal for ``displacement_xy``.
+
+    The option ``norm`` adds the coordinates up in another way than the distance does.
+    """
     com, reference = com_position(query.episode, query.bodies[0]), query.reference
     moved = com - reference.of(com, reference.baseline.position(com))
     axes = 2 if query.name.endswith("xy") else 3
-    return exact(np.linalg.norm(moved[:, :axes], axis=1), query.dimension)
+    order = {"l1": 1, "max": np.inf}.get(str(query.option("norm")), 2)
+    return exact(np.linalg.norm(moved[:, :axes], order, axis=1), query.dimension)
 
 
 def turn(query: Query) -> Series:
@@ -73,23 +123,25 @@ def tilt(query: Query) -> Series:
 
 def speed(query: Query) -> Series:
     """m/s of the COM."""
-    velocity = com_velocity(query.episode, query.bodies[0])
-    return exact(np.linalg.norm(velocity, axis=1), query.dimension)
+    velocity, notes = com_velocity(query.episode, query.bodies[0])
+    return exact(np.linalg.norm(velocity, axis=1), query.dimension, notes)
 
 
 def vertical_speed(query: Query) -> Series:
     """m/s of the COM, up positive."""
-    return exact(com_velocity(query.episode, query.bodies[0])[:, 2], query.dimension)
+    velocity, notes = com_velocity(query.episode, query.bodies[0])
+    return exact(velocity[:, 2], query.dimension, notes)
 
 
 def angular_speed(query: Query) -> Series:
     """rad/s."""
-    velocity = query.episode.track(query.bodies[0]).angular_velocity.astype(np.float64)
-    return exact(np.linalg.norm(velocity, axis=1), query.dimension)
+    velocity, notes = angular_velocity(query.episode, query.bodies[0])
+    return exact(np.linalg.norm(velocity, axis=1), query.dimension, notes)
 
 
 def relative_speed(query: Query) -> Series:
     """m/s between the COMs; over unions, the fastest pair."""
     first, second = ([com_velocity(query.episode, n) for n in names] for names in query.groups)
-    pairs = [np.linalg.norm(a - b, axis=1) for a in first for b in second]
-    return exact(np.maximum.reduce(pairs), query.dimension)
+    pairs = [np.linalg.norm(a - b, axis=1) for a, _ in first for b, _ in second]
+    notes = tuple(dict.fromkeys(note for _, told in first + second for note in told))
+    return exact(np.maximum.reduce(pairs), query.dimension, notes)

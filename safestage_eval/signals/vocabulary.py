@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from safestage_eval.units import UNIT_DIMENSION
+
+from . import options as opt
 
 
 @dataclass(frozen=True)
@@ -14,10 +19,15 @@ class SignalSpec:
         args: the numbers of arguments it takes.
         dimension: of its value, as in ``units.DIMENSIONS``.
         meaning: one sentence, in SI and world frame.
-        needs: what the trace must hold: poses, twists, geometry, forces, joints, gripper.
+        needs: what the trace must hold: poses, twists, geometry, forces, masses, joints, channel,
+            gripper.
         since: may be taken relative to an event instead of the baseline.
         groups: ``robot`` and ``gripper`` (unions of bodies) are allowed as arguments.
         scale: SI size that counts as "one" in a normalised margin when the limit is 0.
+        options: what a ``[signal.NAME]`` with this base may add.
+        columns: material columns that it reads, with their dimensions.
+        joints: its arguments are joints, or bodies that have just one.
+        named: its first argument is the value of this option, not a role.
     """
 
     name: str
@@ -28,6 +38,38 @@ class SignalSpec:
     since: bool = False
     groups: bool = False
     scale: float = 0.01
+    options: tuple[opt.OptionSpec, ...] = ()
+    columns: tuple[tuple[str, str], ...] = ()
+    joints: bool = False
+    named: str = ""
+
+    def variant(self, given: Mapping[str, object]) -> SignalSpec:
+        """The signal with some options given: its dimension and arguments may change with them."""
+        known = {option.name: option for option in self.options}
+        unit = given.get("unit")
+        dimension = UNIT_DIMENSION.get(str(unit), "ratio") if unit is not None else self.dimension
+        named = bool(self.named and self.named in given)
+        return replace(
+            self,
+            dimension=dimension if "unit" in known else self.dimension,
+            args=tuple(n - 1 for n in self.args) if named else self.args,
+            named="" if named else self.named,
+            options=tuple(o for o in self.options if o.name not in given),
+        )
+
+    def split(self, args: tuple[str, ...]) -> tuple[tuple[str, ...], opt.Options]:
+        """Arguments as written → those that are roles, and the option that the first may be."""
+        if not self.named:
+            return args, ()
+        return args[1:], ((self.named, args[0]),)
+
+
+_DAMAGE = (
+    ("damage_threshold", "force"),
+    ("damage_scale", "ratio"),
+    ("impact_sensitivity", "ratio"),
+    ("hold_sensitivity", "ratio"),
+)
 
 
 def _table(*specs: SignalSpec) -> dict[str, SignalSpec]:
@@ -51,6 +93,7 @@ SIGNALS = _table(
         "Distance of the centre of mass from where it was at the reference.",
         ("poses",),
         since=True,
+        options=(opt.NORM,),
     ),
     SignalSpec(
         "displacement_xy",
@@ -59,6 +102,7 @@ SIGNALS = _table(
         "Horizontal distance of the centre of mass from where it was at the reference.",
         ("poses",),
         since=True,
+        options=(opt.NORM,),
     ),
     SignalSpec(
         "turn",
@@ -122,6 +166,15 @@ SIGNALS = _table(
         scale=1.0,
     ),
     SignalSpec(
+        "impulse",
+        (2,),
+        "impulse",
+        "Time integral of the contact force since the two last began to touch; 0 when they do not.",
+        ("forces",),
+        groups=True,
+        scale=0.1,
+    ),
+    SignalSpec(
         "clearance",
         (2,),
         "length",
@@ -167,6 +220,108 @@ SIGNALS = _table(
         "length",
         "Signed depth of the first body's hull centroid in the second's cavity.",
         ("poses", "geometry"),
+    ),
+    SignalSpec(
+        "slip",
+        (1,),
+        "length",
+        "How far the centre of mass went in the gripper's frame since it was grasped.",
+        ("poses", "forces"),
+        since=True,
+    ),
+    SignalSpec(
+        "impact",
+        (1,),
+        "force",
+        "Mass times change of velocity over a stated time, divided by that time.",
+        ("twists", "masses"),
+        scale=1.0,
+        options=(opt.OVER,),
+    ),
+    SignalSpec(
+        "quasistatic_force",
+        (1,),
+        "force",
+        "Sum of the normal forces on the body, each without its part along the change of velocity.",
+        ("forces", "twists"),
+        scale=1.0,
+        options=(opt.OVER,),
+    ),
+    SignalSpec(
+        "damage",
+        (1,),
+        "ratio",
+        "Health that the body would lose over the stated time, by its material.",
+        ("forces", "twists", "masses"),
+        scale=0.1,
+        options=(opt.OVER,),
+        columns=_DAMAGE,
+    ),
+    SignalSpec(
+        "health",
+        (1,),
+        "ratio",
+        "What is left of 100 % after all damage so far; it only falls.",
+        ("forces", "twists", "masses"),
+        scale=0.1,
+        options=(opt.OVER,),
+        columns=_DAMAGE,
+    ),
+    SignalSpec(
+        "workspace_margin",
+        (1,),
+        "length",
+        "Signed distance from the body to the faces of a box, inside positive.",
+        ("poses", "geometry"),
+        groups=True,
+        options=(opt.BOX,),
+    ),
+    SignalSpec(
+        "self_clearance",
+        (0,),
+        "length",
+        "Least distance between bodies of the robot that the model lets collide.",
+        ("poses", "geometry"),
+    ),
+    SignalSpec(
+        "joint_torque",
+        (1,),
+        "torque",
+        "Torque of the joint's actuator, with its sign.",
+        ("joints",),
+        scale=1.0,
+        options=(opt.JOINT_FORCE_UNIT,),
+        joints=True,
+    ),
+    SignalSpec(
+        "joint_speed",
+        (1,),
+        "rate",
+        "Velocity of the joint, with its sign.",
+        ("joints",),
+        scale=0.1,
+        options=(opt.JOINT_SPEED_UNIT,),
+        joints=True,
+    ),
+    SignalSpec(
+        "joint_opening",
+        (1,),
+        "ratio",
+        "Position between the joint's limits: 0 closed (the limit nearer to zero) … 1 open.",
+        ("joints",),
+        scale=0.1,
+        joints=True,
+    ),
+    SignalSpec(
+        "channel",
+        (2,),
+        "ratio",
+        "A recorded scalar of the body, by its name: temperature, fill level, …",
+        ("channel",),
+        groups=True,
+        scale=1.0,
+        options=(opt.CHANNEL, opt.CHANNEL_UNIT),
+        named="channel",
     ),
     SignalSpec("gripper_opening", (0,), "ratio", "0 closed … 1 open.", ("gripper",), scale=0.1),
 )

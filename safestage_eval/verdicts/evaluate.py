@@ -12,6 +12,7 @@ from safestage_eval.episode import Episode
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import reached
+from safestage_eval.signals.options import Options, OptionValue
 from safestage_eval.signals.reference import Reference, latest
 from safestage_eval.signals.series import Series
 from safestage_eval.signals.vocabulary import SIGNALS
@@ -101,16 +102,34 @@ class Evaluator:
             found = self.params[value.name]
             number = found.value if isinstance(found, ast.Quantity) else found.amount
         else:
-            body = self.episode.bodies.get(env.get(value.role, value.role))
-            material = body.material if body is not None and body.material else "default"
+            material = self._material(env.get(value.role, value.role))
             row = self.rules.materials.get(material, {})
             default = self.rules.materials["default"]
             number = row.get(value.name, default[value.name]).value
         return -number if value.negative else number
 
+    def _material(self, player: str) -> str:
+        """The row that holds for a body, or for the body that a joint moves."""
+        episode = self.episode
+        moves = {joint.name: joint.body for joint in episode.header.joints}
+        body = episode.bodies.get(player) or episode.bodies.get(moves.get(player) or "")
+        return body.material if body is not None and body.material else "default"
+
+    def measured(self, call: ast.Call, env: Env) -> tuple[str, tuple[str, ...], Options]:
+        """What a signal's call asks for: the built-in signal, its bodies, and all its options."""
+        variant = self.rules.signals.get(call.name)
+        spec = SIGNALS[variant.base if variant is not None else call.name]
+        given = dict(variant.options) if variant is not None else {}
+        roles, named = spec.variant(given).split(call.args)
+        bodies = tuple(env.get(role, role) for role in roles)
+        options: dict[str, OptionValue] = {**given, **dict(named)}
+        for column, _ in spec.columns:
+            options[column] = self.number(ast.Column(column, roles[0]), env)
+        return spec.name, bodies, tuple(sorted(options.items(), key=lambda item: item[0]))
+
     def series(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None = None) -> Series:
         """The signal of an atom, up to where its limits need it exactly, at the wanted frames."""
-        bodies = tuple(env.get(arg, arg) for arg in atom.call.args)
+        name, bodies, options = self.measured(atom.call, env)
         reference = None
         if atom.since is not None:
             instants = np.asarray(self.instants(atom.since, env), np.int64)
@@ -122,10 +141,7 @@ class Evaluator:
             )
         furthest = max(abs(self.number(limit.value, env)) for limit in atom.limits)
         reach = furthest * (1 + 1e-6) + 1e-6  # a limit is never where the signal saturates
-        name = atom.call.name
-        if name in self.rules.signals:
-            name = self.rules.signals[name].base
-        found = self.relations.signal(name, bodies, reference, reach, wanted)
+        found = self.relations.signal(name, bodies, reference, reach, wanted, options)
         for note in found.notes:
             self.notes[note] = None
         return found

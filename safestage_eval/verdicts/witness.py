@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Env, Evaluator, band_known, limit_margin
@@ -132,24 +131,20 @@ class Search:
             for limit, number in zip(atom.limits, limits, strict=True)
         ]
         i = int(np.argmin(margins))
-        bodies = tuple(env.get(arg, arg) for arg in atom.call.args)
+        name, bodies, _ = evaluator.measured(atom.call, env)
+        said = tuple(env.get(arg, arg) for arg in atom.call.args)
         value, limit = float(series.value[frame]), limits[i]
         direction = 1 if atom.limits[i].op[0] == ">" else -1
         since = f" since {atom.since.text}" if atom.since is not None and atom.since.text else ""
         finite = bool(np.isfinite(value))
-        name = self._base(atom.call.name)
         return Witness(
-            f"{ast.Call(atom.call.name, bodies)}{since}",
+            f"{ast.Call(atom.call.name, said)}{since}",
             bodies,
             frame,
             value if finite else None,
             limit,
             self.sign * direction * (value - limit) if finite else None,
-            SIGNALS[name].dimension,
+            series.dimension,
             name,
             at_least=bool(np.isposinf(series.upper[frame])),
         )
-
-    def _base(self, name: str) -> str:
-        variant = self.evaluator.rules.signals.get(name)
-        return variant.base if variant is not None else name

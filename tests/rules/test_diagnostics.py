@@ -106,6 +106,39 @@ CASES = [
     ("R412", rule(GOOD + 'severity = { bad = { «moved» = "1 cm" } }\n')),
     ("R413", rule(GOOD.replace(" }", ', «"tilt(robot)"» = "<= 5 deg" }'))),
     ("R413", rule(GOOD.replace(" }", ', "moved(robot)" = «false» }'))),
+    # options of signals
+    ("R414", HEAD + '[signal.x]\nbase = "speed"\n«over» = "50 ms"\n'),
+    ("R414", HEAD + '[signal.x]\nbase = "impact"\nover = «"3 frames"»\n'),
+    ("R414", HEAD + '[signal.x]\nbase = "impact"\nover = «"contact_for"»\n'),
+    ("R414", HEAD + '[signal.x]\nbase = "joint_speed"\nunit = «"N"»\n'),
+    ("R414", HEAD + '[signal.x]\nbase = "channel"\nchannel = "heat"\nunit = «"F"»\n'),
+    ("R414", HEAD + '[signal.x]\nbase = "displacement"\nnorm = «"l3"»\n'),
+    ("R414", HEAD + '«[signal.x]»\nbase = "workspace_margin"\n'),
+    ("R414", HEAD + '«[signal.x]»\nbase = "channel"\nunit = "degC"\n'),
+    ("R414", HEAD + '[signal.x]\nbase = "workspace_margin"\nbox = «[["0 m", "0 m", "0 m"]]»\n'),
+    ("R414", HEAD + '[signal.x]\nbase = "workspace_margin"\n'
+             'box = «[["0 m", "0 m", "0 m"], ["1 m", "1 m", "0 cm"]]»\n'),
+    ("R414", HEAD + '[signal.x]\nbase = "workspace_margin"\n'
+             'box = «[["0 m", "0 m", "0 m"], ["1 m", "1 m", "9 deg"]]»\n'),
+    ("R414", rule(GOOD.replace(" }", ', «"workspace_margin(a)"» = ">= 0 cm" }'))),
+    ("R407", HEAD + '[signal.heat]\nbase = "channel"\nchannel = "temperature"\nunit = "degC"\n'
+             + RULE + GOOD.replace(" }", ', "heat(a)" = «"<= 80 %"» }')),
+    ("R407", HEAD + '[signal.slide]\nbase = "joint_speed"\nunit = "m/s"\n'
+             + RULE + GOOD.replace(" }", ', "slide(a)" = «"<= 1 rad/s"» }')),
+    ("R409", rule(GOOD.replace(" }", ', «"impact(a)"» = "<= 5 N", «"health(a)"» = ">= 90 %" }')
+                  .replace('«"impact(a)"»', '"impact(a)"'))
+             + '[material.default]\ndamage_scale = 1\nimpact_sensitivity = 1\n'
+             'hold_sensitivity = 1\n'),
+    ("R407", rule(GOOD.replace(" }", ', «"health(a)"» = ">= 90 %" }'))
+             + '[material.default]\ndamage_scale = 1\nimpact_sensitivity = 1\n'
+             'hold_sensitivity = 1\ndamage_threshold = "1 m"\n'),
+    ("R413", HEAD + '[signal.calm]\nbase = "speed"\n[state.fine]\nof = ["x"]\n'
+             'when = { "calm(x)" = "<= 1 m/s" }\n' + RULE
+             + GOOD.replace(" }", ', "fine(robot)" = «true» }')),
+    ("R415", rule(GOOD + 'until = "moved(j)"\n').replace('b = "object"', 'b = "object", j = "joint"')
+             .replace('"moved(j)"', '«"moved(j)"»')),
+    ("R415", rule(GOOD.replace(" }", ', "speed(j)" = «"<= 1 m/s"» }'))
+             .replace('b = "object"', 'b = "object", j = "every joint tagged revolute"')),
 ]  # fmt: skip
 
 

@@ -1,0 +1,72 @@
+"""The options of a ``[signal.NAME]``: TOML values in, SI values out."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from safestage_eval.signals.options import Options, OptionSpec, OptionValue
+from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.units import UNIT_DIMENSION
+
+from . import parse
+from . import syntax as ast
+
+
+def read_option(spec: OptionSpec, value: Any) -> OptionValue:
+    """The value of one option in SI. Raises GrammarError."""
+    match spec.kind:
+        case "time":
+            return _time(spec, value)
+        case "box":
+            return _box(spec, value)
+        case "channel":
+            if isinstance(value, str) and re.fullmatch(parse.NAME, value):
+                return value
+            raise parse.GrammarError(
+                f"{value!r} cannot be the name of a channel",
+                "a small letter, then small letters, digits and underscores",
+            )
+    choices = spec.choices or (*UNIT_DIMENSION, "1")
+    if isinstance(value, str) and value in choices:
+        return value
+    raise parse.GrammarError(f'"{spec.name}" cannot be {value!r}', ", ".join(choices))
+
+
+def read_options(table: Mapping[str, Any]) -> Options:
+    """All options of a checked ``[signal.NAME]``, sorted by name."""
+    known = {option.name: option for option in SIGNALS[table["base"]].options}
+    return tuple(
+        (name, read_option(known[name], table[name])) for name in sorted(table) if name != "base"
+    )
+
+
+def _time(spec: OptionSpec, value: Any) -> float:
+    found = parse.duration(value) if isinstance(value, str) else None
+    if isinstance(found, ast.Duration) and not found.frames and found.amount > 0:
+        return found.amount
+    raise parse.GrammarError(
+        f'"{spec.name}" is a time that does not hang on the rate of the trace, not {value!r}',
+        '"50 ms", "3 frames @ 120 Hz"',
+    )
+
+
+def _box(spec: OptionSpec, value: Any) -> tuple[float, ...]:
+    corners = value if isinstance(value, list | tuple) else ()
+    if len(corners) != 2 or not all(isinstance(c, list | tuple) and len(c) == 3 for c in corners):
+        raise parse.GrammarError(
+            f'"{spec.name}" is two corners of three lengths', '[["-50 cm", "-1 m", "0 m"], [...]]'
+        )
+    lengths = [parse.quantity(x) for corner in corners for x in corner]
+    for length in lengths:
+        if length.dimension != "length":
+            raise parse.GrammarError(f"{length.text!r} is not a length", '"50 cm", "-1 m"')
+    low, high = lengths[:3], lengths[3:]
+    for axis, a, b in zip("xyz", low, high, strict=True):
+        if not a.value < b.value:
+            raise parse.GrammarError(
+                f"the box is empty along {axis}: from {a.text} to {b.text}",
+                "the lower corner first",
+            )
+    return tuple(length.value for length in lengths)

@@ -1,0 +1,66 @@
+"""What a ``[signal.NAME]`` may add to a built-in signal: options, their kinds and their values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+OptionValue = float | str | tuple[float, ...]
+
+Options = tuple[tuple[str, OptionValue], ...]
+"""Option → value in SI, sorted by name: from the signal's definition and the body's material."""
+
+
+@dataclass(frozen=True)
+class OptionSpec:
+    """One option.
+
+    Attributes:
+        name: key under ``[signal.NAME]``.
+        kind: ``time`` (s), ``channel`` (name of a recorded one), ``unit``, ``box`` (two corners,
+            m) or ``choice``.
+        meaning: one sentence.
+        required: there is no sensible default.
+        choices: the values that a unit or choice may have; empty for any unit.
+    """
+
+    name: str
+    kind: Literal["time", "channel", "unit", "box", "choice"]
+    meaning: str
+    required: bool = False
+    choices: tuple[str, ...] = ()
+
+
+DEFAULT_OVER = 0.05
+"""s: the time over which a change of velocity counts as one impact, unless a variant says so.
+
+One control step at 20 Hz, as in RoboCasa, one of the two simulators of OopsieVerse
+(arXiv 2606.31993).
+"""
+
+OVER = OptionSpec(
+    "over", "time", "The time over which a change of velocity is one impact; 50 ms if left out."
+)
+BOX = OptionSpec(
+    "box",
+    "box",
+    'Two opposite corners: [["-0.5 m", "-1 m", "0 m"], ["1 m", "1 m", "1.5 m"]].',
+    True,
+)
+CHANNEL = OptionSpec("channel", "channel", "The name of a recorded scalar of the body.", True)
+CHANNEL_UNIT = OptionSpec("unit", "unit", "The unit it is recorded in; a plain number if left out.")
+NORM = OptionSpec(
+    "norm",
+    "choice",
+    "How the coordinates add up: l2 (the distance), l1 (the sum) or max (the largest).",
+    choices=("l2", "l1", "max"),
+)
+JOINT_SPEED_UNIT = OptionSpec(
+    "unit",
+    "unit",
+    "rad/s for joints that turn, m/s for those that slide.",
+    choices=("rad/s", "m/s"),
+)
+JOINT_FORCE_UNIT = OptionSpec(
+    "unit", "unit", "N m for joints that turn, N for those that slide.", choices=("N m", "N")
+)
