@@ -193,10 +193,22 @@ def check_contacts(
 
 def check_contact_frames(contacts: ContactTable, frames: int, where: str) -> list[TraceError]:
     """Frames in range, body 1 before body 2."""
-    found = _in_range(contacts.frame, frames, "frame", where)
-    if (contacts.body1 >= contacts.body2).any():
-        found.append(TraceError(where, "contacts are not in canonical order: body1 >= body2"))
-    return found
+    found = check_frame_range(contacts.frame, frames, where)
+    return found + check_contact_order(contacts.body1, contacts.body2, where)
+
+
+def check_frame_range(frame: NDArray[np.int32], frames: int, where: str) -> list[TraceError]:
+    """(C,) frame indices within the episode."""
+    return _in_range(frame, frames, "frame", where)
+
+
+def check_contact_order(
+    body1: NDArray[np.int16], body2: NDArray[np.int16], where: str
+) -> list[TraceError]:
+    """(C,) and (C,) body indices, the lower one first."""
+    if (body1 < body2).all():
+        return []
+    return [TraceError(where, "contacts are not in canonical order: body1 >= body2")]
 
 
 def check_contact_geoms(

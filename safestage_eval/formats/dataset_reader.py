@@ -16,8 +16,6 @@ from safestage_eval.episode import (
     Mesh,
     RobotFrames,
     Track,
-    check_contact_frames,
-    check_contact_geoms,
     check_finite,
     check_frames,
     check_header,
@@ -27,10 +25,11 @@ from safestage_eval.episode import (
 from safestage_eval.errors import TraceError
 
 from . import dataset_layout as layout
-from .arrow_tables import CONTACT_VECTORS, EPISODES, REQUIRED, ROBOT_COLUMNS, XYZ
+from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, XYZ
 from .episode_row import from_row, mesh_keys
-from .lazy import CONTACT_GEOMS, CONTACT_KEYS, StoredContacts, StoredItems, StoredTrack
+from .lazy import StoredItems, StoredTrack
 from .ply import from_ply
+from .stored_contacts import Source, StoredContacts
 from .stored_table import StoredTable
 
 
@@ -175,54 +174,18 @@ class _StoredEpisode:
         return loaded
 
     def contacts(self, geom_owner: NDArray[np.int16]) -> ContactTable:
-        source = self.table("contacts")
-        order = np.zeros(0, np.intp)
-
-        def keys() -> dict[str, NDArray[Any]]:
-            nonlocal order
-            rows = source.rows(("frame_index", "slot", "body1", "body2"), self.index)
-            if len(rows) != self.row["contacts"]:
-                raise TraceError(
-                    self.where,
-                    f"{source.path} has {len(rows)} contacts, not {self.row['contacts']}",
-                )
-            frame = source.numbers(rows, "frame_index", np.int32)
-            slot = source.numbers(rows, "slot", np.int16)
-            body1, body2 = (source.codes(rows, n, self.body_index) for n in ("body1", "body2"))
-            order = _by_frame(frame, slot, body1, body2)
-            return {
-                "frame": frame.take(order),
-                "body1": body1.take(order),
-                "body2": body2.take(order),
-            }
-
-        def column(name: str) -> NDArray[Any]:
-            vector = name in CONTACT_VECTORS
-            names = [f"{name}.{axis}" for axis in XYZ] if vector else [name]
-            rows = source.rows(names, self.index)
-            dtype = np.uint16 if name in CONTACT_GEOMS else np.float32
-            parts = [source.numbers(rows, n, dtype) for n in names]
-            values: NDArray[Any] = np.stack(parts, 1) if vector else parts[0]
-            return values.take(order, axis=0)  # five times faster than values[order]
-
-        def load(columns: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-            if columns == CONTACT_KEYS:
-                found = keys()
-                vars(table).update(found)
-                self.demand(check_contact_frames(table, self.length, self.where))
-                return found
-            len(table)  # the keys come first: they tell the order
-            found = {name: column(name) for name in columns}
-            if columns == CONTACT_GEOMS:
-                vars(table).update(found)
-                self.demand(check_contact_geoms(table, geom_owner, self.where))
-                return found
-            for name, values in found.items():
-                self.demand(check_finite(values, f"contact {name}", self.where))
-            return found
-
-        table = StoredContacts(load)
-        return table
+        return StoredContacts(
+            Source(
+                self.table("contacts"),
+                self.index,
+                self.row["contacts"],
+                self.length,
+                self.body_index,
+                geom_owner,
+                self.checked,
+                self.where,
+            )
+        )
 
     def robot(self) -> RobotFrames:
         source = self.frames_table
@@ -256,19 +219,3 @@ class _StoredEpisode:
             return np.array(table["state"][frames.index(frame)].as_py(), np.float64)
 
         return StoredItems(frames, load)
-
-
-def _by_frame(
-    frame: NDArray[np.int32],
-    slot: NDArray[np.int16],
-    body1: NDArray[np.int16],
-    body2: NDArray[np.int16],
-) -> NDArray[np.intp]:
-    """Order of rows in the canonical table: by frame, pair, slot."""
-    pair = body1.astype(np.int32) << 16 | body2
-    step = np.diff(pair)
-    if ((step < 0) | ((step == 0) & (np.diff(slot) < 0))).any():
-        return np.lexsort((slot, pair, frame))
-    # as we write it, by pair and slot: a stable sort by frame is all that is left
-    small = frame.astype(np.uint16) if len(frame) and frame.max() < 1 << 16 else frame
-    return np.argsort(small, kind="stable")

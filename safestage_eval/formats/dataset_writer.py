@@ -22,7 +22,7 @@ from .atomic import PART, replacing, sync, write_bytes
 from .episode_row import encode, mesh_keys, to_geometry, to_row
 from .ply import to_ply
 
-CONTACT_GROUP = 8192
+CONTACT_GROUP = 2048
 """Least rows of a row group of contacts; it ends where the pair of bodies changes."""
 
 TRACK_COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity")

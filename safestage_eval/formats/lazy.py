@@ -7,13 +7,10 @@ from typing import Any, ClassVar, TypeVar
 
 from numpy.typing import NDArray
 
-from safestage_eval.episode import ContactTable, Track
+from safestage_eval.episode import Track
 
 POSE = ("position", "orientation")
 TWIST = ("linear_velocity", "angular_velocity")
-CONTACT_KEYS = ("frame", "body1", "body2")
-CONTACT_GEOMS = ("geom1", "geom2")
-
 
 K = TypeVar("K")
 V = TypeVar("V")
@@ -45,7 +42,7 @@ class StoredItems(Mapping[K, V]):
         return len(self._keys)
 
 
-class _StoredColumns:
+class StoredColumns:
     """Columns of a record that are read in groups, each when one of it is first asked for."""
 
     _groups: ClassVar[tuple[tuple[str, ...], ...]]
@@ -63,21 +60,7 @@ class _StoredColumns:
         return self.__dict__[name]
 
 
-class StoredTrack(_StoredColumns, Track):
+class StoredTrack(StoredColumns, Track):
     """A track that reads its poses and its twists separately."""
 
     _groups = (POSE, TWIST)
-
-
-class StoredContacts(_StoredColumns, ContactTable):
-    """A contact table that reads who touched when, and every quantity, separately."""
-
-    _groups = (
-        CONTACT_KEYS,
-        CONTACT_GEOMS,
-        ("position",),
-        ("normal",),
-        ("force",),
-        ("peak_force",),
-        ("depth",),
-    )

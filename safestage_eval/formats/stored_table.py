@@ -17,21 +17,34 @@ from safestage_eval.errors import TraceError
 
 from .arrow_tables import schema
 
+KEYS = ("episode_index", "body", "body1", "body2")
+"""Columns that rows are looked up by."""
 
-class _Group(NamedTuple):
-    """A row group and the keys it may hold; None where the file does not say."""
+
+class Group(NamedTuple):
+    """A row group: its number, its rows, and the least and greatest of each key that it states."""
 
     number: int
-    episodes: tuple[int, int] | None
-    bodies: tuple[str, str] | None
+    rows: int
+    limits: dict[str, tuple[Any, Any]]
 
-    def may_hold(self, episode: int, body: str | None) -> bool:
-        return (self.episodes is None or self.episodes[0] <= episode <= self.episodes[1]) and (
-            body is None or self.bodies is None or self.bodies[0] <= body <= self.bodies[1]
-        )
+    def single(self, key: str) -> Any:
+        """The only value of a key; None where there are several, or the file does not say."""
+        least, greatest = self.limits.get(key, (None, None))
+        return least if least == greatest else None
 
-    def holds_only(self, episode: int, body: str | None) -> bool:
-        return self.episodes == (episode, episode) and (body is None or self.bodies == (body, body))
+    def may_hold(self, **keys: Any) -> bool:
+        """Rows with these values may be in it; None stands for any value."""
+        for key, value in keys.items():
+            if value is not None and key in self.limits:
+                least, greatest = self.limits[key]
+                if not least <= value <= greatest:
+                    return False
+        return True
+
+    def only(self, **keys: Any) -> bool:
+        """All of its rows have these values; None stands for any value."""
+        return all(value is None or self.single(key) == value for key, value in keys.items())
 
 
 class StoredTable:
@@ -65,7 +78,7 @@ class StoredTable:
 
     def all(self, columns: Sequence[str]) -> pa.Table:
         """The columns, which must be there, for all rows. Raises TraceError on damaged bytes."""
-        return self._read(range(len(self._groups)), columns)
+        return self.read(range(len(self._groups)), columns)
 
     def rows(self, columns: Sequence[str], episode: int, body: str | None = None) -> pa.Table:
         """The columns for the rows of one episode (and of one body), in stored order.
@@ -73,8 +86,8 @@ class StoredTable:
         Raises:
             TraceError: a column is missing, or the bytes cannot be read.
         """
-        groups = [group for group in self._groups if group.may_hold(episode, body)]
-        exact = all(group.holds_only(episode, body) for group in groups)
+        groups = self.groups(episode, body)
+        exact = all(group.only(episode_index=episode, body=body) for group in groups)
         keys = [] if exact else ["episode_index"] if body is None else ["episode_index", "body"]
         wanted = [*columns, *(key for key in keys if key not in columns)]
         for name in wanted:
@@ -84,7 +97,7 @@ class StoredTable:
                     f"the column {name!r} is missing; there are {', '.join(sorted(self.columns))}.",
                     ", ".join(self.names),
                 )
-        table = self._read([group.number for group in groups], wanted)
+        table = self.read([group.number for group in groups], wanted)
         if exact:
             return table
         keep = pc.equal(table["episode_index"], episode)
@@ -92,7 +105,12 @@ class StoredTable:
             keep = pc.and_(keep, pc.equal(table["body"], body))
         return table.filter(keep)
 
-    def _read(self, groups: Sequence[int], columns: Sequence[str]) -> pa.Table:
+    def groups(self, episode: int, body: str | None = None) -> list[Group]:
+        """The row groups that may hold rows of an episode (and of one body), in stored order."""
+        return [g for g in self._groups if g.may_hold(episode_index=episode, body=body)]
+
+    def read(self, groups: Sequence[int], columns: Sequence[str]) -> pa.Table:
+        """All rows of some row groups. Raises TraceError on damaged bytes."""
         try:
             return self._file.read_row_groups(groups, columns=columns, use_threads=False)
         except (pa.ArrowException, OSError) as error:
@@ -150,24 +168,21 @@ class StoredTable:
 
 
 @lru_cache(maxsize=32)
-def _footer(path: Path, changed: int, size: int) -> tuple[pq.FileMetaData, tuple[_Group, ...]]:
+def _footer(path: Path, changed: int, size: int) -> tuple[pq.FileMetaData, tuple[Group, ...]]:
     """Footer and row groups of a file, kept as long as it does not change (shards are large)."""
     del changed, size
     footer = pq.read_metadata(path)
     names = [footer.schema.column(i).path for i in range(footer.num_columns)]
-    places = [names.index(key) if key in names else None for key in ("episode_index", "body")]
-
-    def limits(group: int, column: int | None) -> Any:
-        if column is None:
-            return None
-        statistics = footer.row_group(group).column(column).statistics
-        if statistics is None or not statistics.has_min_max or statistics.null_count:
-            return None
-        return statistics.min, statistics.max
-
-    return footer, tuple(
-        _Group(i, limits(i, places[0]), limits(i, places[1])) for i in range(footer.num_row_groups)
-    )
+    keys = {key: names.index(key) for key in KEYS if key in names}
+    groups = []
+    for i in range(footer.num_row_groups):
+        group, limits = footer.row_group(i), {}
+        for key, place in keys.items():
+            found = group.column(place).statistics
+            if found is not None and found.has_min_max and not found.null_count:
+                limits[key] = found.min, found.max
+        groups.append(Group(i, group.num_rows, limits))
+    return footer, tuple(groups)
 
 
 def _unreadable(path: Path, error: Exception) -> TraceError:

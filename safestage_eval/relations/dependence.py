@@ -156,7 +156,7 @@ class Dependence:
 
     def _present(self, i: int, j: int) -> Bool:
         present = np.zeros(len(self._episode), np.bool_)
-        present[self._episode.contacts.frame[self._sums.rows(i, j)]] = True
+        present[self._episode.contacts.of_pair((i, j), "frame")[0]] = True
         return present
 
     @cached_property

@@ -57,14 +57,14 @@ def test_encodings_and_row_groups_are_as_documented(dataset):
 
 def test_only_what_is_looked_at_is_read(dataset, monkeypatch):
     read = []
-    original = StoredTable._read
+    original = StoredTable.read
 
     def spy(self, groups, columns):
         read.append((self.path.parent.name, tuple(groups), tuple(columns)))
         return original(self, groups, columns)
 
     ref = discover(dataset)[1]
-    monkeypatch.setattr(StoredTable, "_read", spy)
+    monkeypatch.setattr(StoredTable, "read", spy)
     episode = ref.open()
     assert {table for table, _, _ in read} == {"episodes", "geometry", "frames"}
     assert ("frames", (0,), ("frame_index", "timestamp")) in read

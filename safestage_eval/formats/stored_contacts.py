@@ -1,0 +1,239 @@
+"""The contacts of one stored episode: as a table by frame, or pair by pair without the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import (
+    ContactTable,
+    check_contact_frames,
+    check_contact_geoms,
+    check_contact_order,
+    check_finite,
+    check_frame_range,
+)
+from safestage_eval.episode.contacts import Pair
+from safestage_eval.errors import TraceError
+
+from .arrow_tables import CONTACT_VECTORS, XYZ
+from .lazy import StoredColumns
+from .stored_table import StoredTable
+
+KEYS = ("frame", "body1", "body2")
+GEOMS = ("geom1", "geom2")
+
+
+class Source(NamedTuple):
+    """Where the rows of an episode are, and what they are measured against.
+
+    Attributes:
+        table: ``contacts`` of the dataset.
+        episode_index: key of the rows.
+        rows: how many there must be.
+        frames: T of the episode.
+        body_index: name → index in the header.
+        geom_owner: (G,) index of each geom's body.
+        checked: raise on broken invariants.
+        where: for messages.
+    """
+
+    table: StoredTable
+    episode_index: int
+    rows: int
+    frames: int
+    body_index: dict[str, int]
+    geom_owner: NDArray[np.int16]
+    checked: bool
+    where: str
+
+    def demand(self, errors: list[TraceError]) -> None:
+        """Raise the first of the errors, when the episode is to be checked."""
+        if self.checked and errors:
+            raise errors[0]
+
+    def complete(self, rows: int) -> None:
+        """Raise when there are not as many rows as the episode says."""
+        if rows != self.rows:
+            raise TraceError(self.where, f"{self.table.path} has {rows} contacts, not {self.rows}")
+
+
+class StoredContacts(StoredColumns, ContactTable):
+    """A contact table that reads who touched when, and every quantity, separately.
+
+    Where the file keeps each pair's rows together, one pair is read without the others.
+    """
+
+    _groups = (KEYS, GEOMS, ("position",), ("normal",), ("force",), ("peak_force",), ("depth",))
+
+    def __init__(self, source: Source) -> None:
+        super().__init__(_by_frame(self, source))
+        object.__setattr__(self, "_by_pair", _ByPair(source))
+
+    _by_pair: _ByPair
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """As in the base class."""
+        places = self._by_pair.places
+        return super().pairs if places is None else sorted(places)
+
+    def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
+        """As in the base class."""
+        if self._by_pair.places is None:
+            return super().of_pair(pair, *columns)
+        return self._by_pair.columns(pair, columns)
+
+
+class _ByPair:
+    """Columns of one pair at a time, each read once."""
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._known: dict[tuple[Pair, str], NDArray[Any]] = {}
+
+    @cached_property
+    def places(self) -> dict[Pair, list[tuple[int, slice]]] | None:
+        """Pair → row groups and the rows in them; None where a pair's rows are not together."""
+        table = self._source.table
+        found: dict[Pair, list[tuple[int, slice]]] = {}
+        last, rows = None, 0
+        for group in table.groups(self._source.episode_index):
+            if not group.only(episode_index=self._source.episode_index):
+                return None
+            for pair, part in self._runs(group):
+                if pair in found and pair != last:
+                    return None
+                found.setdefault(pair, []).append((group.number, part))
+                last, rows = pair, rows + part.stop - part.start
+        self._source.complete(rows)
+        return found
+
+    def _runs(self, group: Any) -> list[tuple[Pair, slice]]:
+        """The pairs of a row group and their rows in it; told by its statistics if there is one."""
+        source = self._source
+        names = [group.single(key) for key in ("body1", "body2")]
+        if None not in names and all(name in source.body_index for name in names):
+            codes = [np.array([source.body_index[name]], np.int16) for name in names]
+            cuts = [0, group.rows]
+        else:
+            rows = source.table.read([group.number], ("body1", "body2"))
+            codes = [source.table.codes(rows, key, source.body_index) for key in ("body1", "body2")]
+            new = (codes[0][1:] != codes[0][:-1]) | (codes[1][1:] != codes[1][:-1])
+            cuts = [0, *(np.flatnonzero(new) + 1).tolist(), len(codes[0])]
+            codes = [column[cuts[:-1]] for column in codes]
+        pairs = list(zip(*(column.tolist() for column in codes), strict=True))
+        source.demand(check_contact_order(codes[0], codes[1], source.where))
+        return [(pair, slice(*cuts[i : i + 2])) for i, pair in enumerate(pairs)]
+
+    def columns(self, pair: Pair, names: tuple[str, ...]) -> tuple[NDArray[Any], ...]:
+        missing = [name for name in names if (pair, name) not in self._known]
+        if missing:
+            self._load(pair, missing)
+        return tuple(self._known[pair, name] for name in names)
+
+    def _load(self, pair: Pair, names: list[str]) -> None:
+        source, places = self._source, (self.places or {}).get(pair, [])
+        stored = {name: _stored_names(name) for name in names}
+        wanted = list(dict.fromkeys(n for columns in stored.values() for n in columns))
+        parts: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+        for number, part in places:
+            rows = source.table.read([number], wanted)
+            for name, columns in stored.items():
+                parts[name].append(_column(source.table, rows, name, columns)[part])
+        for name, some in parts.items():
+            values = some[0] if len(some) == 1 else _joined(some, name)
+            if name == "frame":
+                source.demand(check_frame_range(values, source.frames, source.where))
+            elif name not in GEOMS:
+                source.demand(check_finite(values, f"contact {name}", source.where))
+            self._known[pair, name] = values
+
+
+def _joined(parts: list[NDArray[Any]], name: str) -> NDArray[Any]:
+    if parts:
+        return np.concatenate(parts)
+    shape = (0, 3) if name in CONTACT_VECTORS else (0,)
+    return np.zeros(shape, _dtype(name))
+
+
+def _stored_names(name: str) -> list[str]:
+    """Columns of the file that a column of the contact table is made of."""
+    if name == "frame":
+        return ["frame_index"]
+    return [f"{name}.{axis}" for axis in XYZ] if name in CONTACT_VECTORS else [name]
+
+
+def _dtype(name: str) -> Any:
+    return np.int32 if name == "frame" else np.uint16 if name in GEOMS else np.float32
+
+
+def _column(table: StoredTable, rows: Any, name: str, columns: list[str]) -> NDArray[Any]:
+    parts = [table.numbers(rows, column, _dtype(name)) for column in columns]
+    return np.stack(parts, 1) if len(parts) > 1 else parts[0]
+
+
+def _by_frame(
+    contacts: StoredContacts, source: Source
+) -> Callable[[tuple[str, ...]], dict[str, NDArray[Any]]]:
+    """What loads a group of columns of the whole table, in canonical order."""
+    table = source.table
+    order = np.zeros(0, np.intp)
+
+    def keys() -> dict[str, NDArray[Any]]:
+        nonlocal order
+        rows = table.rows(("frame_index", "slot", "body1", "body2"), source.episode_index)
+        source.complete(len(rows))
+        frame = table.numbers(rows, "frame_index", np.int32)
+        slot = table.numbers(rows, "slot", np.int16)
+        body1, body2 = (table.codes(rows, n, source.body_index) for n in ("body1", "body2"))
+        order = _frame_order(frame, slot, body1, body2)
+        return {
+            "frame": frame.take(order),
+            "body1": body1.take(order),
+            "body2": body2.take(order),
+        }
+
+    def column(name: str) -> NDArray[Any]:
+        stored = _stored_names(name)
+        rows = table.rows(stored, source.episode_index)
+        # five times faster than values[order]
+        return _column(table, rows, name, stored).take(order, axis=0)
+
+    def load(columns: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+        if columns == KEYS:
+            found = keys()
+            vars(contacts).update(found)
+            source.demand(check_contact_frames(contacts, source.frames, source.where))
+            return found
+        len(contacts)  # the keys come first: they tell the order
+        found = {name: column(name) for name in columns}
+        if columns == GEOMS:
+            vars(contacts).update(found)
+            source.demand(check_contact_geoms(contacts, source.geom_owner, source.where))
+            return found
+        for name, values in found.items():
+            source.demand(check_finite(values, f"contact {name}", source.where))
+        return found
+
+    return load
+
+
+def _frame_order(
+    frame: NDArray[np.int32],
+    slot: NDArray[np.int16],
+    body1: NDArray[np.int16],
+    body2: NDArray[np.int16],
+) -> NDArray[np.intp]:
+    """Order of rows in the canonical table: by frame, pair, slot."""
+    pair = body1.astype(np.int32) << 16 | body2
+    step = np.diff(pair)
+    if ((step < 0) | ((step == 0) & (np.diff(slot) < 0))).any():
+        return np.lexsort((slot, pair, frame))
+    # as we write it, by pair and slot: a stable sort by frame is all that is left
+    small = frame.astype(np.uint16) if len(frame) and frame.max() < 1 << 16 else frame
+    return np.argsort(small, kind="stable")
