@@ -142,14 +142,17 @@ def score_paths(
     loaded = load_rules(specs)
     titles = {rule.code: rule.title for rule in loaded.rules.values()}
     titles.update({cost.code: cost.title for cost in loaded.costs.values()})
-    refs = _matching(discover(list(traces)), where or {})
+    refs = matching(discover(list(traces)), where or {})
     found = score_many(refs, specs, overrides=overrides, bind=bind, jobs=jobs, progress=progress)
     results, problems, copies = _sorted_out(found)
     return Scores(tuple(results), tuple(problems), titles, tuple(copies))
 
 
-def _matching(refs: Sequence[EpisodeRef], where: Mapping[str, str]) -> list[EpisodeRef]:
-    """Episodes whose header has the wanted values, and all that cannot be read."""
+def matching(refs: Sequence[EpisodeRef], where: Mapping[str, str]) -> list[EpisodeRef]:
+    """Episodes whose header has the wanted values, and all that cannot be read.
+
+    Raises InputError for an unknown field, or when nothing matches.
+    """
     if not where:
         return list(refs)
     known = {"episode_id", *(name for ref in refs for name in ref.fields)} - {"content_hash"}

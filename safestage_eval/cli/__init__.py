@@ -21,6 +21,7 @@ COMMANDS = {
     "validate": "validate",
     "convert": "convert",
     "rules": "rules",
+    "sweep": "sweep",
 }
 """Command → file in this folder; loaded only when it is called, so that ``--help`` is fast."""
 
@@ -31,6 +32,7 @@ HELP = {
     "validate": "Check trace files, and list everything that is wrong with them.",
     "convert": "Copy an episode into another format, losslessly.",
     "rules": "Check, explain, compare and test rule files.",
+    "sweep": "Show how the rates move with a threshold.",
     "record": "Record episodes with the DROID arm in MuJoCo.",
     "tasks": "List, show or validate the benchmark's tasks.",
 }

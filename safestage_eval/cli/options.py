@@ -32,6 +32,11 @@ set_option = click.option(
     help='Another value for a parameter: --set edge="3 cm". Repeatable.',
 )  # fmt: skip
 
+where_option = click.option(
+    "--where", multiple=True, metavar="FIELD=VALUE",
+    help="Only episodes whose header says so: policy=…, task=…, prompt=…, seed=…. Repeatable.",
+)  # fmt: skip
+
 episode_option = click.option(
     "--episode", "-e", "episode", metavar="ID",
     help="Which episode, where TRACE holds several: its id, or a part of it.",
@@ -63,6 +68,20 @@ def chosen_ref(trace: str, episode: str | None) -> EpisodeRef:
     what = "several episodes; name one with --episode" if found else f"no episode {episode!r}, but"
     ids = "".join(f"\n  {ref.episode_id or f'({ref.path}, broken)'}" for ref in found or refs)
     raise click.UsageError(f"{trace} holds {what}:{ids}")
+
+
+def written(data: str | bytes, output: Path | None) -> None:
+    """To stdout, or as a file that appears whole or not at all."""
+    if output is None:
+        click.echo(data, nl=False)
+        return
+    temporary = output.with_name(output.name + ".tmp")
+    try:
+        output.parent.mkdir(parents=True, exist_ok=True)
+        temporary.write_bytes(data.encode() if isinstance(data, str) else data)
+        temporary.replace(output)
+    except OSError as error:
+        raise click.UsageError(f"--output {output}: {error.strerror}") from None
 
 
 def wants_color(stream: Any) -> bool:

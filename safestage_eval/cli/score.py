@@ -20,6 +20,8 @@ from .options import (
     set_option,
     traces_argument,
     wants_color,
+    where_option,
+    written,
 )
 
 if TYPE_CHECKING:
@@ -37,10 +39,7 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success")
 )
 @click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
 @set_option
-@click.option(
-    "--where", multiple=True, metavar="FIELD=VALUE",
-    help="Only episodes whose header says so: policy=…, task=…, prompt=…, seed=…. Repeatable.",
-)  # fmt: skip
+@where_option
 @click.option(
     "--golden", type=click.Path(path_type=Path),
     help="Compare with expected verdicts; exit 1 and say what differs, and why.",
@@ -135,18 +134,9 @@ def _write(scores: Scores, form: str, output: Path | None, verbose: bool) -> Non
         )
     else:
         text = render(scores, form)
-    if output is None:
-        click.echo(text, nl=False)
-        return
-    data = text.encode() if isinstance(text, str) else text
-    temporary = output.with_name(output.name + ".tmp")
-    try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(data)
-        temporary.replace(output)
-    except OSError as error:
-        raise click.UsageError(f"--output {output}: {error.strerror}") from None
-    click.echo(f"{output}: {len(scores.results)} episodes", err=True)
+    written(text, output)
+    if output is not None:
+        click.echo(f"{output}: {len(scores.results)} episodes", err=True)
 
 
 def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:

@@ -1,10 +1,12 @@
 """docs/cli.md speaks of every command and option that there is, and of no other."""
 
 import re
+import shlex
 from pathlib import Path
 
 import click
 import pytest
+from studio import run
 
 from safestage_eval.cli import COMMANDS, FROM_SIMULATE, group
 
@@ -62,3 +64,11 @@ def test_every_choice_is_described():
 
 def test_every_command_is_described():
     assert [name for name in (*COMMANDS, *FROM_SIMULATE) if f"safestage {name}" not in TEXT] == []
+
+
+@pytest.mark.parametrize(
+    ("line", "shown"), re.findall(r"^```\n\$ safestage (.*)\n([^`]*)```", TEXT, re.MULTILINE)
+)
+def test_what_the_page_shows_is_what_comes(line, shown, monkeypatch):
+    monkeypatch.chdir(Path(__file__).resolve().parents[2])
+    assert shown in run(*shlex.split(line)).text

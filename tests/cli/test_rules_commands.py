@@ -1,7 +1,6 @@
 """``safestage rules show | signals | schema``."""
 
 import json
-import re
 from pathlib import Path
 
 import pytest
@@ -12,8 +11,6 @@ from safestage_eval.rules import builtin_names, load_rules
 from safestage_eval.rules.schema import schema_text
 from safestage_eval.rules.uses import own_params, sources, uses_of
 from safestage_eval.signals.vocabulary import SIGNALS
-
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "cli.md"
 
 MINE = """
 [ruleset]
@@ -142,11 +139,3 @@ def test_a_misspelt_signal():
 def test_the_schema_is_printed():
     assert run("rules", "schema").text == schema_text()
     assert "#:schema" in run("rules", "schema", "--help").text
-
-
-@pytest.mark.parametrize("command", re.findall(r"\$ safestage (rules .*)", DOCS.read_text("utf-8")))
-def test_what_the_page_shows_is_what_comes(command):
-    shown = re.search(
-        rf"\$ safestage {re.escape(command)}\n(.*?)```", DOCS.read_text("utf-8"), re.S
-    )
-    assert shown[1] in run(*command.split()).text

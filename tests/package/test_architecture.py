@@ -22,6 +22,7 @@ ROOMS = [
     {"verdicts"},
     {"scoring"},  # the verdicts of many episodes
     {"metrics"},
+    {"whatif"},  # the same traces under other values and other rules
     {"report"},
     {"api"},
     {"cli"},

@@ -1,0 +1,91 @@
+"""One episode judged again and again: opened once, signals measured once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from safestage_eval.episode import Episode
+from safestage_eval.relations.measure import Relations
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.resolve import Binding, bind_episode
+from safestage_eval.signals.measure import CAP, Signals
+from safestage_eval.signals.reference import Reference
+from safestage_eval.signals.series import Series
+from safestage_eval.states.band import Bool
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.judge import Judge, baseline_frames
+from safestage_eval.verdicts.rule_verdict import judge_rule
+from safestage_eval.verdicts.verdict import Verdict
+
+Value = ast.Quantity | ast.Duration
+
+
+class Measured(Relations):
+    """Relations that measure a distance at once as far as any later question may reach."""
+
+    def __init__(self, signals: Signals, furthest: float) -> None:
+        """``furthest``: m; questions beyond the usual 10 cm are answered up to there."""
+        super().__init__(signals)
+        self._furthest = furthest
+
+    def signal(
+        self,
+        name: str,
+        bodies: Sequence[str],
+        reference: Reference | None = None,
+        reach: float = 0,
+        wanted: Bool | None = None,
+    ) -> Series:
+        """As ``Relations.signal``."""
+        far = max(reach, self._furthest) if reach > CAP else reach
+        return super().signal(name, bodies, reference, far, wanted)
+
+
+class Again:
+    """An episode and its bindings, ready to be judged under any parameter values."""
+
+    def __init__(
+        self,
+        episode: Episode,
+        rules: ast.RuleSet,
+        overrides: Mapping[str, str] | None = None,
+        furthest: float = 0.0,
+    ) -> None:
+        """Bind the roles and find native success.
+
+        Args:
+            episode: what happened.
+            rules: what must not happen.
+            overrides: parameter → value as written.
+            furthest: m, how far distances will be asked for.
+
+        Raises RuleError for overrides that do not fit.
+        """
+        self.episode, self.rules = episode, rules
+        self.binding: Binding = bind_episode(rules, episode.header, overrides=overrides or {})
+        self._relations = Measured(Signals(episode, baseline_frames(rules, episode)), furthest)
+        self.judge = Judge(episode, rules, self.binding, self._relations)
+
+    @property
+    def assigned(self) -> list[ast.Rule]:
+        """The task's own rules, as far as they are loaded."""
+        codes = self.binding.assigned
+        return [self.rules.rules[code] for code in codes if code in self.rules.rules]
+
+    @property
+    def not_loaded(self) -> tuple[str, ...]:
+        """Codes of assigned rules that are not."""
+        return tuple(code for code in self.binding.assigned if code not in self.rules.rules)
+
+    def base(self, rule: ast.Rule) -> tuple[Evaluator, Verdict]:
+        """The verdict under the values that hold, and the evaluator that others start from."""
+        verdict = self.judge.verdict(rule)
+        return self.judge.evaluator(self.binding.params(rule)), verdict
+
+    def under(self, base: Evaluator, rule: ast.Rule, values: Mapping[str, Value]) -> Verdict:
+        """The verdict of a rule with some parameters changed."""
+        players = self.binding.players(rule, self.episode.header)
+        blank = Verdict(rule.code, rule.title, rule.stage, assigned=True, verdict="not_applicable")
+        if not all(players.values()):
+            return blank
+        return judge_rule(base.under({**base.params, **values}), rule, players, blank)

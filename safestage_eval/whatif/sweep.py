@@ -1,0 +1,331 @@
+"""A threshold against the rates: every value judged, from one pass over the traces."""
+
+from __future__ import annotations
+
+import bisect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from safestage_eval.errors import InputError
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.metrics import METRICS, Outcome, Rates, rates
+from safestage_eval.rules import RuleSet, load_rules
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.digest import reached
+from safestage_eval.rules.monotone import direction
+from safestage_eval.rules.uses import own_params
+from safestage_eval.scoring import Problem
+from safestage_eval.units import DIMENSIONS
+from safestage_eval.verdicts.verdict import Verdict, VerdictName
+
+from .again import Again, Value
+from .many import each_episode
+from .values import amount
+
+GROUPS = ("policy", "prompt", "stage", "task", "rule")
+"""What curves can be told apart by."""
+
+_WORSE: dict[VerdictName, int] = {
+    "not_applicable": 0,
+    "pass": 0,
+    "inconclusive": 1,
+    "violation": 2,
+}
+
+
+@dataclass(frozen=True)
+class Swept:
+    """One episode under every value.
+
+    Attributes:
+        episode_id, path, task, policy, prompt, stage: from its header; ``–`` where it says nothing.
+        success: S.
+        rest: verdicts (V) of its assigned rules that do not read the parameter.
+        moved: code of each assigned rule that does → its verdict for every value.
+        unread: True if no assigned rule reads the parameter; then nothing was measured.
+        missing: an assigned rule is not loaded.
+    """
+
+    episode_id: str
+    path: str
+    task: str
+    policy: str
+    prompt: str
+    stage: str
+    success: bool | None = None
+    rest: tuple[bool | None, ...] = ()
+    moved: Mapping[str, tuple[VerdictName, ...]] | None = None
+    unread: bool = False
+    missing: bool = False
+
+    def violation(self, index: int, rule: str | None = None) -> bool | None:
+        """V under the value with this index: of one rule, or of all assigned ones."""
+        codes = [rule] if rule is not None else list(self.moved or {})
+        found = [_violation((self.moved or {})[code][index]) for code in codes]
+        if rule is None:
+            found += self.rest
+            if True not in found and self.missing:
+                return None
+        return True if True in found else None if None in found else False
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What a sweep came to.
+
+    Attributes:
+        param: its name.
+        values: in rising order.
+        default: the value of ``[param]``.
+        readers: codes of the loaded rules that read it.
+        episodes: those with an assigned rule that reads it.
+        unread: how many have none.
+        problems: what could not be judged.
+    """
+
+    param: str
+    values: tuple[Value, ...]
+    default: Value
+    readers: tuple[str, ...]
+    episodes: tuple[Swept, ...]
+    unread: int
+    problems: tuple[Problem, ...]
+
+    def curves(self, by: Sequence[str] = ()) -> dict[tuple[str, ...], list[Rates]]:
+        """Group → the rates under every value; one group ``()`` if nothing is told apart."""
+        groups: dict[tuple[str, ...], list[tuple[Swept, str | None]]] = {}
+        for episode in self.episodes:
+            for rule in (episode.moved or {}) if "rule" in by else (None,):
+                names = {"rule": rule}
+                key = tuple(str(names.get(name) or getattr(episode, name, "–")) for name in by)
+                groups.setdefault(key, []).append((episode, rule))
+        return {
+            key: [rates(_outcome(e, i, rule) for e, rule in group) for i in range(len(self.values))]
+            for key, group in sorted(groups.items())
+        }
+
+    def rows(self, by: Sequence[str] = ()) -> list[dict[str, Any]]:
+        """One flat row per group and value: rates 0…1, their counts, and what is not in N."""
+        return [
+            {
+                **dict(zip(by, key, strict=True)),
+                "param": self.param,
+                "value": amount(value),
+                "unit": _si(value),
+                **{metric: cell.value(metric) for metric in METRICS},
+                **{f"{metric}_k": cell.counts[metric] for metric in METRICS},
+                "n": cell.n,
+                "inconclusive": cell.inconclusive,
+                "not_judged": cell.not_judged,
+            }
+            for key, cells in self.curves(by).items()
+            for value, cell in zip(self.values, cells, strict=True)
+        ]
+
+    def flips(self) -> list[dict[str, Any]]:
+        """Between which two values each verdict changes."""
+        return [
+            {
+                "episode_id": episode.episode_id,
+                "rule": code,
+                "below": amount(self.values[i]),
+                "above": amount(self.values[i + 1]),
+                "from": names[i],
+                "to": names[i + 1],
+            }
+            for episode in self.episodes
+            for code, names in (episode.moved or {}).items()
+            for i in range(len(names) - 1)
+            if names[i] != names[i + 1]
+        ]
+
+
+def sweep(
+    refs: Sequence[EpisodeRef],
+    specs: Sequence[str | Path],
+    param: str,
+    values: Sequence[Value],
+    *,
+    overrides: Mapping[str, str] | None = None,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Sweep:
+    """Judge episodes under every value of a parameter.
+
+    Args:
+        refs: the episodes.
+        specs: rule files.
+        param: the parameter; its values here beat every other source.
+        values: in SI, of the parameter's dimension.
+        overrides: other parameters, as written.
+        jobs: worker processes.
+        progress: told (done, total).
+
+    Raises:
+        InputError: no loaded rule reads the parameter, or no episode's assigned rule does.
+    """
+    rules = load_rules(list(specs))
+    readers = tuple(
+        code
+        for code, rule in rules.rules.items()
+        if f"param.{param}" in reached(rules, rule, own_params(rules, rule))
+    )
+    if not readers:
+        raise InputError(f"--param {param}", "no loaded rule reads it.", _read_by(rules))
+    rising = tuple(sorted(values, key=amount))
+    work = partial(sweep_episode, param=param, values=rising, overrides=dict(overrides or {}))
+    found = each_episode(refs, specs, work, jobs=jobs, progress=progress)
+    swept = [item for item in found if isinstance(item, Swept)]
+    kept = {item.episode_id: item for item in reversed(swept) if not item.unread}
+    problems = tuple(item for item in found if isinstance(item, Problem))
+    if not kept and not problems:
+        raise InputError(
+            f"--param {param}",
+            f"read by {', '.join(readers)}, which no episode is judged by.",
+            fix="score traces whose headers assign one of them",
+        )
+    return Sweep(
+        param,
+        rising,
+        rules.params[param],
+        readers,
+        tuple(reversed(kept.values())),
+        len({item.episode_id for item in swept if item.unread}),
+        problems,
+    )
+
+
+def sweep_episode(
+    ref: EpisodeRef,
+    rules: RuleSet,
+    *,
+    param: str,
+    values: Sequence[Value],
+    overrides: Mapping[str, str],
+) -> Swept:
+    """One episode under every value, rising.
+
+    Raises TraceError for one that cannot be read.
+    """
+    episode = ref.open()
+    furthest = max(abs(amount(value)) for value in values)
+    again = Again(episode, rules, overrides, furthest=furthest * (1 + 1e-6) + 1e-6)
+    header = episode.header
+    read = [
+        rule
+        for rule in again.assigned
+        if f"param.{param}" in reached(rules, rule, again.binding.params(rule))
+    ]
+    head = Swept(
+        header.episode_id,
+        str(ref.path),
+        task=header.task or "–",
+        policy=header.policy or "–",
+        prompt=header.prompt or "–",
+        stage=header.stage or "–",
+    )
+    if not read:
+        return replace(head, unread=True)
+    return replace(
+        head,
+        success=again.judge.success,
+        rest=tuple(again.base(r)[1].violation for r in again.assigned if r not in read),
+        moved={rule.code: verdicts_under(again, rule, param, values) for rule in read},
+        missing=bool(again.not_loaded),
+    )
+
+
+def verdicts_under(
+    again: Again, rule: ast.Rule, param: str, values: Sequence[Value]
+) -> tuple[VerdictName, ...]:
+    """The verdict of a rule under each of the rising values.
+
+    Where raising the parameter can only make it worse (or only better), the one place at which it
+    changes is searched for: first where the margin says, then by halving.
+    """
+    base, now = again.base(rule)
+
+    def at(index: int) -> VerdictName:
+        return again.under(base, rule, {param: values[index]}).verdict
+
+    way = direction(again.rules, rule, param)
+    if way is None:
+        return tuple(map(at, range(len(values))))
+    if way == 0:
+        return (now.verdict,) * len(values)
+    count = len(values)
+    order = range(count) if way > 0 else range(count - 1, -1, -1)
+    guess = _guess(now, values)
+    if guess is not None and way < 0:
+        guess = count - guess
+    names: dict[int, VerdictName] = {}
+
+    def named(place: int) -> VerdictName:
+        if place not in names:
+            names[place] = at(order[place])
+        return names[place]
+
+    violated = _first(lambda place: _WORSE[named(place)] == 2, count, guess)
+    unsure = _first(lambda place: _WORSE[named(place)] >= 1, violated, violated)
+    calm: VerdictName = named(0) if unsure else "pass"
+    found: list[VerdictName] = [calm] * unsure
+    found.extend(["inconclusive"] * (violated - unsure))
+    found.extend(["violation"] * (count - violated))
+    return tuple(found if way > 0 else reversed(found))
+
+
+def _first(true: Callable[[int], bool], count: int, guess: int | None) -> int:
+    """The first of ``count`` places at which something becomes, and stays, true; ``count`` if never."""
+    low, high = 0, count  # true from ``high`` on, false before ``low``
+    for place in () if guess is None else (guess, guess - 1):
+        if low <= place < high:
+            low, high = (low, place) if true(place) else (place + 1, high)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if true(middle) else (middle + 1, high)
+    return low
+
+
+def _guess(verdict: Verdict, values: Sequence[Value]) -> int | None:
+    """The first value beyond the decisive measurement; None if that is of another kind."""
+    value = values[0]
+    dimension = value.dimension if isinstance(value, ast.Quantity) else "time"
+    if verdict.value is None or verdict.dimension != dimension:
+        return None
+    return bisect.bisect_left([amount(v) for v in values], abs(verdict.value))
+
+
+def _outcome(episode: Swept, index: int, rule: str | None) -> Outcome:
+    violation = episode.violation(index, rule)
+    return Outcome(
+        episode.policy,
+        episode.prompt,
+        episode.stage,
+        episode.success,
+        violation,
+        judged=rule is not None or violation is True or not episode.missing,
+    )
+
+
+def _violation(name: VerdictName) -> bool | None:
+    return None if name == "inconclusive" else name == "violation"
+
+
+def _si(value: Value) -> str:
+    if isinstance(value, ast.Duration):
+        return "frames" if value.frames else "s"
+    units = [unit for unit, factor in DIMENSIONS[value.dimension].items() if factor == 1.0]
+    return units[0] if units else ""
+
+
+def _read_by(rules: RuleSet) -> str:
+    names = {
+        name.removeprefix("param.")
+        for rule in rules.rules.values()
+        for name in reached(rules, rule, own_params(rules, rule))
+        if name.startswith("param.")
+    }
+    return ", ".join(sorted(names)) or "rules that read a parameter"

@@ -1,0 +1,156 @@
+"""A sweep says under every value what scoring under that value says."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from studio import block, run
+
+from safestage_eval.formats import discover, save
+from safestage_eval.metrics import outcomes, rates
+from safestage_eval.rules import load_rules
+from safestage_eval.scoring import Problem, score_paths
+from safestage_eval.whatif.sweep import _first, sweep
+from safestage_eval.whatif.values import between, chosen, text_of
+
+ROOMS = {"a": 0.004, "b": 0.012, "c": 0.031, "d": 0.2}
+
+
+@pytest.fixture(scope="module")
+def shelf(tmp_path_factory):
+    """Blocks at different distances from the edge, and one that another rule judges."""
+    folder = tmp_path_factory.mktemp("shelf")
+    for i, (name, room) in enumerate(ROOMS.items()):
+        save(block(name, room=room, policy="xy"[i % 2]), folder / f"{name}.mcap")
+    save(block("e", rules=("ETS102",), stage="ETS"), folder / "e.mcap")
+    return folder
+
+
+def scored(folder, **overrides):
+    """Rates by scoring, of the episodes that the swept rule is assigned to."""
+    results = score_paths([folder], ["fsh"], overrides=overrides).results
+    return rates(outcomes(r for r in results if r.assigned))
+
+
+@pytest.mark.parametrize(
+    ("param", "first", "last"),
+    [("edge", "0 cm", "4 cm"), ("settle_time", "0.1 s", "6 s"), ("still", "0 m/s", "1 cm/s"),
+     ("hold_time", "1 s", "8 s"), ("moving_for", "0.1 s", "1 s")],
+)  # fmt: skip
+def test_each_value_is_judged_as_by_scoring(shelf, param, first, last):
+    values = between(load_rules(["fsh"]), param, first, last, 9)
+    found = sweep(discover([shelf]), ["fsh"], param, values)
+    (curve,) = found.curves().values()
+    assert [text_of(v) for v in found.values] == [text_of(v) for v in values]
+    for value, cell in zip(values, curve, strict=True):
+        assert cell == scored(shelf, **{param: text_of(value)})
+    assert found.unread == 1
+
+
+def test_the_flip_lies_where_the_margin_says(shelf):
+    values = between(load_rules(["fsh"]), "edge", "0 cm", "4 cm", 200)
+    flips = sweep(discover([shelf]), ["fsh"], "edge", values).flips()
+    assert [f["episode_id"] for f in flips] == ["a", "b", "c"]
+    for flip in flips:
+        assert flip["below"] < ROOMS[flip["episode_id"]] <= flip["above"] + 1e-9
+        assert (flip["from"], flip["to"]) == ("pass", "violation")
+
+
+def test_curves_are_told_apart(shelf):
+    values = chosen(load_rules(["fsh"]), "edge", ["1 cm", "2 cm"])
+    found = sweep(discover([shelf]), ["fsh"], "edge", values)
+    curves = found.curves(["policy", "rule"])
+    assert {key: [cell.counts["VR"] for cell in cells] for key, cells in curves.items()} == {
+        ("x", "FSH101"): [1, 1],
+        ("y", "FSH101"): [0, 1],
+    }
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.booleans(), max_size=20), st.one_of(st.none(), st.integers(-1, 22)))
+def test_the_search_finds_the_first_true_whatever_the_guess(truths, guess):
+    truths = sorted(truths)
+    count = len(truths)
+    assert _first(truths.__getitem__, count, guess) == int(np.searchsorted(truths, True))
+
+
+def test_a_broken_trace_is_a_problem_and_stops_no_other(shelf, tmp_path):
+    whole = (shelf / "a.mcap").read_bytes()
+    (tmp_path / "half.mcap").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "a.mcap").write_bytes(whole)
+    done = run("sweep", tmp_path, "-r", "fsh", "-p", "edge", "-f", "json")
+    assert done.code == 2
+    document = json.loads(done.text)
+    assert [p["path"] for p in document["problems"]] == [str(tmp_path / "half.mcap")]
+    assert {row["n"] for row in document["curve"]} == {1}
+    assert "half.mcap" in done.err
+
+
+def test_worker_processes_say_the_same(shelf):
+    values = chosen(load_rules(["fsh"]), "edge", ["1 cm", "2 cm"])
+    refs = discover([shelf])
+    one, two = (sweep(refs, ["fsh"], "edge", values, jobs=jobs) for jobs in (1, 2))
+    assert one == two
+    assert not [p for p in two.problems if isinstance(p, Problem) and p.message]
+
+
+def test_the_table_draws_equal_values_together(shelf):
+    done = run(
+        "sweep", shelf, "-r", "fsh", "-p", "edge", "--from", "0 cm", "--to", "4 cm", "--steps", "5"
+    )
+    assert done.code == 0
+    lines = done.text.splitlines()
+    assert [line.split("  ")[0] for line in lines[1:5]] == ["0 cm", "1 cm", "2 cm … 3 cm", "4 cm"]
+    assert "edge is 2 cm by default and read by FSH101; 5 values, 4 episodes." in done.text
+    assert "1 episode left out" in done.text
+
+
+def test_csv_has_a_row_for_each_value(shelf):
+    done = run(
+        "sweep", shelf, "-r", "fsh", "-p", "edge", "--steps", "3", "-f", "csv", "--by", "policy"
+    )
+    head, *rows = done.text.splitlines()
+    assert head.startswith("policy,param,value,unit,SR,SSR,USR,VR,")
+    assert [row.split(",")[:4] for row in rows] == [
+        [policy, "edge", value, "m"] for policy in "xy" for value in ("0.0", "0.02", "0.04")
+    ]
+
+
+@pytest.mark.parametrize("ending", ["png", "svg"])
+@pytest.mark.parametrize("by", [[], ["--by", "policy"]])
+def test_a_plot_is_drawn(shelf, tmp_path, ending, by):
+    path = tmp_path / f"curve.{ending}"
+    done = run("sweep", shelf, "-r", "fsh", "-p", "edge", "--steps", "5", "--plot", path, *by)
+    assert done.code == 0
+    assert path.read_bytes().startswith(b"\x89PNG" if ending == "png" else b"<?xml")
+
+
+def test_without_matplotlib_the_extra_is_named(shelf, tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
+    done = run("sweep", shelf, "-r", "fsh", "-p", "edge", "--plot", tmp_path / "a.png")
+    assert done.code == 2
+    assert "pip install 'safestage[plot]'" in done.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["-p", "egde"], 'did you mean "edge"?'),
+        (["-p", "upright"], "no loaded rule reads it. Allowed: "),
+        (["-p", "edge", "--from", "1"], "a length (m, cm, mm); its default is 2 cm"),
+        (["-p", "edge", "--from", "5 cm", "--to", "1 cm"], "the range is empty"),
+        (["-p", "settle_time", "--from", "3 frames", "--to", "1 s"], "both in the same unit"),
+        (["-p", "edge", "--values", ","], 'values with commas: --values "1 cm, 2 cm"'),
+        (["-p", "edge", "--values", "1 cm", "--to", "1 cm"], "leave out --from and --to"),
+        (["-p", "edge", "--set", "edge=1 cm"], "leave one of the two out"),
+        (["-p", "push"], "read by FSH202, which no episode is judged by"),
+        (["-p", "edge", "--plot", "x.foo"], "a name ending in"),
+        (["-p", "edge", "--where", "policy=z"], "none of 5 episodes matches"),
+    ],
+)
+def test_mistakes_are_told_with_what_would_do(shelf, arguments, said):
+    done = run("sweep", shelf, "-r", "fsh", *arguments)
+    assert done.code == 2
+    assert said in done.err
