@@ -8,6 +8,7 @@ import click
 
 from .options import (
     announce_compiling,
+    bind_option,
     pairs,
     progress,
     rules_option,
@@ -43,6 +44,7 @@ from .options import (
 @click.option(
     "--plot", type=click.Path(path_type=Path), help="Draw VR and SSR as well: curve.png, curve.svg."
 )
+@bind_option
 @set_option
 @where_option
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
@@ -60,6 +62,7 @@ def command(
     form: str,
     output: Path | None,
     plot: Path | None,
+    bind: Path | None,
     settings: tuple[str, ...],
     where: tuple[str, ...],
     jobs: int | None,
@@ -101,7 +104,14 @@ def command(
     announce_compiling()
     with progress("sweeping") as tell:
         found = sweeps.sweep(
-            refs, specs, param, visited, overrides=overrides, jobs=jobs, progress=tell
+            refs,
+            specs,
+            param,
+            visited,
+            overrides=overrides,
+            bind=bind,
+            jobs=jobs,
+            progress=tell,
         )
     written(as_curve.render(found, form, by), output)
     if plot is not None:

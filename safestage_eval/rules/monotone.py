@@ -14,7 +14,7 @@ NOTHING: Signs = frozenset()
 EITHER: Signs = frozenset({1, -1})
 
 
-def direction(rules: ast.RuleSet, rule: ast.Rule, param: str) -> int | None:
+def direction(rules: ast.RuleSet, rule: ast.Scoped, param: str) -> int | None:
     """What raising a parameter does to the verdict, ordered pass < inconclusive < violation.
 
     Returns +1 if it can only get worse, −1 if it can only get better, 0 if nothing changes, None
@@ -23,9 +23,10 @@ def direction(rules: ast.RuleSet, rule: ast.Rule, param: str) -> int | None:
     The proof is by the structure of the rule. A limit is crossed at one value. And, or, closing,
     opening and latching only select (minimum and maximum over atoms and frames), so they keep the
     direction; *not* turns it round; a longer ``for`` makes less true, a longer ``gap`` more. A
-    parameter that moves a scope, an event, ``given`` or ``until`` may do either.
+    parameter that moves a scope, an event, ``given``, ``until`` or a cost may do either.
     """
-    signs = _Walk(rules, param).rule(rule)
+    walk = _Walk(rules, param)
+    signs = walk.rule(rule) if isinstance(rule, ast.Rule) else walk.anything(rule)
     if len(signs) == 2:
         return None
     return next(iter(signs), 0)

@@ -45,7 +45,7 @@ class Source:
     comment: str
 
 
-def own_params(rules: ast.RuleSet, rule: ast.Rule) -> dict[str, ast.Quantity | ast.Duration]:
+def own_params(rules: ast.RuleSet, rule: ast.Scoped) -> dict[str, ast.Quantity | ast.Duration]:
     """The parameter values of a rule where no episode says otherwise."""
     return {**rules.params, **dict(rule.set)}
 

@@ -7,11 +7,13 @@ from collections.abc import Mapping, Sequence
 from safestage_eval.episode import Episode
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.measure import CAP, Signals
 from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series
 from safestage_eval.states.band import Bool
+from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judge import Judge, baseline_frames
 from safestage_eval.verdicts.rule_verdict import judge_rule
@@ -49,6 +51,7 @@ class Again:
         episode: Episode,
         rules: ast.RuleSet,
         overrides: Mapping[str, str] | None = None,
+        bind: BindFile | None = None,
         furthest: float = 0.0,
     ) -> None:
         """Bind the roles and find native success.
@@ -57,35 +60,51 @@ class Again:
             episode: what happened.
             rules: what must not happen.
             overrides: parameter → value as written.
+            bind: what headers lack.
             furthest: m, how far distances will be asked for.
 
         Raises RuleError for overrides that do not fit.
         """
         self.episode, self.rules = episode, rules
-        self.binding: Binding = bind_episode(rules, episode.header, overrides=overrides or {})
+        self.binding: Binding = bind_episode(
+            rules, episode.header, bind=bind, overrides=overrides or {}
+        )
         self._relations = Measured(Signals(episode, baseline_frames(rules, episode)), furthest)
         self.judge = Judge(episode, rules, self.binding, self._relations)
 
     @property
-    def assigned(self) -> list[ast.Rule]:
-        """The task's own rules, as far as they are loaded."""
-        codes = self.binding.assigned
-        return [self.rules.rules[code] for code in codes if code in self.rules.rules]
+    def assigned(self) -> list[ast.Scoped]:
+        """The task's own rules, and costs with a budget, as far as they are loaded."""
+        known: dict[str, ast.Scoped] = {
+            **self.rules.rules,
+            **{code: cost for code, cost in self.rules.costs.items() if cost.budget is not None},
+        }
+        return [known[code] for code in self.binding.assigned if code in known]
 
     @property
     def not_loaded(self) -> tuple[str, ...]:
-        """Codes of assigned rules that are not."""
-        return tuple(code for code in self.binding.assigned if code not in self.rules.rules)
+        """Codes of assigned rules and costs that are not."""
+        loaded = self.rules.rules.keys() | self.rules.costs.keys()
+        return tuple(code for code in self.binding.assigned if code not in loaded)
 
-    def base(self, rule: ast.Rule) -> tuple[Evaluator, Verdict]:
+    def base(self, rule: ast.Scoped) -> tuple[Evaluator, Verdict]:
         """The verdict under the values that hold, and the evaluator that others start from."""
-        verdict = self.judge.verdict(rule)
-        return self.judge.evaluator(self.binding.params(rule)), verdict
+        evaluator = self.judge.evaluator(self.binding.params(rule))
+        if isinstance(rule, ast.Rule):
+            return evaluator, self.judge.verdict(rule)
+        verdict = self.judge.cost(rule)[1]
+        assert verdict is not None  # it has a budget
+        return evaluator, verdict
 
-    def under(self, base: Evaluator, rule: ast.Rule, values: Mapping[str, Value]) -> Verdict:
+    def under(self, base: Evaluator, rule: ast.Scoped, values: Mapping[str, Value]) -> Verdict:
         """The verdict of a rule with some parameters changed."""
         players = self.binding.players(rule, self.episode.header)
         blank = Verdict(rule.code, rule.title, rule.stage, assigned=True, verdict="not_applicable")
         if not all(players.values()):
             return blank
-        return judge_rule(base.under({**base.params, **values}), rule, players, blank)
+        evaluator = base.under({**base.params, **values})
+        if isinstance(rule, ast.Rule):
+            return judge_rule(evaluator, rule, players, blank)
+        verdict = judge_cost(evaluator, rule, players, blank)[1]
+        assert verdict is not None  # it has a budget
+        return verdict

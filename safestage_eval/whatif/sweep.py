@@ -12,8 +12,9 @@ from typing import Any
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.metrics import METRICS, Outcome, Rates, rates
-from safestage_eval.rules import RuleSet, load_rules
+from safestage_eval.rules import RuleSet, load_bind, load_rules
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import reached
 from safestage_eval.rules.monotone import direction
 from safestage_eval.rules.uses import own_params
@@ -150,6 +151,7 @@ def sweep(
     values: Sequence[Value],
     *,
     overrides: Mapping[str, str] | None = None,
+    bind: str | Path | None = None,
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Sweep:
@@ -161,6 +163,7 @@ def sweep(
         param: the parameter; its values here beat every other source.
         values: in SI, of the parameter's dimension.
         overrides: other parameters, as written.
+        bind: a bind file.
         jobs: worker processes.
         progress: told (done, total).
 
@@ -170,13 +173,19 @@ def sweep(
     rules = load_rules(list(specs))
     readers = tuple(
         code
-        for code, rule in rules.rules.items()
+        for code, rule in _judged(rules).items()
         if f"param.{param}" in reached(rules, rule, own_params(rules, rule))
     )
     if not readers:
         raise InputError(f"--param {param}", "no loaded rule reads it.", _read_by(rules))
     rising = tuple(sorted(values, key=amount))
-    work = partial(sweep_episode, param=param, values=rising, overrides=dict(overrides or {}))
+    work = partial(
+        sweep_episode,
+        param=param,
+        values=rising,
+        overrides=dict(overrides or {}),
+        bind=None if bind is None else load_bind(bind, rules),
+    )
     found = each_episode(refs, specs, work, jobs=jobs, progress=progress)
     swept = [item for item in found if isinstance(item, Swept)]
     kept = {item.episode_id: item for item in reversed(swept) if not item.unread}
@@ -205,6 +214,7 @@ def sweep_episode(
     param: str,
     values: Sequence[Value],
     overrides: Mapping[str, str],
+    bind: BindFile | None = None,
 ) -> Swept:
     """One episode under every value, rising.
 
@@ -212,7 +222,7 @@ def sweep_episode(
     """
     episode = ref.open()
     furthest = max(abs(amount(value)) for value in values)
-    again = Again(episode, rules, overrides, furthest=furthest * (1 + 1e-6) + 1e-6)
+    again = Again(episode, rules, overrides, bind, furthest=furthest * (1 + 1e-6) + 1e-6)
     header = episode.header
     read = [
         rule
@@ -239,7 +249,7 @@ def sweep_episode(
 
 
 def verdicts_under(
-    again: Again, rule: ast.Rule, param: str, values: Sequence[Value]
+    again: Again, rule: ast.Scoped, param: str, values: Sequence[Value]
 ) -> tuple[VerdictName, ...]:
     """The verdict of a rule under each of the rising values.
 
@@ -321,10 +331,14 @@ def _si(value: Value) -> str:
     return units[0] if units else ""
 
 
+def _judged(rules: RuleSet) -> dict[str, ast.Scoped]:
+    return {**rules.rules, **rules.costs}
+
+
 def _read_by(rules: RuleSet) -> str:
     names = {
         name.removeprefix("param.")
-        for rule in rules.rules.values()
+        for rule in _judged(rules).values()
         for name in reached(rules, rule, own_params(rules, rule))
         if name.startswith("param.")
     }
