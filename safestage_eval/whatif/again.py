@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from safestage_eval.episode import Episode
 from safestage_eval.relations.measure import Relations
@@ -12,7 +13,6 @@ from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.measure import CAP, Signals
 from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series
-from safestage_eval.states.band import Bool
 from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judge import Judge, baseline_frames
@@ -36,11 +36,12 @@ class Measured(Relations):
         bodies: Sequence[str],
         reference: Reference | None = None,
         reach: float = 0,
-        wanted: Bool | None = None,
+        *more: Any,
+        **others: Any,
     ) -> Series:
         """As ``Relations.signal``."""
         far = max(reach, self._furthest) if reach > CAP else reach
-        return super().signal(name, bodies, reference, far, wanted)
+        return super().signal(name, bodies, reference, far, *more, **others)
 
 
 class Again:
