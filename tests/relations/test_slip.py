@@ -1,0 +1,84 @@
+"""How far a held body slips in the hand, wherever the hand goes."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from scenes import Scene
+
+from safestage_eval.episode import Tcp
+from safestage_eval.geometry.pose import product, rotate
+from safestage_eval.relations.measure import Relations
+from safestage_eval.signals.measure import Signals
+from safestage_eval.signals.reference import Reference, latest
+
+FRAMES = 40
+
+
+def grasped(drift: np.ndarray, held: list[slice], seed: int = 0, **hand) -> Scene:
+    """A hand on a wild path, and a box that drifts by ``drift`` (T, 3) m in the hand's frame."""
+    rng = np.random.default_rng(seed)
+    path = np.cumsum(rng.normal(0, 0.02, (FRAMES, 3)), axis=0)
+    angles = np.cumsum(rng.normal(0, 0.1, FRAMES))
+    spin = np.column_stack([np.cos(angles), 0.6 * np.sin(angles), 0.8 * np.sin(angles), 0 * angles])
+    offset, twist = np.array([0.03, -0.01, 0.02]), np.array([0.8, 0, 0.6, 0])
+    hand = hand or {"tcp": Tcp(position=(0, 0, 0.1), orientation=(1, 0, 0, 0))}
+    scene = Scene(FRAMES).box("hand", 0.02, path, kind="gripper", orientation=spin, **hand)
+    com = path + rotate(spin, np.array([0, 0, 0.1]) + drift)
+    turn = product(spin, twist)
+    scene.box("a", 0.03, com - rotate(turn, offset), orientation=turn, com=tuple(offset))
+    for side in ("left", "right"):
+        scene.box(side, 0.01, path, kind="gripper", finger=side, parent="hand")
+        for frames in held:
+            scene.contact(side, "a", (0, 0, 0), (5, 0, 0), (1, 0, 0), frames)
+    return scene
+
+
+def slip(scene: Scene, since: list[int] | None = None, **header):
+    signals = Signals(scene.episode(**header))
+    reference = None
+    if since is not None:
+        reference = Reference(signals.baseline, latest(np.array(since), FRAMES), str(since))
+    return Relations(signals).signal("slip", ["a"], reference)
+
+
+@given(st.integers(0, 30))
+def test_a_body_that_slips_one_centimetre(seed: int) -> None:
+    """1 cm out of the hand between frames 15 and 25, held from frame 10 to 34."""
+    down = np.clip((np.arange(FRAMES) - 15) / 10, 0, 1) * 0.01
+    drift = np.column_stack([0 * down, 0.6 * down, 0.8 * down])
+    found = slip(grasped(drift, [slice(10, 35)], seed)).value
+    assert np.allclose(found[10:35], down[10:35], atol=1e-6)
+    assert (found[:10] == 0).all()
+    assert (found[35:] == 0).all()
+
+
+def test_each_grasp_starts_anew() -> None:
+    drift = np.zeros((FRAMES, 3))
+    drift[:, 0] = np.arange(FRAMES) / 1000
+    found = slip(grasped(drift, [slice(5, 15), slice(20, 30)])).value
+    assert np.allclose(found[5:15], np.arange(10) / 1000, atol=1e-6)
+    assert np.allclose(found[20:30], np.arange(10) / 1000, atol=1e-6)
+
+
+def test_since_an_event_within_the_grasp() -> None:
+    drift = np.zeros((FRAMES, 3))
+    drift[:, 0] = np.arange(FRAMES) / 1000
+    found = slip(grasped(drift, [slice(5, 15), slice(20, 30)]), since=[2, 10]).value
+    assert np.allclose(found[5:10], np.arange(5) / 1000, atol=1e-6)
+    assert np.allclose(found[10:15], np.arange(5) / 1000, atol=1e-6)
+    assert np.allclose(found[20:30], np.arange(10) / 1000, atol=1e-6)
+
+
+def test_the_hand_is_what_bears_both_fingers_if_no_tool_is_named() -> None:
+    drift = np.zeros((FRAMES, 3))
+    drift[20:, 2] = 0.01
+    found = slip(grasped(drift, [slice(10, 35)], tags=("palm",))).value
+    assert np.allclose(found[20:35], 0.01, atol=1e-6)
+
+
+def test_without_a_hand_it_is_unknown() -> None:
+    scene = grasped(np.zeros((FRAMES, 3)), [slice(10, 35)], tags=("palm",))
+    scene.bodies = [b.model_copy(update={"parent": None}) for b in scene.bodies]
+    found = slip(scene)
+    assert not found.known.any()
+    assert "gripper" in found.notes[0]

@@ -1,0 +1,71 @@
+"""Velocities of traces that have none: derived from the poses, and said to be."""
+
+import numpy as np
+import pytest
+from scenes import Scene
+from transforms import rebuilt
+
+from safestage_eval.episode import Episode, Geom
+from safestage_eval.signals.measure import Signals
+
+BALL = Geom(kind="sphere", size=(0.05,))
+
+
+def without_twists(scene: Scene) -> Episode:
+    """What an importer leaves that found poses only: zeros."""
+    zero = np.zeros((scene.frames, 3), np.float32)
+    tracks = {
+        name: t if len(t) == 1 else type(t)(t.position, t.orientation, zero, zero)
+        for name, t in scene.tracks.items()
+    }
+    return rebuilt(scene.episode(), tracks=tracks)
+
+
+def circling(rate: float = 120.0) -> Scene:
+    """The origin circles with radius 0.5 m at 2 rad/s and turns with it; the COM is at 0.75 m."""
+    t = np.arange(121) / rate
+    path = 0.5 * np.column_stack([np.cos(2 * t), np.sin(2 * t), 0 * t]) + [0, 0, 1]
+    turn = np.column_stack([np.cos(t), 0 * t, 0 * t, np.sin(t)])
+    turn[60:] *= -1  # the same orientations
+    return Scene(121, rate).body("a", BALL, path, turn, com=(0.25, 0, 0)).fixed("table")
+
+
+def test_they_are_derived_from_the_poses() -> None:
+    signals = Signals(without_twists(circling()))
+    speed, turning = signals.get("speed", ["a"]), signals.get("angular_speed", ["a"])
+    assert np.allclose(speed.value[1:-1], 0.75 * 2, rtol=2e-4)
+    assert np.allclose(turning.value, 2, rtol=1e-4)
+    assert np.allclose(signals.get("relative_speed", ["a", "table"]).value[1:-1], 1.5, rtol=2e-4)
+    for found in (speed, turning, signals.get("vertical_speed", ["a"])):
+        assert found.notes == ("the trace has no velocities of a: they are derived from its poses",)
+
+
+def test_impact_and_health_rest_on_them_too() -> None:
+    signals = Signals(without_twists(circling()))
+    impact = signals.get("impact", ["a"])
+    assert impact.notes
+    assert np.allclose(impact.value[20:-1], 1.5 * 2 * np.sin(0.05) / 0.05, rtol=1e-3)
+
+
+def test_a_body_that_stands_still_really_has_none() -> None:
+    scene = Scene(10).body("a", BALL, (0, 0, 1)).fixed("table")
+    for body in ("a", "table"):
+        found = Signals(without_twists(scene)).get("speed", [body])
+        assert (found.value == 0).all()
+        assert not found.notes
+
+
+def test_recorded_ones_are_taken_as_they_are() -> None:
+    """A body that is carried past at 1 m/s, though its poses jitter."""
+    scene = circling()
+    track = scene.tracks["a"]
+    recorded = np.tile(np.float32([1, 0, 0]), (121, 1))
+    scene.tracks["a"] = type(track)(track.position, track.orientation, recorded, recorded)
+    found = Signals(scene.episode()).get("angular_speed", ["a"])
+    assert np.allclose(found.value, 1)
+    assert not found.notes
+
+
+def test_half_the_rate_changes_little() -> None:
+    fast, slow = (Signals(without_twists(circling(rate))).get("speed", ["a"]) for rate in (120, 60))
+    assert fast.value[10] == pytest.approx(slow.value[10], rel=1e-3)
