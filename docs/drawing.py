@@ -1,0 +1,115 @@
+"""Flat pictures of recorded scenes: what a body's shapes look like from the side or from above."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from safestage_eval.episode import Episode, Geom
+from safestage_eval.geometry.pose import matrix
+
+F64 = NDArray[np.float64]
+View = Literal["xz", "yz", "xy"]
+
+AXES: dict[View, tuple[int, int, int]] = {"xz": (0, 2, 1), "yz": (1, 2, 0), "xy": (0, 1, 2)}
+"""View → the world axes that run right, up, and away from the reader."""
+
+COLORS = {"robot": "#8a94a6", "gripper": "#5d6778", "fixture": "#d9cfc1", "region": "#e8e3ef"}
+PALETTE = ("#2b7bba", "#e07b39", "#4c9f70", "#b0509e", "#c9a227", "#7a6fd0")
+"""Of objects, in the order in which the scene lists them."""
+
+
+def surface_points(geom: Geom, episode: Episode) -> F64:
+    """(N, 3) m, points in the geom frame whose convex hull is, closely enough, the geom's."""
+    size = geom.size
+    turn = np.linspace(0, 2 * np.pi, 33)[:-1]
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    if geom.kind == "box":
+        return np.array(np.meshgrid(*[(-s, s) for s in size])).reshape(3, -1).T
+    if geom.kind == "cylinder":
+        ring = size[0] * circle
+        return np.vstack([np.column_stack([ring, np.full(32, z)]) for z in (-size[1], size[1])])
+    if geom.kind in ("sphere", "ellipsoid", "capsule"):
+        rise = np.linspace(-np.pi / 2, np.pi / 2, 17)
+        ball = np.vstack(
+            [np.column_stack([np.cos(r) * circle, np.full(32, np.sin(r))]) for r in rise]
+        )
+        if geom.kind == "ellipsoid":
+            return ball * np.array(size)
+        ends = (-size[1], size[1]) if geom.kind == "capsule" else (0.0,)
+        return np.vstack([size[0] * ball + np.array([0, 0, end]) for end in ends])
+    if geom.kind == "plane":
+        return np.array(np.meshgrid((-5, 5), (-5, 5), (-0.02, 0))).reshape(3, -1).T
+    return np.asarray(episode.meshes[geom.mesh or ""].vertices, float)
+
+
+def outlines(episode: Episode, body: str, frame: int, view: View) -> list[tuple[float, F64]]:
+    """(depth, (K, 2) m polygon) of every geom of a body, as seen in a view."""
+    right, up, away = AXES[view]
+    track = episode.track(body)
+    turn, origin = matrix(track.orientation[frame]), track.position[frame]
+    found = []
+    for geom in episode.bodies[body].geoms:
+        local = surface_points(geom, episode) @ matrix(geom.orientation).T + geom.position
+        world = local @ turn.T + origin
+        flat = world[:, [right, up]]
+        depth = float(world[:, away].mean()) * (1 if view != "xy" else -1)
+        found.append((depth, flat[ConvexHull(flat).vertices]))
+    return found
+
+
+def frame_of_interest(
+    episode: Episode, frames: Sequence[int], bodies: Sequence[str], view: View
+) -> tuple[float, float, float, float]:
+    """(left, right, bottom, top) m, around all objects and ``bodies`` in the shown frames."""
+    free = [body.name for body in episode.header.bodies if body.kind == "object"]
+    free += [name for name in bodies if name not in free]
+    points = np.vstack(
+        [flat for f in frames for name in free for _, flat in outlines(episode, name, f, view)]
+    )
+    low, high = points.min(axis=0) - 0.04, points.max(axis=0) + 0.04
+    middle, half = (low + high) / 2, (high - low) / 2
+    half = np.maximum(half, [half[1] * 1.2, half[0] / 1.2])
+    return middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1]
+
+
+def draw_scene(
+    axes: Any,
+    episode: Episode,
+    frame: int,
+    bodies: Sequence[str],
+    view: View,
+    window: tuple[float, float, float, float],
+) -> None:
+    """Draw and name bodies at one frame; ``window`` is (left, right, bottom, top) in m."""
+    from matplotlib.patches import Polygon
+
+    objects = [b.name for b in episode.header.bodies if b.kind == "object"]
+    shapes, names = [], []
+    for name in bodies:
+        body = episode.bodies[name]
+        color = COLORS.get(body.kind) or PALETTE[objects.index(name) % len(PALETTE)]
+        found = outlines(episode, name, frame, view)
+        shapes += [(depth, flat, color) for depth, flat in found]
+        if body.kind == "object":
+            everything = np.vstack([flat for _, flat in found])
+            names.append((name, (everything.min(axis=0) + everything.max(axis=0)) / 2, color))
+    for _, flat, color in sorted(shapes, key=lambda s: -s[0]):
+        axes.add_patch(Polygon(flat, facecolor=color, edgecolor="white", linewidth=0.6, alpha=0.9))
+    for name, (x, y), _ in names:
+        axes.annotate(
+            name, (x, y), fontsize=6.5, ha="center", va="center", clip_on=True,
+            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.75, "linewidth": 0},
+        )  # fmt: skip
+    axes.set_xlim(window[0], window[1])
+    axes.set_ylim(window[2], window[3])
+    axes.set_aspect("equal")
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(True)
+        spine.set_color("#cccccc")
