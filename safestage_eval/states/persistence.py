@@ -75,9 +75,13 @@ def persistent(band: Band, for_frames: int, gap_frames: int, *, causal: bool = F
     return Band(*(without_short_runs(without_short_gaps(m, gap_frames), for_frames) for m in band))
 
 
-def latched(band: Band, reset: Bool) -> Band:
-    """Once true, true until ``reset`` (T,); the reset wins on its own frame."""
-    return Band(_latch(band.lower, reset), _latch(band.upper, reset))
+def latched(band: Band, reset: Bool, perhaps: Bool | None = None) -> Band:
+    """Once true, true until ``reset`` (T,); the reset wins on its own frame.
+
+    ``perhaps``: (T,) all frames at which it may be reset, where not only the certain ones count.
+    """
+    widest = reset if perhaps is None else perhaps
+    return Band(_latch(band.lower, widest), _latch(band.upper, reset))
 
 
 def _latch(margin: F64, reset: Bool) -> F64:

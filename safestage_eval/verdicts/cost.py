@@ -183,10 +183,11 @@ def _bill(
 
 def _masks(scopes: Sequence[Scope], frames: int, *, sure: bool) -> tuple[Bool, Bool]:
     """(T,) the frames that are certainly, and possibly, charged for."""
-    may = np.zeros(frames, np.bool_)
+    surely, may = np.zeros(frames, np.bool_), np.zeros(frames, np.bool_)
     for scope in scopes:
         may[scope.first : scope.stop] = True
-    return may & sure, may
+        surely[scope.first : scope.stop] |= scope.certain
+    return surely & sure, may
 
 
 def _amounts(

@@ -1,12 +1,12 @@
-"""Conditions, states, events and spans of the rule language over one episode."""
+"""Conditions, states and events of the rule language over one episode."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.relations.measure import COSTLY, Relations
@@ -16,9 +16,9 @@ from safestage_eval.signals.options import Options, OptionValue
 from safestage_eval.signals.reference import Reference, latest
 from safestage_eval.signals.series import Series
 from safestage_eval.signals.vocabulary import SIGNALS
-from safestage_eval.states import band, persistence, scope
+from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import Band, Bool
-from safestage_eval.states.scope import Scope
+from safestage_eval.states.moment import Moment, Truth, truth_of
 
 Env = Mapping[str, str]
 """Role or formal argument → name of the body or union that plays it."""
@@ -27,9 +27,8 @@ Env = Mapping[str, str]
 class Evaluator:
     """The rule language's meaning on one episode, under one set of parameter values.
 
-    Every condition becomes a ``Band`` of normalised margins. Where a crisp answer is needed (an
-    event, a scope) and a state is unknown, ``horizon`` moves to the first unknown frame: what
-    depends on later frames cannot be decided.
+    Every condition becomes a ``Band`` of normalised margins, every event a ``Truth``: the frames at
+    which it certainly is, and those at which it may be.
     """
 
     def __init__(
@@ -61,11 +60,10 @@ class Evaluator:
         self.causal = causal
         self.frames = len(self.episode)
         self.truncated = ends_early(self.episode)
-        self.horizon = self.frames
         self.notes: dict[str, None] = {}
         self.players: Mapping[str, Sequence[str]] = {}
         """Role → all bodies that play it, for ``at least K role``."""
-        self._states: dict[tuple[str, tuple[str, ...]], tuple[Band, int, dict[str, None]]] = {}
+        self._states: dict[tuple[str, tuple[str, ...]], tuple[Band, dict[str, None]]] = {}
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
         """The same episode under other values; states that these cannot change are shared."""
@@ -87,12 +85,12 @@ class Evaluator:
 
     # ---- values
 
-    def count(self, duration: ast.Duration | ast.Parameter) -> int:
-        """Number of frames a duration lasts in this episode: ⌈D / dt⌉, at least one."""
+    def count(self, duration: ast.Duration | ast.Parameter, least: int = 1) -> int:
+        """Number of frames a duration lasts in this episode: ⌈D / dt⌉, at least so many."""
         value = self.params[duration.name] if isinstance(duration, ast.Parameter) else duration
         if isinstance(value, ast.Quantity):
             value = ast.Duration(value.value)
-        return frame_count(value, self.episode.dt)
+        return max(least, frame_count(value, self.episode.dt)) if value.amount else least
 
     def number(self, value: ast.Value, env: Env) -> float:
         """A limit's value in SI; a column is looked up for the body that plays its role."""
@@ -132,8 +130,8 @@ class Evaluator:
         name, bodies, options = self.measured(atom.call, env)
         reference = None
         if atom.since is not None:
-            instants = np.asarray(self.instants(atom.since, env), np.int64)
-            instants = instants[instants < self.frames]
+            when = moment.frames_of(self.moments(atom.since, env), self.frames)
+            instants = np.flatnonzero(when.possible)
             reference = Reference(
                 self.relations.signals.baseline,
                 latest(instants, self.frames),
@@ -144,7 +142,12 @@ class Evaluator:
         found = self.relations.signal(name, bodies, reference, reach, wanted, options)
         for note in found.notes:
             self.notes[note] = None
-        return found
+        if atom.since is None or when.known:
+            return found
+        newest = np.maximum.accumulate(np.where(when.possible, np.arange(self.frames), -1))
+        open_ = (newest >= 0) & ~when.sure[newest]
+        lower, upper = np.where(open_, -np.inf, found.lower), np.where(open_, np.inf, found.upper)
+        return replace(found, lower=lower, upper=upper)
 
     # ---- conditions
 
@@ -170,7 +173,8 @@ class Evaluator:
             return self.condition(alternative, env, wanted)
         if alternative.kind == "state" and alternative.edge is None and alternative.call:
             return self.state(alternative.call, env, wanted)
-        return band.crisp(self.truth(alternative, env))
+        found = self.truth(alternative, env)
+        return band.crisp(found.sure, found.sure == found.possible)
 
     def atom(self, atom: ast.Atom, env: Env, wanted: Bool | None = None) -> Band:
         """One entry of a condition; ``wanted`` as in ``condition``."""
@@ -218,16 +222,14 @@ class Evaluator:
             return self._relation(call.name, bodies, wanted)
         key = (call.name, bodies)
         if key not in self._states:
-            outer_horizon, outer_notes = self.horizon, self.notes
-            self.horizon, self.notes = self.frames, {}
+            outer, self.notes = self.notes, {}
             if declared is None:
                 found = self._relation(call.name, bodies)
             else:
                 found = self._declared(call.name, bodies)
-            self._states[key] = (found, self.horizon, self.notes)
-            self.horizon, self.notes = outer_horizon, outer_notes
-        found, horizon, notes = self._states[key]
-        self.horizon = min(self.horizon, horizon)
+            self._states[key] = (found, self.notes)
+            self.notes = outer
+        found, notes = self._states[key]
         self.notes.update(notes)
         return found
 
@@ -249,89 +251,52 @@ class Evaluator:
         found = persistence.persistent(
             found,
             self.count(state.for_) if state.for_ is not None else 1,
-            self.count(state.gap) if state.gap is not None else 0,
+            self.count(state.gap, least=0) if state.gap is not None else 0,
             causal=self.causal,
         )
         if state.until is not None:
-            found = persistence.latched(found, self.truth(state.until, env))
+            found = persistence.latched(found, *self.truth(state.until, env))
         return found
 
     # ---- events
 
-    def truth(self, event: ast.Event, env: Env) -> Bool:
-        """(T,) the frames of an event; of a bare state, all frames where it is true.
+    def truth(self, event: ast.Event, env: Env) -> Truth:
+        """The frames of an event; of a bare state, all frames where it holds.
 
         ``end`` comes after the last frame and so has none.
         """
-        out = np.zeros(self.frames, np.bool_)
-        if event.kind == "start":
-            out[:1] = True
-        elif event.kind == "success":
-            if not self.success_known:
-                self.horizon = 0
-            elif self.success is not None:
-                out[self.success] = True
-        elif event.kind == "state" and event.call is not None:
-            found = self.state(event.call, env)
-            if found.unknown.any():
-                self.horizon = min(self.horizon, int(np.argmax(found.unknown)))
-            now: Bool = found.true
-            before: Bool = np.concatenate([np.zeros(1, np.bool_), now[:-1]])
+        if event.kind == "state" and event.call is not None:
+            now = truth_of(self.state(event.call, env))
+            if event.edge is None:
+                return now
+            before = Truth(*(np.concatenate([[False], part[:-1]]) for part in now))
             if event.edge == "start":
-                return now & ~before
-            return ~now & before if event.edge == "end" else now
-        return out
+                return Truth(now.sure & ~before.possible, now.possible & ~before.sure)
+            return Truth(before.sure & ~now.possible, before.possible & ~now.sure)
+        sure, possible = np.zeros(self.frames, np.bool_), np.zeros(self.frames, np.bool_)
+        if event.kind == "start":
+            sure[:1] = possible[:1] = True
+        elif event.kind == "success" and not self.success_known:
+            possible[:] = True
+        elif event.kind == "success" and self.success is not None:
+            sure[self.success] = possible[self.success] = True
+        return Truth(sure, possible)
 
-    def instants(self, event: ast.Event, env: Env) -> list[int]:
-        """The frames at which an event happens; a bare state happens where it starts.
+    def moments(self, event: ast.Event, env: Env) -> list[Moment]:
+        """When an event happens; a bare state happens where it starts.
 
         ``end`` comes after the last frame: T.
         """
         if event.kind == "end":
-            return [self.frames]
-        if event.kind == "state" and event.edge is None:
-            event = ast.Event("state", event.call, "start")
-        found: NDArray[np.intp] = np.flatnonzero(self.truth(event, env))
-        return [int(frame) for frame in found]
-
-    # ---- spans
-
-    def spans(self, span: ast.Span, env: Env) -> list[Scope]:
-        """The stretches of frames that a span names, in order."""
-        match span:
-            case ast.Whole():
-                return [Scope(0, self.frames, self.truncated)]
-            case ast.PhaseSpan(call):
-                phase = self.rules.phases[call.name]
-                inner = {
-                    formal: env.get(actual, actual)
-                    for formal, actual in zip(phase.of, call.args, strict=True)
-                }
-                found = self.spans(phase.span, inner)
-                if not found and phase.fallback is not None:
-                    return self.spans(phase.fallback, inner)
-                return found
-            case ast.StateSpan(call):
-                truth = self.truth(ast.Event("state", call), env)
-                found = scope.of_truth(truth, truncated=self.truncated)
-                unseen = self.horizon < self.frames
-                return [s._replace(cut=s.cut or (unseen and s.stop == self.horizon)) for s in found]
-            case ast.Part(which, duration, of):
-                part = scope.first_part if which == "first" else scope.last_part
-                return part(self.spans(of, env), self.count(duration))
-            case ast.Around("after", duration, event):
-                return scope.after(self.instants(event, env), self.count(duration), self.frames)
-            case ast.Around(_, duration, event):
-                found = scope.before(self.instants(event, env), self.count(duration))
-                cut = self.truncated and event.kind == "end"
-                return [s._replace(cut=cut) for s in found]
-            case ast.FromTo(begin, stop):
-                return scope.from_to(
-                    self.truth(begin, env), self.truth(stop, env), truncated=self.truncated
-                )
-            case ast.While(of, call):
-                truth = self.truth(ast.Event("state", call), env)
-                return scope.within(self.spans(of, env), truth)
+            return [Moment(self.frames, self.frames)]
+        if event.kind == "success":
+            if not self.success_known:
+                return [Moment(0, self.frames - 1, sure=False)]
+            return [] if self.success is None else [Moment(self.success, self.success)]
+        if event.kind == "start" or event.call is None:
+            return [Moment(0, 0)]
+        truth = truth_of(self.state(event.call, env))
+        return moment.ends(truth) if event.edge == "end" else moment.starts(truth)
 
 
 def ends_early(episode: Episode) -> bool:
@@ -355,22 +320,6 @@ def _is_momentary(state: ast.StateDef) -> bool:
 
 def _is_costly(atom: ast.Atom) -> bool:
     return isinstance(atom, ast.SignalAtom | ast.StateAtom) and atom.call.name in COSTLY
-
-
-def may_recur(span: ast.Span, evaluator: Evaluator) -> bool:
-    """Another stretch of the span may begin after what is known of the trace."""
-    match span:
-        case ast.PhaseSpan(call):
-            return may_recur(evaluator.rules.phases[call.name].span, evaluator)
-        case ast.Part(_, _, of):
-            return may_recur(of, evaluator)
-        case ast.FromTo(event, _) | ast.Around("after", _, event):
-            if event.kind == "success":
-                return evaluator.success is None
-            return event.kind == "state"
-        case ast.StateSpan() | ast.Around() | ast.While():
-            return True
-    return False
 
 
 def band_known(found: Band) -> bool:

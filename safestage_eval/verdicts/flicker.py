@@ -20,7 +20,7 @@ def too_brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance
     """
     notes = dict[str, None]()
     for instance in instances:
-        first, stop, _ = instance.scope
+        first, stop, _, _ = instance.scope
         for call in _forbidden_states(evaluator, rule):
             bodies = tuple(instance.env.get(arg, arg) for arg in call.args)
             state = evaluator.rules.states[call.name]

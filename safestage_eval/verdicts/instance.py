@@ -13,7 +13,8 @@ from safestage_eval.states.band import Band, Bool, negated
 from safestage_eval.states.persistence import held_from, without_short_runs
 from safestage_eval.states.scope import Scope
 
-from .evaluate import Env, Evaluator, may_recur
+from .evaluate import Env, Evaluator
+from .spans import may_recur, spans
 
 Kind = Literal["require", "forbid", "reach"]
 
@@ -61,7 +62,10 @@ class Instance:
 def clauses(rule: ast.Rule) -> list[Clause]:
     """The rule's obligations: all of them must be met."""
     out = [Clause("require", rule.require)] if rule.require is not None else []
-    out += [Clause("forbid", what) for what in rule.forbid]
+    if len(rule.forbid) > 1:  # a list is or: one obligation, so that "for" counts across its items
+        out.append(Clause("forbid", ast.Condition((ast.AnyOf(rule.forbid),))))
+    else:
+        out += [Clause("forbid", what) for what in rule.forbid]
     return out + ([Clause("reach", rule.reach)] if rule.reach is not None else [])
 
 
@@ -83,7 +87,6 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
 
 def applies(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> bool | None:
     """Whether ``given`` holds at the start for these bodies; None where that is not known."""
-    evaluator.horizon = evaluator.frames
     if rule.given is None:
         return True
     lower, upper = initially(evaluator, rule.given, env)
@@ -92,30 +95,18 @@ def applies(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> bool | None:
 
 def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[tuple[Scope, int | None]]:
     """The frames that are judged, and for each stretch the frame at which ``until`` ended it."""
-    found = _scopes(evaluator, rule, env)
-    if rule.until is not None:
-        stop = evaluator.truth(rule.until, env)
-        ends = [np.flatnonzero(stop[a:b]) for a, b, _ in found]
-        resolved = [
-            s.first + int(e[0]) if len(e) else None for s, e in zip(found, ends, strict=True)
-        ]
-        found = scopes.until(found, stop)
-    else:
-        resolved = [None] * len(found)
-    end_known = min(evaluator.horizon, evaluator.frames)
-    unseen = end_known < evaluator.frames or evaluator.truncated
-    if (
-        unseen
-        and _may_come(evaluator, rule)
-        and not any(s.cut or s.stop > end_known for s in found)
-    ):
-        found, resolved = [*found, Scope(end_known, end_known, True)], [*resolved, None]
-    out = []
-    for (first, last, cut), end in zip(found, resolved, strict=True):
-        inner = Scope(first, last, cut)
-        if last > evaluator.horizon:
-            inner = Scope(min(first, evaluator.horizon), evaluator.horizon, True)
-        out.append((inner, end))
+    out: list[tuple[Scope, int | None]] = []
+    stop = None if rule.until is None else evaluator.truth(rule.until, env)
+    for scope in _scopes(evaluator, rule, env):
+        if stop is None:
+            out.append((scope, None))
+            continue
+        ended = np.flatnonzero(stop.sure[scope.first : scope.stop])
+        freed = scope.first + int(ended[0]) if len(ended) else None
+        out += [(part, freed) for part in scopes.until([scope], stop)]
+    cut = any(scope.cut for scope, _ in out)
+    if evaluator.truncated and _may_come(evaluator, rule) and not cut:
+        out.append((Scope(evaluator.frames, evaluator.frames, True), None))
     return out
 
 
@@ -129,14 +120,16 @@ def initially(evaluator: Evaluator, condition: ast.Condition, env: Env) -> tuple
 def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Bool:
     """(T,) the frames of the scope in which some obligation is certainly broken."""
     out = np.zeros(evaluator.frames, np.bool_)
-    first, stop, _ = instance.scope
+    first, stop, _, _ = instance.scope
+    sure = instance.scope.certain
     lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
     for clause in clauses(rule):
         found = _band(evaluator, clause.what, instance.env, instance.scope).at(first, stop)
         if clause.kind == "require":
-            out[first:stop] |= found.false
+            out[first:stop] |= found.false & sure
         elif clause.kind == "forbid":
-            out[first:stop] |= without_short_runs(found.lower, lasting) >= 0
+            held = np.where(sure, found.lower, -np.inf)
+            out[first:stop] |= without_short_runs(held, lasting) >= 0
         elif held_from(found.upper, lasting).max(initial=-np.inf) < 0:
             out[first:stop] = True
     return out
@@ -152,8 +145,8 @@ def _scopes(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Scope]:
     if rule.at is not None:
         if rule.at.kind == "end":
             return [Scope(evaluator.frames - 1, evaluator.frames, evaluator.truncated)]
-        return [Scope(e, e + 1) for e in evaluator.instants(rule.at, env)]
-    return evaluator.spans(rule.during or ast.Whole(), env)
+        return scopes.at(evaluator.moments(rule.at, env))
+    return spans(evaluator, rule.during or ast.Whole(), env)
 
 
 def _may_come(evaluator: Evaluator, rule: ast.Scoped) -> bool:
@@ -164,18 +157,8 @@ def _may_come(evaluator: Evaluator, rule: ast.Scoped) -> bool:
 
 
 def _band(evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope) -> Band:
-    """The band (T,) of an obligation, of which only the scope's frames mean anything.
-
-    From the first frame on at which an event that it refers to is not known, it is unknown.
-    """
-    outer, evaluator.horizon = evaluator.horizon, evaluator.frames
-    found = evaluator.alternative(what, env, _mask(evaluator, scope))
-    horizon, evaluator.horizon = evaluator.horizon, outer
-    if horizon >= evaluator.frames:
-        return found
-    lower, upper = found.lower.copy(), found.upper.copy()
-    lower[horizon:], upper[horizon:] = -np.inf, np.inf
-    return Band(lower, upper)
+    """The band (T,) of an obligation, of which only the scope's frames mean anything."""
+    return evaluator.alternative(what, env, _mask(evaluator, scope))
 
 
 def _judge_scope(
@@ -185,7 +168,8 @@ def _judge_scope(
     results = []
     for clause in clauses(rule):
         whole = _band(evaluator, clause.what, env, scope)
-        lower, upper, frame = _obligation(clause.kind, whole.at(scope.first, scope.stop), lasting)
+        found = whole.at(scope.first, scope.stop)
+        lower, upper, frame = _obligation(clause.kind, found, scope.sure, lasting)
         if scope.cut and clause.kind == "reach":
             upper = np.inf
         elif scope.cut:
@@ -197,23 +181,35 @@ def _judge_scope(
     return Instance(env, scope, lower, upper, decisive[2], decisive[3], resolved)
 
 
-def _obligation(kind: Kind, found: Band, lasting: int) -> tuple[float, float, int]:
-    """Bounds of one obligation's margin within a scope, and the frame (from its start) it rests on."""
+def _obligation(
+    kind: Kind, found: Band, sure: Bool | None, lasting: int
+) -> tuple[float, float, int]:
+    """Bounds of one obligation's margin within a scope, and the frame (from its start) it rests on.
+
+    ``sure``: which frames are certainly judged; only they can violate, but all must pass.
+    """
     if not len(found.lower):
         nothing = -np.inf if kind == "reach" else np.inf
         return nothing, nothing, 0
     if kind == "require":
-        lower, upper = float(found.lower.min()), float(found.upper.min())
-        return lower, upper, int(np.argmin(found.upper if upper < 0 else found.lower))
-    low, high = held_from(found.lower, lasting), held_from(found.upper, lasting)
-    best = low if low.max() >= 0 else high
+        upper = found.upper if sure is None else np.where(sure, found.upper, np.inf)
+        broken = bool(upper.min() < 0)
+        frame = int(np.argmin(upper if broken else found.lower))
+        return float(found.lower.min()), float(upper.min()), frame
+    least = found.lower
+    if kind == "forbid" and sure is not None:
+        least = np.where(sure, found.lower, -np.inf)
+    low, high = held_from(least, lasting), held_from(found.upper, lasting)
+    best, values = (low, least) if low.max() >= 0 else (high, found.upper)
     start = int(np.argmax(best))
-    window = (found.lower if best is low else found.upper)[start : start + lasting]
-    frame = start + int(np.argmin(window))
-    if kind == "reach":
+    frame = start + int(np.argmin(values[start : start + lasting]))
+    if kind == "forbid":
+        return (
+            float(negated(np.asarray(high.max()))),
+            float(negated(np.asarray(low.max()))),
+            frame,
+        )
+    if sure is None:
         return float(low.max()), float(high.max()), frame
-    return (
-        float(negated(np.asarray(high.max()))),
-        float(negated(np.asarray(low.max()))),
-        frame,
-    )
+    # a stretch that is not certain may be empty, or several, each of which would have to reach it
+    return -np.inf, float(high.max()) if sure.any() else np.inf, frame

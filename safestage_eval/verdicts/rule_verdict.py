@@ -73,6 +73,8 @@ def judge_rule(
     )
     if verdict.verdict == "inconclusive":
         why = f"{witness.signal} is not known at {seconds(verdict.worst_time)}"
+        if not worst.scope.certain[worst.frame - worst.scope.first]:
+            why = f"whether {seconds(verdict.worst_time)} belongs to its scope is not known"
         return replace(verdict, explanation=f"Cannot be decided: {why}.")
     return replace(verdict, explanation=sentence(evaluator, rule, worst, witness, verdict))
 

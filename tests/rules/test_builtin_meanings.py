@@ -10,6 +10,7 @@ from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.syntax import Call, Condition, Event, PhaseSpan, StateAtom
 from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.spans import spans
 
 RATE = 120.0
 RULES = load_rules([builtin_folder()])
@@ -141,7 +142,7 @@ def test_in_transit_from_the_onset_to_the_rest_after_release() -> None:
 
 def test_settling() -> None:
     def settle(found: Evaluator) -> list[tuple[int, int]]:
-        return [(s.first, s.stop) for s in found.spans(PhaseSpan(Call("settle", ("a",))), {})]
+        return [(s.first, s.stop) for s in spans(found, PhaseSpan(Call("settle", ("a",))), {})]
 
     still = evaluator(stands(scene(480, path(480, (0, 0, 0))), (0, 480)))
     assert settle(still) == []  # never moved
@@ -159,11 +160,11 @@ def test_a_motion_begun_before_success_is_followed_to_its_end() -> None:
     where = path(240, (0, 0, 0), (60, 0, 0), (120, 0.2, 0))
     rolling = stands(scene(240, where), (0, 240))
     exposure = PhaseSpan(Call("exposure", ("a",)))
-    (span,) = evaluator(rolling, success=90).spans(exposure, {})
+    (span,) = spans(evaluator(rolling, success=90), exposure, {})
     assert (span.first, span.stop) == (0, pytest.approx(121, abs=2))
-    (span,) = evaluator(rolling, success=200).spans(exposure, {})
+    (span,) = spans(evaluator(rolling, success=200), exposure, {})
     assert (span.first, span.stop) == (0, 200)
-    (span,) = evaluator(rolling).spans(exposure, {})
+    (span,) = spans(evaluator(rolling), exposure, {})
     assert (span.first, span.stop) == (0, 240)
 
 
@@ -185,4 +186,4 @@ def test_goals_ask_for_letting_go() -> None:
 def test_success_latches() -> None:
     found = evaluator(stands(scene(60, path(60, (0, 0, 0))), (0, 60)), success=20)
     assert np.flatnonzero(true(found, "succeeded")).tolist() == list(range(20, 60))
-    assert found.instants(Event("success"), {}) == [20]
+    assert found.moments(Event("success"), {}) == [(20, 20, True)]

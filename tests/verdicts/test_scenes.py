@@ -118,6 +118,19 @@ def test_a_slow_push_towards_the_protected_object_is_transit() -> None:
     assert found.value == pytest.approx(0.02, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("reach", "expected"), [(0.38, "violation"), (0.30, "pass"), (0.25, "pass")]
+)
+def test_without_forces_a_carry_is_judged_by_its_clearance(reach: float, expected: str) -> None:
+    """When it was let go is not known; how near it came is."""
+    frames = 480
+    x = np.clip(np.arange(frames) / 120 * 0.2, 0, reach)
+    scene = with_hand(Scene(frames).fixed("table").box("p", 0.05, (0.5, 0, 0.05)))
+    scene.box("t", 0.05, np.column_stack([x, 0 * x, 0 * x + 0.05]))
+    blind = scene.episode(roles=ROLES, force_source="none")
+    assert verdict(blind, "ETS201").verdict == expected
+
+
 def test_a_dependent_set_down_from_three_centimetres_is_not_lost() -> None:
     """Picked off the can, released 3 cm above the table: a safe solution stays safe."""
     frames = 480

@@ -1,11 +1,12 @@
 """The rule language's truth table, and the laws of margins, over given series."""
 
+import itertools
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import G, Scene
 from toy import Facts, judge_toy, series
@@ -13,10 +14,12 @@ from toy import Facts, judge_toy, series
 from safestage_eval.rules.files import RuleFile
 from safestage_eval.rules.load import merge
 from safestage_eval.verdicts import judge
+from safestage_eval.verdicts.verdict import Verdict
 
 DEFAULTS = (Path(__file__).parents[2] / "rules" / "defaults.toml").read_text(encoding="utf-8")
 TOY = '[ruleset]\nformat = 1\nname = "toy"\nversion = "1"\n'
 
+BOTH = 'given = { any = ["q(b)", { "q(b)" = false }, "p(a)"] }'
 FORBID_UNTIL = 'forbid = "p(a)"\nuntil = "q(b)"'
 
 
@@ -66,8 +69,46 @@ FORBID_UNTIL = 'forbid = "p(a)"\nuntil = "q(b)"'
             "111110",
             "10??00",
             False,
+            "pass",
+        ),
+        (
+            'at = "start of q(b)"\nrequire = { "p(a)" = true }',
+            "110110",
+            "10??00",
+            False,
             "inconclusive",
         ),
+        (
+            'at = "start of q(b)"\nrequire = { "p(a)" = true }',
+            "011110",
+            "10??00",
+            False,
+            "violation",
+        ),
+        # what holds, or is broken, however the unknown turns out is decided
+        ('during = "q(b)"\nrequire = { "p(a)" = true }', "111100", "11??00", False, "pass"),
+        ('during = "q(b)"\nrequire = { "p(a)" = true }', "011111", "11????", False, "violation"),
+        ('during = "q(b)"\nforbid = "p(a)"', "000001", "??10??", True, "inconclusive"),
+        ('during = "q(b)"\nforbid = "p(a)"', "001000", "??1???", True, "violation"),
+        (FORBID_UNTIL, "010000", "00???1", False, "violation"),
+        (FORBID_UNTIL, "000001", "00???1", False, "pass"),
+        (
+            'during = "first 2 frames of q(b)"\nforbid = "p(a)"',
+            "000010",
+            "0?1111",
+            False,
+            "pass",
+        ),
+        (
+            'during = "2 frames after q(b)"\nforbid = "p(a)"',
+            "001000",
+            "0?1111",
+            False,
+            "violation",
+        ),
+        ('forbid = ["p(a)", "q(b)"]\nfor = "3 frames"', "011000", "000110", False, "violation"),
+        ('forbid = ["p(a)", "q(b)"]\nfor = "3 frames"', "010100", "001000", False, "violation"),
+        ('forbid = ["p(a)", "q(b)"]\nfor = "3 frames"', "010010", "001000", False, "pass"),
         (
             'during = "last 1 frames of q(b)"\nrequire = { "p(a)" = true }',
             "001000",
@@ -241,3 +282,71 @@ def test_an_unknown_frame_never_decides(truth: list[str], data: st.DataObject) -
     filled = "".join(data.draw(st.sampled_from("01")) if c == "?" else c for c in text)
     full = Facts({"height(a)": series(filled), "height(b)": series(q)})
     assert found in ("inconclusive", judge_toy(full, rule).verdict)
+
+
+RULES = [
+    FORBID_UNTIL,
+    FORBID_UNTIL + '\nfor = "2 frames"',
+    'during = "q(b)"\nrequire = { "p(a)" = true }',
+    'during = "q(b)"\nreach = "p(a)"',
+    'during = "from q(b) to p(a)"\nrequire = { "lasting(b)" = true }',
+    'during = "from start of q(b) to end of p(a)"\nforbid = "p(a)"\nfor = "2 frames"',
+    'during = "2 frames after q(b)"\nreach = "p(a)"',
+    'during = "2 frames before end of q(b)"\nforbid = "p(a)"',
+    'during = "first 2 frames of q(b)"\nreach = "p(a)"',
+    'during = "last 2 frames of q(b)"\nforbid = { any = ["p(a)", "lasting(a)"] }',
+    'during = "episode while q(b)"\nreach = "p(a)"\nuntil = "lasting(a)"',
+    'at = "q(b)"\nrequire = { "p(a)" = true }',
+    'at = "end of q(b)"\nforbid = ["p(a)", "q(b)"]',
+    'given = { "q(b)" = true }\nreach = { "lasting(a)" = true, "p(a)" = true }',
+    'require = { "since_q(a, b)" = false }',
+    'during = "shown(b)"\nforbid = "p(a)"',
+]
+MORE = """
+[state.lasting]
+of = ["x"]
+when = { "height(x)" = ">= 0 m" }
+for = "2 frames"
+gap = "1 frame"
+[state.since_q]
+of = ["x", "y"]
+when = { "p(x)" = true }
+until = "q(y)"
+[phase.shown]
+of = ["x"]
+span = "first 2 frames of q(x)"
+fallback = "last 2 frames of episode"
+"""
+
+
+@pytest.mark.parametrize("rule", RULES)
+@settings(deadline=None, max_examples=50)
+@given(frames=st.integers(1, 6), data=st.data())
+def test_what_is_decided_stays_so_whatever_the_unknown_turns_out_to_be(
+    rule: str, frames: int, data: st.DataObject
+) -> None:
+    """A trace of which part is hidden is never judged differently from any that it may be."""
+    texts = [
+        "".join(data.draw(st.lists(st.sampled_from("01?"), min_size=frames, max_size=frames)))
+        for _ in range(2)
+    ]
+    if "".join(texts).count("?") > 5:
+        return
+    text = f"{rule}\n{'' if 'q(b)' in rule and 'p(a)' in rule else BOTH}\n{MORE}"
+
+    def judged(p: str, q: str) -> Verdict:
+        return judge_toy(Facts({"height(a)": series(p), "height(b)": series(q)}), text)
+
+    found = judged(*texts)
+    fills = itertools.product("01", repeat="".join(texts).count("?"))
+    for fill in fills:
+        bits = iter(fill)
+        p, q = ("".join(next(bits) if c == "?" else c for c in text) for text in texts)
+        full = judged(p, q)
+        assert full.verdict != "inconclusive" or "after" in rule
+        safe = {"pass", "not_applicable"}
+        assert (
+            found.verdict in ("inconclusive", full.verdict)
+            or full.verdict == "inconclusive"
+            or {found.verdict, full.verdict} <= safe
+        ), (p, q, found.verdict, full.verdict)

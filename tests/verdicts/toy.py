@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import tomllib
 from types import SimpleNamespace
 from typing import Any
@@ -62,6 +63,7 @@ class Facts:
         return self._series[f"{name}({', '.join(bodies)})"] > 0
 
 
+@functools.lru_cache(maxsize=256)
 def ruleset(text: str) -> ast.RuleSet:
     """A rule set of one file's text."""
     return merge([RuleFile("toy.toml", text, tomllib.loads(text), asked=True)])

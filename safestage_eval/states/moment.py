@@ -1,0 +1,100 @@
+"""When something begins or ends, as far as it is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from .band import Band, Bool
+from .persistence import runs
+
+
+class Truth(NamedTuple):
+    """The frames (T,) at which something certainly holds, and at which it may."""
+
+    sure: Bool
+    possible: Bool
+
+    @property
+    def known(self) -> bool:
+        """Nothing about it is open."""
+        return bool((self.sure == self.possible).all())
+
+
+class Moment(NamedTuple):
+    """It happens at one frame from ``first`` to ``last``, both included; or, if not sure, perhaps."""
+
+    first: int
+    last: int
+    sure: bool = True
+
+    @property
+    def known(self) -> bool:
+        """It certainly happens, and at one known frame."""
+        return self.sure and self.first == self.last
+
+
+def truth_of(band: Band) -> Truth:
+    """Where a margin is certainly, and possibly, at least 0."""
+    return Truth(band.true, ~band.false)
+
+
+def starts(truth: Truth) -> list[Moment]:
+    """The beginnings of the stretches in which something holds, in order.
+
+    What holds at the first frame starts there. A possible stretch that holds a certain frame
+    begins at that frame at the latest; behind every gap that is not known it may begin again.
+    """
+    out: list[Moment] = []
+    if truth.known:
+        return [Moment(int(first), int(first)) for first, _ in runs(truth.sure)]
+    for first, stop in runs(truth.possible):
+        blocks = first + runs(truth.sure[first:stop])
+        if not len(blocks):
+            out.append(Moment(int(first), int(stop) - 1, sure=False))
+            continue
+        out.append(Moment(int(first), int(blocks[0, 0])))
+        out += [
+            Moment(int(before) + 1, int(begin), sure=False)
+            for before, begin in zip(blocks[:-1, 1], blocks[1:, 0], strict=True)
+        ]
+        if blocks[-1, 1] + 1 < stop:
+            out.append(Moment(int(blocks[-1, 1]) + 1, int(stop) - 1, sure=False))
+    return out
+
+
+def ends(truth: Truth) -> list[Moment]:
+    """The first frames behind the stretches in which something holds, in order.
+
+    What holds at the last frame has no end.
+    """
+    frames, out = len(truth.sure), list[Moment]()
+    if truth.known:
+        return [Moment(int(stop), int(stop)) for _, stop in runs(truth.sure) if stop < frames]
+    for first, stop in runs(truth.possible):
+        blocks = first + runs(truth.sure[first:stop])
+        begin = int(first) if not len(blocks) else int(blocks[-1, 1])
+        if len(blocks) and blocks[0, 0] > first + 1:
+            out.append(Moment(int(first) + 1, int(blocks[0, 0]) - 1, sure=False))
+        out += [
+            Moment(int(before), int(after) - 1, sure=False)
+            for before, after in zip(blocks[:-1, 1], blocks[1:, 0], strict=True)
+        ]
+        last = min(int(stop), frames - 1)
+        if not len(blocks):
+            begin += 1
+        if begin <= last:
+            out.append(Moment(begin, last, sure=bool(len(blocks)) and stop < frames))
+    return out
+
+
+def frames_of(moments: Sequence[Moment], frames: int) -> Truth:
+    """(T,) the frames at which one of the moments certainly, and possibly, is."""
+    sure, possible = np.zeros(frames, np.bool_), np.zeros(frames, np.bool_)
+    for moment in moments:
+        possible[moment.first : moment.last + 1] = True
+        if moment.known and moment.first < frames:
+            sure[moment.first] = True
+    return Truth(sure, possible)

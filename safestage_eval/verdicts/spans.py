@@ -1,0 +1,69 @@
+"""Spans of the rule language over one episode, as far as they are known."""
+
+from __future__ import annotations
+
+from safestage_eval.rules import syntax as ast
+from safestage_eval.states import moment, scope
+from safestage_eval.states.scope import Scope
+
+from .evaluate import Env, Evaluator
+
+
+def spans(evaluator: Evaluator, span: ast.Span, env: Env) -> list[Scope]:
+    """The stretches of frames that a span names, in order."""
+    match span:
+        case ast.Whole():
+            return [Scope(0, evaluator.frames, evaluator.truncated)]
+        case ast.PhaseSpan(call):
+            return _phase(evaluator, call, env)
+        case ast.StateSpan(call):
+            truth = moment.truth_of(evaluator.state(call, env))
+            return scope.of_truth(truth, truncated=evaluator.truncated)
+        case ast.Part(which, duration, of):
+            part = scope.first_part if which == "first" else scope.last_part
+            return part(spans(evaluator, of, env), evaluator.count(duration))
+        case ast.Around("after", duration, event):
+            found = evaluator.moments(event, env)
+            return scope.after(found, evaluator.count(duration), evaluator.frames)
+        case ast.Around(_, duration, event):
+            found = evaluator.moments(event, env)
+            cut = evaluator.truncated and event.kind == "end"
+            return scope.before(found, evaluator.count(duration), cut=cut)
+        case ast.FromTo(begin, stop):
+            return scope.from_to(
+                evaluator.truth(begin, env),
+                evaluator.truth(stop, env),
+                truncated=evaluator.truncated,
+            )
+        case ast.While(of, call):
+            truth = moment.truth_of(evaluator.state(call, env))
+            return scope.within(spans(evaluator, of, env), truth)
+
+
+def _phase(evaluator: Evaluator, call: ast.Call, env: Env) -> list[Scope]:
+    """A declared phase; its fallback where it is empty, both perhaps where that is not known."""
+    phase = evaluator.rules.phases[call.name]
+    inner = {
+        formal: env.get(actual, actual) for formal, actual in zip(phase.of, call.args, strict=True)
+    }
+    found = spans(evaluator, phase.span, inner)
+    if phase.fallback is None or any(s.exists for s in found):
+        return found
+    instead = spans(evaluator, phase.fallback, inner)
+    return [*found, *(s.perhaps() for s in instead)] if found else instead
+
+
+def may_recur(span: ast.Span, evaluator: Evaluator) -> bool:
+    """Another stretch of the span may begin after the trace's last frame."""
+    match span:
+        case ast.PhaseSpan(call):
+            return may_recur(evaluator.rules.phases[call.name].span, evaluator)
+        case ast.Part(_, _, of):
+            return may_recur(of, evaluator)
+        case ast.FromTo(event, _) | ast.Around("after", _, event):
+            if event.kind == "success":
+                return evaluator.success is None
+            return event.kind == "state"
+        case ast.StateSpan() | ast.Around() | ast.While():
+            return True
+    return False
