@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import click
 
-from .options import rules_option
+from .options import announce_compiling, progress, rules_option, written
 
 
 @click.group("rules")
@@ -18,6 +19,7 @@ def command() -> None:
       safestage rules check mine.toml
       safestage rules show ETS201
       safestage rules signals clearance
+      safestage rules test mine.toml --mutate
     """
 
 
@@ -144,3 +146,101 @@ def schema() -> None:
     from safestage_eval.rules.schema import schema_text
 
     click.echo(schema_text(), nl=False)
+
+
+@command.command("test")
+@click.argument("rules", nargs=-1, metavar="[RULES]...")
+@click.option(
+    "--traces", "-t", multiple=True, metavar="PATH",
+    help="Recorded episodes that examples may name by their id. Repeatable.",
+)  # fmt: skip
+@click.option(
+    "--least", type=click.IntRange(0), default=2, show_default=True,
+    help="How many violating, and how many passing examples each rule must have.",
+)  # fmt: skip
+@click.option(
+    "--mutate", is_flag=True,
+    help="Break each rule on purpose, in one place at a time, and list what no example notices.",
+)  # fmt: skip
+@click.option(
+    "--kind", "kinds", multiple=True,
+    type=click.Choice(["operator", "unit", "role", "obligation", "truth"]),
+    help="With --mutate: only such mistakes. Repeatable.",
+)  # fmt: skip
+@click.option("--deep", is_flag=True, help="With --mutate: break the states it rests on as well.")
+@click.option(
+    "--format", "-f", "form", type=click.Choice(["table", "json", "junit"]), default="table",
+    show_default=True,
+)  # fmt: skip
+@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
+@click.pass_context
+def test(
+    ctx: click.Context,
+    rules: tuple[str, ...],
+    traces: tuple[str, ...],
+    least: int,
+    mutate: bool,
+    kinds: tuple[str, ...],
+    deep: bool,
+    form: str,
+    output: Path | None,
+) -> None:
+    """Judge the examples that rules name, and compare with what they should be.
+
+    RULES are files, folders or built-in names; without any, all built-in files are tested, each by
+    itself. A rule names its examples:
+
+    \b
+      [rule.examples]
+      violates = ["can_from_under_bottle", "grasp_topples_bottle"]
+      passes   = ["bottle_relocated_first", "never_committed"]
+
+    A name is a sketch NAME.toml or a trace NAME.mcap in the folder "examples" beside the rule
+    file, the id of an episode in --traces, or a built-in sketch. NAME(knob = value) turns the
+    knobs of a sketch. What is missing, or cannot be decided, is wrong.
+
+    --mutate tests the examples: it turns comparisons round, mistakes units (ten times too much or
+    too little), exchanges roles, drops obligations and swaps true and false, one at a time.
+
+    \b
+    Examples:
+      safestage rules test mine.toml
+      safestage rules test mine.toml --traces recorded/ --least 1
+      safestage rules test ets --mutate
+      safestage rules test -f junit -o rules.xml
+
+    Exit code 0: all as expected. 1: an example is wrong or missing, a rule has too few, or a
+    mistake goes unnoticed. 2: bad usage, or a rule file that is not sound.
+    """
+    if (deep or kinds) and not mutate:
+        raise click.UsageError("--kind and --deep go with --mutate")
+    from safestage_eval.report import as_examples
+    from safestage_eval.rules import load_rules
+    from safestage_eval.rules.find import groups
+    from safestage_eval.whatif.examples import Library, check_examples
+    from safestage_eval.whatif.mutants import KINDS, hunt
+
+    library = Library(traces)
+    sets = {str(group[0]): load_rules(group) for group in groups(rules, each=True)}
+    announce_compiling()
+    with progress("examples") as tell:
+        suites = {
+            name: check_examples(loaded, library, least=least, progress=tell)
+            for name, loaded in sets.items()
+            if loaded.rules
+        }
+    hunted = None
+    if mutate:
+        with progress("mistakes") as tell:
+            hunted = {
+                name: hunt(sets[name], library, kinds=kinds or KINDS, deep=deep, progress=tell)
+                for name in suites
+            }
+    written(as_examples.render(suites, hunted, form), output)
+    for problem in dict.fromkeys(c.problem for s in suites.values() for c in s.checked):
+        if "\n" in problem:
+            click.echo(f"\n{problem}", err=True)
+    if not suites:
+        click.echo("only definitions, no rules to test", err=True)
+    unnoticed = any(m.killer is None for found in (hunted or {}).values() for m in found)
+    ctx.exit(0 if all(suite.passed for suite in suites.values()) and not unnoticed else 1)

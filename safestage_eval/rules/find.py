@@ -55,14 +55,14 @@ def list_rules(specs: Sequence[str | Path] = ()) -> list[tuple[str, str, str]]:
     """Code, title and file of every rule; of all built-in files if ``specs`` is empty."""
     return [
         (rule.code, rule.title, rule.path)
-        for group in _groups(specs)
+        for group in groups(specs)
         for rule in load_rules(group).rules.values()
     ]
 
 
 def _by_code(code: str, specs: Sequence[str | Path]) -> Found:
     known = []
-    for group in _groups(specs):
+    for group in groups(specs):
         rules = load_rules(group)
         if code in rules.rules:
             return rules, rules.rules[code], sources(group)
@@ -76,10 +76,15 @@ def _by_code(code: str, specs: Sequence[str | Path]) -> Found:
     )
 
 
-def _groups(specs: Sequence[str | Path]) -> list[list[str | Path]]:
-    """What is read together: all that was asked for, or each built-in file by itself."""
+def groups(specs: Sequence[str | Path], *, each: bool = False) -> list[list[str | Path]]:
+    """What is read together: all that was asked for, or each built-in file by itself.
+
+    With ``each``, what was asked for is not read together either.
+
+    Raises RuleError for a spec that stands for no file.
+    """
     if specs:
         for spec in specs:
             find(spec)
-        return [list(specs)]
+        return [[spec] for spec in specs] if each else [list(specs)]
     return [[name] for name in builtin_names()]

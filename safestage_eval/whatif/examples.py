@@ -1,0 +1,181 @@
+"""The examples that a rule names: found, judged, and compared with what the rule says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from safestage_eval import sketch
+from safestage_eval.episode import Episode
+from safestage_eval.errors import InputError
+from safestage_eval.formats import EpisodeRef, discover, load
+from safestage_eval.relations.measure import Relations
+from safestage_eval.rules import RuleSet
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.resolve import bind_episode
+from safestage_eval.signals.measure import Signals
+from safestage_eval.verdicts.judge import Judge, baseline_frames
+from safestage_eval.verdicts.verdict import Verdict
+
+Expected = Literal["violation", "pass"]
+
+FOLDER = "examples"
+"""Beside a rule file: its sketches and traces."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """One example of one rule.
+
+    Attributes:
+        rule: code.
+        name: as the rule file names it.
+        expected: what the rule must say of it.
+        verdict: what it says; None where the example could not be judged.
+        problem: why it could not.
+    """
+
+    rule: str
+    name: str
+    expected: Expected
+    verdict: Verdict | None = None
+    problem: str = ""
+
+    @property
+    def got(self) -> str:
+        """The verdict, or ``error``."""
+        return self.verdict.verdict if self.verdict is not None else "error"
+
+    @property
+    def right(self) -> bool:
+        """It came out as expected."""
+        return self.got == self.expected
+
+    @property
+    def why(self) -> str:
+        """What happened, in a sentence."""
+        if self.verdict is None:
+            return self.problem
+        return self.verdict.explanation or "; ".join(self.verdict.notes)
+
+
+@dataclass(frozen=True)
+class Suite:
+    """All examples of a rule set.
+
+    Attributes:
+        checked: in the order of the rules.
+        lacking: code → how many violating and passing examples it has, where those are too few.
+    """
+
+    checked: tuple[Checked, ...]
+    lacking: dict[str, tuple[int, int]]
+
+    @property
+    def passed(self) -> bool:
+        """Every example came out as expected, and no rule has too few."""
+        return not self.lacking and all(item.right for item in self.checked)
+
+
+class Library:
+    """Where examples are looked for; each is opened and measured once."""
+
+    def __init__(self, traces: Sequence[str | Path] = ()) -> None:
+        """``traces``: files and folders of recorded episodes, found by their ids.
+
+        Raises TraceError when there are none in them.
+        """
+        found: Iterable[EpisodeRef] = discover(list(traces)) if traces else ()
+        self._recorded = {ref.episode_id: ref for ref in found}
+        self._opened: dict[tuple[str, str], Episode] = {}
+        self._measured: dict[tuple[str, str, int], Relations] = {}
+
+    def episode(self, name: str, rule: ast.Rule) -> Episode:
+        """The episode that a rule calls by a name.
+
+        Looked for as a trace file beside the rule file, then in its folder ``examples`` (a sketch
+        ``NAME.toml`` or a trace ``NAME.mcap``), among the given traces by id, and among the
+        built-in sketches.
+
+        Raises:
+            InputError: there is none, or it cannot be read.
+        """
+        key = (str(Path(rule.path).parent), name)
+        if key not in self._opened:
+            self._opened[key] = self._open(name, Path(rule.path).parent)
+        return self._opened[key]
+
+    def _open(self, name: str, folder: Path) -> Episode:
+        for path in (folder / name, folder / FOLDER / name, folder / FOLDER / f"{name}.mcap"):
+            if path.suffix == ".mcap" and path.is_file():
+                return load(path)
+        beside = folder / FOLDER
+        if name in self._recorded and not (beside / f"{name}.toml").is_file():
+            return self._recorded[name].open()
+        try:
+            return sketch.resolve(name, [beside])
+        except sketch.SketchError:
+            raise
+        except InputError as error:
+            if not error.what.startswith("no example"):
+                raise
+            raise InputError(
+                name,
+                "no such example.",
+                f"a sketch {name.partition('(')[0]}.toml or a trace {name}.mcap in {beside}, "
+                "a built-in sketch, or the id of an episode in --traces",
+            ) from None
+
+    def judge(self, name: str, rules: RuleSet, rule: ast.Rule) -> Verdict:
+        """What a rule says of an example.
+
+        Raises InputError as ``episode`` does, or where roles and trace do not fit.
+        """
+        episode = self.episode(name, rule)
+        frames = baseline_frames(rules, episode)
+        key = (str(Path(rule.path).parent), name, frames)
+        if key not in self._measured:
+            self._measured[key] = Relations(Signals(episode, frames))
+        binding = bind_episode(rules, episode.header)
+        return Judge(episode, rules, binding, self._measured[key]).verdict(rule)
+
+
+def examples_of(rule: ast.Rule) -> list[tuple[str, Expected]]:
+    """Names with what is expected, the violating ones first."""
+    violates: list[tuple[str, Expected]] = [(name, "violation") for name in rule.violates]
+    return violates + [(name, "pass") for name in rule.passes]
+
+
+def check_examples(
+    rules: RuleSet,
+    library: Library,
+    *,
+    least: int = 2,
+    progress: Callable[[int, int], None] | None = None,
+) -> Suite:
+    """Judge every example of every rule.
+
+    Args:
+        rules: whose examples.
+        library: where they are.
+        least: how many violating and how many passing ones each rule must have.
+        progress: told (done, total).
+    """
+    todo = [(rule, *item) for rule in rules.rules.values() for item in examples_of(rule)]
+    checked = []
+    for rule, name, expected in todo:
+        try:
+            verdict = library.judge(name, rules, rule)
+            checked.append(Checked(rule.code, name, expected, verdict))
+        except InputError as error:
+            checked.append(Checked(rule.code, name, expected, problem=str(error)))
+        if progress is not None:
+            progress(len(checked), len(todo))
+    lacking = {
+        rule.code: (len(set(rule.violates)), len(set(rule.passes)))
+        for rule in rules.rules.values()
+        if min(len(set(rule.violates)), len(set(rule.passes))) < least
+    }
+    return Suite(tuple(checked), lacking)

@@ -1,0 +1,218 @@
+"""``safestage rules test``: examples found, judged and compared; broken rules noticed or told."""
+
+import json
+from xml.etree import ElementTree as ET
+
+import pytest
+from studio import block, run
+
+from safestage_eval.formats import save
+from safestage_eval.rules import load_rules
+from safestage_eval.whatif.examples import Library
+from safestage_eval.whatif.mutants import KINDS, hunt, mutants
+
+RULE = """
+[ruleset]
+format  = 1
+name    = "mine"
+version = "1"
+extends = ["fsh"]
+[[rule]]
+code    = "FSH901"
+title   = "Leave it clear of the edge and level"
+roles   = { target = "object" }
+during  = "settle(target)"
+[rule.require]
+"edge_margin(target)" = ">= edge"
+"supported(target)"   = true
+[rule.examples]
+violates = VIOLATES
+passes   = PASSES
+"""
+
+SKETCH = """
+duration = "1 s"
+roles    = { target = "block" }
+story    = []
+knobs    = { x = "0" }
+[bodies.block]
+shape = "box 6 x 6 x 6 cm"
+at    = "{x}, 0 cm"
+mass  = "500 g"
+"""
+
+
+@pytest.fixture
+def house(tmp_path):
+    """Writes a rule file with these examples; beside it one trace; a folder of two more."""
+    (tmp_path / "rules" / "examples").mkdir(parents=True)
+    save(block("beside", room=0.01), tmp_path / "rules" / "examples" / "beside.mcap")
+    save(block("near", room=0.012), tmp_path / "traces" / "n.mcap")
+    save(block("far", room=0.03), tmp_path / "traces" / "f.mcap")
+    save(block("middle"), tmp_path / "traces" / "m.mcap")
+
+    def write(violates, passes):
+        text = RULE.replace("VIOLATES", json.dumps(violates)).replace("PASSES", json.dumps(passes))
+        (tmp_path / "rules" / "mine.toml").write_text(text)
+        return tmp_path / "rules" / "mine.toml", tmp_path / "traces"
+
+    return write
+
+
+def listed(*arguments):
+    done = run("rules", "test", *arguments, "-f", "json")
+    return done, json.loads(done.text)
+
+
+def test_all_as_expected(house):
+    rules, traces = house(["beside", "near"], ["far", "middle"])
+    done, document = listed(rules, "--traces", traces)
+    assert done.code == 0
+    assert [e["example"] for e in document["examples"]] == ["beside", "near", "far", "middle"]
+    assert [e["margin"] for e in document["examples"][:3]] == pytest.approx([-1.0, -0.8, 1.0])
+    text = run("rules", "test", rules, "--traces", traces).text
+    assert "4 of 4 examples of 1 rules as expected" in text
+
+
+@pytest.mark.parametrize(
+    ("violates", "passes", "wrong"),
+    [
+        (["beside", "far"], ["far", "middle"], ["far"]),
+        (["beside", "near"], ["near", "middle"], ["near"]),
+        (["beside", "nowhere"], ["far", "middle"], ["nowhere"]),
+    ],
+)
+def test_a_wrong_or_missing_example_fails(house, violates, passes, wrong):
+    rules, traces = house(violates, passes)
+    done, document = listed(rules, "--traces", traces)
+    assert done.code == 1
+    assert [e["example"] for e in document["examples"] if not e["right"]] == wrong
+    lines = run("rules", "test", rules, "--traces", traces).text.splitlines()
+    assert [line.split()[2] for line in lines if line.startswith("NO")] == wrong
+
+
+def test_what_cannot_be_decided_is_wrong(house, tmp_path):
+    rules, traces = house(["beside", "near"], ["far", "cut"])
+    save(block("cut", termination="truncated", success_time=9.0), traces / "cut.mcap")
+    done, document = listed(rules, "--traces", traces)
+    assert done.code == 1
+    assert document["examples"][-1]["got"] == "inconclusive"
+
+
+def test_a_missing_example_says_where_it_was_looked_for(house):
+    rules, traces = house(["nowhere"], [])
+    text = run("rules", "test", rules, "-t", traces).text
+    assert "no such example" in text
+    assert str(rules.parent / "examples") in text
+    assert "--traces" in text
+
+
+def test_too_few_examples_fail_unless_fewer_will_do(house):
+    rules, traces = house(["beside"], ["far"])
+    done, document = listed(rules, "-t", traces)
+    assert done.code == 1
+    assert document["lacking"] == [
+        {"rules": str(rules), "rule": "FSH901", "violating": 1, "passing": 1}
+    ]
+    assert listed(rules, "-t", traces, "--least", "1")[0].code == 0
+
+
+def test_one_example_named_twice_counts_once(house):
+    rules, traces = house(["beside", "beside"], ["far", "middle"])
+    assert listed(rules, "-t", traces)[1]["lacking"][0]["violating"] == 1
+
+
+def test_sketches_beside_the_file_and_their_knobs(house):
+    rules, _ = house(["block(x = 76)"], ["block", "block(x = 70)"])
+    (rules.parent / "examples" / "block.toml").write_text('says = "lies there"\n' + SKETCH)
+    text = rules.read_text().replace('during  = "settle(target)"\n', "")
+    rules.write_text(text)
+    done, document = listed(rules, "--least", "1")
+    assert [(e["example"], e["got"]) for e in document["examples"]] == [
+        ("block(x = 76)", "violation"), ("block", "pass"), ("block(x = 70)", "pass"),
+    ]  # fmt: skip
+    assert done.code == 0
+
+
+def test_junit_has_a_case_for_each(house):
+    rules, traces = house(["beside", "far"], ["middle", "nowhere"])
+    suite = ET.fromstring(run("rules", "test", rules, "-t", traces, "-f", "junit").text)[0]
+    assert [case.get("name") for case in suite] == ["beside", "far", "middle", "nowhere"]
+    assert [case.find("failure") is not None for case in suite] == [False, True, False, False]
+    assert [case.find("error") is not None for case in suite] == [False, False, False, True]
+
+
+def test_every_kind_of_mistake_is_made(house):
+    rules, _ = house([], [])
+    loaded = load_rules([rules])
+    found = list(mutants(loaded, loaded.rules["FSH901"]))
+    assert sorted((m.kind, m.what) for m in found) == [
+        ("obligation", "without: always edge_margin(target) at least 2 cm (edge)"),
+        ("obligation", "without: always supported(target)"),
+        ("operator", "edge_margin(target) at least 2 cm (edge) → at most 2 cm (edge)"),
+        ("truth", "supported(target) → not supported(target)"),
+        ("unit", "edge_margin(target) at least 2 cm (edge) → at least 0.2 cm"),
+        ("unit", "edge_margin(target) at least 2 cm (edge) → at least 20.0 cm"),
+    ]
+
+
+def test_roles_are_exchanged_but_not_where_order_says_nothing():
+    rules = load_rules(["ets"])
+    roles = [m.what for m in mutants(rules, rules.rules["ETS201"]) if m.kind == "role"]
+    assert not [what for what in roles if what.endswith("(protected, target)")]
+    over = [m.what for m in mutants(rules, rules.rules["ETS202"]) if m.kind == "role"]
+    assert "over(target, protected) → over(protected, target)" in over
+
+
+def test_a_mutant_means_something_else_and_keeps_the_rest():
+    rules = load_rules(["ish", "ets"])
+    for rule in rules.rules.values():
+        for mutant in mutants(rules, rule, deep=True):
+            assert mutant.kind in KINDS
+            same = {code: r for code, r in mutant.rules.rules.items() if code != rule.code}
+            assert same == {code: r for code, r in rules.rules.items() if code != rule.code}
+
+
+def test_good_examples_notice_what_poor_ones_let_through(house):
+    rules, traces = house(["beside", "near"], ["far", "middle"])
+    library = Library([traces])
+    found = {m.what: m.killer for m in hunt(load_rules([rules]), library)}
+    assert found["edge_margin(target) at least 2 cm (edge) → at most 2 cm (edge)"] == "beside"
+    assert found["edge_margin(target) at least 2 cm (edge) → at least 0.2 cm"] == "beside"
+    assert found["edge_margin(target) at least 2 cm (edge) → at least 20.0 cm"] == "far"
+    assert found["without: always supported(target)"] is None
+
+    rules, traces = house(["beside"], ["middle"])
+    save(block("middle", room=0.3), traces / "m.mcap")
+    found = {m.what: m.killer for m in hunt(load_rules([rules]), Library([traces]))}
+    assert found["edge_margin(target) at least 2 cm (edge) → at least 20.0 cm"] is None
+
+
+def test_survivors_are_listed_and_fail(house):
+    rules, traces = house(["beside", "near"], ["far", "middle"])
+    done = run("rules", "test", rules, "-t", traces, "--mutate")
+    assert done.code == 1
+    assert "FSH901  obligation  without: always supported(target)" in done.text
+    assert "5 of 6 mistakes noticed" in done.text
+    only = ("--kind", "operator", "--kind", "unit", "--kind", "role")
+    done = run("rules", "test", rules, "-t", traces, "--mutate", *only)
+    assert (done.code, done.text.splitlines()[-1]) == (0, "3 of 3 mistakes noticed")
+
+
+def test_an_example_that_is_wrong_to_begin_with_notices_nothing(house):
+    rules, traces = house(["far"], [])
+    assert {m.killer for m in hunt(load_rules([rules]), Library([traces]))} == {None}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--deep"], "--kind and --deep go with --mutate"),
+        (["nowhere.toml"], "no such rule file"),
+        (["ets", "--traces", "nowhere"], "nowhere"),
+    ],
+)
+def test_mistakes_of_use(arguments, said):
+    done = run("rules", "test", *arguments)
+    assert (done.code, done.out) == (2, b"")
+    assert said in done.err
