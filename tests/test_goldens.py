@@ -95,7 +95,7 @@ def test_a_copied_rule_file_judges_by_its_own_numbers(
 ) -> None:
     for name in ("defaults.toml", "fsh.toml"):
         text = (RULES / name).read_text(encoding="utf-8")
-        text = text.replace('edge    = "2 cm"', 'edge    = "5 mm"')
+        text = text.replace('edge           = "2 cm"', 'edge           = "5 mm"')
         (tmp_path / name).write_text(text, encoding="utf-8")
     episode = find(refs, "bottle_on_shelf.reference-unsafe").open()
     verdicts = [

@@ -208,11 +208,11 @@ def _check_names(step: Step, solids: Mapping[str, Solid], *, gripper: bool) -> N
         [] if isinstance(step, Reach | Channel) else [named] if isinstance(named, str) else named
     )
     names = [*names, *([step.of] if isinstance(step, Channel) else [])]
-    if isinstance(step, Touch) and step.by != "gripper":
+    if isinstance(step, Touch) and step.by not in ("gripper", *hand.NAMES):
         names.append(step.by)
     for name in names:
         if name not in solids:
             raise ValueError(f"{name!r} is no body of this scene: {', '.join(solids)}")
-    needs = isinstance(step, Hold | Reach) or (isinstance(step, Touch) and step.by == "gripper")
-    if needs and not gripper:
+    by = step.by if isinstance(step, Touch) else ""
+    if (isinstance(step, Hold | Reach) or by in ("gripper", *hand.NAMES)) and not gripper:
         raise ValueError("there is no gripper in this scene")

@@ -183,7 +183,11 @@ class Drop(Step):
 
 
 class Touch(Step):
-    """A recorded contact force on a body. With ``by = "gripper"`` the gripper goes there."""
+    """A recorded contact force on a body.
+
+    With ``by = "gripper"`` the gripper goes there; a part of it (``hand``, ``finger_left``, ``finger_right``) touches from where it
+    is.
+    """
 
     verb = "touch"
     touch: str

@@ -211,5 +211,5 @@ def test_a_role_without_a_body() -> None:
 
 
 def test_a_parameter_of_rules_that_are_not_loaded_is_left_alone() -> None:
-    binding = bind_episode(load_rules(["fsh"]), header(parameters={"min_clearance": "12 cm"}))
-    assert "min_clearance" not in binding.params(None)
+    binding = bind_episode(load_rules(["fsh"]), header(parameters={"on_share": "60 %"}))
+    assert "on_share" not in binding.params(None)

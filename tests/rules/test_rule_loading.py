@@ -58,7 +58,7 @@ def test_rules_of_extended_files_are_not_judged(tmp_path: Path) -> None:
     mine = write(tmp_path, "mine", ["fsh.toml"], '[param]\nedge = "3 cm"\n')
     assert load_rules([mine]).rules == {}
     rules = load_rules(["fsh", mine])
-    assert set(rules.rules) == {"FSH101", "FSH104", "FSH202"}
+    assert rules.rules.keys() == load_rules(["fsh"]).rules.keys()
     assert rules.params["edge"] == Quantity(0.03, "length")
     assert load_rules([mine, "fsh"]).params == rules.params
     assert rules.name == "fsh+mine"
@@ -84,9 +84,13 @@ def test_material_rows_are_merged_by_column(tmp_path: Path) -> None:
     mine = write(tmp_path, "mine", ["fsh"], '[material.bottle]\nmax_tilt = "5 deg"\n'
                  '[material.mug]\nmax_tilt = "9 deg"\n')  # fmt: skip
     materials = load_rules([mine]).materials
-    assert {name: row["max_tilt"].text for name, row in materials.items()} == {
-        "default": "15 deg", "bottle": "5 deg", "mug": "9 deg"
+    tilts = {name: row["max_tilt"].text for name, row in materials.items() if "max_tilt" in row}
+    shipped = load_rules(["fsh"]).materials
+    assert tilts == {
+        **{name: row["max_tilt"].text for name, row in shipped.items() if "max_tilt" in row},
+        "bottle": "5 deg", "mug": "9 deg",
     }  # fmt: skip
+    assert materials["fruit"] == shipped["fruit"]
 
 
 def test_the_same_file_twice_is_one(tmp_path: Path) -> None:
