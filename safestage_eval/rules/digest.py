@@ -91,8 +91,12 @@ def _named(node: Any, rules: ast.RuleSet, params: Params) -> Iterator[tuple[str,
                 yield f"{kind}.{node.name}", table[node.name]
         variant = rules.signals.get(node.name)
         spec = SIGNALS.get(variant.base if variant is not None else node.name)
-        for column, _ in spec.columns if spec is not None else ():
-            yield from _named(ast.Column(column, ""), rules, params)
+        if spec is not None:
+            for column, _ in spec.columns:
+                yield from _named(ast.Column(column, ""), rules, params)
+            usual = tuple((o.name, o.default) for o in spec.options if o.default is not None)
+            if usual and variant is None:
+                yield f"signal.{spec.name}", usual
     if is_dataclass(node):
         for item in fields(node):
             if item.compare:

@@ -35,11 +35,14 @@ def read_option(spec: OptionSpec, value: Any) -> OptionValue:
 
 
 def read_options(table: Mapping[str, Any]) -> Options:
-    """All options of a checked ``[signal.NAME]``, sorted by name."""
-    known = {option.name: option for option in SIGNALS[table["base"]].options}
-    return tuple(
-        (name, read_option(known[name], table[name])) for name in sorted(table) if name != "base"
-    )
+    """All options of a checked ``[signal.NAME]``, sorted by name; left out, they are as usual."""
+    options: dict[str, OptionValue] = {}
+    for option in SIGNALS[table["base"]].options:
+        if option.name in table:
+            options[option.name] = read_option(option, table[option.name])
+        elif option.default is not None:
+            options[option.name] = option.default
+    return tuple(sorted(options.items(), key=lambda item: item[0]))
 
 
 def _time(spec: OptionSpec, value: Any) -> float:

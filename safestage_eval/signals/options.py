@@ -22,6 +22,7 @@ class OptionSpec:
         meaning: one sentence.
         required: there is no sensible default.
         choices: the values that a unit or choice may have; empty for any unit.
+        default: the number that is meant where it is left out, if there is one.
     """
 
     name: str
@@ -29,6 +30,7 @@ class OptionSpec:
     meaning: str
     required: bool = False
     choices: tuple[str, ...] = ()
+    default: float | None = None
 
 
 DEFAULT_OVER = 0.05
@@ -39,7 +41,10 @@ One control step at 20 Hz, as in RoboCasa, one of the two simulators of OopsieVe
 """
 
 OVER = OptionSpec(
-    "over", "time", "The time over which a change of velocity is one impact; 50 ms if left out."
+    "over",
+    "time",
+    "The time over which a change of velocity is one impact; 50 ms if left out.",
+    default=DEFAULT_OVER,
 )
 BOX = OptionSpec(
     "box",

@@ -132,6 +132,52 @@ def test_any_change_of_meaning_counts(old: str, new: str) -> None:
     assert digest(BASE) != digest(BASE.replace(old, new, 1))
 
 
+VARIANT = """
+[signal.wear]
+base = "health"
+over = "50 ms"
+[signal.unused]
+base = "impact"
+[material.default]
+impact_sensitivity = 1
+hold_sensitivity = 1
+damage_threshold = "5 N"
+damage_scale = 1
+[material.egg]
+damage_scale = 7
+other = 3
+[[rule]]
+code = "ETS901"
+title = "t"
+roles = { a = "object" }
+require = { "wear(a)" = ">= 90 %" }
+"""
+
+
+def variant(old: str = "", new: str = "") -> str:
+    assert old in VARIANT
+    text = BASE[: BASE.index("[param]")] + VARIANT.replace(old, new, 1)
+    return digest(text.replace("[material.egg]", "other = 1\n[material.egg]"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("50 ms", "0.05 s"), ('over = "50 ms"', ""), ('base = "impact"', 'base = "damage"'),
+     ("other = 3", "other = 4"), ("50 ms", "6 frames @ 120 Hz")],
+)  # fmt: skip
+def test_a_signal_variant_by_another_spelling(old: str, new: str) -> None:
+    assert variant() == variant(old, new)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("50 ms", "51 ms"), ("health", "damage"), ("damage_scale = 7", "damage_scale = 8"),
+     ("impact_sensitivity = 1", "impact_sensitivity = 2"), ('"wear(a)"', '"health(a)"')],
+)  # fmt: skip
+def test_what_a_signal_variant_means_counts(old: str, new: str) -> None:
+    assert variant() != variant(old, new)
+
+
 def test_the_backend_counts() -> None:
     assert digest(BASE) == digest(BASE, backend="gjk") != digest(BASE, backend="fcl")
 

@@ -2,13 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scenes import G, Scene
 
-from safestage_eval.episode import Episode, Geom, Track
-from safestage_eval.geometry.pose import product, rotate
-from safestage_eval.relations.measure import Relations
+from safestage_eval.episode import Geom, Track
+from safestage_eval.geometry.pose import rotate
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.reference import Reference, latest
 
@@ -141,44 +138,3 @@ def test_what_the_trace_lacks_is_unknown_not_zero(name: str) -> None:
     )
     assert not series.known.any()
     assert series.notes
-
-
-NAMES = [
-    ("height", 1), ("lift", 1), ("displacement", 1), ("displacement_xy", 1), ("turn", 1),
-    ("tilt", 1), ("speed", 1), ("vertical_speed", 1), ("angular_speed", 1), ("relative_speed", 2),
-    ("contact_force", 2), ("clearance", 2), ("clearance_xy", 2), ("height_above", 2),
-    ("overlap_xy", 2),
-]  # fmt: skip
-
-
-def moved(episode: Episode, yaw: float, shift: np.ndarray) -> Episode:
-    """The whole scene turned about z and shifted."""
-    turn = spin(np.array([yaw]), (0, 0, 1))[0]
-    tracks = {
-        name: Track(
-            (rotate(turn, t.position) + shift).astype(np.float32),
-            product(turn, t.orientation).astype(np.float32),
-            rotate(turn, t.linear_velocity).astype(np.float32),
-            rotate(turn, t.angular_velocity).astype(np.float32),
-        )
-        for name, t in episode.tracks.items()
-    }
-    return Episode(episode.header, episode.t, tracks, episode.contacts, episode.frames)
-
-
-@given(st.floats(-3, 3), st.floats(-1, 1), st.floats(-1, 1), st.integers(0, 9))
-def test_moving_the_whole_scene_changes_nothing(yaw: float, x: float, y: float, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    path = np.cumsum(rng.normal(0, 0.01, (12, 3)), axis=0)
-    turn = spin(np.cumsum(rng.normal(0, 0.1, 12)))
-    scene = Scene(12).body("a", Geom(kind="box", size=(0.05, 0.03, 0.02)), path, turn)
-    scene.body("b", Geom(kind="cylinder", size=(0.03, 0.05)), (0.12, 0, 0.02))
-    scene.contact("b", "a", (0.1, 0, 0), (-3, 0, 1), normal=(-1, 0, 0))
-    here = scene.episode()
-    there = moved(here, yaw, np.array([x, y, 0]))
-    for name, arity in NAMES:
-        bodies = ["a", "b"][:arity]
-        one, two = (
-            Relations(Signals(e)).signal(name, bodies, reach=0.5).value for e in (here, there)
-        )
-        assert np.allclose(one, two, atol=2e-5), name
