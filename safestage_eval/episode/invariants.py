@@ -215,22 +215,40 @@ def check_contact_geoms(
     contacts: ContactTable, geom_owner: NDArray[np.int16], where: str
 ) -> list[TraceError]:
     """Geoms that exist and belong to the bodies named with them."""
-    found = []
-    for side in "12":
-        geom, body = getattr(contacts, f"geom{side}"), getattr(contacts, f"body{side}")
-        outside = _in_range(geom, len(geom_owner), f"geom{side}", where)
-        found += outside
-        wrong = np.flatnonzero(geom_owner[geom] != body) if not outside else np.zeros(0, np.intp)
-        if len(wrong):
-            row = int(wrong[0])
-            found.append(
-                TraceError(
-                    where,
-                    f"contact row {row}: geom{side} {geom[row]} does not belong to "
-                    f"body{side} {body[row]} ({len(wrong)} rows in all).",
-                    "geoms counted over all bodies in the header's order",
-                )
+    return [
+        error
+        for side in "12"
+        for error in check_geom_owner(
+            side,
+            getattr(contacts, f"geom{side}"),
+            getattr(contacts, f"body{side}"),
+            geom_owner,
+            where,
+        )
+    ]
+
+
+def check_geom_owner(
+    side: str,
+    geom: NDArray[np.uint16],
+    body: NDArray[np.int16] | int,
+    geom_owner: NDArray[np.int16],
+    where: str,
+) -> list[TraceError]:
+    """(C,) geoms of one side (``1`` or ``2``) that exist and belong to the body of that side."""
+    found = _in_range(geom, len(geom_owner), f"geom{side}", where)
+    wrong = np.flatnonzero(geom_owner[geom] != body) if not found else np.zeros(0, np.intp)
+    if len(wrong):
+        row = int(wrong[0])
+        named = int(np.broadcast_to(body, len(geom))[row])
+        found.append(
+            TraceError(
+                where,
+                f"contact row {row}: geom{side} {geom[row]} does not belong to "
+                f"body{side} {named} ({len(wrong)} rows in all).",
+                "geoms counted over all bodies in the header's order",
             )
+        )
     return found
 
 

@@ -16,6 +16,7 @@ from safestage_eval.episode import (
     check_contact_order,
     check_finite,
     check_frame_range,
+    check_geom_owner,
 )
 from safestage_eval.episode.contacts import Pair
 from safestage_eval.errors import TraceError
@@ -149,7 +150,11 @@ class _ByPair:
             values = some[0] if len(some) == 1 else _joined(some, name)
             if name == "frame":
                 source.demand(check_frame_range(values, source.frames, source.where))
-            elif name not in GEOMS:
+            elif name in GEOMS:
+                side = name[-1]
+                body = pair[int(side) - 1]
+                source.demand(check_geom_owner(side, values, body, source.geom_owner, source.where))
+            else:
                 source.demand(check_finite(values, f"contact {name}", source.where))
             self._known[pair, name] = values
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.episode.contacts import Pair
 from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.motion import com_position
 
@@ -23,6 +23,9 @@ LOST = 0.02
 """Share of the weight that may stay unbalanced: numerical noise of recorded contacts."""
 ARM = 0.05
 """m: the lever by which torques are compared with forces."""
+
+Contacts = dict[Pair, NDArray[np.intp]]
+"""Pair → its rows at one frame, among the pair's own."""
 
 
 class Dependence:
@@ -62,14 +65,19 @@ class Dependence:
     def depends_on(self, body: int, on: int, wanted: Bool | None = None) -> Bool:
         """(T,) true where ``body`` is in the collapse set of removing ``on``.
 
-        Evaluated where the set of contact points among the free bodies changed, and kept between.
-        Only the ``wanted`` frames (T,) of the answer mean anything; all of them if None.
+        Evaluated where the contact points of the bodies that hang together with ``on`` changed,
+        and kept between. Only the ``wanted`` frames (T,) of the answer mean anything; all of them
+        if None.
         """
         out = np.zeros(len(self._episode), np.bool_)
         linked = self._linked(body, on)
         asked = linked if wanted is None else linked & wanted
-        for segment in np.unique(self._segment[asked]):
-            first, stop = self._starts[segment], self._starts[segment + 1]
+        if not asked.any():
+            return out
+        starts = self._segments(self._cluster(on))
+        segments = np.searchsorted(starts, np.flatnonzero(asked), side="right") - 1
+        for segment in np.unique(segments):
+            first, stop = starts[segment], starts[segment + 1]
             frames = np.arange(first, stop)
             # the pair may come into touch within a segment: judge at its first linked frame
             frames = frames[linked[first:stop]]
@@ -80,7 +88,7 @@ class Dependence:
         """Bodies that fall at that frame when ``removed`` is taken away."""
         if (removed, frame) in self._falls:
             return self._falls[removed, frame]
-        contacts = self._contacts_at(frame)
+        contacts = self._contacts_at(frame, self._cluster(removed))
         gone = {removed}
         while True:  # in rounds against what is gone by then, so that no order of bodies matters
             near = self._touching(gone, contacts) - gone
@@ -91,97 +99,102 @@ class Dependence:
         self._falls[removed, frame] = frozenset(gone - {removed})
         return self._falls[removed, frame]
 
-    def _stands(self, body: int, frame: int, contacts: NDArray[np.intp], gone: set[int]) -> bool:
-        table = self._episode.contacts
+    def _stands(self, body: int, frame: int, contacts: Contacts, gone: set[int]) -> bool:
         # what the robot touches is a load of its own: it must not hold up what is beneath it
         handled = self._touching(self._robot, contacts)
         group = self._with_load(body, frame, gone | handled)
-        in1 = np.isin(table.body1[contacts], list(group))
-        in2 = np.isin(table.body2[contacts], list(group))
-        lost = np.isin(table.body1[contacts], list(gone)) | np.isin(
-            table.body2[contacts], list(gone)
-        )
-        use = (in1 ^ in2) & ~lost
-        rows, inward = contacts[use], np.where(in2[use], 1.0, -1.0)
         mass = sum(self._mass[b] for b in group)
         if mass <= 0:
             return True
-        if not len(rows):
+        normals, frictions, points = [], [], []
+        for (i, j), rows in contacts.items():
+            if ((i in group) == (j in group)) or i in gone or j in gone:
+                continue
+            point, normal, geom1, geom2 = self._episode.contacts.of_pair(
+                (i, j), "position", "normal", "geom1", "geom2"
+            )
+            normals.append(normal[rows].astype(np.float64) * (1.0 if j in group else -1.0))
+            frictions.append(np.minimum(self._friction[geom1[rows]], self._friction[geom2[rows]]))
+            points.append(point[rows].astype(np.float64))
+        if not normals:
             return False
         com = sum(self._mass[b] * self._centre(b)[frame] for b in group) / mass
-        normal = table.normal[rows].astype(np.float64) * inward[:, None]
-        friction = np.minimum(self._friction[table.geom1[rows]], self._friction[table.geom2[rows]])
-        point = table.position[rows].astype(np.float64) - com
-        return unbalanced(normal, friction, point) <= LOST
+        arm = np.concatenate(points) - com
+        return unbalanced(np.concatenate(normals), np.concatenate(frictions), arm) <= LOST
 
     def _with_load(self, body: int, frame: int, without: set[int]) -> set[int]:
         """The body and all free bodies that it carries at that frame, directly or not."""
         group, todo = {body}, [body]
         while todo:
             below = todo.pop()
-            for (bearer, borne), bears in self._graph.edges.items():
-                if bearer == below and borne not in group and borne not in without and bears[frame]:
+            for borne, bears in self._graph.load(below).items():
+                if borne not in group and borne not in without and bears[frame]:
                     group.add(borne)
                     todo.append(borne)
         return group & self._free
 
-    def _contacts_at(self, frame: int) -> NDArray[np.intp]:
-        column = self._episode.contacts.frame
-        return np.arange(np.searchsorted(column, frame), np.searchsorted(column, frame + 1))
+    def _cluster(self, body: int) -> list[Pair]:
+        """Pairs with a free body that contacts among free bodies ever join to the given one."""
+        found, todo = {body}, [body]
+        while todo:
+            near = {b for b in self._sums.beside(todo.pop()) if b in self._free} - found
+            found |= near
+            todo += near
+        return sorted({(min(b, o), max(b, o)) for b in found for o in self._sums.beside(b)})
 
-    def _touching(self, bodies: Iterable[int], contacts: NDArray[np.intp]) -> set[int]:
-        table, some = self._episode.contacts, list(bodies)
-        first, second = table.body1[contacts], table.body2[contacts]
-        near = np.concatenate([second[np.isin(first, some)], first[np.isin(second, some)]])
-        return {int(b) for b in near} & self._free
+    def _contacts_at(self, frame: int, pairs: Iterable[Pair]) -> Contacts:
+        rows = {pair: np.flatnonzero(self._frames_of(pair) == frame) for pair in pairs}
+        return {pair: found for pair, found in rows.items() if len(found)}
+
+    def _frames_of(self, pair: Pair) -> NDArray[np.int32]:
+        (frames,) = self._episode.contacts.of_pair(pair, "frame")
+        return frames
+
+    def _touching(self, bodies: Iterable[int], contacts: Contacts) -> set[int]:
+        some = set(bodies)
+        near = {b for i, j in contacts for a, b in ((i, j), (j, i)) if a in some}
+        return near & self._free
 
     def _linked(self, a: int, b: int) -> Bool:
         """(T,) true where a chain of contacts among free bodies joins the two."""
         frames = len(self._episode)
         reached = {a: np.ones(frames, np.bool_)}
-        pairs = [p for p in self._sums.pairs if p[0] in self._free and p[1] in self._free]
+        touch = {
+            pair: self._present(pair)
+            for pair in self._cluster(a)
+            if pair[0] in self._free and pair[1] in self._free
+        }
         changed = True
         while changed:
             changed = False
-            for i, j in pairs:
-                touch = self._present(i, j)
+            for (i, j), present in touch.items():
                 for x, y in ((i, j), (j, i)):
                     if x in reached:
                         have = reached.get(y, np.zeros(frames, np.bool_))
-                        gained = touch & reached[x] & ~have
+                        gained = present & reached[x] & ~have
                         if gained.any():
                             reached[y] = have | gained
                             changed = True
         return reached.get(b, np.zeros(frames, np.bool_))
 
-    def _present(self, i: int, j: int) -> Bool:
+    def _present(self, pair: Pair) -> Bool:
         present = np.zeros(len(self._episode), np.bool_)
-        present[self._episode.contacts.of_pair((i, j), "frame")[0]] = True
+        present[self._frames_of(pair)] = True
         return present
 
-    @cached_property
-    def _starts(self) -> NDArray[np.int64]:
-        """First frames of the segments with equal contact points, then T."""
-        changed = np.flatnonzero(self._signature[1:] != self._signature[:-1]) + 1
-        return np.concatenate([[0], changed, [len(self._episode)]])
-
-    @cached_property
-    def _segment(self) -> NDArray[np.int64]:
-        """(T,) index of the segment that each frame is in."""
-        return np.repeat(np.arange(len(self._starts) - 1), np.diff(self._starts))
-
-    @cached_property
-    def _signature(self) -> NDArray[np.int64]:
-        """(T,) a number that changes with the contact points among the free bodies."""
-        table = self._episode.contacts
-        free = np.isin(table.body1, list(self._free)) | np.isin(table.body2, list(self._free))
-        mixed = (
-            table.geom1[free].astype(np.int64) * 73856093
-            ^ table.geom2[free].astype(np.int64) * 19349663
-        ) % 1000003 + 1
-        out = np.zeros(len(self._episode), np.int64)
-        np.add.at(out, table.frame[free], mixed)
-        return out
+    def _segments(self, pairs: Iterable[Pair]) -> NDArray[np.int64]:
+        """First frames of the stretches with equal contact points of the pairs, then T."""
+        frames = len(self._episode)
+        signature = np.zeros(frames, np.int64)
+        for pair in pairs:
+            frame, geom1, geom2 = self._episode.contacts.of_pair(pair, "frame", "geom1", "geom2")
+            mixed = (
+                geom1.astype(np.int64) * 73856093 ^ geom2.astype(np.int64) * 19349663
+            ) % 1000003 + 1
+            # whole numbers below 2⁵³ add up exactly in float64
+            signature += np.bincount(frame, mixed, minlength=frames).astype(np.int64)
+        changed = np.flatnonzero(signature[1:] != signature[:-1]) + 1
+        return np.concatenate([[0], changed, [frames]])
 
     def _centre(self, body: int) -> F64:
         if body not in self._com:

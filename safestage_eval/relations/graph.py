@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cached_property
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +28,10 @@ class SupportGraph:
     """
 
     def __init__(self, episode: Episode, sums: ContactSums) -> None:
-        """Edges are computed on first use."""
-        self._episode = episode
+        """Edges are found when a body is asked about: its own, and those of what it rests on."""
         self._sums = sums
         self._frames = len(episode)
         header = episode.header
-        self._names = [body.name for body in header.bodies]
         self._robot = {
             i
             for i, body in enumerate(header.bodies)
@@ -51,82 +48,89 @@ class SupportGraph:
         self._least = [
             max(LEAST_LOAD, LEAST_SHARE * (body.mass or 0.0) * gravity) for body in header.bodies
         ]
+        self._edges: dict[tuple[int, int], Bool | None] = {}
 
-    @cached_property
-    def edges(self) -> dict[tuple[int, int], Bool]:
-        """(bearer, borne) → (T,) true where it bears; only pairs that ever do; no robot."""
-        found = {}
-        for i, j in self._sums.pairs:
-            if i in self._robot or j in self._robot:
-                continue
-            for bearer, borne in ((i, j), (j, i)):
-                if borne in self._fixed:
-                    continue
-                bears = self._sums.upward(borne, bearer) >= self._least[borne]
-                if bears.any():
-                    found[bearer, borne] = bears
-        return found
+    def _edge(self, bearer: int, borne: int) -> Bool | None:
+        """(T,) true where one bears the other; None if it never does. No robot bears."""
+        if bearer in self._robot or borne in self._robot or borne in self._fixed:
+            return None
+        if (bearer, borne) not in self._edges:
+            bears = self._sums.upward(borne, bearer) >= self._least[borne]
+            self._edges[bearer, borne] = bears if bears.any() else None
+        return self._edges[bearer, borne]
+
+    def bearers(self, body: int) -> dict[int, Bool]:
+        """Bearer → (T,) true where it bears the body directly; only those that ever do."""
+        edges = {s: self._edge(s, body) for s in self._sums.beside(body)}
+        return {s: bears for s, bears in edges.items() if bears is not None}
+
+    def load(self, body: int) -> dict[int, Bool]:
+        """Body → (T,) true where it rests directly on the given one; only those that ever do."""
+        edges = {a: self._edge(body, a) for a in self._sums.beside(body)}
+        return {a: bears for a, bears in edges.items() if bears is not None}
 
     def supports(self, bearer: int, borne: int) -> Bool:
         """(T,) true where the first body bears the second."""
-        return self.edges.get((bearer, borne), np.zeros(self._frames, np.bool_))
+        bears = self._edge(bearer, borne) if borne in self._sums.beside(bearer) else None
+        return np.zeros(self._frames, np.bool_) if bears is None else bears
 
     def borne_by_robot(self, body: int) -> Bool:
         """(T,) true where the robot's total force on the body lifts a tenth of its weight."""
         lifted = sum(
-            (self._sums.upward(body, r) for r in self._robot if len(self._sums.rows(body, r))),
+            (self._sums.upward(body, r) for r in self._sums.beside(body) if r in self._robot),
             np.zeros(self._frames),
         )
         return np.asarray(lifted >= self._least[body])
 
-    @cached_property
-    def supported(self) -> dict[int, Bool]:
-        """Body → (T,) true where a path of edges leads from it to a fixture."""
-        fixed = {i: np.ones(self._frames, np.bool_) for i in self._fixed}
-        reached = self._spread(fixed.get)
-        return {i: reached[i] for i in range(len(self._names))}
+    def supported(self, body: int) -> Bool:
+        """(T,) true where a path of edges leads from the body to a fixture."""
+        below = self._below(body)
+        sources = {i: np.ones(self._frames, np.bool_) for i in below if i in self._fixed}
+        return self._spread(below, sources)[body]
 
-    def carried(self, held: Callable[[int], Bool]) -> dict[int, Bool]:
-        """Body → (T,) true where a path of edges leads to a body that is held or robot-borne.
+    def carried(self, body: int, held: Callable[[int], Bool]) -> Bool:
+        """(T,) true where a path of edges leads to a body that is held or robot-borne.
 
         A held body is not itself carried unless the robot also bears its weight. ``held`` gives
         (T,) for a body.
         """
-        borne = {
-            i: self.borne_by_robot(i)
-            for i in range(len(self._names))
-            if i not in self._fixed and i not in self._robot
-        }
-        sources = {i: b | held(i) for i, b in borne.items()}
-        reached = self._spread(sources.get)
-        out = {}
-        for i in range(len(self._names)):
-            if i not in borne:
-                out[i] = np.zeros(self._frames, np.bool_)
-                continue
-            through = borne[i].copy()
-            for (bearer, top), bears in self.edges.items():
-                if top == i and bearer not in self._fixed:
-                    through |= bears & reached[bearer]
-            out[i] = through
-        return out
+        if body in self._fixed or body in self._robot:
+            return np.zeros(self._frames, np.bool_)
+        below = self._below(body)
+        sources = {i: self.borne_by_robot(i) | held(i) for i in below if i not in self._fixed}
+        reached = self._spread(below, sources)
+        through = self.borne_by_robot(body)
+        for bearer, bears in self.bearers(body).items():
+            if bearer not in self._fixed:
+                through |= bears & reached[bearer]
+        return through
 
-    def bearers(self, body: int) -> dict[int, Bool]:
-        """Bearer → (T,) true where it bears the body directly."""
-        return {s: bears for (s, a), bears in self.edges.items() if a == body}
+    def _below(self, body: int) -> dict[int, dict[int, Bool]]:
+        """The body and all that it ever rests on, directly or not, each with its bearers."""
+        found: dict[int, dict[int, Bool]] = {}
+        todo = [body]
+        while todo:
+            i = todo.pop()
+            if i not in found:
+                found[i] = self.bearers(i)
+                todo += found[i]
+        return found
 
-    def _spread(self, source: Callable[[int], Bool | None]) -> dict[int, Bool]:
+    def _spread(
+        self, below: Mapping[int, Mapping[int, Bool]], sources: Mapping[int, Bool]
+    ) -> dict[int, Bool]:
         """Upward closure: true where the body is a source or rests on one that is reached."""
-        reached = {}
-        for i in range(len(self._names)):
-            seed = source(i)
-            reached[i] = np.zeros(self._frames, np.bool_) if seed is None else seed.copy()
+        reached = {
+            i: sources[i].copy() if i in sources else np.zeros(self._frames, np.bool_)
+            for i in below
+        }
         changed = True
         while changed:  # at most as many rounds as the highest stack has bodies
             changed = False
-            for (bearer, borne), bears in self.edges.items():
-                gained = bears & reached[bearer] & ~reached[borne]
-                if gained.any():
-                    reached[borne] |= gained
-                    changed = True
+            for borne, bearers in below.items():
+                for bearer, bears in bearers.items():
+                    gained = bears & reached[bearer] & ~reached[borne]
+                    if gained.any():
+                        reached[borne] |= gained
+                        changed = True
         return reached

@@ -141,28 +141,22 @@ class Relations:
         if name == "supports":
             return self.graph.supports(*ids)
         if name == "supported":
-            return self.graph.supported[ids[0]]
+            return self.graph.supported(ids[0])
         if name == "carried":
-            return self._carried[ids[0]]
+            return self.graph.carried(ids[0], self._held)
         if name == "held":
             return self._held(ids[0])
         raise KeyError(name)
 
-    @cached_property
-    def _carried(self) -> dict[int, Bool]:
-        return self.graph.carried(self._held)
-
     def _held(self, body: int) -> Bool:
         """(T,) touched by a left and by a right finger."""
-        touched = []
-        for side in ("left", "right"):
-            fingers = [i for i, b in enumerate(self.episode.header.bodies) if b.finger == side]
-            touch = np.zeros(len(self.episode), np.bool_)
-            for finger in fingers:
-                if finger != body:
-                    touch |= self.signals.contact_sums.touching(body, finger)
-            touched.append(touch)
-        return touched[0] & touched[1]
+        bodies, sums = self.episode.header.bodies, self.signals.contact_sums
+        touched = {side: np.zeros(len(self.episode), np.bool_) for side in ("left", "right")}
+        for other in sums.beside(body):
+            finger = bodies[other].finger
+            if finger is not None:
+                touched[finger] |= sums.touching(body, other)
+        return touched["left"] & touched["right"]
 
     def _inside(self, a: str, container: str) -> Bool | None:
         """(T,) lowest point under the rim and within, and (centroid within, or borne by it).

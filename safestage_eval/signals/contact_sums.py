@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,14 +24,22 @@ class ContactSums:
         self._vertical: dict[Pair, F64] = {}
         self._peak: dict[Pair, F64] = {}
 
-    @property
+    @cached_property
     def pairs(self) -> list[Pair]:
         """Every pair (i < j) with at least one contact row."""
         return self._episode.contacts.pairs
 
-    def rows(self, i: int, j: int) -> NDArray[np.intp]:
-        """Row numbers in the contact table of the pair, by frame; empty if they never touch."""
-        return self._episode.contacts.rows((min(i, j), max(i, j)))
+    @cached_property
+    def _beside(self) -> dict[int, list[int]]:
+        found: dict[int, list[int]] = {}
+        for i, j in self.pairs:
+            found.setdefault(i, []).append(j)
+            found.setdefault(j, []).append(i)
+        return found
+
+    def beside(self, body: int) -> list[int]:
+        """The bodies that have a contact row with the given one, ascending."""
+        return self._beside.get(body, [])
 
     def normal(self, i: int, j: int) -> F64:
         """(T,) N, sum of the magnitudes of the normal forces of all contacts of the pair.

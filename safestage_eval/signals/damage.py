@@ -52,17 +52,17 @@ def quasistatic_force(query: Query) -> Series:
     size = np.linalg.norm(change, axis=1)
     moved = size >= STEADY
     ahead = np.divide(change, size[:, None], out=np.zeros_like(change), where=moved[:, None])
-    contacts, sums, body = episode.contacts, query.facts.contact_sums, episode.body_index[name]
-    rows = [sums.rows(i, j) for i, j in sums.pairs if body in (i, j)]
-    at = np.concatenate(rows) if rows else np.zeros(0, np.intp)
-    normal = contacts.normal[at].astype(np.float64)
-    along = np.einsum("ck,ck->c", contacts.force[at].astype(np.float64), normal)
-    on_body = np.where(contacts.body2[at] == body, 1.0, -1.0)
-    force = normal * (along * on_body)[:, None]
-    frame = contacts.frame[at]
-    forward = np.maximum(np.einsum("ck,ck->c", force, ahead[frame]), 0.0)
-    steady = np.linalg.norm(force - forward[:, None] * ahead[frame], axis=1)
-    return exact(np.bincount(frame, steady, len(episode)), query.dimension, notes)
+    body, total = episode.body_index[name], np.zeros(len(episode))
+    for other in query.facts.contact_sums.beside(body):
+        pair = (min(body, other), max(body, other))
+        frame, vector, normal = episode.contacts.of_pair(pair, "frame", "force", "normal")
+        normal = normal.astype(np.float64)
+        along = np.einsum("ck,ck->c", vector.astype(np.float64), normal)
+        force = normal * (along if other < body else -along)[:, None]
+        forward = np.maximum(np.einsum("ck,ck->c", force, ahead[frame]), 0.0)
+        steady = np.linalg.norm(force - forward[:, None] * ahead[frame], axis=1)
+        total += np.bincount(frame, steady, len(episode))
+    return exact(total, query.dimension, notes)
 
 
 def damage(query: Query) -> Series:

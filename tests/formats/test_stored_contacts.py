@@ -102,7 +102,12 @@ def test_other_pairs_are_not_read(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("column", "value", "message"),
-    [("frame_index", 40, "out of range"), ("force.z", np.nan, "not a finite number")],
+    [
+        ("frame_index", 40, "out of range"),
+        ("force.z", np.nan, "not a finite number"),
+        ("geom1", 3, "does not belong to body1"),
+        ("geom2", 9, "out of range"),
+    ],
 )
 def test_a_broken_pair_never_passes_as_data(tmp_path, column, value, message):
     save(stacked("e", 40), tmp_path)
@@ -114,4 +119,4 @@ def test_a_broken_pair_never_passes_as_data(tmp_path, column, value, message):
     pq.write_table(rows.set_column(place, rows.schema.field(place), pa.array(values)), file)
     contacts = discover(tmp_path)[0].open().contacts
     with pytest.raises(TraceError, match=message):
-        contacts.of_pair(contacts.pairs[0], "frame", "force.z")
+        contacts.of_pair(contacts.pairs[0], "frame", "force.z", "geom1", "geom2")
