@@ -75,7 +75,8 @@ def _seeds(help_text: str) -> Callable[..., Any]:
     multiple=True,
     default=("reference:safe", "reference:unsafe"),
     show_default=True,
-    help="reference:safe, reference:unsafe or idle; repeatable.",
+    help="reference:safe, reference:unsafe, noisy:SIGMA[:unsafe], idle, random-near-home or "
+    "replay:PATH[#EPISODE]; repeatable.",
 )
 @_seeds("Environment seeds: each is one fixed scene.")
 @click.option(

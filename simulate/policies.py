@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -11,7 +13,9 @@ from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError
 
+from .controls import Idle, RandomNearHome
 from .privileged import PrivilegedState
+from .replay import Replay
 from .skills import Skills
 from .task import Step, Task
 
@@ -49,20 +53,8 @@ class Policy(Protocol):
         ...
 
 
-class Idle:
-    """Holds still, with the gripper open."""
-
-    name = "idle"
-
-    def reset(self, _task: Task, _prompt: str) -> None:
-        """Nothing to prepare."""
-        self._hold: F64 | None = None
-
-    def act(self, observation: Observation) -> F64:
-        """The joint positions it first saw, for ever."""
-        if self._hold is None:
-            self._hold = observation.joint_position.copy()
-        return np.append(self._hold, 0.0)[None]
+KINDS = ("safe", "unsafe")
+"""The references that every task has."""
 
 
 class Reference:
@@ -95,13 +87,65 @@ class Reference:
         return self._last[None]
 
 
-POLICIES = ("reference:safe", "reference:unsafe", "idle")
+class Noisy(Reference):
+    """A reference whose joint commands are off by a little, each time anew."""
+
+    def __init__(self, kind: str, sigma: float, draw: Sequence[int] = (0,)) -> None:
+        """``sigma``: rad, standard deviation per joint; ``draw`` seeds the noise."""
+        super().__init__(kind)
+        self.name = f"noisy:{sigma:g}" + (f":{kind}" if kind != "safe" else "")
+        self._sigma, self._draw = sigma, draw
+
+    def reset(self, task: Task, prompt: str) -> None:
+        """Start over, with the same noise."""
+        super().reset(task, prompt)
+        self._random = np.random.default_rng([*self._draw])
+
+    def act(self, observation: Observation) -> F64:
+        """The reference's next action, with noise on the joints and none on the gripper."""
+        noise = self._sigma * self._random.standard_normal(7)
+        return np.asarray(super().act(observation) + np.append(noise, 0.0))
 
 
-def policy_named(name: str) -> Policy:
-    """A built-in policy by name. Raises InputError for what is none."""
+POLICIES = (
+    "reference:safe",
+    "reference:unsafe",
+    "noisy:SIGMA[:safe|:unsafe]",
+    "idle",
+    "random-near-home",
+    "replay:PATH[#EPISODE]",
+)
+"""What ``policy_named`` understands. SIGMA is in rad, EPISODE an id where PATH holds several."""
+
+
+def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
+    """A built-in policy by name.
+
+    Args:
+        name: one of ``POLICIES``.
+        draw: seeds what is random in it; the same numbers give the same rollout.
+
+    Raises InputError for what is none.
+    """
+    kind, _, rest = name.partition(":")
+    if kind == "reference" and rest in KINDS:
+        return Reference(rest)
+    if kind == "noisy":
+        sigma, _, reference = rest.partition(":")
+        if _is_number(sigma) and (reference or "safe") in KINDS:
+            return Noisy(reference or "safe", float(sigma), draw)
+    if kind == "replay" and rest:
+        path, _, episode = rest.partition("#")
+        return Replay(Path(path), episode or None)
     if name == "idle":
         return Idle()
-    if name in POLICIES:
-        return Reference(name.partition(":")[2])
+    if name == "random-near-home":
+        return RandomNearHome(draw)
     raise InputError(f"policy {name!r}", "no such policy.", ", ".join(POLICIES))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text)) and float(text) >= 0
+    except ValueError:
+        return False

@@ -30,7 +30,7 @@ class Job:
     @property
     def episode_id(self) -> str:
         """The id that its episode has, whenever it is recorded."""
-        return self.setting.episode_id(self.policy)
+        return self.setting.episode_id(policy_named(self.policy).name)
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,8 @@ def record(
     Raises:
         InputError: an unknown policy.
     """
-    policies = {name: policy_named(name) for name in {job.policy for job in todo}}
+    for name in {job.policy for job in todo}:
+        policy_named(name)  # what is none stops the run before it begins
     there = recorded_ids(out)
     for job in todo:
         if job.episode_id in there:
@@ -99,7 +100,7 @@ def record(
         try:
             writer = roll_out(
                 job.setting,
-                policies[job.policy],
+                policy_named(job.policy, job.setting.draw),
                 None if progress is None else lambda t, job=job: progress(job, t),  # type: ignore[misc]
             )
             writer.attachments |= _attachments(job.setting.task)

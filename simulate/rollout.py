@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import re
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -46,12 +48,17 @@ class Setting:
     """s; the task's own where None."""
     robot_mjcf: Path | None = None
 
+    @property
+    def draw(self) -> tuple[int, int, int]:
+        """What is random in a policy is drawn from task, environment seed and rollout."""
+        return zlib.crc32(self.task.id.encode()), self.seed, self.rollout
+
     def episode_id(self, policy: str) -> str:
         """The same for the same rollout, whenever it is recorded.
 
         What departs from the task's own setting (a horizon, another arm model) is part of it.
         """
-        parts = [self.task.id, policy.replace(":", "-"), self.prompt]
+        parts = [self.task.id, re.sub(r"[^\w.]+", "-", policy), self.prompt]
         parts += [f"s{self.seed}", f"r{self.rollout}"]
         if self.horizon is not None and self.horizon != self.task.horizon:
             parts.append(f"h{self.horizon:g}")

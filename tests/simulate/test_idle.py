@@ -4,7 +4,7 @@ import pytest
 
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import judge
-from simulate.policies import Idle
+from simulate.controls import Idle
 from simulate.rollout import Setting, roll_out
 from simulate.task import tasks
 

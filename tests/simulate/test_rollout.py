@@ -12,7 +12,8 @@ from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts.judge import judge
-from simulate.policies import Idle, Observation, policy_named
+from simulate.controls import Idle
+from simulate.policies import Observation, policy_named
 from simulate.rollout import Setting, roll_out
 from simulate.task import Placement, Task, task_named
 
