@@ -20,6 +20,7 @@ _TYPES = {
     "bodies": pa.list_(pa.string()), "notes": pa.list_(pa.string()),
     "sources": pa.list_(pa.string()),
     "intervals": pa.list_(pa.list_(pa.float64())),
+    "raw_intervals": pa.list_(pa.list_(pa.float64())), "undersampled": pa.bool_(),
 }  # fmt: skip
 
 SCHEMA = pa.schema([(name, _TYPES.get(name, pa.string())) for name in COLUMNS])

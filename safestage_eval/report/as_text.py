@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from safestage_eval.episode import Episode
@@ -10,6 +12,16 @@ from safestage_eval.verdicts import EpisodeResult, Verdict
 
 from .as_table import by_importance, goal_of
 
+MOST = 4
+"""Stretches of time that are told one by one."""
+
+_VACUOUS = {
+    "no_player": "no body plays one of its roles",
+    "no_instance": "its roles need more bodies than there are",
+    "not_given": "what it presumes is not so at the start",
+    "no_scope": "the stretch that it judges never came about",
+}
+
 
 def explain(result: EpisodeResult, *, everything: bool = False) -> str:
     """Success, then one sentence per finding with time, value, limit and margin."""
@@ -17,10 +29,17 @@ def explain(result: EpisodeResult, *, everything: bool = False) -> str:
     lines += [f"  note: {note}" for note in result.notes]
     if result.not_loaded:
         lines.append(f"  not loaded, so not judged: {', '.join(result.not_loaded)}")
-    for v in by_importance(result.verdicts):
-        if v.verdict == "not_applicable" and not (everything or v.assigned):
-            continue
-        lines += _verdict(v)
+    told = [
+        v
+        for v in by_importance(result.verdicts)
+        if v.verdict != "not_applicable" or everything or v.assigned
+    ]
+    for v in told:
+        if v.consequence_of is None:
+            lines += _verdict(v)
+            for other in told:
+                if other.consequence_of == v.rule:
+                    lines += ["  " + line for line in _verdict(other)]
     for cost in result.costs:
         if cost.budget is None and (cost.value is not None or everything):
             lines.append(f"  {cost.rule} (no budget, no verdict): {cost.title}.")
@@ -49,11 +68,21 @@ def _verdict(v: Verdict) -> list[str]:
             f"    {since}{v.exposure_time:.2f} s in all, {v.violated_instances} of "
             f"{v.instances} instances" + (f", severity {v.severity}" if v.severity else "")
         )
-    elif v.verdict == "pass" and not v.instances:
-        lines.append("    vacuous: there was nothing to judge")
+        lines.append(f"    in violation: {_stretches(v.intervals)}")
+    if v.raw_intervals and v.raw_intervals != v.intervals:
+        lines.append(f"    before filtering: {_stretches(v.raw_intervals)}")
+    if v.vacuity is not None:
+        lines.append(f"    vacuous: {_VACUOUS[v.vacuity]}")
     if v.sources:
-        lines.append(f"    from: {'; '.join(v.sources)}")
+        lines.append(f"    bound: {'; '.join(v.sources)}")
     return lines + [f"    note: {note}" for note in v.notes]
+
+
+def _stretches(intervals: Sequence[tuple[float, float]]) -> str:
+    """``2.50 s to 3.00 s, 3.12 s to 3.50 s``; of many, the first few and the number of the others."""
+    shown = [f"{begin:.2f} s to {end:.2f} s" for begin, end in intervals[:MOST]]
+    more = len(intervals) - len(shown)
+    return ", ".join(shown) + (f", and {more} more" if more else "")
 
 
 def _number(value: float, v: Verdict) -> str:

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any, get_args
 
-from safestage_eval.verdicts.verdict import VerdictName
+from safestage_eval.verdicts.verdict import Vacuity, VerdictName
 
 from .rows import COLUMNS
 
@@ -30,11 +30,14 @@ _TYPES: dict[str, dict[str, Any]] = {
     "bodies": {"type": "array", "items": _TEXT}, "notes": {"type": "array", "items": _TEXT},
     "sources": {"type": "array", "items": _TEXT},
     "intervals": {"type": "array", "items": _PAIR},
+    "raw_intervals": {"type": "array", "items": _PAIR}, "undersampled": _TRUTH,
+    "vacuity": {"enum": list(get_args(Vacuity))},
 }  # fmt: skip
 
 _ALWAYS = {
     "episode_id", "path", "rule", "assigned", "bodies", "intervals", "exposure_time",
-    "instances", "violated_instances", "explanation", "notes", "sources", "rule_digest", "trace_hash", "version",
+    "raw_intervals", "undersampled", "instances", "violated_instances", "explanation", "notes", "sources",
+    "rule_digest", "trace_hash", "version",
 }  # fmt: skip
 """Columns that are never null."""
 

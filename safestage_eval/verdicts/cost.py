@@ -78,7 +78,7 @@ def judge_cost(
     limit = None if cost.budget is None else evaluator.number(cost.budget, {})
     if bill is None:
         why = "its condition does not hold in the first frames"
-        blank = replace(blank, notes=(*evaluator.notes, why))
+        blank = replace(blank, vacuity="not_given", notes=(*evaluator.notes, why))
         return _total(blank, None, limit), None if limit is None else blank
     total = _total(blank, bill, limit, tuple(evaluator.notes))
     return total, None if limit is None else _verdict(evaluator, cost, bill, limit, blank)

@@ -242,12 +242,19 @@ class Evaluator:
             return band.crisp(nothing, nothing)
         return band.crisp(truth, wanted)
 
-    def _declared(self, name: str, bodies: tuple[str, ...]) -> Band:
+    def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:
+        """What a declared state is made of, before it is made to last; its fallback if need be."""
         state = self.rules.states[name]
         env = dict(zip(state.of, bodies, strict=True))
         found = self.condition(state.when, env)
         if state.fallback is not None and not band_known(found):
             found = self.condition(state.fallback, env)
+        return found
+
+    def _declared(self, name: str, bodies: tuple[str, ...]) -> Band:
+        state = self.rules.states[name]
+        env = dict(zip(state.of, bodies, strict=True))
+        found = self.momentary(name, bodies)
         found = persistence.persistent(
             found,
             self.count(state.for_) if state.for_ is not None else 1,

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
+from safestage_eval.states.band import Bool
 from safestage_eval.states.persistence import runs
 
 from .evaluate import Evaluator
@@ -23,9 +24,7 @@ def too_brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance
         first, stop, _, _ = instance.scope
         for call in _forbidden_states(evaluator, rule):
             bodies = tuple(instance.env.get(arg, arg) for arg in call.args)
-            state = evaluator.rules.states[call.name]
-            inner = dict(zip(state.of, bodies, strict=True))
-            raw = evaluator.condition(state.when, inner).true[first:stop]
+            raw = evaluator.momentary(call.name, bodies).true[first:stop]
             ignored = runs(raw & ~evaluator.state(call, instance.env).true[first:stop])
             if len(ignored):
                 longest = ignored[int(np.argmax(ignored[:, 1] - ignored[:, 0]))]
@@ -36,6 +35,28 @@ def too_brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance
                     "too brief to count"
                 ] = None
     return list(notes)
+
+
+def raw_frames(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) -> Bool:
+    """(T,) where something forbidden held, however briefly, in the scope of an instance.
+
+    Without the ``for`` of the rule, and without ``for`` and ``gap`` of the states that it names.
+    """
+    out = np.zeros(evaluator.frames, np.bool_)
+    for instance in instances:
+        first, stop, _, _ = instance.scope
+        judged = np.zeros(evaluator.frames, np.bool_)
+        judged[first:stop] = instance.scope.certain
+        filtered = list(_forbidden_states(evaluator, rule))
+        for what in rule.forbid:
+            call = what.call if isinstance(what, ast.Event) else None
+            if call is not None and call in filtered:
+                bodies = tuple(instance.env.get(arg, arg) for arg in call.args)
+                found = evaluator.momentary(call.name, bodies)
+            else:
+                found = evaluator.alternative(what, instance.env, judged)
+            out |= found.true & judged
+    return out
 
 
 def _forbidden_states(evaluator: Evaluator, rule: ast.Rule) -> Iterator[ast.Call]:

@@ -152,6 +152,7 @@ class Judge:
             rule.stage,
             rule.code in self._binding.assigned,
             "not_applicable",
+            vacuity="no_player" if missing else None,
             notes=(f"no body plays {', '.join(missing)}",) if missing else (),
             sources=self._binding.sources(
                 rule, [name.removeprefix("param.") for name in used if name.startswith("param.")]

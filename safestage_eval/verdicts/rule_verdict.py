@@ -13,10 +13,10 @@ from safestage_eval.states.persistence import runs, without_short_runs
 
 from .evaluate import Evaluator
 from .explain import seconds, sentence
-from .flicker import too_brief
+from .flicker import raw_frames, too_brief
 from .instance import Instance, judge_instance, violated_frames
 from .players import combinations
-from .verdict import Verdict
+from .verdict import Vacuity, Verdict
 from .witness import Search, Witness
 
 
@@ -36,11 +36,10 @@ def judge_rule(
     judged = [judge_instance(evaluator, rule, env) for env in combinations(rule, players)]
     applicable = [found for found in judged if found is not None]
     if judged and not applicable:
-        return replace(blank, notes=_notes(evaluator, _no_hazard(rule)))
+        return replace(blank, vacuity="not_given", notes=_notes(evaluator, _no_hazard(rule)))
     instances = [instance for found in applicable for instance in found]
     if not instances:
-        vacuous = "nothing to judge: its scope never came about"
-        return replace(blank, verdict="pass", notes=_notes(evaluator, vacuous))
+        return _vacuous(evaluator, blank, judged=bool(judged))
     violated = [i for i in instances if i.violated]
     undecided = [i for i in instances if i.undecided]
     worst = min(violated or undecided or instances, key=lambda i: i.upper if violated else i.lower)
@@ -55,8 +54,16 @@ def judge_rule(
         explanation = f"Cannot be decided: {'; '.join(evaluator.notes) or why}."
         return replace(verdict, notes=_notes(evaluator, why), explanation=explanation)
     witness = _witness(evaluator, rule, worst, violated=bool(violated))
-    verdict = _with_times(evaluator, rule, verdict, violated, witness)
-    notes = _undersampled(evaluator, witness)
+    verdict = _with_times(evaluator, rule, verdict, instances, witness)
+    slack = _undersampled(evaluator, witness)
+    notes = (
+        []
+        if slack is None
+        else [
+            f"undersampled: between frames the value may differ by {slack * 1e3:.1f} mm, "
+            "and the limit lies within that"
+        ]
+    )
     notes += too_brief(evaluator, rule, instances)
     if witness.at_least:
         notes.append("value and margin are at least this: further away was not measured")
@@ -69,6 +76,7 @@ def judge_rule(
         dimension=witness.dimension,
         margin=witness.margin,
         margin_normalised=_finite(worst.upper if violated else worst.lower),
+        undersampled=slack is not None,
         notes=_notes(evaluator, *notes),
     )
     if verdict.verdict == "inconclusive":
@@ -76,7 +84,31 @@ def judge_rule(
         if not worst.scope.certain[worst.frame - worst.scope.first]:
             why = f"whether {seconds(verdict.worst_time)} belongs to its scope is not known"
         return replace(verdict, explanation=f"Cannot be decided: {why}.")
+    if verdict.verdict == "pass" and _tied(worst, instances, witness):
+        return replace(
+            verdict, signal=None, bodies=(), value=None, limit=None, margin=None, dimension=None,
+            undersampled=False, notes=_notes(evaluator, *too_brief(evaluator, rule, instances)),
+            explanation="No one measurement came closest: several were equally far from their limits.",
+        )  # fmt: skip
     return replace(verdict, explanation=sentence(evaluator, rule, worst, witness, verdict))
+
+
+def _tied(worst: Instance, instances: Sequence[Instance], witness: Witness) -> bool:
+    """No one measurement is the closest call: others have the very same margin."""
+    if witness.dimension == "time":
+        return False
+    others = (i for i in instances if i.env != worst.env)
+    return witness.tied or any(i.lower == worst.lower for i in others)
+
+
+def _vacuous(evaluator: Evaluator, blank: Verdict, *, judged: bool) -> Verdict:
+    """A pass because there was nothing to judge."""
+    why: Vacuity = "no_scope" if judged else "no_instance"
+    said = {
+        "no_scope": "nothing to judge: its scope never came about",
+        "no_instance": "nothing to judge: its roles need different bodies, and there are too few",
+    }[why]
+    return replace(blank, verdict="pass", vacuity=why, notes=_notes(evaluator, said))
 
 
 def _witness(
@@ -130,21 +162,27 @@ def _with_times(
     evaluator: Evaluator,
     rule: ast.Rule,
     verdict: Verdict,
-    violated: Sequence[Instance],
+    instances: Sequence[Instance],
     witness: Witness,
 ) -> Verdict:
     t, dt = evaluator.episode.t, evaluator.episode.dt
     verdict = replace(verdict, worst_time=float(t[witness.frame]))
+    violated = [instance for instance in instances if instance.violated]
     bad: Bool = np.zeros(evaluator.frames, np.bool_)
     for instance in violated:
         bad |= violated_frames(evaluator, rule, instance)
-    stretches = [(float(t[a]), float(t[b - 1]) + dt) for a, b in runs(bad)]
+
+    def timed(frames: Bool) -> tuple[tuple[float, float], ...]:
+        return tuple((float(t[a]), float(t[b - 1]) + dt) for a, b in runs(frames))
+
+    stretches = timed(bad)
     if violated:
         at = int(np.argmax(bad)) if stretches else min(i.scope.first for i in violated)
         verdict = replace(verdict, time=float(t[min(at, len(t) - 1)]))
     return replace(
         verdict,
-        intervals=tuple(stretches),
+        intervals=stretches,
+        raw_intervals=timed(bad | raw_frames(evaluator, rule, instances)),
         exposure_time=sum(b - a for a, b in stretches),
         phase=_phase(evaluator, rule, verdict.time if violated else verdict.worst_time),
     )
@@ -167,17 +205,14 @@ def _no_hazard(rule: ast.Rule) -> str:
     return "its condition does not hold in the first frames"
 
 
-def _undersampled(evaluator: Evaluator, witness: Witness) -> list[str]:
-    """A note when the limit may have been crossed between two recorded frames."""
+def _undersampled(evaluator: Evaluator, witness: Witness) -> float | None:
+    """M by which the value may differ between two frames, if the limit lies within that."""
     if witness.name is None or witness.value is None or witness.limit is None or witness.at_least:
-        return []
+        return None
     slack = evaluator.relations.signals.between_frames(witness.name, witness.bodies, witness.frame)
     if slack is None or abs(witness.value - witness.limit) > slack:
-        return []
-    return [
-        f"undersampled: between frames the value may differ by {slack * 1e3:.1f} mm, "
-        "and the limit lies within that"
-    ]
+        return None
+    return slack
 
 
 def _notes(evaluator: Evaluator, *more: str) -> tuple[str, ...]:

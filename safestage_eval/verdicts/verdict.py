@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+Vacuity = Literal["no_player", "no_instance", "not_given", "no_scope"]
+"""Why there was nothing to judge: a role that no body plays; no combination of distinct bodies; a
+``given`` that does not hold at the start; a scope that never came about."""
+
 VerdictName = Literal["pass", "violation", "not_applicable", "inconclusive"]
 
 
@@ -41,6 +45,12 @@ class Verdict:
     """[start, end) of every stretch in violation."""
     exposure_time: float = 0.0
     """s, sum of the intervals."""
+    raw_intervals: tuple[tuple[float, float], ...] = ()
+    """[start, end) of every stretch in which something forbidden held, however briefly."""
+    undersampled: bool = False
+    """Between two frames the limit may have been crossed, or not, unseen."""
+    vacuity: Vacuity | None = None
+    """Why there was nothing to judge; None if there was."""
     instances: int = 0
     """Combinations of bodies and scopes that were judged; 0 says that a pass is vacuous."""
     violated_instances: int = 0
@@ -198,6 +208,9 @@ class EpisodeResult:
             "bodies": list(v.bodies),
             "intervals": [list(i) for i in v.intervals],
             "exposure_time": v.exposure_time,
+            "raw_intervals": [list(i) for i in v.raw_intervals],
+            "undersampled": v.undersampled,
+            "vacuity": v.vacuity,
             "instances": v.instances,
             "violated_instances": v.violated_instances,
             "severity": v.severity,

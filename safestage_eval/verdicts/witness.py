@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ class Witness:
         margin: SI, distance of the value from the limit, negative when violated.
         dimension: of value, limit and margin.
         name: of the signal alone, ``clearance``; None for a relation.
+        tied: another atom has the very same margin there, so that naming this one is arbitrary.
         at_least: the value is only known to be no less (a clearance beyond what had to be known).
     """
 
@@ -36,6 +37,7 @@ class Witness:
     dimension: str | None = None
     name: str | None = None
     at_least: bool = False
+    tied: bool = False
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,8 @@ class Search:
         if isinstance(node, ast.Condition):
             here = self._only(frame)
             margins = [self.end(self.evaluator.atom(a, env, here), frame) for a in node.atoms]
-            return self.atom(node.atoms[int(np.argmin(margins))], env, frame)
+            found = self.atom(node.atoms[int(np.argmin(margins))], env, frame)
+            return _or_tied(found, margins, min(margins))
         if node.call is None:
             return Witness(node.kind, (), frame)
         if node.edge is None:
@@ -103,7 +106,8 @@ class Search:
         margins = [
             self.end(self.evaluator.alternative(a, env, here), frame) for a in atom.alternatives
         ]
-        return self.alternative(atom.alternatives[int(np.argmax(margins))], env, frame)
+        found = self.alternative(atom.alternatives[int(np.argmax(margins))], env, frame)
+        return _or_tied(found, margins, max(margins))
 
     def state(self, call: ast.Call, env: Env, frame: int) -> Witness:
         """Witness of a state: of a declared one, what it was derived from."""
@@ -148,3 +152,9 @@ class Search:
             name,
             at_least=bool(np.isposinf(series.upper[frame])),
         )
+
+
+def _or_tied(witness: Witness, margins: list[float], decisive: float) -> Witness:
+    """The witness, marked where several margins are the decisive one."""
+    alike = sum(margin == decisive for margin in margins)
+    return replace(witness, tied=True) if alike > 1 else witness

@@ -54,7 +54,7 @@ def test_roles_rules_and_values_are_bound_and_say_whence(tmp_path: Path) -> None
         "min_clearance = 12 cm: bind file",
         "assigned: bind file",
     )
-    assert "from: target = t: bind file; protected = p" in explain(result)
+    assert "bound: target = t: bind file; protected = p" in explain(result)
     (row,) = (row for row in result.rows() if row["rule"] == "ETS201")
     assert row["sources"] == list(verdict.sources)
 

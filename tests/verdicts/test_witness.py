@@ -1,0 +1,127 @@
+"""What a verdict shows: raw and filtered, vacuous and why, ties, undersampling, consequences."""
+
+import numpy as np
+import pytest
+from scenes import G, Scene
+from toy import Facts, judge_toy, series
+
+from safestage_eval.report.as_text import explain
+from safestage_eval.rules import load_rules
+from safestage_eval.verdicts import EpisodeResult, judge
+
+ROLES = {"target": ("t",), "protected": ("p",)}
+TOUCH = """
+[state.touch]
+of = ["a"]
+when = { "height(a)" = ">= 0 m" }
+for = "3 frames"
+gap = "1 frame"
+"""
+BOTH = 'given = { any = ["p(a)", "q(b)", { "q(b)" = false }] }\n'
+
+
+def judged(p: str, rule: str, q: str = "", **options):
+    facts = Facts({"height(a)": series(p), "height(b)": series(q or "0" * len(p))}, rate=10.0)
+    return judge_toy(facts, f"{BOTH}{rule}\n{TOUCH}", **options)
+
+
+def test_raw_and_filtered_side_by_side() -> None:
+    """A flicker is not counted, a gap is bridged; both are shown."""
+    found = judged("0100111011000", 'forbid = "touch(a)"')
+    assert found.verdict == "violation"
+    assert np.allclose(found.intervals, [(0.4, 1.0)])
+    assert np.allclose(found.raw_intervals, [(0.1, 0.2), (0.4, 1.0)])
+    assert any("held for 100 ms at 0.10 s" in note for note in found.notes)
+    brief = judged("0110000", 'forbid = "touch(a)"')
+    assert (brief.verdict, brief.intervals) == ("pass", ())
+    assert np.allclose(brief.raw_intervals, [(0.1, 0.3)])
+
+
+def test_raw_without_the_rules_own_for() -> None:
+    found = judged("0110111", 'forbid = "p(a)"\nfor = "3 frames"')
+    assert np.allclose(found.intervals, [(0.4, 0.7)])
+    assert np.allclose(found.raw_intervals, [(0.1, 0.3), (0.4, 0.7)])
+
+
+@pytest.mark.parametrize(
+    ("rule", "players", "verdict", "vacuity"),
+    [
+        ('forbid = "p(a)"', None, "pass", None),
+        ('during = "q(b)"\nforbid = "p(a)"', None, "pass", "no_scope"),
+        ('forbid = "p(a)"', {"a": ("b",), "b": ("b",)}, "pass", "no_instance"),
+    ],
+)
+def test_vacuity(rule, players, verdict, vacuity) -> None:
+    found = judged("0000", rule, players=players)
+    assert (found.verdict, found.vacuity) == (verdict, vacuity)
+    assert (found.instances == 0) == (vacuity is not None)
+    assert any("nothing to judge" in note for note in found.notes) == (vacuity is not None)
+
+
+def test_a_rule_whose_given_never_held_says_so() -> None:
+    facts = Facts({"height(a)": series("0000"), "height(b)": series("0000")})
+    found = judge_toy(facts, 'given = { "q(b)" = true }\nforbid = "p(a)"')
+    assert (found.verdict, found.vacuity) == ("not_applicable", "not_given")
+
+
+def pushed(reach: float, rate: float = 120.0, frames: int = 360) -> Scene:
+    """A box pushed towards another at 40 cm/s."""
+    x = np.clip(np.arange(frames) / rate * 0.4, 0, reach)
+    scene = Scene(frames, rate).fixed("table").box("p", 0.05, (0.5, 0, 0.05))
+    scene.box("t", 0.05, np.column_stack([x, 0 * x, 0 * x + 0.05]))
+    scene.rests("p", "table", 0.05, (0.5, 0, 0), G).rests("t", "table", 0.05, (0, 0, 0), G)
+    for side, sign in (("left", 1), ("right", -1)):
+        scene.box(side, 0.01, (-2, sign, 0.5), kind="gripper", finger=side)
+    return scene
+
+
+def scored(scene: Scene, **header) -> EpisodeResult:
+    fields = {"roles": ROLES, "rules": ("ETS201",), **header}
+    return judge(scene.episode(**fields), load_rules(["ets", "fsh"]))
+
+
+def test_nobody_plays_a_role() -> None:
+    result = scored(pushed(0.3), roles={"target": ("t",)})
+    (found,) = result.assigned
+    assert (found.verdict, found.vacuity) == ("not_applicable", "no_player")
+    assert "vacuous: no body plays one of its roles" in explain(result)
+
+
+@pytest.mark.parametrize(
+    ("reach", "rate", "flagged"),
+    [(0.319, 15.0, True), (0.319, 1000.0, False), (0.25, 15.0, False)],
+)
+def test_a_limit_that_may_have_been_crossed_between_frames_is_flagged(
+    reach: float, rate: float, flagged: bool
+) -> None:
+    """It stops 1 mm short of the limit, having moved 2.7 cm per frame at 15 Hz."""
+    (found,) = scored(pushed(reach, rate, int(1.5 * rate))).assigned
+    assert found.verdict == "pass"
+    assert found.undersampled is flagged
+    assert any("undersampled" in note for note in found.notes) is flagged
+
+
+def test_where_nothing_came_closest_nothing_is_named() -> None:
+    """Neither robot nor load touched: naming one of the two would be arbitrary."""
+    found = next(v for v in scored(pushed(0.2)).verdicts if v.rule == "ETS101")
+    assert (found.verdict, found.signal, found.value, found.bodies) == ("pass", None, None, ())
+    assert found.margin_normalised == pytest.approx(1.0)
+    touched = pushed(0.2)
+    touched.contact("left", "p", (0.55, 0, 0.05), (0, -0.06, 0), normal=(0, -1, 0))
+    found = next(v for v in scored(touched).verdicts if v.rule == "ETS101")
+    assert (found.verdict, found.signal) == ("pass", "contact_force(robot, p)")
+    assert found.value == pytest.approx(0.06, abs=1e-6)
+
+
+def test_consequences_stand_under_their_cause() -> None:
+    scene = pushed(0.38)
+    scene.contact("t", "p", (0.45, 0, 0.05), (20, 0, 0), normal=(1, 0, 0), frames=slice(114, None))
+    result = scored(scene)
+    (cause,) = result.assigned
+    followed = [v.rule for v in result.verdicts if v.consequence_of == "ETS201"]
+    assert cause.verdict == "violation"
+    assert "ETS101" in followed
+    text = explain(result)
+    first = text.index("  ETS201 violation")
+    assert text.index("\n    ETS101 violation (follows ETS201)") > first
+    assert f"in violation: {cause.intervals[0][0]:.2f} s to" in text
