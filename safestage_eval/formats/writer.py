@@ -136,8 +136,9 @@ class TraceWriter:
                 full speed, (B, 7) position + orientation of the *movable* bodies in the header's
                 order. A fixed body's pose may be among the names; it counts once.
             twists: body name → (linear velocity (3,) m/s of the body frame's origin, angular
-                velocity (3,) rad/s), both in the world frame; or (B, 6). Without twists the
-                velocities are zero.
+                velocity (3,) rad/s), both in the world frame; or (B, 6). A body that never has
+                any is stored with zeros, and its velocities are derived from its poses when a rule
+                asks for them; one that has them at times stands still at the others.
             contacts: see ``contact_points.pack``; rows, columns or a packed array.
             joint_position: (J,) rad or m, in the order of ``header.joints``.
             joint_velocity: (J,) rad/s or m/s.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.cells import cell_len
@@ -125,6 +125,11 @@ def vocabulary() -> list[dict[str, Any]]:
             "groups": spec.groups,
             "needs": list(spec.needs),
             "meaning": spec.meaning,
+            "options": {option.name: option.meaning for option in spec.options},
+            "columns": dict(spec.columns),
+            "calls": _calls(
+                spec.name, spec.args, "j" if spec.joints else "name" if spec.named else "a"
+            ),
         }
         for spec in SIGNALS.values()
     ]
@@ -139,6 +144,9 @@ def vocabulary() -> list[dict[str, Any]]:
             "groups": spec.groups,
             "needs": list(spec.needs),
             "meaning": spec.meaning,
+            "options": {},
+            "columns": {},
+            "calls": _calls(spec.name, [spec.args]),
         }
         for spec in RELATIONS.values()
     ]
@@ -149,7 +157,7 @@ def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
     """The vocabulary as a table; a single entry as a page of its own."""
     if len(entries) == 1:
         (one,) = entries
-        lines = [" or ".join(_calls(one)), f"  {one['meaning']}"]
+        lines = [" or ".join(one["calls"]), f"  {one['meaning']}"]
         what = "true, false or unknown per frame"
         if one["kind"] == "signal":
             what = a_dimension(one["dimension"])
@@ -159,21 +167,32 @@ def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
             "since", ["may be taken since an event instead of since the start"] * one["since"]
         )
         lines += _entry("groups", ["robot and gripper may stand as arguments"] * one["groups"])
+        lines += _entry(
+            "options", [f"{name}: {meaning}" for name, meaning in one["options"].items()]
+        )
+        columns = [
+            f"{name} ({a_dimension(dimension)})" for name, dimension in one["columns"].items()
+        ]
+        lines += _entry("materials", columns)
         example = '"<= 1"' if one["kind"] == "signal" else "true"
         if one["units"]:
             example = f'"<= 1 {one["units"][0]}"'
-        lines += _entry("in a rule", [f'"{_calls(one)[0]}" = {example}'])
+        call = one["calls"][0]
+        if "box" in one["options"]:
+            lines += _entry("declared as", [f'[signal.in_cell] base = "{one["name"]}", box = …'])
+            call = call.replace(one["name"], "in_cell")
+        lines += _entry("in a rule", [f'"{call}" = {example}'])
         return "\n".join(lines) + "\n"
     rows = [
-        ["; ".join(_calls(e)), e["dimension"] or "true/false", ", ".join(e["needs"]), e["meaning"]]
+        ["; ".join(e["calls"]), e["dimension"] or "true/false", ", ".join(e["needs"]), e["meaning"]]
         for e in entries
     ]
     head = ["name", "value", "needs", "meaning"]
     return "\n".join(_columns([head, *rows])) + "\n"
 
 
-def _calls(entry: Mapping[str, Any]) -> list[str]:
-    return [f"{entry['name']}({', '.join('ab'[:count])})" for count in entry["args"]]
+def _calls(name: str, counts: Sequence[int], first: str = "a") -> list[str]:
+    return [f"{name}({', '.join((first, 'b' if first == 'a' else 'a')[:n])})" for n in counts]
 
 
 def _units(dimension: str) -> list[str]:

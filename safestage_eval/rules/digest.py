@@ -96,7 +96,7 @@ def _named(node: Any, rules: ast.RuleSet, params: Params) -> Iterator[tuple[str,
                 yield from _named(ast.Column(column, ""), rules, params)
             usual = tuple((o.name, o.default) for o in spec.options if o.default is not None)
             if usual and variant is None:
-                yield f"signal.{spec.name}", usual
+                yield f"usual.{spec.name}", usual
     if is_dataclass(node):
         for item in fields(node):
             if item.compare:

@@ -14,6 +14,8 @@ from safestage_eval.episode import Episode, Joint, RobotFrames
 from safestage_eval.errors import RuleError
 from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.rules.syntax import RuleSet
+from safestage_eval.rules.uses import uses_of
+from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.verdict import Verdict
 
@@ -181,3 +183,13 @@ def test_the_robot_stays_in_its_cell() -> None:
     assert found.verdict == "violation"
     assert found.value == pytest.approx(-0.05, abs=1e-6)
     assert judged(kitchen(), text.replace("205 cm", "2.1 m")).verdict == "pass"
+
+
+def test_a_rule_is_shown_with_all_that_its_signals_rest_on() -> None:
+    text = f'{HEAT}{WEAR}{RULE}roles = {{ a = "object" }}\n'
+    text += 'require = { "temperature(a)" = "<= 80 degC", "health(a)" = ">= 90 %" }\n'
+    found = rules(text)
+    uses = uses_of(found, found.rules["ETS901"], found.params)
+    assert uses.signals == ("channel", "health")
+    assert set(uses.columns) == {column for column, _ in SIGNALS["health"].columns}
+    assert set(uses.needs) == {"channel", "forces", "masses", "twists"}
