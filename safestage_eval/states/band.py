@@ -9,7 +9,8 @@ over real-valued signals", 2010).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -42,14 +43,29 @@ class Band(NamedTuple):
         """(T,) neither."""
         return (self.lower < 0) & (self.upper >= 0)
 
+    @property
+    def exact(self) -> bool:
+        """Both ends are one array: what is done to the one need not be done to the other."""
+        return self.lower is self.upper
+
     def at(self, first: int, stop: int) -> Band:
         """The frames [first, stop)."""
-        return Band(self.lower[first:stop], self.upper[first:stop])
+        return each(lambda margin: margin[first:stop], self)
+
+
+def each(function: Callable[..., F64], *bands: Band) -> Band:
+    """A function of margins applied to the lower ends, and to the upper ends if they differ."""
+    lower = function(*(b.lower for b in bands))
+    if all(b.exact for b in bands):
+        return Band(lower, lower)
+    return Band(lower, function(*(b.upper for b in bands)))
 
 
 def negated(margin: F64) -> F64:
     """The margin of the opposite: where it was exactly 0 (true), the opposite is just false."""
-    return np.where(margin == 0, -_TINY, -margin)
+    opposite = np.asarray(-margin)
+    opposite[margin == 0] = -_TINY
+    return opposite
 
 
 def strict(margin: F64) -> F64:
@@ -69,23 +85,19 @@ def both(bands: Sequence[Band], frames: int) -> Band:
     """All hold; over no bands at all, true."""
     if not bands:
         return crisp(np.ones(frames, np.bool_))
-    return Band(
-        np.minimum.reduce([b.lower for b in bands]), np.minimum.reduce([b.upper for b in bands])
-    )
+    return each(lambda *margins: reduce(np.minimum, margins), *bands)
 
 
 def either(bands: Sequence[Band], frames: int) -> Band:
     """At least one holds; over no bands at all, false."""
     if not bands:
         return crisp(np.zeros(frames, np.bool_))
-    return Band(
-        np.maximum.reduce([b.lower for b in bands]), np.maximum.reduce([b.upper for b in bands])
-    )
+    return each(lambda *margins: reduce(np.maximum, margins), *bands)
 
 
 def opposite(band: Band) -> Band:
     """It does not hold."""
-    return Band(negated(band.upper), negated(band.lower))
+    return each(negated, Band(band.upper, band.lower))
 
 
 def at_least(count: int, bands: Sequence[Band], frames: int) -> Band:
@@ -94,7 +106,4 @@ def at_least(count: int, bands: Sequence[Band], frames: int) -> Band:
         return crisp(np.ones(frames, np.bool_))
     if count > len(bands):
         return crisp(np.zeros(frames, np.bool_))
-    return Band(
-        np.sort([b.lower for b in bands], axis=0)[-count],
-        np.sort([b.upper for b in bands], axis=0)[-count],
-    )
+    return each(lambda *margins: np.sort(margins, axis=0)[-count], *bands)

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from .band import F64, Band, Bool
+from .band import F64, Band, Bool, each
 
 NEVER = -np.inf
 
@@ -24,10 +23,10 @@ def held_from(margin: F64, frames: int) -> F64:
     """
     if frames <= 1 or not len(margin):
         return margin
-    # scipy centres the window at size // 2; the origin moves it so that it starts at the frame
-    return minimum_filter1d(
-        margin, frames, mode="constant", cval=NEVER, origin=-((frames - 1) // 2) - _even(frames)
-    )
+    out = np.full(len(margin), NEVER)
+    if frames <= len(margin):
+        out[: len(margin) - frames + 1] = _windows(np.minimum, margin, frames)
+    return out
 
 
 def held_until(margin: F64, frames: int) -> F64:
@@ -35,19 +34,24 @@ def held_until(margin: F64, frames: int) -> F64:
     return held_from(margin[::-1], frames)[::-1]
 
 
-def _even(frames: int) -> int:
-    return 1 - frames % 2 if frames > 0 else 0
-
-
 def _seen_until(margin: F64, frames: int) -> F64:
     """Best margin over the ``frames`` frames that end at each frame; nothing before the start."""
     if frames <= 1 or not len(margin):
         return margin
-    flipped = maximum_filter1d(
-        margin[::-1], frames, mode="constant", cval=NEVER,
-        origin=-((frames - 1) // 2) - _even(frames),
-    )  # fmt: skip
-    return np.asarray(flipped[::-1], np.float64)
+    return _windows(np.maximum, np.concatenate([np.full(frames - 1, NEVER), margin]), frames)
+
+
+def _windows(extreme: np.ufunc, margin: F64, frames: int) -> F64:
+    """(T,) → (T − frames + 1,): minimum or maximum over every window of so many frames.
+
+    Windows of 2, 4, 8 … frames are made of two halves each; two that overlap make the last.
+    """
+    out, size = margin, 1
+    while 2 * size <= frames:
+        out = extreme(out[:-size], out[size:])
+        size *= 2
+    rest = frames - size
+    return extreme(out[:-rest], out[rest:]) if rest else out
 
 
 def without_short_runs(margin: F64, frames: int) -> F64:
@@ -71,8 +75,8 @@ def persistent(band: Band, for_frames: int, gap_frames: int, *, causal: bool = F
     for ``gap_frames`` after its last true frame.
     """
     if causal:
-        return Band(*(held_until(_seen_until(m, gap_frames + 1), for_frames) for m in band))
-    return Band(*(without_short_runs(without_short_gaps(m, gap_frames), for_frames) for m in band))
+        return each(lambda m: held_until(_seen_until(m, gap_frames + 1), for_frames), band)
+    return each(lambda m: without_short_runs(without_short_gaps(m, gap_frames), for_frames), band)
 
 
 def latched(band: Band, reset: Bool, perhaps: Bool | None = None) -> Band:
@@ -81,6 +85,8 @@ def latched(band: Band, reset: Bool, perhaps: Bool | None = None) -> Band:
     ``perhaps``: (T,) all frames at which it may be reset, where not only the certain ones count.
     """
     widest = reset if perhaps is None else perhaps
+    if band.exact and np.array_equal(widest, reset):
+        return each(lambda margin: _latch(margin, reset), band)
     return Band(_latch(band.lower, widest), _latch(band.upper, reset))
 
 
@@ -96,5 +102,6 @@ def _latch(margin: F64, reset: Bool) -> F64:
 
 def runs(truth: Bool) -> NDArray[np.int64]:
     """(R, 2) half-open frame intervals [first, stop) of consecutive true frames."""
-    steps = np.diff(np.concatenate([[0], truth.astype(np.int8), [0]]))
-    return np.flatnonzero(steps).reshape(-1, 2)
+    padded = np.zeros(len(truth) + 2, np.bool_)
+    padded[1:-1] = truth
+    return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)

@@ -344,10 +344,9 @@ def limit_margin(series: Series, op: str, limit: float, scale: float) -> Band:
         scale: SI size that counts as one when the limit is 0.
     """
     size = abs(limit) or scale
+    both_ends = Band(series.lower, series.upper)
     if op[0] == ">":
-        lower, upper = (series.lower - limit) / size, (series.upper - limit) / size
+        found = band.each(lambda value: (value - limit) / size, both_ends)
     else:
-        lower, upper = (limit - series.upper) / size, (limit - series.lower) / size
-    if len(op) == 1:
-        return Band(band.strict(lower), band.strict(upper))
-    return Band(lower, upper)
+        found = band.each(lambda value: (limit - value) / size, Band(*both_ends[::-1]))
+    return band.each(band.strict, found) if len(op) == 1 else found

@@ -199,7 +199,8 @@ def _obligation(
     least = found.lower
     if kind == "forbid" and sure is not None:
         least = np.where(sure, found.lower, -np.inf)
-    low, high = held_from(least, lasting), held_from(found.upper, lasting)
+    low = held_from(least, lasting)
+    high = low if least is found.upper else held_from(found.upper, lasting)
     best, values = (low, least) if low.max() >= 0 else (high, found.upper)
     start = int(np.argmax(best))
     frame = start + int(np.argmin(values[start : start + lasting]))
