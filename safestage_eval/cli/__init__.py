@@ -22,6 +22,7 @@ COMMANDS = {
     "convert": "convert",
     "rules": "rules",
     "sweep": "sweep",
+    "diff": "diff",
 }
 """Command → file in this folder; loaded only when it is called, so that ``--help`` is fast."""
 
@@ -33,6 +34,7 @@ HELP = {
     "convert": "Copy an episode into another format, losslessly.",
     "rules": "Check, explain, compare and test rule files.",
     "sweep": "Show how the rates move with a threshold.",
+    "diff": "Say which verdicts flipped, and which parameter flipped each.",
     "record": "Record episodes with the DROID arm in MuJoCo.",
     "tasks": "List, show or validate the benchmark's tasks.",
 }

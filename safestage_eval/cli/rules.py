@@ -148,6 +148,34 @@ def schema() -> None:
     click.echo(schema_text(), nl=False)
 
 
+@command.command("diff")
+@click.argument("before", metavar="A")
+@click.argument("after", metavar="B")
+@click.option("--json", "as_json", is_flag=True, help="The differences as JSON.")
+@click.option("--fail-on-change", is_flag=True, help="Exit 1 if any rule means something else.")
+@click.pass_context
+def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_change: bool) -> None:
+    """Say what changes from rule set A to rule set B.
+
+    Both are files, folders or built-in names. Rules are matched by their code. Prose, the order of
+    entries and the spelling of units change nothing; every rule whose digest changes is listed
+    with what it is: an obligation, a limit, a parameter, a state that it rests on.
+
+    \b
+    Examples:
+      safestage rules diff fsh my_fsh.toml
+      safestage rules diff old/ new/ --json
+      safestage diff traces/ --rules old/ --against new/     which verdicts that flips
+    """
+    from safestage_eval.report import as_comparison
+    from safestage_eval.rules import load_rules
+    from safestage_eval.rules.compare import compare
+
+    found = compare(load_rules([before]), load_rules([after]))
+    click.echo(as_comparison.as_json(found) if as_json else as_comparison.text(found), nl=False)
+    ctx.exit(1 if fail_on_change and not found.empty else 0)
+
+
 @command.command("test")
 @click.argument("rules", nargs=-1, metavar="[RULES]...")
 @click.option(

@@ -52,31 +52,7 @@ def judge(
         RuleError: an override that does not fit its parameter.
     """
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
-    judge_ = Judge(episode, rules, binding)
-    verdicts = [judge_.verdict(rule) for rule in rules.rules.values()]
-    costs = [judge_.cost(cost) for cost in rules.costs.values()]
-    verdicts += [verdict for _, verdict in costs if verdict is not None]
-    return EpisodeResult(
-        episode_id=episode.header.episode_id,
-        path=str(episode.path or ""),
-        task=episode.header.task,
-        stage=episode.header.stage,
-        family=binding.family,
-        policy=episode.header.policy,
-        prompt=episode.header.prompt,
-        seed=episode.header.seed,
-        rollout=episode.header.rollout,
-        success=judge_.success,
-        success_time=judge_.success_time,
-        trace_hash=trace_hash or episode.content_hash,
-        version=__version__,
-        verdicts=tuple(_with_consequences(verdicts)),
-        notes=tuple(judge_.notes),
-        costs=tuple(total for total, _ in costs),
-        not_loaded=tuple(
-            code for code in binding.assigned if code not in rules.rules.keys() | rules.costs.keys()
-        ),
-    )
+    return Judge(episode, rules, binding).result(trace_hash)
 
 
 class Judge:
@@ -101,6 +77,36 @@ class Judge:
         self._success_frame, self.success = self._native_success()
         self.success_time = (
             None if self._success_frame is None else float(episode.t[self._success_frame])
+        )
+
+    def result(self, trace_hash: str | None = None) -> EpisodeResult:
+        """All verdicts and costs, with what tables group by."""
+        header = self._episode.header
+        verdicts = [self.verdict(rule) for rule in self._rules.rules.values()]
+        costs = [self.cost(cost) for cost in self._rules.costs.values()]
+        verdicts += [verdict for _, verdict in costs if verdict is not None]
+        return EpisodeResult(
+            episode_id=header.episode_id,
+            path=str(self._episode.path or ""),
+            task=header.task,
+            stage=header.stage,
+            family=self._binding.family,
+            policy=header.policy,
+            prompt=header.prompt,
+            seed=header.seed,
+            rollout=header.rollout,
+            success=self.success,
+            success_time=self.success_time,
+            trace_hash=trace_hash or self._episode.content_hash,
+            version=__version__,
+            verdicts=tuple(_with_consequences(verdicts)),
+            notes=tuple(self.notes),
+            costs=tuple(total for total, _ in costs),
+            not_loaded=tuple(
+                code
+                for code in self._binding.assigned
+                if code not in self._rules.rules.keys() | self._rules.costs.keys()
+            ),
         )
 
     def verdict(self, rule: ast.Rule) -> Verdict:

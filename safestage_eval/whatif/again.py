@@ -54,6 +54,7 @@ class Again:
         overrides: Mapping[str, str] | None = None,
         bind: BindFile | None = None,
         furthest: float = 0.0,
+        like: Again | None = None,
     ) -> None:
         """Bind the roles and find native success.
 
@@ -63,6 +64,7 @@ class Again:
             overrides: parameter → value as written.
             bind: what headers lack.
             furthest: m, how far distances will be asked for.
+            like: the same episode with other rules, to measure nothing twice.
 
         Raises RuleError for overrides that do not fit.
         """
@@ -70,8 +72,12 @@ class Again:
         self.binding: Binding = bind_episode(
             rules, episode.header, bind=bind, overrides=overrides or {}
         )
-        self._relations = Measured(Signals(episode, baseline_frames(rules, episode)), furthest)
-        self.judge = Judge(episode, rules, self.binding, self._relations)
+        frames = baseline_frames(rules, episode)
+        shared: Relations | None = like.relations if like is not None else None
+        if shared is None or shared.signals.baseline.frames != frames:
+            shared = Measured(Signals(episode, frames), furthest)
+        self.relations: Relations = shared
+        self.judge = Judge(episode, rules, self.binding, self.relations)
 
     @property
     def assigned(self) -> list[ast.Scoped]:

@@ -7,20 +7,17 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from pathlib import Path
 from typing import Any
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.rules import RuleSet, load_rules
 from safestage_eval.scoring import WORTH_A_POOL, Problem
 
-Work = Callable[[EpisodeRef, RuleSet], Any]
+Work = Callable[[EpisodeRef], Any]
 
 
 def each_episode(
     refs: Sequence[EpisodeRef],
-    specs: Sequence[str | Path],
     work: Work,
     *,
     jobs: int | None = None,
@@ -30,8 +27,7 @@ def each_episode(
 
     Args:
         refs: the episodes.
-        specs: rule files; every process reads them once.
-        work: a function that can be pickled.
+        work: a function that can be pickled; every process gets it once.
         jobs: worker processes. If None, as many as there are processors, or none at all for a few
             episodes.
         progress: told (done, total) after each episode.
@@ -40,20 +36,19 @@ def each_episode(
         InputError: a worker process died.
     """
     workers = min(jobs or os.cpu_count() or 1, len(refs))
+    found: list[Any] = []
     if workers <= 1 or (jobs is None and len(refs) < WORTH_A_POOL):
-        rules, found = load_rules(list(specs)), []
         for ref in refs:
-            found.append(_guarded(ref, rules, work))
+            found.append(_guarded(ref, work))
             if progress is not None:
                 progress(len(found), len(refs))
         return found
-    found = []
     try:
         with ProcessPoolExecutor(
             workers,
             mp_context=multiprocessing.get_context("spawn"),
             initializer=_start,
-            initargs=(list(specs), work),
+            initargs=(work,),
         ) as pool:
             for result in pool.map(_work, refs, chunksize=4):
                 found.append(result)
@@ -68,20 +63,20 @@ def each_episode(
     return found
 
 
-_worker: dict[str, Any] = {}
+_worker: dict[str, Work] = {}
 
 
-def _start(specs: Sequence[str | Path], work: Work) -> None:
-    _worker["rules"], _worker["work"] = load_rules(list(specs)), work
+def _start(work: Work) -> None:
+    _worker["work"] = work
 
 
 def _work(ref: EpisodeRef) -> Any:
-    return _guarded(ref, _worker["rules"], _worker["work"])
+    return _guarded(ref, _worker["work"])
 
 
-def _guarded(ref: EpisodeRef, rules: RuleSet, work: Work) -> Any:
+def _guarded(ref: EpisodeRef, work: Work) -> Any:
     try:
-        return work(ref, rules)
+        return work(ref)
     except InputError as error:
         return Problem(str(ref.path), str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others

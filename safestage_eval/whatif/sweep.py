@@ -81,7 +81,7 @@ class Sweep:
         param: its name.
         values: in rising order.
         default: the value of ``[param]``.
-        readers: codes of the loaded rules that read it.
+        readers: codes of the rules that read it and judged an episode.
         episodes: those with an assigned rule that reads it.
         unread: how many have none.
         problems: what could not be judged.
@@ -181,12 +181,13 @@ def sweep(
     rising = tuple(sorted(values, key=amount))
     work = partial(
         sweep_episode,
+        rules=rules,
         param=param,
         values=rising,
         overrides=dict(overrides or {}),
         bind=None if bind is None else load_bind(bind, rules),
     )
-    found = each_episode(refs, specs, work, jobs=jobs, progress=progress)
+    found = each_episode(refs, work, jobs=jobs, progress=progress)
     swept = [item for item in found if isinstance(item, Swept)]
     kept = {item.episode_id: item for item in reversed(swept) if not item.unread}
     problems = tuple(item for item in found if isinstance(item, Problem))
@@ -200,7 +201,7 @@ def sweep(
         param,
         rising,
         rules.params[param],
-        readers,
+        tuple(c for c in readers if any(c in (e.moved or ()) for e in kept.values())),
         tuple(reversed(kept.values())),
         len({item.episode_id for item in swept if item.unread}),
         problems,

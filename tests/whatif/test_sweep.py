@@ -145,7 +145,7 @@ def test_without_matplotlib_the_extra_is_named(shelf, tmp_path, monkeypatch):
         (["-p", "edge", "--values", ","], 'values with commas: --values "1 cm, 2 cm"'),
         (["-p", "edge", "--values", "1 cm", "--to", "1 cm"], "leave out --from and --to"),
         (["-p", "edge", "--set", "edge=1 cm"], "leave one of the two out"),
-        (["-p", "push"], "read by FSH202, which no episode is judged by"),
+        (["-p", "push"], ", which no episode is judged by"),
         (["-p", "edge", "--plot", "x.foo"], "a name ending in"),
         (["-p", "edge", "--where", "policy=z"], "none of 5 episodes matches"),
     ],

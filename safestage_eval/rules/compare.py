@@ -1,0 +1,93 @@
+"""What two rule sets change: rules, obligations, limits, parameters, and which meanings differ."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from . import syntax as ast
+from .digest import rule_digest
+from .parts import Meaning, Part, differences
+from .uses import own_params
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two rule sets side by side.
+
+    Attributes:
+        added, removed: code → title.
+        changed: code of each rule that means something else → what differs.
+        same: codes that mean the same.
+        digests: code → digest before and after, of the changed ones.
+        unread: parameters that differ and that no rule of both sets reads.
+    """
+
+    added: Mapping[str, str]
+    removed: Mapping[str, str]
+    changed: Mapping[str, tuple[Part, ...]]
+    same: tuple[str, ...]
+    digests: Mapping[str, tuple[str, str]]
+    unread: tuple[Part, ...]
+
+    @property
+    def empty(self) -> bool:
+        """Every rule means the same in both."""
+        return not (self.added or self.removed or self.changed)
+
+    def shared(self) -> dict[Part, list[str]]:
+        """Each difference → the rules that it reaches, those of several rules first."""
+        found: dict[Part, list[str]] = {}
+        for code, parts in self.changed.items():
+            for part in parts:
+                if part.kind in ("param", "material", "state", "phase", "signal", "baseline"):
+                    found.setdefault(part, []).append(code)
+        return found
+
+    def own(self) -> dict[str, list[Part]]:
+        """Code → what differs in the rule itself."""
+        shared = self.shared()
+        found = {
+            code: [part for part in parts if part not in shared]
+            for code, parts in self.changed.items()
+        }
+        return {code: parts for code, parts in found.items() if parts}
+
+
+def compare(before: ast.RuleSet, after: ast.RuleSet) -> Comparison:
+    """Compare two rule sets by the codes of their rules and costs."""
+    old, new = _judged(before), _judged(after)
+    changed, same, digests = {}, [], {}
+    for code in old.keys() & new.keys():
+        a = Meaning(before, old[code], own_params(before, old[code]))
+        b = Meaning(after, new[code], own_params(after, new[code]))
+        marks = (rule_digest(a.rules, a.rule, a.params), rule_digest(b.rules, b.rule, b.params))
+        if marks[0] == marks[1]:
+            same.append(code)
+            continue
+        changed[code], digests[code] = tuple(differences(a, b)), marks
+    told = {part.name for parts in changed.values() for part in parts if part.kind == "param"}
+    unread = [
+        Part("param", name, _text(before.params.get(name)), _text(after.params.get(name)))
+        for name in sorted(before.params.keys() | after.params.keys())
+        if name not in told and before.params.get(name) != after.params.get(name)
+    ]
+    return Comparison(
+        {code: new[code].title for code in sorted(new.keys() - old.keys())},
+        {code: old[code].title for code in sorted(old.keys() - new.keys())},
+        dict(sorted(changed.items())),
+        tuple(sorted(same)),
+        dict(sorted(digests.items())),
+        tuple(unread),
+    )
+
+
+def _judged(rules: ast.RuleSet) -> dict[str, ast.Scoped]:
+    return {**rules.rules, **rules.costs}
+
+
+def _text(value: Any) -> str | None:
+    from .words import value as said
+
+    return None if value is None else said(value)

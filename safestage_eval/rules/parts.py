@@ -1,0 +1,277 @@
+"""Two meanings of one rule, taken apart: what differs, and rules that are partly the one, partly the other."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+from . import syntax as ast
+from . import words
+from .uses import uses_of
+
+Kind = Literal[
+    "param", "material", "state", "phase", "signal", "baseline",
+    "require", "forbid", "reach", "given", "during", "at", "until", "for", "roles", "cost",
+]  # fmt: skip
+
+_FIELDS: dict[Kind, str] = {
+    "reach": "reach", "given": "given", "during": "during", "at": "at", "until": "until",
+    "for": "for_", "roles": "roles",
+}  # fmt: skip
+
+_WORDS: dict[str, str] = {
+    "require": "always", "forbid": "never", "reach": "at some time", "given": "only if",
+    "during": "judged during", "at": "judged at", "until": "until", "for": "for", "roles": "roles",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Part:
+    """One thing that differs between two meanings of a rule.
+
+    Attributes:
+        kind, name: ``param``, ``min_clearance``; ``require``, ``tilt(target)``; ….
+        before, after: in words; None where it is missing.
+    """
+
+    kind: Kind
+    name: str
+    before: str | None = None
+    after: str | None = None
+
+    @property
+    def label(self) -> str:
+        """What it is called in reports: a parameter by its name alone."""
+        if self.kind == "param":
+            return self.name
+        said = _WORDS.get(self.kind, self.kind)
+        return f"{said} {self.name}".strip()
+
+    def __str__(self) -> str:
+        """``min_clearance 8 cm → 10 cm``; ``never contact(a, b) added``."""
+        if self.before is None:
+            said = f" ({self.after})" if self.kind not in ("require", "forbid") else ""
+            return f"{self.label} added{said}"
+        if self.after is None:
+            return f"{self.label} left out"
+        return f"{self.label}: {self.before} → {self.after}"
+
+
+@dataclass(frozen=True)
+class Meaning:
+    """A rule as it holds: with the set that it belongs to and the values of its parameters."""
+
+    rules: ast.RuleSet
+    rule: ast.Scoped
+    params: Mapping[str, ast.Quantity | ast.Duration]
+
+
+def differences(before: Meaning, after: Meaning) -> list[Part]:
+    """Everything that differs between two meanings of a rule and may move its verdicts."""
+    values = [
+        Part("param", name, _value(before.params.get(name)), _value(after.params.get(name)))
+        for name in _union(_uses(before).params, _uses(after).params)
+        if before.params.get(name) != after.params.get(name)
+    ]
+    found = []
+    for material, column in _cells(before, after):
+        old, new = (_cell(side, material, column) for side in (before, after))
+        if old != new:
+            found.append(Part("material", f"{material}.{column}", _value(old), _value(new)))
+    for kind, old_table, new_table, said in _definitions(before, after):
+        for name in _union(old_table, new_table):
+            old_def, new_def = old_table.get(name), new_table.get(name)
+            if old_def != new_def:
+                found.append(Part(kind, name, said(old_def, before), said(new_def, after)))
+    if before.rules.baseline != after.rules.baseline:
+        spans = (words.span(side.rules.baseline, side.params) for side in (before, after))
+        found.append(Part("baseline", "", *spans))
+    return values + found + _of_rule(before, after)
+
+
+def mixed(before: Meaning, after: Meaning, chosen: Collection[Part]) -> Meaning:
+    """The rule as before, but with some parts as after."""
+    keys = {(part.kind, part.name) for part in chosen}
+
+    def pick(kind: Kind, old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+        return {**new, **old, **{k: v for k, v in new.items() if (kind, k) in keys}}
+
+    a, b = before.rules, after.rules
+    materials: dict[str, dict[str, ast.Quantity]] = {}
+    for name in _union(a.materials, b.materials):
+        old, new = a.materials.get(name, {}), b.materials.get(name, {})
+        row = dict(old)
+        for column in _union(old, new):
+            if ("material", f"{name}.{column}") in keys:
+                row.pop(column, None)
+                row.update({column: new[column]} if column in new else {})
+        materials[name] = row
+    for column, value in b.materials.get("default", {}).items():
+        materials["default"].setdefault(column, value)
+    rule = _mixed_rule(before.rule, after.rule, keys)
+    rules = replace(
+        a,
+        materials=materials,
+        signals=pick("signal", a.signals, b.signals),
+        states=pick("state", a.states, b.states),
+        phases=pick("phase", a.phases, b.phases),
+        baseline=b.baseline if ("baseline", "") in keys else a.baseline,
+        rules={**a.rules, rule.code: rule} if isinstance(rule, ast.Rule) else a.rules,
+        costs={**a.costs, rule.code: rule} if isinstance(rule, ast.Cost) else a.costs,
+    )
+    return Meaning(rules, rule, pick("param", before.params, after.params))
+
+
+def _mixed_rule(old: ast.Scoped, new: ast.Scoped, keys: Collection[tuple[str, str]]) -> ast.Scoped:
+    if isinstance(old, ast.Cost) or isinstance(new, ast.Cost):
+        return new if ("cost", "") in keys else old
+    changes: dict[str, Any] = {
+        field: getattr(new, field) for kind, field in _FIELDS.items() if (kind, "") in keys
+    }
+    require = _merged("require", _atoms(old), _atoms(new), keys)
+    forbid = _merged("forbid", _forbidden(old), _forbidden(new), keys)
+    return replace(
+        old, require=ast.Condition(require) if require else None, forbid=forbid, **changes
+    )
+
+
+def _merged(
+    kind: str, old: Mapping[str, Any], new: Mapping[str, Any], keys: Collection[tuple[str, str]]
+) -> tuple[Any, ...]:
+    merged = dict(old)
+    for name in _union(old, new):
+        if (kind, name) in keys:
+            merged.pop(name, None)
+            merged.update({name: new[name]} if name in new else {})
+    return tuple(merged.values())
+
+
+def _of_rule(before: Meaning, after: Meaning) -> list[Part]:
+    old, new = before.rule, after.rule
+    if isinstance(old, ast.Cost) or isinstance(new, ast.Cost):
+        names = [f.name for f in fields(old) if f.compare and f.name not in ("title", "set")]
+        if type(old) is type(new) and all(getattr(old, n) == getattr(new, n) for n in names):
+            return []
+        return [Part("cost", "", "as it was", "as it is")]
+    found = []
+    tables = (("require", _atoms(old), _atoms(new)), ("forbid", _forbidden(old), _forbidden(new)))
+    for kind, before_items, after_items in tables:
+        for name in _union(before_items, after_items):
+            a, b = before_items.get(name), after_items.get(name)
+            if a != b:
+                found.append(
+                    Part(
+                        "require" if kind == "require" else "forbid",
+                        name,
+                        None if a is None else _limits(name, a, before.params),
+                        None if b is None else _limits(name, b, after.params),
+                    )
+                )
+    for field, attribute in _FIELDS.items():
+        a, b = getattr(old, attribute), getattr(new, attribute)
+        if a != b:
+            found.append(Part(field, "", _said(a, before.params), _said(b, after.params)))
+    return found
+
+
+def _atoms(rule: ast.Rule) -> dict[str, ast.Atom]:
+    atoms = rule.require.atoms if rule.require is not None else ()
+    return _named({}, [(_name(atom), atom) for atom in atoms])
+
+
+def _forbidden(rule: ast.Rule) -> dict[str, ast.Alternative]:
+    return _named({}, [(_name(item), item) for item in rule.forbid])
+
+
+def _named(found: dict[str, Any], items: list[tuple[str, Any]]) -> dict[str, Any]:
+    """By name; a second one of the same name is numbered."""
+    for name, item in items:
+        unique, count = name, 2
+        while unique in found:
+            unique, count = f"{name} ({count})", count + 1
+        found[unique] = item
+    return found
+
+
+def _name(item: Any) -> str:
+    """What an obligation is about: the call without its limit, so that a limit can change."""
+    if isinstance(item, ast.Condition) and len(item.atoms) == 1:
+        item = item.atoms[0]
+    if isinstance(item, ast.SignalAtom):
+        since = f" since {words.event(item.since)}" if item.since is not None else ""
+        return f"{item.call}{since}"
+    if isinstance(item, ast.StateAtom | ast.CountAtom):
+        return str(item.call)
+    if isinstance(item, ast.Event):
+        return words.event(item)
+    return words.atom(item, {}) if isinstance(item, ast.AnyOf) else words.condition(item, {})
+
+
+def _limits(name: str, item: Any, params: words.Values) -> str:
+    """An obligation in words, without the name that it is listed under."""
+    said = _said(item, params) or ""
+    return said.removeprefix(name).strip() or said
+
+
+def _said(item: Any, params: words.Values) -> str | None:
+    if item is None:
+        return None
+    if isinstance(item, ast.Condition):
+        return words.condition(item, params)
+    if isinstance(item, ast.Event):
+        return words.event(item)
+    if isinstance(item, ast.Duration | ast.Parameter):
+        return words.duration(item, params)
+    if isinstance(item, ast.SignalAtom | ast.StateAtom | ast.CountAtom | ast.AnyOf):
+        return words.atom(item, params)
+    if isinstance(item, tuple):  # roles
+        return "; ".join(f"{name}: {words.role(spec)}" for name, spec in item)
+    return words.span(item, params)
+
+
+def _definitions(before: Meaning, after: Meaning) -> list[tuple[Kind, Any, Any, Any]]:
+    """States, phases and signals that either meaning reaches."""
+    used = [_uses(side) for side in (before, after)]
+    called = {name for side in used for name in (*side.states, *side.phases)}
+    a, b = before.rules, after.rules
+
+    def reached(table: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: item for name, item in table.items() if name in called}
+
+    return [
+        ("state", reached(a.states), reached(b.states), _state),
+        ("phase", reached(a.phases), reached(b.phases), _phase),
+        ("signal", a.signals, b.signals, lambda item, _: None if item is None else item.base),
+    ]
+
+
+def _state(item: ast.StateDef | None, side: Meaning) -> str | None:
+    return None if item is None else words.state(item, side.params)
+
+
+def _phase(item: ast.PhaseDef | None, side: Meaning) -> str | None:
+    return None if item is None else words.phase(item, side.params)
+
+
+def _uses(side: Meaning) -> Any:
+    return uses_of(side.rules, side.rule, side.params)
+
+
+def _cells(before: Meaning, after: Meaning) -> list[tuple[str, str]]:
+    columns = _union(_uses(before).columns, _uses(after).columns)
+    materials = _union(before.rules.materials, after.rules.materials)
+    return [(material, column) for material in materials for column in columns]
+
+
+def _cell(side: Meaning, material: str, column: str) -> ast.Quantity | None:
+    return side.rules.materials.get(material, {}).get(column)
+
+
+def _value(found: ast.Quantity | ast.Duration | None) -> str | None:
+    return None if found is None else words.value(found)
+
+
+def _union(old: Collection[str], new: Collection[str]) -> list[str]:
+    """The old names in their order, then the new ones."""
+    return list(dict.fromkeys([*old, *new]))

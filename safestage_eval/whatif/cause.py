@@ -1,0 +1,144 @@
+"""Which difference between two rule sets made a verdict flip."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.vocabulary import GROUPS
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.parts import Meaning, Part, differences, mixed
+from safestage_eval.rules.uses import calls
+from safestage_eval.signals.measure import Signals
+from safestage_eval.verdicts.cost import judge_cost
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.instance import clauses
+from safestage_eval.verdicts.judge import baseline_frames
+from safestage_eval.verdicts.rule_verdict import judge_rule
+from safestage_eval.verdicts.verdict import Verdict
+
+from .again import Again
+
+LARGEST = 3
+"""Sets of up to so many differences are tried one after another."""
+
+MOST = 400
+"""Combinations tried per flip; beyond, a set is found by leaving things out."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What flips a verdict.
+
+    Attributes:
+        parts: in words; switching exactly these flips it, and no smaller set does.
+        alternatives: other sets of this size that flip it as well.
+        smallest: False where only "nothing in it can be left out" is certain.
+    """
+
+    parts: tuple[str, ...]
+    alternatives: int = 0
+    smallest: bool = True
+
+
+def cause_of(before: Again, after: Again, code: str, wanted: str) -> Cause:
+    """The smallest set of differences that takes a rule's verdict from the one to the other.
+
+    One difference is switched at a time, then pairs, then triples.
+
+    Args:
+        before: one episode under one rule set.
+        after: the same under the other.
+        code: of a rule that both have.
+        wanted: the verdict afterwards.
+    """
+    trial = _Trial(before, after, code)
+    tried = 0
+    for size in range(1, min(LARGEST, len(trial.parts)) + 1):
+        hits = []
+        for chosen in itertools.combinations(trial.parts, size):
+            tried += 1
+            if tried > MOST:
+                return Cause(trial.shown(trial.shrunk(wanted)), smallest=False)
+            if trial.verdict(chosen) == wanted:
+                hits.append(chosen)
+        if hits:
+            return Cause(trial.shown(hits[0]), len(hits) - 1)
+    return Cause(trial.shown(trial.shrunk(wanted)), smallest=False)
+
+
+class _Trial:
+    """One rule on one episode, with any of the differences switched."""
+
+    def __init__(self, before: Again, after: Again, code: str) -> None:
+        self._sides = (before, after)
+        old, new = (_rule(side, code) for side in self._sides)
+        self._old = Meaning(before.rules, old, before.binding.params(old))
+        self._new = Meaning(after.rules, new, after.binding.params(new))
+        self._players = tuple(
+            side.binding.players(rule, side.episode.header)
+            for side, rule in zip(self._sides, (old, new), strict=True)
+        )
+        self.parts: list[Part | str] = [*differences(self._old, self._new)]
+        if self._players[0] != self._players[1]:
+            self.parts.append("who plays the roles")
+        if before.judge.success_time != after.judge.success_time:
+            self.parts.append("when the goal counts as reached")
+
+    def verdict(self, chosen: Sequence[Part | str]) -> str:
+        """The verdict with the chosen differences switched."""
+        meaning = mixed(self._old, self._new, [p for p in chosen if isinstance(p, Part)])
+        rule = meaning.rule
+        roles = {name for name, _ in rule.roles}
+        if any(set(call.args) - roles - GROUPS.keys() for call in calls(rule)):
+            return "senseless"  # an obligation of the one rule with the roles of the other
+        if isinstance(rule, ast.Rule) and not clauses(rule):
+            return "senseless"  # it asks for nothing
+        swapped = "who plays the roles" in chosen
+        known = {**self._players[not swapped], **self._players[swapped]}
+        players = {name: known.get(name, ()) for name in roles}
+        blank = Verdict(rule.code, rule.title, rule.stage, assigned=True, verdict="not_applicable")
+        if not all(players.values()):
+            return blank.verdict
+        timed = self._sides["when the goal counts as reached" in chosen]
+        model = timed.judge.evaluator(timed.binding.params(None))
+        evaluator = Evaluator(
+            self._relations(meaning.rules),
+            meaning.rules,
+            meaning.params,
+            model.success,
+            success_known=model.success_known,
+        )
+        if isinstance(rule, ast.Rule):
+            return judge_rule(evaluator, rule, players, blank).verdict
+        found = judge_cost(evaluator, rule, players, blank)[1]
+        return blank.verdict if found is None else found.verdict
+
+    def shrunk(self, wanted: str) -> list[Part | str]:
+        """All differences, without those that can be left out one after another."""
+        kept = list(self.parts)
+        for part in self.parts:
+            fewer = [other for other in kept if other is not part]
+            if fewer and self.verdict(fewer) == wanted:
+                kept = fewer
+        return kept
+
+    @staticmethod
+    def shown(parts: Sequence[Part | str]) -> tuple[str, ...]:
+        """In words."""
+        return tuple(map(str, parts))
+
+    def _relations(self, rules: ast.RuleSet) -> Relations:
+        """Of the episode, with the baseline of a rule set."""
+        episode = self._sides[0].episode
+        frames = baseline_frames(rules, episode)
+        for side in self._sides:
+            if side.relations.signals.baseline.frames == frames:
+                return side.relations
+        return Relations(Signals(episode, frames))
+
+
+def _rule(side: Again, code: str) -> ast.Scoped:
+    return side.rules.rules[code] if code in side.rules.rules else side.rules.costs[code]

@@ -1,0 +1,98 @@
+"""The same traces judged by two rule sets: which verdicts flip, and which parameter flips each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.rules import RuleSet, load_bind, load_rules, parse_overrides
+from safestage_eval.rules.bind_file import BindFile
+from safestage_eval.scoring import Problem
+
+from .again import Again
+from .cause import cause_of
+from .many import each_episode
+from .results import Difference, Flip, difference
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One episode by both rule sets: the rows that are compared, and its flips with their causes."""
+
+    before: tuple[dict[str, Any], ...]
+    after: tuple[dict[str, Any], ...]
+    flips: tuple[Flip, ...]
+
+
+def diff(
+    refs: Sequence[EpisodeRef],
+    before: Sequence[str | Path],
+    after: Sequence[str | Path],
+    *,
+    overrides: Mapping[str, str] | None = None,
+    bind: str | Path | None = None,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Difference:
+    """Judge episodes by two rule sets, and say what made each verdict flip.
+
+    Args:
+        refs: the episodes.
+        before: rule files.
+        after: rule files.
+        overrides: parameter → value as written, for ``after`` only.
+        bind: a bind file, for both.
+        jobs: worker processes.
+        progress: told (done, total).
+
+    Raises:
+        RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
+    """
+    old, new = load_rules(list(before)), load_rules(list(after))
+    parse_overrides(new, overrides or {})
+    work = partial(
+        diff_episode,
+        before=old,
+        after=new,
+        overrides=dict(overrides or {}),
+        binds=(None, None) if bind is None else (load_bind(bind, old), load_bind(bind, new)),
+    )
+    found = each_episode(refs, work, jobs=jobs, progress=progress)
+    judged = [item for item in found if isinstance(item, Judged)]
+    return difference(
+        (row for item in judged for row in item.before),
+        (row for item in judged for row in item.after),
+        {(flip.episode_id, flip.rule): flip for item in judged for flip in item.flips},
+        [item.message for item in found if isinstance(item, Problem)],
+    )
+
+
+def diff_episode(
+    ref: EpisodeRef,
+    *,
+    before: RuleSet,
+    after: RuleSet,
+    overrides: Mapping[str, str],
+    binds: tuple[BindFile | None, BindFile | None],
+) -> Judged:
+    """One episode by two rule sets. Raises TraceError where it cannot be read."""
+    episode = ref.open()
+    old = Again(episode, before, bind=binds[0])
+    new = Again(episode, after, overrides, binds[1], like=old)
+    rows, others = (
+        {row["rule"]: row for row in side.judge.result(ref.content_hash).rows()}
+        for side in (old, new)
+    )
+    plain = difference(rows.values(), others.values())
+    flips = []
+    for flip in plain.flips:
+        cause = cause_of(old, new, flip.rule, flip.after)
+        said = " and ".join(cause.parts)
+        if cause.alternatives:
+            said += f" (so would {cause.alternatives} other)"
+        flips.append(replace(flip, cause=said, causes=cause.parts, alternatives=cause.alternatives))
+    return Judged(tuple(rows.values()), tuple(others.values()), tuple(flips))
