@@ -59,6 +59,7 @@ def clearance_series(
     *,
     slack: float = 0.0,
     flat: bool = False,
+    deep: bool = False,
 ) -> Clearance:
     """Least signed distance, per frame, between any body of a and any body of b.
 
@@ -70,14 +71,19 @@ def clearance_series(
         slack: m. Where bodies have hardly moved, repeat the last interval, widened on both sides
             by what they did move, at most by this. Makes trembling at rest cheap; 0 for none.
         flat: measure the distance of the projections onto the horizontal plane.
+        deep: measure how deep bodies penetrate, not only that they do.
 
     Returns:
-        (T,) bounds. See ``gjk.geom_distance`` for what they mean where bodies penetrate.
+        (T,) bounds. Where bodies penetrate, the signed distance is minus the depth of the deepest
+        pair of geoms; the depth of a pair is the length of the shortest move that parts the two.
+        It is held to 1e-7 m if ``deep``; if not, it lies anywhere between the bounds.
 
     Raises:
         ValueError: two bodies' lengths contradict each other.
     """
-    return clearance_pairs(product(a, b), frame_count(*a, *b), cap, slack=slack, flat=flat)
+    return clearance_pairs(
+        product(a, b), frame_count(*a, *b), cap, slack=slack, flat=flat, deep=deep
+    )
 
 
 def clearance_pairs(
@@ -87,6 +93,7 @@ def clearance_pairs(
     *,
     slack: float = 0.0,
     flat: bool = False,
+    deep: bool = False,
 ) -> Clearance:
     """As clearance_series, over chosen pairs of bodies (a robot's own links, say); T = frames."""
     known = _nothing_known(frames, cap)
@@ -94,19 +101,19 @@ def clearance_pairs(
         if a is b:
             continue
         if a.shape.surfaces or b.shape.surfaces:
-            apart = _with_surfaces(a, b, cap, slack, flat)
+            apart = _with_surfaces(a, b, cap, slack, flat, deep)
         elif frame_count(a, b) == frames:
-            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, slack, flat, known)
+            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, slack, flat, deep, known)
             continue
         else:  # neither ever moves
             apart = _nothing_known(1, cap)
-            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, slack, flat, apart)
+            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, slack, flat, deep, apart)
         np.minimum(known.lower, apart.lower, out=known.lower)
         np.minimum(known.upper, apart.upper, out=known.upper)
     return known
 
 
-def clearance_minimum(a: Sequence[Mover], b: Sequence[Mover]) -> Minimum:
+def clearance_minimum(a: Sequence[Mover], b: Sequence[Mover], *, deep: bool = False) -> Minimum:
     """Least signed distance over all frames and pairs of bodies; arguments as clearance_series."""
     frame_count(*a, *b)
     least = np.array([np.inf, np.inf, 0.0])
@@ -115,7 +122,7 @@ def clearance_minimum(a: Sequence[Mover], b: Sequence[Mover]) -> Minimum:
         if first is second:
             continue
         if first.shape.surfaces or second.shape.surfaces:
-            apart = _with_surfaces(first, second, np.inf, 0.0, False)
+            apart = _with_surfaces(first, second, np.inf, 0.0, False, deep)
             frame = int(np.argmin(apart.upper))
             if apart.upper[frame] < least[1]:
                 least[1:] = apart.upper[frame], frame
@@ -126,7 +133,7 @@ def clearance_minimum(a: Sequence[Mover], b: Sequence[Mover]) -> Minimum:
     for _, _, first, second, bounds in sorted(convex, key=lambda item: item[:2]):
         blocks = np.argsort(bounds, kind="stable")
         _run(
-            first, second, first.shape.solids, second.shape.solids, np.inf, 0.0, False,
+            first, second, first.shape.solids, second.shape.solids, np.inf, 0.0, False, deep,
             blocks, bounds[blocks], _ALL_FRAMES, _ALL_FRAMES, least,
         )  # fmt: skip
     return Minimum(float(least[0]), float(least[1]), int(least[2]))
@@ -173,6 +180,7 @@ def _sweep_all(
     cap: float,
     slack: float,
     flat: bool,
+    deep: bool,
     known: Clearance,
 ) -> None:
     """Merge the distance of geoms A of a and B of b into ``known``, (T,)."""
@@ -180,7 +188,7 @@ def _sweep_all(
     blocks = np.flatnonzero(bounds < cap)
     if len(blocks) and len(A.kind) and len(B.kind):
         low, high = known.lower, known.upper
-        _run(a, b, A, B, cap, slack, flat, blocks, bounds[blocks], low, high, _ALL_FRAMES)
+        _run(a, b, A, B, cap, slack, flat, deep, blocks, bounds[blocks], low, high, _ALL_FRAMES)
 
 
 def _run(
@@ -191,6 +199,7 @@ def _run(
     cap: float,
     slack: float,
     flat: bool,
+    deep: bool,
     blocks: I64,
     bounds: F64,
     lower: F64,
@@ -208,6 +217,7 @@ def _run(
         float(cap),
         float(slack),
         flat,
+        deep,
         blocks,
         bounds,
         lower,
@@ -216,7 +226,9 @@ def _run(
     )
 
 
-def _with_surfaces(a: Mover, b: Mover, cap: float, slack: float, flat: bool) -> Clearance:
+def _with_surfaces(
+    a: Mover, b: Mover, cap: float, slack: float, flat: bool, deep: bool
+) -> Clearance:
     """(T,) bounds for two bodies of which at least one has a nonconvex mesh.
 
     Triangles against convex geoms by GJK, against triangles by python-fcl (flat: by GJK). A mesh
@@ -232,7 +244,7 @@ def _with_surfaces(a: Mover, b: Mover, cap: float, slack: float, flat: bool) -> 
     if flat:
         jobs += list(product(faces_a, faces_b))
     for A, B in jobs:
-        _sweep_all(a, b, A, B, cap, slack, flat, known)
+        _sweep_all(a, b, A, B, cap, slack, flat, deep, known)
     if not flat:
         _mesh_distance(a, b, cap, known)
         within = _contained(a, b, frames) | _contained(b, a, frames)

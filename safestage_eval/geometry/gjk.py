@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .compiled import helper, kernel
+from .penetration import penetration_depth
 from .shape import BOX, PLANE, Packed
 from .simplex import nearest_weights
 from .support import support_point, support_value
@@ -179,7 +180,7 @@ def _overlap(
 
 
 @kernel
-def _penetration(
+def _overlap_depth(
     A: Packed, a: int, B: Packed, b: int, R: F64, p: F64, up: F64, work: Scratch
 ) -> float:
     """Upper bound (m) on how far two meeting cores must move to come apart.
@@ -249,15 +250,17 @@ def geom_distance(
     at_b: F64,
     n: int,
     stop: float,
+    deep: bool,
     work: Scratch,
     out: F64,
 ) -> int:
     """Bounds on the signed distance of two geoms, margins included; arguments as core_distance.
 
     ``out`` gets (lower, upper), m, at most PROMISED apart unless the cores meet or the distance is
-    above ``stop``. Where the cores meet the upper bound is minus the sum of the margins and the
-    lower one minus the smallest overlap found, which is the penetration depth itself for boxes,
-    capsules and spheres (not flattened): then both bounds are that.
+    above ``stop``. Where the cores meet, the signed distance is minus the penetration depth, the
+    length of the shortest move that parts the two: known to PROMISED for boxes, capsules and
+    spheres (not flattened); for all others to DEPTH_TOLERANCE if ``deep``, and else only to be at
+    most minus the sum of the margins and at least minus the smallest overlap found.
     """
     if A.kind[a] == PLANE or B.kind[b] == PLANE:
         _plane_distance(A, a, B, b, R, p, up, work, out)
@@ -271,10 +274,15 @@ def geom_distance(
             break
         n = 0
     if out[1] == 0.0:
-        out[0] = -_penetration(A, a, B, b, R, p, up, work)
+        overlap = _overlap_depth(A, a, B, b, R, p, up, work)
         exact = A.kind[a] <= BOX and B.kind[b] <= BOX
         if exact and up[0] == 0.0 and up[1] == 0.0 and up[2] == 0.0:
-            out[1] = out[0]
+            out[0], out[1] = -overlap, -overlap
+        elif deep and overlap > -(stop + margin):
+            penetration_depth(A, a, B, b, R, p, up, overlap, -(stop + margin), out)
+            out[0], out[1] = -out[1], -out[0]
+        else:
+            out[0] = -overlap
     out[0] -= margin
     out[1] -= margin
     return n

@@ -228,6 +228,8 @@ def triangles(surface: Surface) -> Packed:
 def _part(geom: Geom, meshes: Mapping[str, Mesh]) -> Part:
     rotation, offset = matrix(geom.orientation), np.array(geom.position, np.float64)
     code, size, margin = _CODES[geom.kind], np.zeros(3), 0.0
+    if code == ELLIPSOID and len(set(geom.size)) == 1:
+        code = POINT
     vertices = np.zeros((0, 3))
     if code == HULL:
         mesh = meshes[str(geom.mesh)]

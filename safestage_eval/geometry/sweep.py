@@ -76,6 +76,7 @@ def sweep(
     cap: float,
     slack: float,
     flat: bool,
+    deep: bool,
     blocks: I64,
     block_bounds: F64,
     lower: F64,
@@ -86,8 +87,9 @@ def sweep(
 
     ``A``, ``B`` are their geoms; ``ma``, ``mb`` their motions, of T frames or 1; ``radius_a``,
     ``radius_b`` (m) those of the balls around their bounding centres. Distances above ``cap`` (m)
-    are of no interest. Bounds may be widened by ``slack`` (m) to reuse them. ``flat`` measures projections onto the horizontal plane. ``blocks`` (K,)
-    are visited in this order; ``block_bounds`` (K,) bound the distance within each from below (m).
+    are of no interest. Bounds may be widened by ``slack`` (m) to reuse them. ``flat`` measures
+    projections onto the horizontal plane. ``deep`` asks for depths (gjk.geom_distance). ``blocks``
+    (K,) are visited in this order; ``block_bounds`` (K,) bound the distance within each from below (m).
 
     ``lower``, ``upper`` (T,) bound the least distance of the pairs so far (m) and are updated; or,
     with ``least`` of three elements instead of none, it alone is: lower bound, upper bound and
@@ -149,7 +151,20 @@ def sweep(
                         if bound < bar:
                             n = size[a, b]
                             size[a, b] = geom_distance(
-                                A, a, B, b, R, p, up, at_a[a, b], at_b[a, b], n, bar, work, out
+                                A,
+                                a,
+                                B,
+                                b,
+                                R,
+                                p,
+                                up,
+                                at_a[a, b],
+                                at_b[a, b],
+                                n,
+                                bar,
+                                deep,
+                                work,
+                                out,
                             )
                             bound = out[0]
                             if bound < bar:

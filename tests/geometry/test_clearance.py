@@ -50,7 +50,7 @@ def plain(a: Sequence[Mover], b: Sequence[Mover]) -> Clearance:
                     for h in range(len(B.kind)):
                         gjk.relative_pose(A, g, B, h, RA, RB, gap, R, p, work)
                         at = np.zeros((4, 3)), np.zeros((4, 3))
-                        gjk.geom_distance(A, g, B, h, R, p, up, *at, 0, np.inf, work, out)
+                        gjk.geom_distance(A, g, B, h, R, p, up, *at, 0, np.inf, False, work, out)
                         lower[t], upper[t] = min(lower[t], out[0]), min(upper[t], out[1])
     return Clearance(lower, upper)
 
