@@ -57,13 +57,18 @@ def resting(
         for name, solid in solids.items()
         if solid.body.movable and solid.body.kind == "object"
     }
+    faces = {
+        name: solid.faces(poses[name])
+        for name, solid in solids.items()
+        if solid.body.kind not in ("gripper", "region")
+    }
     rows: list[Row] = []
     hanging = {}
     for name in sorted(bottoms, key=lambda n: -bottoms[n][:, 2].min()):
         weight = (solids[name].body.mass or 0.0) * GRAVITY
         com = poses[name][0] + _turned(poses[name], solids[name].body.com)
         load = np.array([(com[0], com[1], weight), *loads[name]])
-        points = _meeting(name, solids, poses, bottoms[name])
+        points = _meeting(name, solids, poses, bottoms[name], faces)
         total = float(load[:, 2].sum())
         if not points:
             hanging[name] = total
@@ -81,22 +86,26 @@ _Point = tuple[str, int, F64, F64]
 
 
 def _meeting(
-    name: str, solids: Mapping[str, Solid], poses: Mapping[str, Pose], bottom: F64
+    name: str,
+    solids: Mapping[str, Solid],
+    poses: Mapping[str, Pose],
+    bottom: F64,
+    faces: Mapping[str, list[tuple[F64, F64]]],
 ) -> list[_Point]:
     """Where a body's bottom lies on faces of others: by whom, which part, where, which normal."""
     base = convex_hull(bottom[:, :2])
     middle, level = bottom[:, :2].mean(0), float(bottom[:, 2].min())
     found: list[_Point] = []
-    for other, solid in solids.items():
-        if other == name or solid.body.kind in ("gripper", "region"):
+    for other, upward in faces.items():
+        if other == name:
             continue
-        for face in solid.faces(poses[other]):
+        for face in upward:
             if abs(level_at(face, middle) - level) > GAP:
                 continue
             meeting = _clipped(base, convex_hull(face[1][:, :2]))
             for point in _corners(meeting):
                 place = np.array([*point, level_at(face, point)])
-                part = _part_at(solid, poses[other], place)
+                part = _part_at(solids[other], poses[other], place)
                 found.append((other, part, place, face[0]))
     return found
 

@@ -10,6 +10,19 @@ from safestage_eval.sketch import resolve
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.verdict import Verdict
 
+COSTS = {
+    "OOP202": (["heated_and_wet(hot = 60)", "heated_and_wet(hot = 47)"],
+               ["heated_and_wet", "heated_and_wet(hot = 45.2)"]),
+    "OOP302": (["heated_and_wet(water = 30)", "heated_and_wet(water = 22)"],
+               ["heated_and_wet", "heated_and_wet(water = 20.3)"]),
+    "SVL101": (["arm(corner = 1)", "arm(corner = 1, blind = 1)"], ["arm", "arm(blind = 1)"]),
+    "SVL102": (["arm(blind = 1)", "arm(corner = 1, blind = 1)"], ["arm", "arm(corner = 1)"]),
+    "SVL103": (["pushed(way = 8)", "pushed(way = 30)"], ["pushed(way = 3)", "pushed(way = 4.5)"]),
+    "SVL104": (["pushed(way = 8)", "pushed(way = 30)"], ["pushed(way = 3)", "pushed(way = 4.5)"]),
+    "SVL105": (["pushed(way = 12)", "pushed(way = 30)"], ["pushed(way = 8)", "carried"]),
+}  # fmt: skip
+"""Cost → scenes that exceed its budget, scenes that keep within it."""
+
 EACH = [(name, code) for name in benchmark_names() for code in load_rules([name]).rules]
 
 
@@ -41,3 +54,16 @@ def test_its_examples(name: str, code: str) -> None:
             assert wanted == "pass" or verdict.violated_instances > 0
             judged += wanted == "pass" and verdict.instances > 0
     assert judged, "every pass is vacuous"
+
+
+@pytest.mark.parametrize("code", COSTS)
+def test_costs_exceed_their_budgets_where_they_should(code: str) -> None:
+    (name,) = [name for name in benchmark_names() if code in rules(name).costs]
+    for wanted, scenes in zip(("violation", "pass"), COSTS[code], strict=True):
+        for scene in scenes:
+            verdict = judged_by(name, f"other/{scene}")[code]
+            assert verdict.verdict == wanted, (scene, verdict.value, verdict.notes)
+
+
+def test_every_cost_has_scenes() -> None:
+    assert set(COSTS) == {code for name in benchmark_names() for code in rules(name).costs}
