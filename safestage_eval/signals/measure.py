@@ -105,7 +105,7 @@ class Signals(Facts):
         if name not in CAPPED:
             return None
         if name == "self_clearance":
-            pairs = [(a, b) for a, others in self_clearance.facing(self) for b in others]
+            pairs = self_clearance.facing(self)
         else:
             first, second = (self.movers.of(self.bodies(body)) for body in bodies)
             pairs = [(a, b) for a in first for b in second]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from safestage_eval.episode import Body, Episode
-from safestage_eval.geometry.clearance import clearance_series
+from safestage_eval.geometry.clearance import clearance_pairs
 from safestage_eval.geometry.mover import Mover
 
 from .facts import Facts, Query
@@ -27,12 +25,9 @@ def pairs(episode: Episode) -> list[tuple[str, str]]:
     ]
 
 
-def facing(facts: Facts) -> list[tuple[Mover, list[Mover]]]:
-    """The same as shapes: each body with all that it is compared with."""
-    others: dict[str, list[Mover]] = {}
-    for a, b in pairs(facts.episode):
-        others.setdefault(a, []).append(facts.movers[b])
-    return [(facts.movers[a], movers) for a, movers in others.items()]
+def facing(facts: Facts) -> list[tuple[Mover, Mover]]:
+    """The same pairs as shapes."""
+    return [(facts.movers[a], facts.movers[b]) for a, b in pairs(facts.episode)]
 
 
 def clearance(query: Query) -> Series:
@@ -40,12 +35,15 @@ def clearance(query: Query) -> Series:
     found = facing(query.facts)
     if not found:
         return query.unknown("the trace has no two bodies of a robot that may collide")
-    frames = len(query.episode)
-    lower, upper = np.full(frames, np.inf), np.full(frames, np.inf)
-    for mover, others in found:
-        distance = clearance_series([mover], others, query.cap)
-        lower, upper = np.minimum(lower, distance.lower), np.minimum(upper, distance.upper)
-    return Series(lower, upper, query.dimension)
+    # the nearest pairs first: what is farther off than they are need not be known exactly
+    nearest_first = sorted(found, key=_gap_at_start)
+    distance = clearance_pairs(nearest_first, len(query.episode), query.cap)
+    return Series(distance.lower, distance.upper, query.dimension)
+
+
+def _gap_at_start(pair: tuple[Mover, Mover]) -> float:
+    a, b = (Mover.build(m.shape, m.position[0], m.orientation[0]) for m in pair)
+    return float(clearance_pairs([(a, b)], 1).lower[0])
 
 
 def _ignored(a: Body, b: Body) -> bool:

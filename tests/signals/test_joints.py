@@ -120,6 +120,17 @@ def test_self_clearance_leaves_out_neighbours_and_what_the_model_excludes() -> N
     assert np.allclose(found, x - 0.2, atol=1e-6)
 
 
+def test_self_clearance_is_of_the_nearest_pair_at_each_frame() -> None:
+    """One pair parts while another closes; the first is the nearer one at the start."""
+    near, far = np.linspace(0.25, 0.65, 8), np.linspace(0.6, 0.22, 8)
+    scene = Scene(8).fixed("base", kind="robot", geoms=(BALL,))
+    for name, axis, way in (("left_arm", 0, near), ("right_arm", 1, far)):
+        path = np.outer(way, np.eye(3)[axis])
+        scene.body(name, BALL, path, kind="robot", excluded=("left_arm", "right_arm"))
+    found = Signals(scene.episode()).get("self_clearance", reach=1.0).value
+    assert np.allclose(found, np.minimum(near, far) - 0.2, atol=1e-6)
+
+
 def test_self_clearance_lets_the_fingers_meet() -> None:
     scene = Scene(2).body("palm", BALL, (0, 0, 1), kind="gripper")
     for side in ("left", "right"):

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scenes import Scene
 from transforms import rebuilt
 
 from safestage_eval.episode import Episode, Geom
+from safestage_eval.geometry.pose import product, rotate
 from safestage_eval.signals.measure import Signals
 
 BALL = Geom(kind="sphere", size=(0.05,))
@@ -38,6 +41,26 @@ def test_they_are_derived_from_the_poses() -> None:
     assert np.allclose(signals.get("relative_speed", ["a", "table"]).value[1:-1], 1.5, rtol=2e-4)
     for found in (speed, turning, signals.get("vertical_speed", ["a"])):
         assert found.notes == ("the trace has no velocities of a: they are derived from its poses",)
+
+
+@given(st.tuples(*[st.floats(-3, 3)] * 6))
+def test_a_tumbling_body(rates: tuple[float, ...]) -> None:
+    """The axis turns as well: the COM goes as its own positions say, whatever the origin does."""
+    t = np.arange(40) / 200
+    turn = np.array([1.0, 0, 0, 0])
+    for axis, rate in enumerate(rates[:3]):
+        half = np.column_stack(
+            [np.cos(rate * t / 2), np.outer(np.sin(rate * t / 2), np.eye(3)[axis])]
+        )
+        turn = product(turn, half)
+    path = np.outer(t, rates[3:])
+    com = path + rotate(turn, np.array([0.3, -0.2, 0.1]))
+    scene = Scene(40, 200.0).body("a", BALL, path, turn, com=(0.3, -0.2, 0.1))
+    signals = Signals(without_twists(scene))
+    expected = np.gradient(com, t, axis=0)[1:-1]
+    found = signals.get("speed", ["a"]).value[1:-1]
+    assert np.allclose(found, np.linalg.norm(expected, axis=1), atol=5e-3)
+    assert np.allclose(signals.get("vertical_speed", ["a"]).value[1:-1], expected[:, 2], atol=5e-3)
 
 
 def test_impact_and_health_rest_on_them_too() -> None:

@@ -162,6 +162,9 @@ def test_joints_are_tagged_with_what_they_move() -> None:
     both = judged(kitchen(), text.replace(" tagged heavy", ""))
     assert (both.verdict, both.bodies) == ("violation", ("rail",))
     assert any("elbow turns" in note for note in both.notes)
+    robot = RULE + 'roles = { j = "every joint tagged robot" }\n'
+    robot += 'require = { "joint_speed(j)" = ["<= 0 rad/s", ">= -0.71 rad/s"] }\n'
+    assert (judged(kitchen(), robot).verdict, judged(kitchen(), robot).instances) == ("pass", 1)
     calm = judged(kitchen(), text.replace(" tagged heavy", "").replace("25 cm/s", "31 cm/s"))
     assert calm.verdict == "inconclusive"
 
