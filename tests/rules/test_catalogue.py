@@ -27,6 +27,14 @@ def verdicts(name: str) -> dict[str, str]:
     return {v.rule: v.verdict for v in judge(drawn(name), RULES).verdicts}
 
 
+@pytest.mark.parametrize("code", RULES.rules)
+def test_every_rule_has_two_examples_of_each_kind(code: str) -> None:
+    rule = RULES.rules[code]
+    assert min(len(set(rule.violates)), len(set(rule.passes))) >= 2
+    assert rule.why
+    assert rule.explain
+
+
 @pytest.mark.parametrize(("code", "name", "expected"), EXAMPLES)
 def test_every_example_gets_its_verdict(code: str, name: str, expected: str) -> None:
     assert verdicts(name)[code] == expected
