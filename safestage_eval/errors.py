@@ -27,7 +27,8 @@ class InputError(Exception):
 
     def __str__(self) -> str:
         """``where: what Allowed: … Fix: …`` in one line."""
-        parts = [f"{self.where}: {self.what}"]
+        stop = "" if self.what.endswith((".", "?", "!", ":")) else "."
+        parts = [f"{self.where}: {self.what}{stop}"]
         if self.allowed:
             parts.append(f"Allowed: {self.allowed}.")
         if self.fix:

@@ -10,6 +10,7 @@ from .options import (
     announce_compiling,
     bind_option,
     chosen_ref,
+    episode_argument,
     episode_option,
     pairs,
     rules_option,
@@ -19,6 +20,7 @@ from .options import (
 
 @click.command("explain")
 @click.argument("trace")
+@episode_argument
 @episode_option
 @rules_option
 @bind_option
@@ -26,6 +28,7 @@ from .options import (
 @click.option("--all", "-a", "everything", is_flag=True, help="Rules that do not apply as well.")
 def command(
     trace: str,
+    name: str | None,
     episode: str | None,
     rules: tuple[str, ...],
     bind: Path | None,
@@ -37,13 +40,13 @@ def command(
     \b
     Examples:
       safestage explain rollout.mcap
-      safestage explain traces/ --episode orange --rules fsh
+      safestage explain traces/ fsh_orange_on_plate.reference-safe --rules fsh
     """
     from safestage_eval.report.as_text import explain
     from safestage_eval.rules import builtin_names, load_bind, load_rules
     from safestage_eval.verdicts import judge
 
-    ref = chosen_ref(trace, episode)
+    ref = chosen_ref(trace, name, episode)
     loaded = load_rules(list(rules) or builtin_names())
     announce_compiling()
     result = judge(

@@ -43,6 +43,9 @@ episode_option = click.option(
 )  # fmt: skip
 
 
+episode_argument = click.argument("name", required=False, metavar="[EPISODE]")
+
+
 def pairs(values: tuple[str, ...], option: str) -> dict[str, str]:
     """``("a=b",)`` → ``{"a": "b"}``; anything else is a usage error."""
     out = {}
@@ -54,9 +57,16 @@ def pairs(values: tuple[str, ...], option: str) -> dict[str, str]:
     return out
 
 
-def chosen_ref(trace: str, episode: str | None) -> EpisodeRef:
-    """The one episode a command is about; a usage error lists the ids when it is not clear."""
+def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
+    """The one episode a command is about; a usage error lists the ids when it is not clear.
+
+    ``name`` and ``episode`` are two ways to say which: as an argument, and as ``--episode``.
+    """
     from safestage_eval.formats import discover
+
+    if name is not None and episode is not None:
+        raise click.UsageError(f"{name} or --episode {episode}: name the episode once")
+    episode = episode or name
 
     refs = discover([trace])
     found = refs

@@ -125,10 +125,9 @@ def _write(scores: Scores, form: str, output: Path | None, verbose: bool) -> Non
     if form == "table":
         from safestage_eval.report import as_table
 
-        screen = output is None and sys.stdout.isatty()
         text: str | bytes = as_table.render(
             scores,
-            width=shutil.get_terminal_size().columns if screen else None,
+            width=None if output else shutil.get_terminal_size((as_table.WIDTH, 24)).columns,
             color=output is None and wants_color(sys.stdout),
             everything=verbose,
         )

@@ -18,8 +18,10 @@ LEFT = 12
 """Characters before the text of an entry."""
 
 
-def rule_facts(rules: ast.RuleSet, rule: ast.Rule, whence: Mapping[str, Source]) -> dict[str, Any]:
-    """Everything about a rule as plain values."""
+def rule_facts(
+    rules: ast.RuleSet, rule: ast.Scoped, whence: Mapping[str, Source]
+) -> dict[str, Any]:
+    """Everything about a rule, or a cost, as plain values."""
     params = own_params(rules, rule)
     uses = uses_of(rules, rule, params)
     own = dict(rule.set)
@@ -35,10 +37,7 @@ def rule_facts(rules: ast.RuleSet, rule: ast.Rule, whence: Mapping[str, Source])
         "given": words.condition(rule.given, params) if rule.given is not None else None,
         "scope": _scope(rule, params),
         "until": words.event(rule.until) if rule.until is not None else None,
-        "require": _atoms(rule.require, params),
-        "forbid": [words.alternative(item, params) for item in rule.forbid],
-        "reach": words.alternative(rule.reach, params) if rule.reach is not None else None,
-        "for": words.duration(rule.for_, params) if rule.for_ is not None else None,
+        **(_charges(rule, params) if isinstance(rule, ast.Cost) else _asked(rule, params)),
         "severity": {
             level: {name: words.value(v) for name, v in values} for level, values in rule.severity
         },
@@ -69,8 +68,22 @@ def rule_facts(rules: ast.RuleSet, rule: ast.Rule, whence: Mapping[str, Source])
         "signals": list(uses.signals),
         "relations": list(uses.relations),
         "needs": list(uses.needs),
+    }
+
+
+def _asked(rule: ast.Rule, params: words.Values) -> dict[str, Any]:
+    return {
+        "require": _atoms(rule.require, params),
+        "forbid": [words.alternative(item, params) for item in rule.forbid],
+        "reach": words.alternative(rule.reach, params) if rule.reach is not None else None,
+        "for": words.duration(rule.for_, params) if rule.for_ is not None else None,
         "examples": {"violates": list(rule.violates), "passes": list(rule.passes)},
     }
+
+
+def _charges(cost: ast.Cost, params: words.Values) -> dict[str, Any]:
+    budget = None if cost.budget is None else words.limit(ast.Limit("<=", cost.budget), params)
+    return {"charges": [words.charge(item, params) for item in cost.charge], "budget": budget}
 
 
 def explain_rule(facts: Mapping[str, Any]) -> str:
@@ -82,10 +95,14 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
     lines += _entry("only if", [f"{facts['given']}, in the first frames"] * bool(facts["given"]))
     lines += _entry("judged", [facts["scope"]])
     lines += _entry("until", [f"{facts['until']}; a tie passes"] * bool(facts["until"]))
-    lines += _entry("always", facts["require"])
-    lasting = f", for {facts['for']} or longer" if facts["for"] else ""
-    lines += _entry("never", [item + lasting for item in facts["forbid"]])
-    lines += _entry("at some time", [facts["reach"] + lasting] if facts["reach"] else [])
+    if "charges" in facts:
+        lines += _entry("charges", facts["charges"])
+        lines += _entry("budget", [facts["budget"] or "none, so there is no verdict"])
+    else:
+        lasting = f", for {facts['for']} or longer" if facts["for"] else ""
+        lines += _entry("always", facts["require"])
+        lines += _entry("never", [item + lasting for item in facts["forbid"]])
+        lines += _entry("at some time", [facts["reach"] + lasting] if facts["reach"] else [])
     lines += _entry(
         "severity",
         [
@@ -105,8 +122,8 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
     measured += [[name, RELATIONS[name].meaning] for name in facts["relations"]]
     lines += _table("measures", measured)
     lines += _entry("trace needs", [", ".join(facts["needs"])])
-    for kind in ("violates", "passes"):
-        lines += _entry(f"{kind}", [", ".join(facts["examples"][kind])])
+    for kind, names in facts.get("examples", {}).items():
+        lines += _entry(kind, [", ".join(names)])
     lines += _entry("declared in", [f"{facts['path']}:{facts['line']}"])
     lines += _entry("digest", [facts["digest"]])
     return "\n".join(lines) + "\n"
@@ -201,7 +218,7 @@ def _units(dimension: str) -> list[str]:
     return list(DIMENSIONS[dimension])
 
 
-def _scope(rule: ast.Rule, params: words.Values) -> str:
+def _scope(rule: ast.Scoped, params: words.Values) -> str:
     if rule.at is not None:
         return f"at {words.event(rule.at)}"
     return f"during {words.span(rule.during, params)}" if rule.during else "the whole episode"

@@ -15,8 +15,8 @@ from .names import nearest
 from .structure import CODE
 from .uses import Source, sources
 
-Found = tuple[ast.RuleSet, ast.Rule, dict[str, Source]]
-"""A rule, the set it belongs to, and where the values of that set stand."""
+Found = tuple[ast.RuleSet, ast.Scoped, dict[str, Source]]
+"""A rule or cost, the set it belongs to, and where the values of that set stand."""
 
 
 def find_rules(what: Iterable[str], specs: Sequence[str | Path] = ()) -> list[Found]:
@@ -47,7 +47,7 @@ def find_rules(what: Iterable[str], specs: Sequence[str | Path] = ()) -> list[Fo
                 or nearest(name, builtin_names()),
             ) from None
         whence = sources([name])
-        found += [(rules, rule, whence) for rule in rules.rules.values()]
+        found += [(rules, rule, whence) for rule in _judged(rules).values()]
     return found
 
 
@@ -56,7 +56,7 @@ def list_rules(specs: Sequence[str | Path] = ()) -> list[tuple[str, str, str]]:
     return [
         (rule.code, rule.title, rule.path)
         for group in groups(specs)
-        for rule in load_rules(group).rules.values()
+        for rule in _judged(load_rules(group)).values()
     ]
 
 
@@ -64,9 +64,9 @@ def _by_code(code: str, specs: Sequence[str | Path]) -> Found:
     known = []
     for group in groups(specs):
         rules = load_rules(group)
-        if code in rules.rules:
-            return rules, rules.rules[code], sources(group)
-        known += list(rules.rules)
+        if code in _judged(rules):
+            return rules, _judged(rules)[code], sources(group)
+        known += list(_judged(rules))
     where = ", ".join(map(str, specs)) or "the built-in rules"
     raise RuleError(
         code,
@@ -88,3 +88,7 @@ def groups(specs: Sequence[str | Path], *, each: bool = False) -> list[list[str 
             find(spec)
         return [[spec] for spec in specs] if each else [list(specs)]
     return [[name] for name in builtin_names()]
+
+
+def _judged(rules: ast.RuleSet) -> dict[str, ast.Scoped]:
+    return {**rules.rules, **rules.costs}

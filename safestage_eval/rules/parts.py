@@ -153,7 +153,8 @@ def _of_rule(before: Meaning, after: Meaning) -> list[Part]:
         names = [f.name for f in fields(old) if f.compare and f.name not in ("title", "set")]
         if type(old) is type(new) and all(getattr(old, n) == getattr(new, n) for n in names):
             return []
-        return [Part("cost", "", "as it was", "as it is")]
+        said = [_charged(side) for side in (before, after)]
+        return [Part("cost", "", *(said if said[0] != said[1] else ("as it was", "as it is")))]
     found = []
     tables = (("require", _atoms(old), _atoms(new)), ("forbid", _forbidden(old), _forbidden(new)))
     for kind, before_items, after_items in tables:
@@ -173,6 +174,11 @@ def _of_rule(before: Meaning, after: Meaning) -> list[Part]:
         if a != b:
             found.append(Part(field, "", _said(a, before.params), _said(b, after.params)))
     return found
+
+
+def _charged(side: Meaning) -> str:
+    charges = side.rule.charge if isinstance(side.rule, ast.Cost) else ()
+    return "; ".join(words.charge(item, side.params) for item in charges) or "a rule"
 
 
 def _atoms(rule: ast.Rule) -> dict[str, ast.Atom]:

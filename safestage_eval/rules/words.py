@@ -117,6 +117,16 @@ def phase(found: ast.PhaseDef, params: Values) -> str:
     return said
 
 
+def charge(found: ast.Charge, params: Values) -> str:
+    """``1 per second while contact(robot, vase)``; ``2 per start of …``; ``0.1 per step × …``."""
+    said = f"{found.add:g} per {found.per}"
+    if found.when is not None:
+        link = "of" if found.per == "start" else "while"
+        return f"{said} {link} {alternative(found.when, params)}"
+    above = f" beyond {_bound(found.above, params)}" if found.above is not None else ""
+    return f"{said} for each SI unit of {found.of}{above}"
+
+
 def _bound(found: ast.Value, params: Values) -> str:
     if isinstance(found, ast.Quantity):
         return value(found)

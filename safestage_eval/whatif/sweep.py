@@ -195,7 +195,7 @@ def sweep(
         raise InputError(
             f"--param {param}",
             f"read by {', '.join(readers)}, which no episode is judged by.",
-            fix="score traces whose headers assign one of them",
+            fix="take traces whose headers assign one of them, or assign it with --bind",
         )
     return Sweep(
         param,

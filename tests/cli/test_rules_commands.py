@@ -139,3 +139,43 @@ def test_a_misspelt_signal():
 def test_the_schema_is_printed():
     assert run("rules", "schema").text == schema_text()
     assert "#:schema" in run("rules", "schema", "--help").text
+
+
+COST = """
+[[cost]]
+code   = "ETS903"
+title  = "Touch it rarely"
+roles  = { fragile = "every object tagged fragile" }
+charge = [{ when = "contact(robot, fragile)", add = 2, per = "start" }]
+budget = 5
+"""
+
+
+def test_a_cost_is_explained_with_its_charges(mine):
+    mine.write_text(MINE + COST)
+    (facts,) = shown("ETS903", "-r", mine)
+    assert facts["charges"] == ["2 per start of contact(robot, fragile)"]
+    assert facts["budget"].startswith("at most 5")
+    text = run("rules", "show", "ETS903", "-r", mine).text
+    assert "2 per start of contact(robot, fragile)" in text
+
+
+def test_what_two_files_change(mine, tmp_path):
+    mine.write_text(MINE + COST)
+    other = tmp_path / "other.toml"
+    other.write_text(
+        (MINE + COST)
+        .replace('"20 N" ', '"30 N" ')
+        .replace("add = 2", "add = 3")
+        .replace("902", "904")
+    )
+    done = run("rules", "diff", mine, other)
+    assert done.code == 0
+    assert "~ gentle: 20 N → 30 N  (ETS901)" in done.text
+    assert "cost: 2 per start of contact(robot, fragile) → 3 per start" in done.text
+    assert "+ ETS904  Stay near" in done.text
+    assert "- ETS902  Stay near" in done.text
+    document = json.loads(run("rules", "diff", mine, other, "--json").text)
+    assert set(document["changed"]) == {"ETS901", "ETS903"}
+    assert run("rules", "diff", mine, other, "--fail-on-change").code == 1
+    assert run("rules", "diff", mine, mine, "--fail-on-change").code == 0

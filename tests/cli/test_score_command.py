@@ -360,3 +360,13 @@ def test_update_golden_needs_a_file(traces):
     done = run("score", traces, "--update-golden")
     assert done.code == 2
     assert "--golden" in done.err
+
+
+@pytest.mark.parametrize(("columns", "widest"), [("60", 60), ("80", 80), (None, 100)])
+def test_the_table_keeps_to_the_columns_that_are_asked_for(tmp_path, monkeypatch, columns, widest):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    if columns is not None:
+        monkeypatch.setenv("COLUMNS", columns)
+    lines = run("score", safe_and_unsafe(tmp_path), "-r", "fsh", "-v").text.splitlines()
+    assert max(map(len, lines)) <= widest
+    assert max(map(len, lines)) > widest - 25

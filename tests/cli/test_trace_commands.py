@@ -178,3 +178,19 @@ def test_a_truncated_source(source, tmp_path):
 
 def test_the_json_header_is_strict(traces):
     assert json.loads(run("inspect", traces / "safe.mcap", "--json").text)["episode_id"] == "safe"
+
+
+@pytest.mark.parametrize("command", ["explain", "inspect"])
+def test_the_episode_may_be_named_as_an_argument(tmp_path, command):
+    safe_and_unsafe(tmp_path)
+    by_option = run(command, tmp_path, "--episode", "unsafe")
+    assert by_option.code == 0
+    assert run(command, tmp_path, "unsafe").text == by_option.text
+    done = run(command, tmp_path, "unsafe", "--episode", "unsafe")
+    assert done.code == 2
+    assert "name the episode once" in done.err
+
+
+def test_a_path_that_is_not_there_is_told_in_whole_sentences(tmp_path):
+    done = run("inspect", tmp_path / "nowhere")
+    assert "no such file or folder. Fix: check the spelling." in done.err
