@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from safestage_eval.signals.vocabulary import SIGNALS
@@ -34,6 +35,7 @@ class Usage(Moments):
                 fix="give the inner part a name: [state.NAME]",
             )  # fmt: skip
         else:
+            self._twice(table, keys)
             for key, value in table.items():
                 self._entry(key, value, (*keys, key), scope, depth)
 
@@ -43,6 +45,17 @@ class Usage(Moments):
             self.event(value, keys, scope)
         else:
             self.condition(value, keys, scope, depth)
+
+    def _twice(self, table: dict[str, Any], keys: Keys) -> None:
+        """TOML refuses a key that stands twice, but not one that is only spaced differently."""
+        seen: dict[str, str] = {}
+        for key in table:
+            first = seen.setdefault(re.sub(r"\s+", "", key), key)
+            if first != key:
+                self.report(
+                    "R211", (*keys, key), f'"{first}" and "{key}" are one entry, written twice',
+                    fix="leave one out; several limits on one signal are a list", key=True,
+                )  # fmt: skip
 
     def _entry(self, key: str, value: Any, keys: Keys, scope: Scope, depth: int) -> None:
         if key == "any":

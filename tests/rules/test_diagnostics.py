@@ -52,6 +52,10 @@ CASES = [
     ("R209", rule(GOOD + 'explain = «"{a} came near {c}"»\n')),
     ("R209", rule(GOOD + 'explain = «"{a} at {t.moved}"»\n')),
     ("R209", rule(GOOD + 'explain = «"{a"»\n')),
+    (
+        "R211",
+        rule('require = { "clearance(a, b)" = ">= 5 cm", «"clearance(a,b)"» = "<= 1 m" }\n'),
+    ),
     ("R210", HEAD + '«[state.success]»\nof = []\nwhen = { any = ["success"] }\n'),
     ("R210", HEAD + '«[state.inside]»\nof = ["a"]\nwhen = { "moved(a)" = true }\n'),
     ("R210", HEAD + '«[state.hold]»\nof = ["a"]\nwhen = { "moved(a)" = true }\n'),

@@ -145,6 +145,25 @@ def test_truth_table(rule: str, p: str, q: str, truncated: bool, verdict: str) -
     assert judge_toy(facts, text).verdict == verdict
 
 
+@pytest.mark.parametrize("zero", ["0 s", "0 frames", "0 frames @ 120 Hz"])
+def test_a_duration_of_zero_is_one_frame_and_a_gap_of_zero_none(zero: str) -> None:
+    """Nothing is judged in vain, and nothing is bridged, because a duration was set to zero."""
+    facts = Facts({"height(a)": series("10100"), "height(b)": series("01000")})
+
+    def verdict(rule: str, more: str = "") -> str:
+        return judge_toy(facts, f"{rule}\n{BOTH}\n{more}").verdict
+
+    assert verdict(f'during = "{zero} after q(b)"\nforbid = "q(b)"') == "violation"
+    assert verdict(f'during = "last {zero} of episode"\nforbid = "q(b)"') == "pass"
+    assert verdict(f'during = "first {zero} of q(b)"\nforbid = "q(b)"') == "violation"
+    assert verdict(f'forbid = "p(a)"\nfor = "{zero}"') == "violation"
+    state = '[state.s]\nof = ["x"]\nwhen = {{ "height(x)" = ">= 0 m" }}\n{}\n'
+    gap = state.format(f'gap = "{zero}"')
+    assert verdict('forbid = "s(a)"\nfor = "2 frames"', gap) == "pass"
+    lasting = state.format(f'for = "{zero}"')
+    assert verdict('forbid = "s(a)"', lasting) == "violation"
+
+
 def test_nothing_to_judge_passes_and_says_so() -> None:
     facts = Facts({"height(a)": series("111"), "height(b)": series("000")})
     verdict = judge_toy(facts, 'during = "q(b)"\nforbid = "p(a)"')

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from scenes import Scene
 
+from safestage_eval.episode import Episode
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.signals.reference import Baseline
@@ -46,7 +47,7 @@ class Facts:
     ):
         frames = len(next(iter(series.values())))
         termination = "truncated" if truncated else "horizon"
-        self.episode = Scene(frames, rate).episode(termination=termination, **header)
+        self.episode = _empty(frames, rate, termination=termination, **header)
         self.signals = SimpleNamespace(baseline=Baseline(5), between_frames=lambda *_: None)
         self._series = {name: np.asarray(values, float) for name, values in series.items()}
 
@@ -63,7 +64,12 @@ class Facts:
         return self._series[f"{name}({', '.join(bodies)})"] > 0
 
 
-@functools.lru_cache(maxsize=256)
+@functools.cache
+def _empty(frames: int, rate: float, **header: Any) -> Episode:
+    return Scene(frames, rate).episode(**header)
+
+
+@functools.cache
 def ruleset(text: str) -> ast.RuleSet:
     """A rule set of one file's text."""
     return merge([RuleFile("toy.toml", text, tomllib.loads(text), asked=True)])
