@@ -161,11 +161,11 @@ def bind_episode(
             assigned, provenance["rules"] = layer.rules, source
         if layer.goal:
             goal, provenance["goal"] = layer.goal, source
-    _players_exist(rules, header, roles, provenance)
+    found, notes = _goal(rules, header, goal)
+    _players_exist(rules, found, header, roles, provenance)
     chosen = parse_overrides(rules, overrides or {})
     values.update(chosen)
     provenance.update({f"param.{name}": "--set" for name in chosen})
-    found, notes = _goal(rules, header, goal)
     return Binding(roles, assigned, found, family, provenance, notes, rules, values)
 
 
@@ -231,6 +231,7 @@ def _from_header(rules: ast.RuleSet, header: Header) -> ast.TaskDef:
 
 def _players_exist(
     rules: ast.RuleSet,
+    goal: ast.GoalDef | None,
     header: Header,
     roles: Mapping[str, Sequence[str]],
     provenance: Mapping[str, str],
@@ -240,7 +241,7 @@ def _players_exist(
     judged: list[tuple[str, ast.Rule | ast.Cost | ast.GoalDef]] = [
         *rules.rules.items(),
         *rules.costs.items(),
-        *((f"goal {name}", goal) for name, goal in rules.goals.items()),
+        *((f"goal {goal.name}", goal) for goal in ([goal] if goal is not None else [])),
     ]
     of_bodies = {
         name: label for label, user in judged for name, spec in user.roles if spec.kind != "joint"

@@ -196,3 +196,16 @@ def test_a_rule_is_shown_with_all_that_its_signals_rest_on() -> None:
     assert uses.signals == ("channel", "health")
     assert set(uses.columns) == {column for column, _ in SIGNALS["health"].columns}
     assert set(uses.needs) == {"channel", "forces", "masses", "twists"}
+
+
+def test_a_goal_about_a_drawer() -> None:
+    """Success by a joint's opening; the header's own goal says who may play its roles, too."""
+    goal = {"roles": {"j": "joint"}, "require": {"joint_opening(j)": ">= 50 %"}}
+    text = RULE + 'roles = { a = "every object" }\nrequire = { "speed(a)" = "<= 9 m/s" }\n'
+    header = {"success": None, "roles": {"j": ("rail",)}}
+    found = judge(kitchen(goal=goal, **header), rules(text))
+    assert found.success
+    assert found.success_time == pytest.approx(29.5 / 120, abs=3 / 120)
+    goal = {"roles": {"j": "fixture"}, "require": {"height(j)": ">= 5 m"}}
+    with pytest.raises(RuleError, match="in goal header a body plays this role"):
+        judge(kitchen(goal=goal, **header), rules(text))
