@@ -140,10 +140,15 @@ def page(table: dict[str, dict[str, Any]]) -> str:
             unit = unit_of(SIGNALS[name].dimension)
             facts.insert(0, f"{SIGNALS[name].dimension}, shown in {unit}" if unit else "a number")
             facts += ["may be taken `since` an event"] if SIGNALS[name].since else []
+            options = [f"`{option.name}`" for option in SIGNALS[name].options]
+            facts += [f"variants may say {', '.join(options)}"] if options else []
+            columns = [f"`{column}`" for column, _ in SIGNALS[name].columns]
+            facts += [f"reads the material columns {', '.join(columns)}"] if columns else []
         if spec.groups:
             facts.append("`robot` and `gripper` may stand for a body")
+        told = "; ".join(facts)
         lines += [
-            f"### `{name}`", "", f"{spec.meaning} *{'; '.join(facts).capitalize()}.*", "",
+            f"### `{name}`", "", f"{spec.meaning} *{told[0].upper()}{told[1:]}.*", "",
             entry["text"], "", f"![{entry['signal']}](images/signals/{name}.svg)", "",
         ]  # fmt: skip
     return "\n".join(lines).rstrip() + "\n"
