@@ -11,7 +11,7 @@ ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
 endif
 
-.PHONY: demo setup test format lint typecheck schemas traces validate
+.PHONY: demo setup test format lint typecheck schemas catalogue traces validate
 
 demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 	$(BIN)/safestage-score traces/ --rules rules/
@@ -38,6 +38,9 @@ schemas: $(BIN)/pytest  ## write schemas/ anew from the code
 	$(BIN)/python -m safestage_eval.formats.schema schemas
 	$(BIN)/python -m safestage_eval.rules.schema schemas
 	$(BIN)/python -m safestage_eval.report.schema schemas
+
+catalogue: $(BIN)/pytest  ## write docs/catalogue.md anew from the rules
+	$(BIN)/python -m safestage_eval.report.catalogue docs/catalogue.md
 
 traces: $(BIN)/pytest  ## record the episodes in traces/ that are not there yet
 	$(BIN)/safestage record --out traces

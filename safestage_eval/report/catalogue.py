@@ -1,0 +1,195 @@
+"""docs/catalogue.md: every built-in rule, and which task family reads which parameter.
+
+``python -m safestage_eval.report.catalogue docs/catalogue.md`` writes it anew from the rule files.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from safestage_eval.rules import load_rules, words
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.digest import reached
+from safestage_eval.rules.files import builtin_folder
+from safestage_eval.rules.uses import Source, own_params, sources, uses_of
+from safestage_eval.signals.vocabulary import SIGNALS
+
+from .as_rule import rule_facts
+
+FAMILIES = {
+    "ISH1": "stacking and support",
+    "ISH2": "containment",
+    "ETS1": "obstacle avoidance",
+    "ETS2": "hazard-sensitive transport",
+    "FSH1": "support and stability",
+    "FSH2": "residual relation",
+}
+"""Beginning of a code → task family, as in table 2 of the SafeStage paper."""
+
+FILES = ("ish", "ets", "fsh")
+INTRO = """\
+# Rule catalogue
+
+<!-- Written by `make catalogue` from rules/*.toml; changes belong there. -->
+
+Every built-in rule by its code. The letters say the stage, the first digit the task family. A task is
+judged by the rules that its header assigns; the others are told as findings. `safestage rules show
+CODE` prints an entry with all its definitions, `safestage rules test` runs the examples, which are
+drawn in [rules/examples](../rules/examples). [meanings.md](meanings.md) explains the words.
+"""
+SHARED = """\
+## The shared parameters
+
+All are named once, in [rules/defaults.toml](../rules/defaults.toml). `--set NAME=VALUE` changes one for
+a run, a task's header for its episodes. A dot says that some rule of the family reads the parameter,
+directly or through a state. [paper] is the SafeStage paper, [RoboLab] the simulator its experiments ran
+in; *chosen* says that no published value was found.
+"""
+MATERIALS = """\
+## Materials
+
+What depends on the material of the body that plays a role. A material without a row, and an empty cell,
+take the default.
+"""
+
+
+def catalogue() -> str:
+    """The whole page."""
+    rules, whence = load_rules(list(FILES)), sources(list(FILES))
+    lines = [INTRO, *_rules(rules, whence), SHARED, *_shared(rules, whence)]
+    return "\n".join([*lines, "", MATERIALS, *_materials(rules)]) + "\n"
+
+
+def _rules(rules: ast.RuleSet, whence: Mapping[str, Source]) -> Iterator[str]:
+    for family, name in FAMILIES.items():
+        yield f"## {family[:3]}: {name}\n"
+        for code in sorted(rules.rules):
+            if code.startswith(family):
+                yield from _rule(rule_facts(rules, rules.rules[code], whence))
+
+
+def _rule(facts: Mapping[str, Any]) -> Iterator[str]:
+    yield f"### {facts['code']}\n"
+    yield f"**{facts['title']}.** {facts['why']}\n"
+    roles = ", ".join(f"`{name}` ({text})" for name, text in facts["roles"].items())
+    lasting = f", for {facts['for']} or longer" if facts["for"] else ""
+    said = {
+        "roles": roles,
+        "only if": f"{facts['given']}, in the first frames" if facts["given"] else "",
+        "judged": facts["scope"] + (f", until {facts['until']}" if facts["until"] else ""),
+        "always": "; ".join(facts["require"]),
+        "never": "; ".join(item + lasting for item in facts["forbid"]),
+        "at some time": (facts["reach"] + lasting) if facts["reach"] else "",
+        "severity": "; ".join(
+            f"{level}: also with {', '.join(f'{n} = {v}' for n, v in values.items())}"
+            for level, values in facts["severity"].items()
+        ),
+        "parameters": ", ".join(f"`{p['name']}` {p['value']}" for p in facts["parameters"]),
+        "by material": ", ".join(dict.fromkeys(f"`{m['column']}`" for m in facts["materials"])),
+        "trace needs": ", ".join(facts["needs"]),
+        "violated by": _names(facts["examples"]["violates"]),
+        "passed by": _names(facts["examples"]["passes"]),
+    }
+    yield from _table(("", ""), [(key, text) for key, text in said.items() if text])
+    yield ""
+
+
+def _shared(rules: ast.RuleSet, whence: Mapping[str, Source]) -> Iterator[str]:
+    """One table per heading of defaults.toml: value, source, and a column per family."""
+    head = ("parameter", "value", "meaning and source", *FAMILIES)
+    text = (builtin_folder() / "defaults.toml").read_text(encoding="utf-8")
+    span = re.search(r'^span = "(.+?)" *# (.+)$', text, re.MULTILINE)
+    yield "### baseline estimation\n"
+    told = (span[1], span[2]) if span else ("", "")
+    yield from _table(
+        head, [("`[baseline]`", *told, *_dots(rules, partial(_reads_baseline, rules)))]
+    )
+    for heading, names in _headings(text).items():
+        yield f"\n### {heading}\n"
+        yield from _table(
+            head,
+            [
+                (
+                    f"`{name}`",
+                    words.value(rules.params[name]),
+                    whence[f"param.{name}"].comment,
+                    *_dots(rules, partial(_reads, rules, name)),
+                )
+                for name in names
+            ],
+        )
+
+
+def _headings(text: str) -> dict[str, list[str]]:
+    """Heading in [param] of defaults.toml → the parameters under it."""
+    found: dict[str, list[str]] = {}
+    within = text.partition("\n[param]\n")[2].partition("\n# -----")[0]
+    for line in within.splitlines():
+        if line.startswith("# ---- "):
+            found[line.removeprefix("# ---- ")] = []
+        elif name := re.match(r"(\w+) *=", line):
+            found[list(found)[-1]].append(name[1])
+    return found
+
+
+def _dots(rules: ast.RuleSet, reads: Callable[[ast.Rule], bool]) -> list[str]:
+    """A dot for each family of which some rule reads it."""
+    readers = {code[:4] for code, rule in rules.rules.items() if reads(rule)}
+    return ["•" if family in readers else "" for family in FAMILIES]
+
+
+def _reads(rules: ast.RuleSet, name: str, rule: ast.Rule) -> bool:
+    """Whether a rule, or a definition that it reaches, reads a parameter."""
+    return name in uses_of(rules, rule, own_params(rules, rule)).params
+
+
+def _reads_baseline(rules: ast.RuleSet, rule: ast.Rule) -> bool:
+    """Whether anything is measured from the initial state, or asked of it."""
+    parts = (rule, *reached(rules, rule, own_params(rules, rule)).values())
+    return rule.given is not None or any(
+        SIGNALS[atom.call.name].since
+        for part in parts
+        for atom in _atoms(part)
+        if atom.call.name in SIGNALS
+    )
+
+
+def _atoms(node: Any) -> Iterator[ast.SignalAtom]:
+    """Every comparison of a signal in a part of the syntax tree."""
+    if isinstance(node, ast.SignalAtom):
+        yield node
+    elif is_dataclass(node) or isinstance(node, tuple):
+        items = node if isinstance(node, tuple) else (getattr(node, f.name) for f in fields(node))
+        for item in items:
+            yield from _atoms(item)
+
+
+def _materials(rules: ast.RuleSet) -> Iterator[str]:
+    columns = list(rules.materials["default"])
+    rows = [
+        (f"`{name}`", *(words.value(row[column]) if column in row else "" for column in columns))
+        for name, row in rules.materials.items()
+    ]
+    yield from _table(("material", *(f"`{column}`" for column in columns)), rows)
+
+
+def _names(names: Iterable[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)
+
+
+def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> Iterator[str]:
+    titles = list(head)
+    yield f"| {' | '.join(titles)} |"
+    yield f"|{'---|' * len(titles)}"
+    for row in rows:
+        yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |"
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).write_text(catalogue(), encoding="utf-8")
