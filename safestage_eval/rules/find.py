@@ -9,6 +9,7 @@ from pathlib import Path
 from safestage_eval.errors import RuleError
 
 from . import syntax as ast
+from .diagnostic import RuleErrors
 from .files import builtin_names, find
 from .load import load_rules
 from .names import nearest
@@ -37,7 +38,7 @@ def find_rules(what: Iterable[str], specs: Sequence[str | Path] = ()) -> list[Fo
         try:
             rules = load_rules([name])
         except RuleError as error:
-            if error.where != name:
+            if error.where != name or isinstance(error, RuleErrors):
                 raise
             raise RuleError(
                 name,
