@@ -201,6 +201,7 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     show_default=True,
 )  # fmt: skip
 @click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
+@click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.pass_context
 def test(
     ctx: click.Context,
@@ -212,6 +213,7 @@ def test(
     deep: bool,
     form: str,
     output: Path | None,
+    jobs: int | None,
 ) -> None:
     """Judge the examples that rules name, and compare with what they should be.
 
@@ -242,33 +244,31 @@ def test(
     """
     if (deep or kinds) and not mutate:
         raise click.UsageError("--kind and --deep go with --mutate")
+    from safestage_eval.formats import discover
     from safestage_eval.report import as_examples
     from safestage_eval.rules import load_rules
     from safestage_eval.rules.find import groups
-    from safestage_eval.whatif.examples import Library, check_examples
-    from safestage_eval.whatif.mutants import KINDS, hunt
+    from safestage_eval.whatif.check import check_sets
+    from safestage_eval.whatif.mutants import KINDS
 
-    library = Library(traces)
+    recorded = discover(list(traces)) if traces else []
     sets = {str(group[0]): load_rules(group) for group in groups(rules, each=True)}
     announce_compiling()
-    with progress("examples") as tell:
-        suites = {
-            name: check_examples(loaded, library, least=least, progress=tell)
-            for name, loaded in sets.items()
-            if loaded.rules
-        }
-    hunted = None
-    if mutate:
-        with progress("mistakes") as tell:
-            hunted = {
-                name: hunt(sets[name], library, kinds=kinds or KINDS, deep=deep, progress=tell)
-                for name in suites
-            }
-    written(as_examples.render(suites, hunted, form), output)
+    with progress("rules") as tell:
+        suites, hunted = check_sets(
+            sets,
+            recorded,
+            least=least,
+            kinds=(kinds or KINDS) if mutate else (),
+            deep=deep,
+            jobs=jobs,
+            progress=tell,
+        )
+    written(as_examples.render(suites, hunted if mutate else None, form), output)
     for problem in dict.fromkeys(c.problem for s in suites.values() for c in s.checked):
         if "\n" in problem:
             click.echo(f"\n{problem}", err=True)
     if not suites:
         click.echo("only definitions, no rules to test", err=True)
-    unnoticed = any(m.killer is None for found in (hunted or {}).values() for m in found)
+    unnoticed = any(m.killer is None for found in hunted.values() for m in found)
     ctx.exit(0 if all(suite.passed for suite in suites.values()) and not unnoticed else 1)

@@ -13,13 +13,13 @@ from .as_ci import junit_text
 
 if TYPE_CHECKING:
     from safestage_eval.whatif.examples import Checked, Suite
-    from safestage_eval.whatif.mutants import Mutant
+    from safestage_eval.whatif.mutants import Hunted
 
 FORMATS = ("table", "json", "junit")
 
 
 def render(
-    suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Mutant]] | None, form: str
+    suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None, form: str
 ) -> str:
     """Results in one of ``FORMATS``. Raises KeyError for another.
 
@@ -31,7 +31,7 @@ def render(
     return {"table": _table, "json": _json, "junit": _junit}[form](suites, hunted)
 
 
-def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Mutant]] | None) -> str:
+def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:
     rows = [["", "rule", "example", "expected", "got", "margin", "why"]]
     for suite in suites.values():
         rows += [
@@ -63,7 +63,7 @@ def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Mutant]] |
     return "\n".join(lines) + "\n"
 
 
-def _json(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Mutant]] | None) -> str:
+def _json(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:
     document: dict[str, Any] = {
         "examples": [
             {"rules": name, **_facts(c)} for name, suite in suites.items() for c in suite.checked
@@ -83,7 +83,7 @@ def _json(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Mutant]] | 
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 
-def _junit(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Mutant]] | None) -> str:
+def _junit(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:
     root = ET.Element("testsuites", name="safestage rules test")
     for name, suite in suites.items():
         node = ET.SubElement(root, "testsuite", name=name)

@@ -10,7 +10,7 @@ from safestage_eval.errors import RuleError
 
 from . import syntax as ast
 from .diagnostic import RuleErrors
-from .files import builtin_names, find
+from .files import benchmark_names, builtin_names, find
 from .load import load_rules
 from .names import nearest
 from .structure import CODE
@@ -40,10 +40,11 @@ def find_rules(what: Iterable[str], specs: Sequence[str | Path] = ()) -> list[Fo
         except RuleError as error:
             if error.where != name or isinstance(error, RuleErrors):
                 raise
+            names = ", ".join([*builtin_names(), *benchmark_names()])
             raise RuleError(
                 name,
                 "no such rule or rule file.",
-                f"a code as in ETS201, a file, or a built-in name: {', '.join(builtin_names())}",
+                f"a code as in ETS201, a file, or a built-in name: {names}",
                 nearest(name.upper(), [code for code, *_ in list_rules(specs)])
                 or nearest(name, builtin_names()),
             ) from None
@@ -88,7 +89,7 @@ def groups(specs: Sequence[str | Path], *, each: bool = False) -> list[list[str 
         for spec in specs:
             find(spec)
         return [[spec] for spec in specs] if each else [list(specs)]
-    return [[name] for name in builtin_names()]
+    return [[name] for name in (*builtin_names(), *benchmark_names())]
 
 
 def _judged(rules: ast.RuleSet) -> dict[str, ast.Scoped]:

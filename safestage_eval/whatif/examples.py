@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -10,7 +10,7 @@ from typing import Literal
 from safestage_eval import sketch
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
-from safestage_eval.formats import EpisodeRef, discover, load
+from safestage_eval.formats import EpisodeRef, load
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
@@ -82,13 +82,9 @@ class Suite:
 class Library:
     """Where examples are looked for; each is opened and measured once."""
 
-    def __init__(self, traces: Sequence[str | Path] = ()) -> None:
-        """``traces``: files and folders of recorded episodes, found by their ids.
-
-        Raises TraceError when there are none in them.
-        """
-        found: Iterable[EpisodeRef] = discover(list(traces)) if traces else ()
-        self._recorded = {ref.episode_id: ref for ref in found}
+    def __init__(self, recorded: Iterable[EpisodeRef] = ()) -> None:
+        """``recorded``: stored episodes that examples may name by their ids."""
+        self._recorded = {ref.episode_id: ref for ref in recorded}
         self._opened: dict[tuple[str, str], Episode] = {}
         self._measured: dict[tuple[str, str, int], Relations] = {}
 
@@ -148,34 +144,22 @@ def examples_of(rule: ast.Rule) -> list[tuple[str, Expected]]:
     return violates + [(name, "pass") for name in rule.passes]
 
 
-def check_examples(
-    rules: RuleSet,
-    library: Library,
-    *,
-    least: int = 2,
-    progress: Callable[[int, int], None] | None = None,
-) -> Suite:
-    """Judge every example of every rule.
-
-    Args:
-        rules: whose examples.
-        library: where they are.
-        least: how many violating and how many passing ones each rule must have.
-        progress: told (done, total).
-    """
-    todo = [(rule, *item) for rule in rules.rules.values() for item in examples_of(rule)]
+def check_rule(rules: RuleSet, rule: ast.Rule, library: Library) -> list[Checked]:
+    """Judge every example of a rule; one that cannot be judged is wrong, and stops no other."""
     checked = []
-    for rule, name, expected in todo:
+    for name, expected in examples_of(rule):
         try:
             verdict = library.judge(name, rules, rule)
             checked.append(Checked(rule.code, name, expected, verdict))
         except InputError as error:
             checked.append(Checked(rule.code, name, expected, problem=str(error)))
-        if progress is not None:
-            progress(len(checked), len(todo))
-    lacking = {
-        rule.code: (len(set(rule.violates)), len(set(rule.passes)))
-        for rule in rules.rules.values()
-        if min(len(set(rule.violates)), len(set(rule.passes))) < least
+    return checked
+
+
+def suite(rules: RuleSet, checked: Iterable[Checked], least: int) -> Suite:
+    """What became of the examples of a rule set, of which each rule must have ``least`` each way."""
+    counts = {
+        rule.code: (len(set(rule.violates)), len(set(rule.passes))) for rule in rules.rules.values()
     }
+    lacking = {code: count for code, count in counts.items() if min(count) < least}
     return Suite(tuple(checked), lacking)

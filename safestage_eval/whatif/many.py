@@ -1,4 +1,4 @@
-"""A function over many stored episodes, in this process or in several."""
+"""A function over many things, in this process or in several."""
 
 from __future__ import annotations
 
@@ -7,41 +7,59 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from typing import Any
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.scoring import WORTH_A_POOL, Problem
 
-Work = Callable[[EpisodeRef], Any]
+Progress = Callable[[int, int], None]
+"""Told (done, total)."""
 
 
 def each_episode(
     refs: Sequence[EpisodeRef],
-    work: Work,
+    work: Callable[[EpisodeRef], Any],
     *,
     jobs: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Any]:
     """What ``work`` makes of each episode, in order; a ``Problem`` for one that cannot be judged.
 
+    Arguments and errors are those of ``each``.
+    """
+    return each(refs, partial(_guarded, work), jobs=jobs, progress=progress)
+
+
+def each(
+    items: Sequence[Any],
+    work: Callable[[Any], Any],
+    *,
+    jobs: int | None = None,
+    worth: int = WORTH_A_POOL,
+    progress: Progress | None = None,
+) -> list[Any]:
+    """What ``work`` makes of each item, in order.
+
     Args:
-        refs: the episodes.
+        items: can be pickled.
         work: a function that can be pickled; every process gets it once.
-        jobs: worker processes. If None, as many as there are processors, or none at all for a few
-            episodes.
-        progress: told (done, total) after each episode.
+        jobs: worker processes. If None, as many as there are processors, or none at all for fewer
+            than ``worth`` items.
+        worth: how many items are worth starting processes for.
+        progress: told (done, total) after each item.
 
     Raises:
         InputError: a worker process died.
     """
-    workers = min(jobs or os.cpu_count() or 1, len(refs))
+    workers = min(jobs or os.cpu_count() or 1, len(items))
     found: list[Any] = []
-    if workers <= 1 or (jobs is None and len(refs) < WORTH_A_POOL):
-        for ref in refs:
-            found.append(_guarded(ref, work))
+    if workers <= 1 or (jobs is None and len(items) < worth):
+        for item in items:
+            found.append(work(item))
             if progress is not None:
-                progress(len(found), len(refs))
+                progress(len(found), len(items))
         return found
     try:
         with ProcessPoolExecutor(
@@ -50,10 +68,10 @@ def each_episode(
             initializer=_start,
             initargs=(work,),
         ) as pool:
-            for result in pool.map(_work, refs, chunksize=4):
+            for result in pool.map(_work, items):
                 found.append(result)
                 if progress is not None:
-                    progress(len(found), len(refs))
+                    progress(len(found), len(items))
     except BrokenProcessPool:
         raise InputError(
             "worker processes",
@@ -63,18 +81,18 @@ def each_episode(
     return found
 
 
-_worker: dict[str, Work] = {}
+_worker: dict[str, Callable[[Any], Any]] = {}
 
 
-def _start(work: Work) -> None:
+def _start(work: Callable[[Any], Any]) -> None:
     _worker["work"] = work
 
 
-def _work(ref: EpisodeRef) -> Any:
-    return _guarded(ref, _worker["work"])
+def _work(item: Any) -> Any:
+    return _worker["work"](item)
 
 
-def _guarded(ref: EpisodeRef, work: Work) -> Any:
+def _guarded(work: Callable[[EpisodeRef], Any], ref: EpisodeRef) -> Any:
     try:
         return work(ref)
     except InputError as error:

@@ -6,7 +6,7 @@ Mutation testing after DeMillo, Lipton and Sayward, "Hints on Test Data Selectio
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, Literal
 
@@ -41,14 +41,27 @@ class Mutant:
         kind: of mistake.
         what: the mistake, in words.
         rules: the rule set with it.
-        killer: the example that tells it from the rule as meant; None if none does.
     """
 
     rule: str
     kind: Kind
     what: str
     rules: RuleSet
-    killer: str | None = None
+
+
+@dataclass(frozen=True)
+class Hunted:
+    """A mistake, and what became of it.
+
+    Attributes:
+        rule, kind, what: as of the mutant.
+        killer: the example that tells it from the rule as meant; None if none does.
+    """
+
+    rule: str
+    kind: Kind
+    what: str
+    killer: str | None
 
 
 def mutants(rules: RuleSet, rule: ast.Rule, *, deep: bool = False) -> Iterator[Mutant]:
@@ -71,44 +84,38 @@ def mutants(rules: RuleSet, rule: ast.Rule, *, deep: bool = False) -> Iterator[M
 
 def hunt(
     rules: RuleSet,
+    rule: ast.Rule,
     library: Library,
     *,
     kinds: Collection[str] = KINDS,
     deep: bool = False,
-    progress: Callable[[int, int], None] | None = None,
-) -> list[Mutant]:
-    """All mutants of all rules, each with the example that kills it.
+) -> list[Hunted]:
+    """All mutants of a rule, each with the example that kills it.
 
     An example kills a mutant if it no longer gets the verdict that it should. Examples that are
     missing or wrong to begin with kill nothing.
 
     Args:
-        rules: whose mutants.
+        rules: the set that the rule belongs to.
+        rule: as meant.
         library: where the examples are.
         kinds: of mistakes.
         deep: as for ``mutants``.
-        progress: told (done, total).
     """
-    todo = [
-        (rule, mutant)
-        for rule in rules.rules.values()
-        for mutant in mutants(rules, rule, deep=deep)
-        if mutant.kind in kinds
-    ]
-    sound = {rule.code: _sound(rules, rule, library) for rule in rules.rules.values()}
+    sound = _sound(rules, rule, library)
     found = []
-    for rule, mutant in todo:
+    for mutant in mutants(rules, rule, deep=deep):
+        if mutant.kind not in kinds:
+            continue
         killer = next(
             (
                 name
-                for name, verdict in sound[rule.code]
+                for name, verdict in sound
                 if _verdict(mutant.rules, mutant.rules.rules[rule.code], name, library) != verdict
             ),
             None,
         )
-        found.append(replace(mutant, killer=killer))
-        if progress is not None:
-            progress(len(found), len(todo))
+        found.append(Hunted(mutant.rule, mutant.kind, mutant.what, killer))
     return found
 
 

@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from studio import block, run
 
-from safestage_eval.formats import save
+from safestage_eval.formats import discover, save
 from safestage_eval.rules import load_rules
 from safestage_eval.whatif.examples import Library
 from safestage_eval.whatif.mutants import KINDS, hunt, mutants
@@ -62,6 +62,13 @@ def house(tmp_path):
 def listed(*arguments):
     done = run("rules", "test", *arguments, "-f", "json")
     return done, json.loads(done.text)
+
+
+def killers(rules, traces):
+    """Mistake → the example that notices it."""
+    loaded = load_rules([rules])
+    found = hunt(loaded, loaded.rules["FSH901"], Library(discover([traces])))
+    return {mutant.what: mutant.killer for mutant in found}
 
 
 def test_all_as_expected(house):
@@ -175,8 +182,7 @@ def test_a_mutant_means_something_else_and_keeps_the_rest():
 
 def test_good_examples_notice_what_poor_ones_let_through(house):
     rules, traces = house(["beside", "near"], ["far", "middle"])
-    library = Library([traces])
-    found = {m.what: m.killer for m in hunt(load_rules([rules]), library)}
+    found = killers(rules, traces)
     assert found["edge_margin(target) at least 2 cm (edge) → at most 2 cm (edge)"] == "beside"
     assert found["edge_margin(target) at least 2 cm (edge) → at least 0.2 cm"] == "beside"
     assert found["edge_margin(target) at least 2 cm (edge) → at least 20.0 cm"] == "far"
@@ -184,7 +190,7 @@ def test_good_examples_notice_what_poor_ones_let_through(house):
 
     rules, traces = house(["beside"], ["middle"])
     save(block("middle", room=0.3), traces / "m.mcap")
-    found = {m.what: m.killer for m in hunt(load_rules([rules]), Library([traces]))}
+    found = killers(rules, traces)
     assert found["edge_margin(target) at least 2 cm (edge) → at least 20.0 cm"] is None
 
 
@@ -199,9 +205,16 @@ def test_survivors_are_listed_and_fail(house):
     assert (done.code, done.text.splitlines()[-1]) == (0, "3 of 3 mistakes noticed")
 
 
+def test_worker_processes_say_the_same(house):
+    rules, traces = house(["beside", "far"], ["middle", "nowhere"])
+    arguments = ("rules", "test", rules, rules.parent / "mine.toml", "-t", traces, "--mutate")
+    one, two = (run(*arguments, "--jobs", jobs) for jobs in ("1", "2"))
+    assert (one.code, one.text, one.err) == (two.code, two.text, two.err)
+
+
 def test_an_example_that_is_wrong_to_begin_with_notices_nothing(house):
     rules, traces = house(["far"], [])
-    assert {m.killer for m in hunt(load_rules([rules]), Library([traces]))} == {None}
+    assert set(killers(rules, traces).values()) == {None}
 
 
 @pytest.mark.parametrize(
