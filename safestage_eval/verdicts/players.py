@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
 from typing import Any
 
 from safestage_eval.rules import syntax as ast
@@ -17,12 +18,18 @@ def combinations(
 
     ``named``: only these of the rule's roles; all if None.
     """
-    counted = {node.role for node in nodes(rule) if isinstance(node, ast.CountAtom)}
-    roles = [name for name, _ in rule.roles if named is None or name in named]
-    free = [name for name in roles if name not in counted or named_outside_counts(rule, name)]
+    free = [name for name in _taken_one_by_one(rule) if named is None or name in named]
     for bodies in itertools.product(*(players[name] for name in free)):
         if len(set(bodies)) == len(bodies):
             yield dict(zip(free, bodies, strict=True))
+
+
+@lru_cache(maxsize=1024)
+def _taken_one_by_one(rule: ast.Scoped) -> tuple[str, ...]:
+    """The roles that are not merely counted over."""
+    counted = {node.role for node in nodes(rule) if isinstance(node, ast.CountAtom)}
+    roles = [name for name, _ in rule.roles]
+    return tuple(n for n in roles if n not in counted or named_outside_counts(rule, n))
 
 
 def nodes(node: Any) -> Iterator[Any]:

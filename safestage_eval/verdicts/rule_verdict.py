@@ -55,6 +55,9 @@ def judge_rule(
         return replace(verdict, notes=_notes(evaluator, why), explanation=explanation)
     witness = _witness(evaluator, rule, worst, violated=bool(violated))
     verdict = _with_times(evaluator, rule, verdict, instances, witness)
+    bound = worst.upper if violated else worst.lower
+    if np.isinf(bound) and witness.value is not None and witness.dimension != "time":
+        return _without_measurement(evaluator, verdict, worst)
     slack = _undersampled(evaluator, witness)
     notes = (
         []
@@ -75,7 +78,7 @@ def judge_rule(
         limit=witness.limit,
         dimension=witness.dimension,
         margin=witness.margin,
-        margin_normalised=_finite(worst.upper if violated else worst.lower),
+        margin_normalised=_finite(bound),
         undersampled=slack is not None,
         notes=_notes(evaluator, *notes),
     )
@@ -91,6 +94,19 @@ def judge_rule(
             explanation="No one measurement came closest: several were equally far from their limits.",
         )  # fmt: skip
     return replace(verdict, explanation=sentence(evaluator, rule, worst, witness, verdict))
+
+
+def _without_measurement(evaluator: Evaluator, verdict: Verdict, worst: Instance) -> Verdict:
+    """No frame decided: the scope is empty, or shorter than what it asks for."""
+    empty = worst.scope.first == worst.scope.stop
+    why = "its scope is empty" if empty else "its scope is shorter than what it asks for"
+    return replace(
+        verdict,
+        vacuity="no_scope" if empty and verdict.verdict == "pass" else None,
+        worst_time=None,
+        notes=_notes(evaluator, f"nothing was measured: {why}"),
+        explanation=f"No measurement decides: {why}.",
+    )
 
 
 def _tied(worst: Instance, instances: Sequence[Instance], witness: Witness) -> bool:

@@ -37,6 +37,8 @@ code = "TOY101"
 title = "toy"
 roles = { a = "object", b = "object" }
 """
+ALONE = HEAD.replace(', b = "object"', "")
+"""For rules about one body."""
 
 
 class Facts:
