@@ -54,12 +54,20 @@ def score_episode(
     rules: RuleSet,
     overrides: Mapping[str, str] | None = None,
     bind: BindFile | None = None,
+    backend: str = "gjk",
 ) -> EpisodeResult | Problem:
     """Open and judge one episode; whatever is wrong with it becomes a problem, not an exception."""
     from safestage_eval.verdicts import judge
 
     try:
-        return judge(ref.open(), rules, overrides=overrides, bind=bind, trace_hash=ref.content_hash)
+        return judge(
+            ref.open(),
+            rules,
+            overrides=overrides,
+            bind=bind,
+            trace_hash=ref.content_hash,
+            backend=backend,
+        )
     except InputError as error:
         return Problem(str(ref.path), str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others
@@ -72,6 +80,7 @@ def score_many(
     *,
     overrides: Mapping[str, str] | None = None,
     bind: str | Path | None = None,
+    backend: str = "gjk",
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[EpisodeResult | Problem]:
@@ -82,15 +91,19 @@ def score_many(
         rules: paths, folders or built-in names of rule files.
         overrides: parameter → value as written; beats every other source.
         bind: a bind file (docs/rules.md).
+        backend: whose clearances: ``gjk``, our own, or ``fcl`` or ``coal`` for comparison.
         jobs: worker processes. If None, as many as there are processors, or none at all for a few
             episodes. A script that uses several needs the usual ``__main__`` guard.
         progress: told (done, total) after each episode.
 
     Raises:
         RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
+        InputError: a backend that does not exist, or is not installed.
     """
+    from safestage_eval.geometry.backend import check_backend
     from safestage_eval.rules import load_bind, load_rules, parse_overrides
 
+    check_backend(backend)
     loaded = load_rules(list(rules))
     parse_overrides(loaded, overrides or {})
     bound = None if bind is None else load_bind(bind, loaded)
@@ -101,10 +114,10 @@ def score_many(
         )  # fmt: skip
     workers = min(jobs or os.cpu_count() or 1, len(refs))
     if workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL):
-        return _Pool(refs, (rules, overrides or {}, bound), workers, progress).run()
+        return _Pool(refs, (rules, overrides or {}, bound, backend), workers, progress).run()
     found = []
     for ref in refs:
-        found.append(score_episode(ref, loaded, overrides, bound))
+        found.append(score_episode(ref, loaded, overrides, bound, backend))
         if progress is not None:
             progress(len(found), len(refs))
     return found
@@ -117,6 +130,7 @@ def score_paths(
     overrides: Mapping[str, str] | None = None,
     bind: str | Path | None = None,
     where: Mapping[str, str] | None = None,
+    backend: str = "gjk",
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Scores:
@@ -128,6 +142,7 @@ def score_paths(
         where: header field → value; only episodes that match are judged.
         overrides: parameter → value as written; beats every other source.
         bind: a bind file: roles, goal, rules and values that the traces' headers lack.
+        backend: whose clearances; see ``score_many``.
         jobs: worker processes; see ``score_many``.
         progress: told (done, total) after each episode.
 
@@ -143,7 +158,9 @@ def score_paths(
     titles = {rule.code: rule.title for rule in loaded.rules.values()}
     titles.update({cost.code: cost.title for cost in loaded.costs.values()})
     refs = matching(discover(list(traces)), where or {})
-    found = score_many(refs, specs, overrides=overrides, bind=bind, jobs=jobs, progress=progress)
+    found = score_many(
+        refs, specs, overrides=overrides, bind=bind, backend=backend, jobs=jobs, progress=progress
+    )
     results, problems, copies = _sorted_out(found)
     return Scores(tuple(results), tuple(problems), titles, tuple(copies))
 
@@ -220,11 +237,14 @@ _worker: dict[str, object] = {}
 
 
 def _start_worker(
-    rules: Sequence[str | Path], overrides: Mapping[str, str], bind: BindFile | None
+    rules: Sequence[str | Path],
+    overrides: Mapping[str, str],
+    bind: BindFile | None,
+    backend: str,
 ) -> None:
     from safestage_eval.rules import load_rules
 
-    _worker.update(rules=load_rules(list(rules)), overrides=overrides, bind=bind)
+    _worker.update(rules=load_rules(list(rules)), overrides=overrides, bind=bind, backend=backend)
 
 
 def _work(ref: EpisodeRef) -> EpisodeResult | Problem:
@@ -241,7 +261,7 @@ class _Pool:
     def __init__(
         self,
         refs: Sequence[EpisodeRef],
-        setup: tuple[Sequence[str | Path], Mapping[str, str], BindFile | None],
+        setup: tuple[Sequence[str | Path], Mapping[str, str], BindFile | None, str],
         workers: int,
         progress: Callable[[int, int], None] | None,
     ) -> None:

@@ -51,6 +51,10 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success")
     type=click.Choice(FAIL_ON),
     help="Exit 1 if there is any. Repeatable.",
 )
+@click.option(
+    "--clearance-backend", "backend", type=click.Choice(("gjk", "fcl", "coal")), default="gjk",
+    show_default=True, help="Whose clearances; others than gjk are for comparison.",
+)  # fmt: skip
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.option(
     "--verbose", "-v", is_flag=True, help="In the table: every episode, and other stages' findings."
@@ -68,6 +72,7 @@ def command(
     golden: Path | None,
     update_golden: bool,
     fail_on: tuple[str, ...],
+    backend: str,
     jobs: int | None,
     verbose: bool,
 ) -> int:
@@ -106,6 +111,7 @@ def command(
             overrides=overrides,
             bind=bind,
             where=filters,
+            backend=backend,
             jobs=jobs,
             progress=tell,
         )

@@ -14,10 +14,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from .backend import foreign_pairs
 from .extent import reach
+from .gjk import PROMISED
 from .mover import BLOCK, Mover, frame_count
 from .pose import matrix
-from .shape import Packed, triangles
+from .shape import PLANE, Packed, chosen, triangles
 from .surface import SurfacePair, encloses
 from .sweep import sweep
 
@@ -25,6 +27,10 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 _ALL_FRAMES = np.empty(0)
+
+SLACK = 1e-5
+"""m, the recommended slack: bodies at rest tremble by less, and no limit is meant more finely.
+Where a limit lies within a widened interval, measure again without: ``Clearance.leaves_open``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +44,11 @@ class Clearance:
 
     lower: F64
     upper: F64
+
+    def leaves_open(self, limit: float) -> bool:
+        """Whether slack may keep open, at some frame, on which side of a limit (m) it is."""
+        open_ = (self.lower <= limit) & (limit <= self.upper)
+        return bool((open_ & (self.upper - self.lower > PROMISED)).any())
 
 
 @dataclass(frozen=True)
@@ -60,6 +71,7 @@ def clearance_series(
     slack: float = 0.0,
     flat: bool = False,
     deep: bool = False,
+    backend: str = "gjk",
 ) -> Clearance:
     """Least signed distance, per frame, between any body of a and any body of b.
 
@@ -72,6 +84,8 @@ def clearance_series(
             by what they did move, at most by this. Makes trembling at rest cheap; 0 for none.
         flat: measure the distance of the projections onto the horizontal plane.
         deep: measure how deep bodies penetrate, not only that they do.
+        backend: whose distances: our own, or for comparison those of another library, as it tells
+            them (backend.py). ``flat`` ones are always our own.
 
     Returns:
         (T,) bounds. Where bodies penetrate, the signed distance is minus the depth of the deepest
@@ -80,9 +94,11 @@ def clearance_series(
 
     Raises:
         ValueError: two bodies' lengths contradict each other.
+        InputError: a backend that does not exist, or is not installed.
     """
+    frames = frame_count(*a, *b)
     return clearance_pairs(
-        product(a, b), frame_count(*a, *b), cap, slack=slack, flat=flat, deep=deep
+        product(a, b), frames, cap, slack=slack, flat=flat, deep=deep, backend=backend
     )
 
 
@@ -94,8 +110,11 @@ def clearance_pairs(
     slack: float = 0.0,
     flat: bool = False,
     deep: bool = False,
+    backend: str = "gjk",
 ) -> Clearance:
     """As clearance_series, over chosen pairs of bodies (a robot's own links, say); T = frames."""
+    if backend != "gjk" and not flat:
+        return _foreign(list(pairs), frames, cap, backend)
     known = _nothing_known(frames, cap)
     for a, b in pairs:
         if a is b:
@@ -153,6 +172,18 @@ def motion_bound(a: Mover, b: Mover | None = None) -> F64:
         if len(mover) > 1:
             bound += mover.steps
     return bound
+
+
+def _foreign(pairs: list[tuple[Mover, Mover]], frames: int, cap: float, backend: str) -> Clearance:
+    """(T,) as another library tells it; planes by their closed form where it takes none."""
+    known = Clearance(*foreign_pairs(pairs, frames, cap, backend))
+    for a, b in pairs if backend == "fcl" else []:
+        for first, second in ((a, b), (b, a)):
+            planes = first.shape.hulls.kind == PLANE
+            if a is not b and planes.any():
+                A, B = chosen(first.shape.hulls, planes), second.shape.hulls
+                _sweep_all(first, second, A, B, cap, 0.0, False, False, known)
+    return known
 
 
 def _nothing_known(frames: int, cap: float) -> Clearance:

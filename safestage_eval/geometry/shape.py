@@ -205,6 +205,13 @@ def pack(parts: list[Part]) -> Packed:
     )
 
 
+def chosen(packed: Packed, rows: NDArray[np.bool_]) -> Packed:
+    """Some of the geoms, by a mask (G,)."""
+    return packed._replace(
+        **{name: field[rows] for name, field in packed._asdict().items() if name != "vertices"}
+    )
+
+
 def triangles(surface: Surface) -> Packed:
     """Every triangle of a mesh as a convex geom of three points, G = F."""
     corners = surface.vertices[surface.faces]

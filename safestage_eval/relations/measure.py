@@ -105,16 +105,17 @@ class Relations:
         reach: float = 0,
         wanted: Bool | None = None,
         options: Options = (),
+        limits: Sequence[float] = (),
     ) -> Series:
         """Any signal: those of ``signals``, and those that need the support graph.
 
         The ``COSTLY`` ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
-        others; every frame is measured at most once.
+        others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
         if name == "slip":
             return slip(self.episode, bodies[0], self.get("held", bodies), reference)
         if name not in COSTLY:
-            return self.signals.get(name, bodies, reference, reach, options)
+            return self.signals.get(name, bodies, reference, reach, options, limits)
         key = (name, tuple(bodies))
         if key not in self._partial:
             self._partial[key] = Partial.blank(len(self.episode))

@@ -7,7 +7,6 @@ import numpy as np
 from safestage_eval.geometry.cavity import containment_depth
 from safestage_eval.geometry.clearance import clearance_series
 from safestage_eval.geometry.extent import highest, lowest
-from safestage_eval.geometry.footprint import clearance_xy
 from safestage_eval.geometry.mover import Mover
 
 from .facts import Query
@@ -30,8 +29,15 @@ def clearance(query: Query) -> Series:
     movers = shapes(query)
     if isinstance(movers, Series):
         return movers
-    measured = clearance_series if query.name == "clearance" else clearance_xy
-    found = measured(movers[0], movers[1], query.cap)
+    found = clearance_series(
+        movers[0],
+        movers[1],
+        query.cap,
+        flat=query.name == "clearance_xy",
+        slack=query.slack,
+        deep=query.deep,
+        backend=query.facts.backend,
+    )
     frames = len(query.episode)
     lower, upper = (np.broadcast_to(x, frames) for x in (found.lower, found.upper))
     return Series(lower, upper, query.dimension)

@@ -40,9 +40,13 @@ class Movers:
 class Facts:
     """An episode, and what several signals share."""
 
-    def __init__(self, episode: Episode, baseline_frames: int = 5) -> None:
-        """``baseline_frames``: how many first frames estimate the initial state."""
+    def __init__(self, episode: Episode, baseline_frames: int = 5, backend: str = "gjk") -> None:
+        """``baseline_frames``: how many first frames estimate the initial state.
+
+        ``backend``: whose clearances (geometry.backend).
+        """
         self.episode = episode
+        self.backend = backend
         self.baseline = Baseline(baseline_frames)
         self.movers = Movers(episode)
 
@@ -76,6 +80,8 @@ class Query:
         groups: the same, each as the bodies that it stands for; none of them empty.
         since: what a change is measured from; None for the baseline.
         cap: m, for clearances: distances up to here are wanted exactly.
+        deep: for clearances: depths of penetration are wanted as well.
+        slack: m, for clearances: how much wider the bounds may be.
         options: what the signal's definition adds.
     """
 
@@ -86,6 +92,8 @@ class Query:
     groups: tuple[tuple[str, ...], ...]
     since: Reference | None
     cap: float
+    deep: bool
+    slack: float
     options: Options
 
     @property

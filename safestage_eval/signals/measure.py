@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from safestage_eval.episode import Episode
-from safestage_eval.geometry.clearance import motion_bound
+from safestage_eval.geometry.clearance import SLACK, Clearance, motion_bound
 
 from . import (
     channel,
@@ -66,10 +66,12 @@ MEASURES: dict[str, Callable[[Query], Series]] = {
 class Signals(Facts):
     """Signals of an episode by name and bodies, in SI, each a ``Series`` over all frames."""
 
-    def __init__(self, episode: Episode, baseline_frames: int = 5) -> None:
-        """``baseline_frames``: how many first frames estimate the initial state."""
-        super().__init__(episode, baseline_frames)
-        self._known: dict[tuple[str, tuple[str, ...], str, float, Options], Series] = {}
+    def __init__(self, episode: Episode, baseline_frames: int = 5, backend: str = "gjk") -> None:
+        """Arguments as ``Facts``."""
+        super().__init__(episode, baseline_frames, backend)
+        self._known: dict[
+            tuple[str, tuple[str, ...], str, float, bool, float, Options], Series
+        ] = {}
 
     def get(
         self,
@@ -78,6 +80,7 @@ class Signals(Facts):
         reference: Reference | None = None,
         reach: float = CAP,
         options: Options = (),
+        limits: Sequence[float] = (),
     ) -> Series:
         """One signal.
 
@@ -87,14 +90,19 @@ class Signals(Facts):
             reference: for signals that measure a change; the baseline if None.
             reach: m, for clearances: distances up to here are wanted exactly.
             options: what the signal's definition adds, sorted by name.
+            limits: m, for clearances: all that they are compared with. Bounds may then be 10 µm
+                wider where they leave no limit open; depths are measured for limits up to 0.
+                Without limits, bounds are as tight as they can be.
 
         Raises KeyError for a name or body that does not exist.
         """
         cap = max(reach, CAP) if name in CAPPED else 0.0
-        key = (name, tuple(bodies), reference.key if reference else "", cap, options)
-        if key not in self._known:
-            self._known[key] = self._measure(name, tuple(bodies), reference, cap, options)
-        return self._known[key]
+        deep = name in CAPPED and min(limits, default=1.0) <= 0
+        slack = SLACK if name in CAPPED and limits and not deep else 0.0
+        found = self._get(name, tuple(bodies), reference, cap, deep, slack, options)
+        if slack and any(Clearance(found.lower, found.upper).leaves_open(x) for x in limits):
+            found = self._get(name, tuple(bodies), reference, cap, deep, 0.0, options)
+        return found
 
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
         """How much further (m) the value may have gone between the frame and its neighbours.
@@ -113,12 +121,30 @@ class Signals(Facts):
         bounds = [motion_bound(a, b)[steps].max(initial=0.0) for a, b in pairs]
         return float(max(bounds, default=0.0)) / 2
 
+    def _get(
+        self,
+        name: str,
+        bodies: tuple[str, ...],
+        reference: Reference | None,
+        cap: float,
+        deep: bool,
+        slack: float,
+        options: Options,
+    ) -> Series:
+        """As measured, once."""
+        key = (name, bodies, reference.key if reference else "", cap, deep, slack, options)
+        if key not in self._known:
+            self._known[key] = self._measure(name, bodies, reference, cap, deep, slack, options)
+        return self._known[key]
+
     def _measure(
         self,
         name: str,
         bodies: tuple[str, ...],
         reference: Reference | None,
         cap: float,
+        deep: bool,
+        slack: float,
         options: Options,
     ) -> Series:
         spec, frames = SIGNALS[name].variant(dict(options)), len(self.episode)
@@ -126,5 +152,5 @@ class Signals(Facts):
         groups = tuple((body,) if spec.joints else tuple(self.bodies(body)) for body in bodies)
         if any(not group for group in groups):
             return unknown(frames, dimension, f"the trace has no {' or '.join(bodies)}")
-        query = Query(self, name, dimension, bodies, groups, reference, cap, options)
+        query = Query(self, name, dimension, bodies, groups, reference, cap, deep, slack, options)
         return MEASURES[name](query)

@@ -37,7 +37,14 @@ def clearance(query: Query) -> Series:
         return query.unknown("the trace has no two bodies of a robot that may collide")
     # the nearest pairs first: what is farther off than they are need not be known exactly
     nearest_first = sorted(found, key=_gap_at_start)
-    distance = clearance_pairs(nearest_first, len(query.episode), query.cap)
+    distance = clearance_pairs(
+        nearest_first,
+        len(query.episode),
+        query.cap,
+        slack=query.slack,
+        deep=query.deep,
+        backend=query.facts.backend,
+    )
     return Series(distance.lower, distance.upper, query.dimension)
 
 

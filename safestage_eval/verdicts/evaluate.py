@@ -137,9 +137,10 @@ class Evaluator:
                 latest(instants, self.frames),
                 key=f"since {instants.tobytes().hex()}",
             )
-        furthest = max(abs(self.number(limit.value, env)) for limit in atom.limits)
+        limits = [self.number(limit.value, env) for limit in atom.limits]
+        furthest = max(abs(limit) for limit in limits)
         reach = furthest * (1 + 1e-6) + 1e-6  # a limit is never where the signal saturates
-        found = self.relations.signal(name, bodies, reference, reach, wanted, options)
+        found = self.relations.signal(name, bodies, reference, reach, wanted, options, limits)
         for note in found.notes:
             self.notes[note] = None
         if atom.since is None or when.known:

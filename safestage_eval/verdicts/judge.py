@@ -14,7 +14,7 @@ from safestage_eval.errors import RuleError
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
-from safestage_eval.rules.digest import reached, rule_digest
+from safestage_eval.rules.digest import BACKEND, reached, rule_digest
 from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.measure import Signals
 
@@ -36,6 +36,7 @@ def judge(
     overrides: Mapping[str, str] | None = None,
     bind: BindFile | None = None,
     trace_hash: str | None = None,
+    backend: str = "gjk",
 ) -> EpisodeResult:
     """Judge one episode by every rule of a set.
 
@@ -46,13 +47,15 @@ def judge(
         bind: roles, goal, rules and parameters for traces whose header lacks them
             (``rules.load_bind``).
         trace_hash: the episode's content hash if it is known; computing it reads every column.
+        backend: whose clearances (``geometry.backend``); part of each rule's digest.
 
     Raises:
+        InputError: a backend that does not exist, or is not installed.
         TraceError: a column that a rule needs is broken.
         RuleError: an override that does not fit its parameter.
     """
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
-    return Judge(episode, rules, binding).result(trace_hash)
+    return Judge(episode, rules, binding, backend=backend).result(trace_hash)
 
 
 class Judge:
@@ -64,15 +67,23 @@ class Judge:
         rules: ast.RuleSet,
         binding: Binding,
         relations: Relations | None = None,
+        *,
+        backend: str = "gjk",
     ) -> None:
         """Native success is found at once, verdicts when they are asked for.
 
-        ``relations``: of the same episode and baseline, to measure nothing twice.
+        ``relations``: of the same episode and baseline, to measure nothing twice; they know their
+        backend, without them it is the one given.
         """
         self._episode, self._rules, self._binding = episode, rules, binding
-        self._relations = relations or Relations(Signals(episode, baseline_frames(rules, episode)))
+        self._relations = relations or Relations(
+            Signals(episode, baseline_frames(rules, episode), backend)
+        )
+        self._backend = self._relations.signals.backend
         self._evaluators: dict[tuple[tuple[str, Any], ...], Evaluator] = {}
         self.notes: list[str] = []
+        if self._backend != BACKEND:
+            self.notes.append(f"clearances as {self._backend} tells them, not certified")
         self._ahead = False  # success comes after the trace's last frame
         self._success_frame, self.success = self._native_success()
         self.success_time = (
@@ -163,7 +174,7 @@ class Judge:
             sources=self._binding.sources(
                 rule, [name.removeprefix("param.") for name in used if name.startswith("param.")]
             ),
-            rule_digest=rule_digest(self._rules, rule, params),
+            rule_digest=rule_digest(self._rules, rule, params, self._backend),
         )
         return blank, players
 
