@@ -27,7 +27,7 @@ def convex_hull(points: F64) -> F64:
         return points
     ordered = owned(points[np.lexsort((points[:, 1], points[:, 0]))])
     out = np.empty((2 * len(points), 2))
-    return out[: _chain(ordered, out)]
+    return out[: chain(ordered, out)]
 
 
 def union_outline(polygons: list[F64]) -> F64:
@@ -115,7 +115,7 @@ def crosses(starts: F64, ends: F64, segments: F64) -> Bool:
 
 
 @kernel
-def _chain(points: F64, out: F64) -> int:
+def chain(points: F64, out: F64) -> int:
     """Lower, then upper hull of points (N, 2) ordered by x, then y; returns the corners written."""
     n, m = points.shape[0], 0
     for sweep in range(2):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +20,58 @@ LEAST_SHARE = 0.10
 """Share of a body's weight below which a contact does not bear it."""
 
 
-class SupportGraph:
-    """Edges "s bears a" from the vertical part of the recorded total force, friction included.
+class Bearing(Protocol):
+    """Who bears whom, told by forces or by geometry; bodies are indices into ``header.bodies``."""
 
-    There is no friction cone and no angle: a ball in the groove between two cans and a board
-    leaning on a block are supported. The robot bears nothing in this sense (an immobile base
-    counts as a fixture); what it bears is ``borne_by_robot``.
-    """
+    def beside(self, body: int) -> list[int]:
+        """The bodies that may bear it or be borne by it, ascending."""
+
+    def bears(self, bearer: int, borne: int) -> Bool:
+        """(T,) true where the first, robot or not, bears the second."""
+
+    def lifted(self, body: int, by: Iterable[int]) -> Bool:
+        """(T,) true where the others together bear the body."""
+
+
+class ByForce:
+    """The vertical part of the recorded total force, friction included: no cone and no angle."""
 
     def __init__(self, episode: Episode, sums: ContactSums) -> None:
-        """Edges are found when a body is asked about: its own, and those of what it rests on."""
+        """``sums``: of the same episode."""
         self._sums = sums
+        self._frames = len(episode)
+        gravity = float(np.linalg.norm(episode.header.gravity))
+        self.least = [
+            max(LEAST_LOAD, LEAST_SHARE * (body.mass or 0.0) * gravity)
+            for body in episode.header.bodies
+        ]
+        """Per body the upward force in N that bears it."""
+
+    def beside(self, body: int) -> list[int]:
+        """The bodies that it has contacts with."""
+        return self._sums.beside(body)
+
+    def bears(self, bearer: int, borne: int) -> Bool:
+        """(T,) true where the force on it is upward and at least a tenth of its weight."""
+        return self._sums.upward(borne, bearer) >= self.least[borne]
+
+    def lifted(self, body: int, by: Iterable[int]) -> Bool:
+        """(T,) true where the sum of their forces is."""
+        total = sum((self._sums.upward(body, other) for other in by), np.zeros(self._frames))
+        return np.asarray(total >= self.least[body])
+
+
+class SupportGraph:
+    """Edges "s bears a", by whatever tells who bears whom.
+
+    A ball in the groove between two cans and a board leaning on a block are supported. The robot
+    bears nothing in this sense (an immobile base counts as a fixture); what it bears is
+    ``borne_by_robot``.
+    """
+
+    def __init__(self, episode: Episode, bearing: Bearing) -> None:
+        """Edges are found when a body is asked about: its own, and those of what it rests on."""
+        self._bearing = bearing
         self._frames = len(episode)
         header = episode.header
         self._robot = {
@@ -44,10 +86,6 @@ class SupportGraph:
             if not body.movable
             or (i not in self._robot and (body.kind == "fixture" or body.parent is not None))
         }
-        gravity = float(np.linalg.norm(header.gravity))
-        self._least = [
-            max(LEAST_LOAD, LEAST_SHARE * (body.mass or 0.0) * gravity) for body in header.bodies
-        ]
         self._edges: dict[tuple[int, int], Bool | None] = {}
 
     def _edge(self, bearer: int, borne: int) -> Bool | None:
@@ -55,32 +93,41 @@ class SupportGraph:
         if bearer in self._robot or borne in self._robot or borne in self._fixed:
             return None
         if (bearer, borne) not in self._edges:
-            bears = self._sums.upward(borne, bearer) >= self._least[borne]
+            bears = self._bearing.bears(bearer, borne)
             self._edges[bearer, borne] = bears if bears.any() else None
         return self._edges[bearer, borne]
 
     def bearers(self, body: int) -> dict[int, Bool]:
         """Bearer → (T,) true where it bears the body directly; only those that ever do."""
-        edges = {s: self._edge(s, body) for s in self._sums.beside(body)}
+        edges = {s: self._edge(s, body) for s in self._bearing.beside(body)}
         return {s: bears for s, bears in edges.items() if bears is not None}
 
     def load(self, body: int) -> dict[int, Bool]:
         """Body → (T,) true where it rests directly on the given one; only those that ever do."""
-        edges = {a: self._edge(body, a) for a in self._sums.beside(body)}
+        edges = {a: self._edge(body, a) for a in self._bearing.beside(body)}
         return {a: bears for a, bears in edges.items() if bears is not None}
 
     def supports(self, bearer: int, borne: int) -> Bool:
         """(T,) true where the first body bears the second."""
-        bears = self._edge(bearer, borne) if borne in self._sums.beside(bearer) else None
+        bears = self._edge(bearer, borne) if borne in self._bearing.beside(bearer) else None
         return np.zeros(self._frames, np.bool_) if bears is None else bears
 
     def borne_by_robot(self, body: int) -> Bool:
-        """(T,) true where the robot's total force on the body lifts a tenth of its weight."""
-        lifted = sum(
-            (self._sums.upward(body, r) for r in self._sums.beside(body) if r in self._robot),
-            np.zeros(self._frames),
-        )
-        return np.asarray(lifted >= self._least[body])
+        """(T,) true where the robot's bodies together bear it."""
+        hands = [r for r in self._bearing.beside(body) if r in self._robot]
+        return self._bearing.lifted(body, hands)
+
+    def rests_on(self, body: int, on: int, held: Callable[[int], Bool]) -> Bool:
+        """(T,) true where a path of edges leads from one to the other, past no held body."""
+        below = self._below(body)
+        if on not in below or body == on:
+            return np.zeros(self._frames, np.bool_)
+        taken = {i: held(i) for i in below if i not in self._fixed and i != on}
+        open_ = {
+            i: {s: bears & ~taken[i] for s, bears in bearers.items()} if i in taken else bearers
+            for i, bearers in below.items()
+        }
+        return self._spread(open_, {on: np.ones(self._frames, np.bool_)})[body]
 
     def supported(self, body: int) -> Bool:
         """(T,) true where a path of edges leads from the body to a fixture."""

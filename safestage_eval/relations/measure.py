@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,23 +10,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.geometry.cavity import inside_parts
-from safestage_eval.geometry.edge import edge_margin
-from safestage_eval.geometry.footprint import overlap_xy
+from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.options import Options
 from safestage_eval.signals.reference import Reference
-from safestage_eval.signals.series import Series, exact, unknown
+from safestage_eval.signals.series import Series, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
+from . import held, standing
 from .dependence import Dependence
-from .graph import SupportGraph
-from .slip import slip
+from .exposure import Exposure
+from .graph import ByForce, SupportGraph
+from .load import Loads
+from .proximity import LIFT, TOUCH, Proximity
+from .slip import gripper_frame, slip
 from .vocabulary import RELATIONS
 
 Bool = NDArray[np.bool_]
 
 
-COSTLY = ("edge_margin", "overlap_xy", "depends_on")
+MEASURES: dict[str, Callable[..., Series]] = {
+    "edge_margin": standing.edge,
+    "overlap_xy": standing.overlap,
+    "support_margin": standing.support_margin,
+    "tipping_angle": standing.tipping_angle,
+}
+"""Signal → how it is measured at chosen frames."""
+
+COSTLY = (*MEASURES, "depends_on")
 """What clips polygons or solves statics: found out only at the frames that matter."""
 
 
@@ -59,14 +70,41 @@ class Relations:
         self._partial: dict[tuple[str, tuple[str, ...]], Partial] = {}
 
     @cached_property
+    def blind(self) -> bool:
+        """The trace has no contact forces: touch and support are told by geometry."""
+        return self.episode.header.force_source == "none"
+
+    @cached_property
+    def proximity(self) -> Proximity:
+        """Who is near whom."""
+        return Proximity(self.episode, self.signals.movers)
+
+    @property
+    def touches(self) -> ContactSums | Proximity:
+        """Who touches whom: by forces if there are any."""
+        return self.proximity if self.blind else self.signals.contact_sums
+
+    @cached_property
     def graph(self) -> SupportGraph:
         """Who bears whom."""
-        return SupportGraph(self.episode, self.signals.contact_sums)
+        if self.blind:
+            return SupportGraph(self.episode, self.proximity)
+        return SupportGraph(self.episode, ByForce(self.episode, self.signals.contact_sums))
 
     @cached_property
     def dependence(self) -> Dependence:
         """Who falls without whom."""
         return Dependence(self.episode, self.signals.contact_sums, self.graph)
+
+    @cached_property
+    def exposure(self) -> Exposure:
+        """Who has touched whom, directly or not."""
+        return Exposure(self.episode, self.touches.beside, self.touches.touching)
+
+    @cached_property
+    def loads(self) -> Loads:
+        """Who carries how much of whom."""
+        return Loads(self.episode, self.signals.contact_sums, self.graph)
 
     def get(self, name: str, bodies: Sequence[str], wanted: Bool | None = None) -> Bool | None:
         """(T,) truth of one relation; None where the trace lacks what it needs.
@@ -74,9 +112,9 @@ class Relations:
         Of a ``COSTLY`` one only the ``wanted`` frames (T,) mean anything; all of them if None.
         Raises KeyError for a name or body that does not exist.
         """
-        if self.lacking(name):
+        if self.lacking(name, bodies):
             return None
-        if name == "depends_on":
+        if name == "depends_on" and not self.blind:
             ids = [self.episode.body_index[body] for body in bodies]
             return self.dependence.depends_on(ids[0], ids[1], wanted)
         key = (name, tuple(bodies))
@@ -84,18 +122,39 @@ class Relations:
             self._known[key] = self._decide(name, list(bodies))
         return self._known[key]
 
-    def lacking(self, name: str) -> str:
+    def lacking(self, name: str, bodies: Sequence[str] = ()) -> str:
         """What the trace would need to tell a relation, and does not have; empty if nothing."""
+        if "touch" not in RELATIONS[name].needs:
+            return ""
         header = self.episode.header
-        if "forces" in RELATIONS[name].needs and header.force_source == "none":
-            return "contact forces"
-        fingers = {body.finger for body in header.bodies}
-        gripper = any(body.kind == "gripper" for body in header.bodies)
-        if name in ("held", "carried") and gripper and not {"left", "right"} <= fingers:
-            return "names of the left and the right finger"
-        if name == "depends_on" and self.dependence.massless:
+        if self.blind:
+            played = [b for body in bodies for b in self.signals.bodies(body)]
+            shapeless = [b for b in played if not self.episode.bodies[b].geoms]
+            if shapeless and name != "held":
+                return f"contact forces and no shape of {', '.join(shapeless)}"
+        if name in ("held", "carried") and any(body.kind == "gripper" for body in header.bodies):
+            fingers = {body.finger for body in header.bodies}
+            if not self.blind and not {"left", "right"} <= fingers:
+                return "names of the left and the right finger"
+            if self.blind and not self._fingers_seen and self._hand is None:
+                return "contact forces, and does not say which body is the gripper"
+        if name == "depends_on" and not self.blind and self.dependence.massless:
             return f"mass of {', '.join(self.dependence.massless)}"
         return ""
+
+    def caveat(self, name: str) -> tuple[str, ...]:
+        """What the reader should be told of a relation that is known by other means than forces."""
+        if not self.blind or "touch" not in RELATIONS[name].needs:
+            return ()
+        near, lift = f"{TOUCH * 1e3:g} mm", f"{LIFT * 1e3:g} mm"
+        how = {
+            "held": "by the shapes of both fingers"
+            if self._fingers_seen
+            else "by what goes along with the gripper",
+            "depends_on": "by what rests on what, needless supports included",
+            "exposed_to": f"by geometry: a touch is a distance of at most {near}",
+        }.get(name, f"by geometry: within {near}, and a lift by {lift} opens the gap")
+        return (f"without contact forces {name}() is told {how}",)
 
     def signal(
         self,
@@ -114,7 +173,9 @@ class Relations:
         """
         if name == "slip":
             return slip(self.episode, bodies[0], self.get("held", bodies), reference)
-        if name not in COSTLY:
+        if name == "load_share":
+            return self._load_share(*bodies)
+        if name not in MEASURES:
             return self.signals.get(name, bodies, reference, reach, options, limits)
         key = (name, tuple(bodies))
         if key not in self._partial:
@@ -123,14 +184,13 @@ class Relations:
         todo = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
         missing = np.flatnonzero(todo & ~partial.done)
         if len(missing):
-            measure = self._edge_margin if name == "edge_margin" else self._overlap
-            found = measure(missing, *bodies)
+            found = MEASURES[name](self, missing, *bodies)
             partial.lower[missing], partial.upper[missing] = found.lower, found.upper
             partial.done[missing] = True
             for note in found.notes:
                 vague = np.isneginf(found.lower) & np.isposinf(found.upper)
                 about = partial.notes.setdefault(note, np.zeros(len(self.episode), np.bool_))
-                about[missing[vague]] = True
+                about[missing[vague] if vague.any() else missing] = True
         notes = tuple(note for note, about in partial.notes.items() if (about & todo).any())
         return Series(partial.lower, partial.upper, SIGNALS[name].dimension, notes)
 
@@ -138,6 +198,9 @@ class Relations:
         index = self.episode.body_index
         if name == "inside":
             return self._inside(*bodies)
+        if name == "exposed_to":
+            first, second = ([index[b] for b in self.signals.bodies(body)] for body in bodies)
+            return self.exposure.exposed(first, second)
         ids = [index[body] for body in bodies]
         if name == "supports":
             return self.graph.supports(*ids)
@@ -147,17 +210,31 @@ class Relations:
             return self.graph.carried(ids[0], self._held)
         if name == "held":
             return self._held(ids[0])
+        if name == "depends_on":
+            return self.graph.rests_on(ids[0], ids[1], self._held)
         raise KeyError(name)
 
+    @cached_property
+    def _hand(self) -> str | None:
+        return gripper_frame(self.episode)
+
+    @cached_property
+    def _fingers_seen(self) -> bool:
+        """Shapes of both fingers are known."""
+        seen = {body.finger for body in self.episode.header.bodies if body.geoms}
+        return {"left", "right"} <= seen
+
     def _held(self, body: int) -> Bool:
-        """(T,) touched by a left and by a right finger."""
-        bodies, sums = self.episode.header.bodies, self.signals.contact_sums
-        touched = {side: np.zeros(len(self.episode), np.bool_) for side in ("left", "right")}
-        for other in sums.beside(body):
-            finger = bodies[other].finger
-            if finger is not None:
-                touched[finger] |= sums.touching(body, other)
-        return touched["left"] & touched["right"]
+        """(T,) held by the fingers; without forces and fingers' shapes, by moving along."""
+        shaped = bool(self.episode.header.bodies[body].geoms)
+        if not self.blind or (self._fingers_seen and shaped):
+            beside = self.touches.beside(body)
+            return held.by_fingers(self.episode, body, beside, self.touches.touching)
+        if self._hand is None or not self.episode.header.bodies[body].movable:
+            return np.zeros(len(self.episode), np.bool_)
+        bearers = self.graph.bearers(body).values() if shaped else ()
+        borne = np.logical_or.reduce([np.zeros(len(self.episode), np.bool_), *bearers])
+        return held.by_motion(self.episode, body, self._hand, borne)
 
     def _inside(self, a: str, container: str) -> Bool | None:
         """(T,) lowest point under the rim and within, and (centroid within, or borne by it).
@@ -175,43 +252,17 @@ class Relations:
         inside = low & centroid if bears is None else low & (centroid | bears)
         return np.broadcast_to(inside, len(episode))
 
-    def _overlap(self, at: NDArray[np.int64], a: str, b: str) -> Series:
-        """(N,) share of a's footprint over b's at some frames."""
-        movers = self.signals.movers
-        for name in (a, b):
-            if not movers.of([name]):
-                return unknown(len(at), "ratio", f"the trace has no shape of {name}")
-        share = np.broadcast_to(overlap_xy(movers[a], movers[b], at), len(self.episode))[at]
-        return exact(np.where(np.isnan(share), 0.0, share), "ratio")
-
-    def _edge_margin(self, at: NDArray[np.int64], a: str, s: str | None = None) -> Series:
-        """(N,) m, at some frames; of whatever bears the body if no second is named.
-
-        Several bearers form one surface. −∞ where nothing bears it; unknown where what bears it
-        has no upward face under it (a ball in a groove, a leaning board).
-        """
-        frames, movers = len(self.episode), self.signals.movers
-        if not movers.of([a]):
-            return unknown(len(at), "length", f"the trace has no shape of {a}")
-        if s is not None and not movers.of([s]):
-            return unknown(len(at), "length", f"the trace has no shape of {s}")
-        if s is not None:
-            margin = np.broadcast_to(edge_margin(movers[a], [movers[s]], at), frames)[at]
-            return exact(np.where(np.isnan(margin), -np.inf, margin), "length")
-        if self.episode.header.force_source == "none":
-            return unknown(len(at), "length", "the trace has no contact forces")
-        names = [body.name for body in self.episode.header.bodies]
-        bearers = self.graph.bearers(self.episode.body_index[a])
-        lower, upper = np.full(frames, -np.inf), np.full(frames, -np.inf)
-        bears = np.array(list(bearers.values())).reshape(len(bearers), frames)[:, at]
-        for combination in np.unique(bears, axis=1).T:
-            if not combination.any():
-                continue
-            there = at[(bears == combination[:, None]).all(axis=0)]
-            under = [movers[names[b]] for b, on in zip(bearers, combination, strict=True) if on]
-            margin = edge_margin(movers[a], under, there)[there]
-            lower[there] = np.where(np.isnan(margin), -np.inf, margin)
-            upper[there] = np.where(np.isnan(margin), np.inf, margin)
-        bare = np.isneginf(lower) & np.isposinf(upper)
-        notes = (f"what bears {a} has no upward face under it",) if bare[at].any() else ()
-        return Series(lower[at], upper[at], "length", notes)
+    def _load_share(self, a: str, s: str) -> Series:
+        """(T,) share of the upward load on a that s carries."""
+        index = self.episode.body_index
+        if not self.blind:
+            return self.loads.share(index[a], index[s])
+        if self.lacking("supports", (s, a)):
+            return unknown(len(self.episode), "ratio", "the trace has no contact forces")
+        bearers = self.graph.bearers(index[a])
+        mine = bearers.get(index[s], np.zeros(len(self.episode), np.bool_))
+        others = [bears for body, bears in bearers.items() if body != index[s]]
+        held_ = self._held(index[a]) | self.graph.borne_by_robot(index[a])
+        shared = np.logical_or.reduce([held_, *others])
+        lower, upper = np.where(mine & ~shared, 1.0, 0.0), np.where(mine, 1.0, 0.0)
+        return Series(lower, upper, "ratio", self.caveat("supports"))

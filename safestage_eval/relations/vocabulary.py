@@ -13,7 +13,7 @@ class RelationSpec:
         name: as written in rules.
         args: number of arguments.
         meaning: one sentence.
-        needs: what the trace must hold.
+        needs: what the trace must hold; touch: contact forces or, less well, geometry.
         groups: ``robot`` and ``gripper`` are allowed as arguments.
     """
 
@@ -32,22 +32,22 @@ RELATIONS: dict[str, RelationSpec] = {
             2,
             "The first body (never the robot) bears the second: the vertical part of its total "
             "force on it, friction included, is upward and at least 10 % of its weight.",
-            ("forces",),
+            ("touch",),
         ),
         RelationSpec(
-            "supported", 1, "A path of support leads from the body to a fixture.", ("forces",)
+            "supported", 1, "A path of support leads from the body to a fixture.", ("touch",)
         ),
         RelationSpec(
             "carried",
             1,
             "A path of support leads from the body to one that the robot holds.",
-            ("forces",),
+            ("touch",),
         ),
         RelationSpec(
             "depends_on",
             2,
             "Take the second body away and the first falls (statics over the recorded contacts).",
-            ("forces",),
+            ("touch",),
         ),
         RelationSpec(
             "inside",
@@ -55,7 +55,14 @@ RELATIONS: dict[str, RelationSpec] = {
             "The first body lies in the second's cavity, seen in the second's own frame.",
             ("poses", "geometry"),
         ),
-        RelationSpec("held", 1, "Both the left and the right finger touch the body.", ("forces",)),
+        RelationSpec("held", 1, "Both the left and the right finger touch the body.", ("touch",)),
+        RelationSpec(
+            "exposed_to",
+            2,
+            "The first body has touched the second, or what had been exposed to it before.",
+            ("touch",),
+            groups=True,
+        ),
     )
 }
 """Every built-in relation, by name."""

@@ -20,7 +20,7 @@ class SignalSpec:
         dimension: of its value, as in ``units.DIMENSIONS``.
         meaning: one sentence, in SI and world frame.
         needs: what the trace must hold: poses, twists, geometry, forces, masses, joints, channel,
-            gripper.
+            gripper; touch: forces or, less well, geometry.
         since: may be taken relative to an event instead of the baseline.
         groups: ``robot`` and ``gripper`` (unions of bodies) are allowed as arguments.
         scale: SI size that counts as "one" in a normalised margin when the limit is 0.
@@ -215,6 +215,31 @@ SIGNALS = _table(
         ("poses", "geometry"),
     ),
     SignalSpec(
+        "load_share",
+        (2,),
+        "ratio",
+        "Share of all upward force on the first body that the second exerts.",
+        ("touch",),
+        scale=0.1,
+    ),
+    SignalSpec(
+        "support_margin",
+        (1,),
+        "length",
+        "Signed distance of the projected centre of mass of the body and everything that rests on "
+        "it from the edge of the polygon of its support contacts; positive when it stands firm.",
+        ("forces", "masses"),
+    ),
+    SignalSpec(
+        "tipping_angle",
+        (1,),
+        "angle",
+        "Angle whose tangent is the support margin over the height of that centre of mass above "
+        "the support: by how much it may be tilted before it topples.",
+        ("forces", "masses"),
+        scale=0.0175,
+    ),
+    SignalSpec(
         "containment_depth",
         (2,),
         "length",
@@ -226,7 +251,7 @@ SIGNALS = _table(
         (1,),
         "length",
         "How far the centre of mass went in the gripper's frame since it was grasped.",
-        ("poses", "forces"),
+        ("poses", "touch"),
         since=True,
     ),
     SignalSpec(

@@ -237,10 +237,11 @@ class Evaluator:
     def _relation(self, name: str, bodies: tuple[str, ...], wanted: Bool | None = None) -> Band:
         truth = self.relations.get(name, bodies, wanted)
         if truth is None:
-            lacking = self.relations.lacking(name) or "shapes"
+            lacking = self.relations.lacking(name, bodies) or "shapes"
             self.notes[f"{name}() cannot be told: the trace has no {lacking}"] = None
             nothing = np.zeros(self.frames, np.bool_)
             return band.crisp(nothing, nothing)
+        self.notes.update(dict.fromkeys(self.relations.caveat(name)))
         return band.crisp(truth, wanted)
 
     def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:

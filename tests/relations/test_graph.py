@@ -77,13 +77,6 @@ def test_support_is_inherited_down_to_the_fixture() -> None:
     assert relations(scene).get("supported", ("c",)).all()
 
 
-def test_without_forces_nothing_is_claimed() -> None:
-    scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
-    found = Relations(Signals(scene.episode(force_source="none")))
-    for name, bodies in (("supported", ("a",)), ("held", ("a",)), ("supports", ("table", "a"))):
-        assert found.get(name, bodies) is None
-
-
 def test_pairs_are_seen_the_same_from_both_sides() -> None:
     """Renaming bodies so that their order flips changes nothing."""
     for order in (("a", "b"), ("b", "a")):

@@ -1,0 +1,75 @@
+"""Whether the gripper holds a body: by forces, by shapes, or by how the two move together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Episode
+from safestage_eval.geometry.pose import angle, relative
+
+Bool = NDArray[np.bool_]
+
+STAYS = 5e-3
+"""m. A held body's origin stays within this of where it was in the gripper's frame …"""
+STAYS_TURN = 0.1
+"""rad. … and its orientation within this."""
+CARRIED_OFF = 0.02
+"""m. The gripper moves by at least this meanwhile: what merely lies near a still hand is not held."""
+MOVES = 1e-4
+"""m. A gripper that goes less than this in one frame rests."""
+
+
+def by_fingers(
+    episode: Episode, body: int, beside: Iterable[int], touching: Callable[[int, int], Bool]
+) -> Bool:
+    """(T,) true where a left and a right finger touch the body.
+
+    Args:
+        episode: whose bodies these are.
+        body: index into ``header.bodies``.
+        beside: the bodies that ever touch it.
+        touching: (T,) for two bodies.
+    """
+    touched = {side: np.zeros(len(episode), np.bool_) for side in ("left", "right")}
+    for other in beside:
+        finger = episode.header.bodies[other].finger
+        if finger is not None and other != body:
+            touched[finger] |= touching(body, other)
+    return touched["left"] & touched["right"]
+
+
+def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Bool:
+    """(T,) true where the body goes along with the gripper.
+
+    The episode is cut where the body's pose in the gripper's frame has left that at the start of
+    the stretch. In a stretch in which the gripper moves away by ``CARRIED_OFF`` the body is held
+    from the gripper's first move to its last, and as long as nothing else bears it.
+
+    Args:
+        episode: where both move.
+        body: index into ``header.bodies``.
+        hand: the gripper's name.
+        supported: (T,) where something but the robot bears the body.
+    """
+    name, frames = episode.header.bodies[body].name, len(episode)
+    track, grip = episode.track(name), episode.track(hand)
+    place, turn = relative(grip.position, grip.orientation, track.position, track.orientation)
+    path = grip.position.astype(np.float64)
+    goes = np.linalg.norm(np.diff(path, axis=0), axis=1) > MOVES
+    held = np.zeros(frames, np.bool_)
+    start = 0
+    while start < frames:
+        left = np.linalg.norm(place[start:] - place[start], axis=1) > STAYS
+        left |= angle(turn[start:], turn[start]) > STAYS_TURN
+        stop = start + int(left.argmax()) if left.any() else frames
+        away = np.linalg.norm(path[start:stop] - path[start], axis=1).max()
+        moves = np.flatnonzero(goes[start : max(stop - 1, start)])
+        if away >= CARRIED_OFF and len(moves):
+            first, last = start + int(moves[0]), start + int(moves[-1]) + 2
+            held[first:last] = True
+            held[start:stop] |= ~supported[start:stop]
+        start = stop
+    return held

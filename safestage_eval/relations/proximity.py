@@ -1,0 +1,108 @@
+"""Who touches and who bears whom, told by geometry: for traces without contact forces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Episode
+from safestage_eval.geometry.clearance import Clearance, clearance_series
+from safestage_eval.geometry.mover import Mover
+from safestage_eval.signals.facts import Movers
+
+Bool = NDArray[np.bool_]
+
+TOUCH = 1e-3
+"""m. Bodies that are no further apart than this touch."""
+LIFT = 5e-3
+"""m. The lift test raises a body by this …"""
+OPENED = 2.5e-3
+"""m. … and what bears it is then further away by more than this. A wall beside it is not."""
+
+SLACK = 1e-5
+"""m. Distances of bodies that have hardly moved are bounded by this first, and measured only
+where the bounds do not decide."""
+
+
+class Proximity:
+    """Touches and bearing by shapes along their poses; bodies are indices into ``header.bodies``."""
+
+    def __init__(self, episode: Episode, movers: Movers) -> None:
+        """Nothing is measured before it is asked for."""
+        self._frames = len(episode)
+        self._names = [body.name for body in episode.header.bodies]
+        self._shaped = [i for i, body in enumerate(episode.header.bodies) if body.geoms]
+        self._movers = movers
+        self._touch: dict[tuple[int, int], Bool | None] = {}
+        self._bears: dict[tuple[int, int], Bool] = {}
+
+    def beside(self, body: int) -> list[int]:
+        """The bodies that ever touch it, ascending."""
+        return [i for i in self._shaped if i != body and self._ever(body, i) is not None]
+
+    def touching(self, i: int, j: int) -> Bool:
+        """(T,) true where the two are no more than ``TOUCH`` apart."""
+        touch = self._ever(i, j)
+        return np.zeros(self._frames, np.bool_) if touch is None else touch
+
+    def bears(self, bearer: int, borne: int) -> Bool:
+        """(T,) true where they touch, and raising the second by ``LIFT`` opens the gap."""
+        if (bearer, borne) not in self._bears:
+            found = np.zeros(self._frames, np.bool_)
+            rows = np.flatnonzero(self.touching(bearer, borne))
+            if len(rows):
+                found[rows] = self._opens(bearer, borne, rows)
+            self._bears[bearer, borne] = found
+        return self._bears[bearer, borne]
+
+    def lifted(self, body: int, by: Iterable[int]) -> Bool:
+        """(T,) true where one of the others bears it."""
+        found = np.zeros(self._frames, np.bool_)
+        for other in by:
+            found |= self.bears(other, body)
+        return found
+
+    def _ever(self, i: int, j: int) -> Bool | None:
+        key = (min(i, j), max(i, j))
+        if key not in self._touch:
+            touch = None
+            if key[0] in self._shaped and key[1] in self._shaped:
+                a, b = self._mover(key[0]), self._mover(key[1])
+                near = _apart(a, b, SLACK)
+                sure, open_ = near.upper <= TOUCH, (near.lower <= TOUCH) & (near.upper > TOUCH)
+                rows = np.flatnonzero(open_)
+                if len(rows):
+                    sure[rows] = _apart(a.at(rows), b.at(rows), 0.0).upper <= TOUCH
+                if sure.any():
+                    touch = np.broadcast_to(sure, self._frames)
+            self._touch[key] = touch
+        return self._touch[key]
+
+    def _opens(self, bearer: int, borne: int, rows: NDArray[np.intp]) -> Bool:
+        """(N,) the lift test at some frames, by bounds where these decide."""
+        over, under = self._mover(borne).at(rows), self._mover(bearer).at(rows)
+        low, high = _opening(over, under, SLACK)
+        sure, open_ = low > OPENED, (low <= OPENED) & (high > OPENED)
+        if open_.any():
+            some = np.flatnonzero(np.broadcast_to(open_, len(rows)))
+            sure = np.broadcast_to(sure, len(rows)).copy()
+            sure[some] = _opening(over.at(some), under.at(some), 0.0)[0] > OPENED
+        return sure
+
+    def _mover(self, body: int) -> Mover:
+        return self._movers[self._names[body]]
+
+
+def _apart(a: Mover, b: Mover, slack: float) -> Clearance:
+    """Distance of two bodies up to twice ``TOUCH``."""
+    return clearance_series([a], [b], 2 * TOUCH, slack=slack)
+
+
+def _opening(over: Mover, under: Mover, slack: float) -> tuple[NDArray[np.float64], ...]:
+    """(N,) m, least and greatest growth of the gap when the first body is raised by ``LIFT``."""
+    raised = Mover(over.shape, over.position + np.array([0.0, 0.0, LIFT]), over.orientation)
+    now = _apart(over, under, slack)
+    then = clearance_series([raised], [under], 2 * LIFT, slack=slack)
+    return then.lower - now.upper, then.upper - now.lower

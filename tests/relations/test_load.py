@@ -1,0 +1,114 @@
+"""How firmly bodies stand: overhangs, stacks, bridges and balls whose answer mechanics gives."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scenes import G, Scene
+
+from safestage_eval.episode import Geom
+from safestage_eval.relations.measure import Relations
+from safestage_eval.signals.measure import Signals
+from safestage_eval.signals.series import Series
+
+
+def measured(scene: Scene, name: str, *bodies: str, **header: object) -> Series:
+    return Relations(Signals(scene.episode(**header))).signal(name, bodies)
+
+
+def value(scene: Scene, name: str, *bodies: str) -> float:
+    found = measured(scene, name, *bodies)
+    assert found.known.all()
+    return float(found.value[0])
+
+
+def corners(low: tuple[float, float], high: tuple[float, float], z: float) -> np.ndarray:
+    (x0, y0), (x1, y1) = low, high
+    return np.array([[x0, y0, z], [x1, y0, z], [x1, y1, z], [x0, y1, z]])
+
+
+def overhanging(width: float, by: float, half_height: float = 0.05) -> Scene:
+    """A block on a table that ends at x = 0; it sticks out by so much."""
+    scene = Scene(2).fixed("table", (-0.5, 0, 0))
+    scene.box("a", (width / 2, 0.2, half_height), (by - width / 2, 0, half_height))
+    return scene.contact("table", "a", corners((by - width, -0.2), (0, 0.2), 0), (0, 0, G))
+
+
+@given(st.floats(0.02, 0.2), st.floats(0.0, 0.95))
+def test_a_block_that_overhangs(width: float, part: float) -> None:
+    """Half its width less what hangs over, whatever side is nearer; never the long way."""
+    by = part * width
+    found = value(overhanging(width, by), "support_margin", "a")
+    expected = min(width / 2 - by, width / 2, 0.2)
+    assert found == pytest.approx(expected, abs=1e-6)
+
+
+def test_tipping_angle_of_a_block() -> None:
+    found = value(overhanging(0.1, 0.02, half_height=0.08), "tipping_angle", "a")
+    assert found == pytest.approx(np.arctan2(0.03, 0.08), abs=1e-6)
+
+
+def test_what_rests_on_it_counts_and_what_that_carries() -> None:
+    """1 kg in the middle, 2 kg and 1 kg 4 cm to the side, one on the other: COM at 3 cm."""
+    scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    scene.box("b", 0.01, (0.04, 0, 0.11), mass=2.0).box("c", 0.01, (0.04, 0, 0.13))
+    scene.rests("a", "table", 0.05, (0, 0, 0), 4 * G).rests("b", "a", 0.01, (0.04, 0, 0.1), 3 * G)
+    scene.rests("c", "b", 0.01, (0.04, 0, 0.12), G)
+    assert value(scene, "support_margin", "a") == pytest.approx(0.02, abs=1e-6)
+    height = (0.05 + 2 * 0.11 + 0.13) / 4
+    expected = np.arctan2(0.02, height)
+    assert value(scene, "tipping_angle", "a") == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_pier_carries_its_share_of_a_board_where_it_lies_on_it() -> None:
+    """The board's own centre is far off, yet neither pier is about to tip."""
+    scene = Scene(2).fixed("table").box("board", (0.2, 0.05, 0.01), (0, 0, 0.11), mass=2.0)
+    for name, x in (("p", -0.12), ("q", 0.12)):
+        scene.box(name, 0.05, (x, 0, 0.05)).rests(name, "table", 0.05, (x, 0, 0), 2 * G)
+        scene.rests("board", name, 0.02, (x * 0.75, 0, 0.1), G)
+    assert value(scene, "support_margin", "p") == pytest.approx(0.05 - 0.03 / 2, abs=1e-6)
+    assert value(scene, "support_margin", "board") == pytest.approx(0.02, abs=1e-6)
+    assert value(scene, "load_share", "board", "p") == pytest.approx(0.5)
+    assert value(scene, "load_share", "p", "board") == 0
+
+
+def test_a_body_that_the_hand_holds_rests_on_nothing() -> None:
+    """Its weight counts as far as it presses down: here 1 N at 4 cm."""
+    scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05)).box("b", 0.01, (0.04, 0, 0.11))
+    scene.rests("a", "table", 0.05, (0, 0, 0), G + 1).rests("b", "a", 0.01, (0.04, 0, 0.1), 1.0)
+    for side, sign in (("left", 1), ("right", -1)):
+        scene.box(side, 0.01, (0.04 - 0.02 * sign, 0, 0.11), kind="gripper", finger=side)
+        scene.contact(side, "b", (0.04 - 0.01 * sign, 0, 0.11), (9 * sign, 0, (G - 1) / 2),
+                      normal=(sign, 0, 0))  # fmt: skip
+    assert value(scene, "support_margin", "a") == pytest.approx(0.05 - 0.04 / (G + 1), abs=1e-6)
+    assert value(scene, "load_share", "b", "a") == pytest.approx(1 / G)
+
+
+def test_a_wall_beside_it_is_not_stood_on() -> None:
+    scene = Scene(2).fixed("bin").box("a", 0.05, (0, 0, 0.05))
+    scene.rests("a", "bin", 0.05, (0, 0, 0), G)
+    scene.contact("bin", "a", (0.2, 0, 0.1), (-0.5, 0, 0.01), normal=(-1, 0, 0))
+    assert value(scene, "support_margin", "a") == pytest.approx(0.05, abs=1e-6)
+
+
+@pytest.mark.parametrize("points", [[(0, 0)], [(-0.03, 0), (0.03, 0)],
+                                    [(-0.03, 0), (0, 1e-5), (0.03, 0)]])  # fmt: skip
+def test_a_ball_and_a_rod_have_no_support_polygon(points: list[tuple[float, float]]) -> None:
+    scene = Scene(2).fixed("table").body("ball", Geom(kind="sphere", size=(0.035,)), (0, 0, 0.035))
+    scene.contact("table", "ball", [(*point, 0.0) for point in points], (0, 0, G))
+    for name in ("support_margin", "tipping_angle"):
+        found = measured(scene, name, "ball")
+        assert not found.known.any()
+        assert "three support contacts" in found.notes[0]
+
+
+def test_turning_the_scene_about_the_vertical_changes_no_margin() -> None:
+    straight = value(overhanging(0.1, 0.03), "support_margin", "a")
+    for angle in (0.3, 1.1, 2.9):
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        scene = Scene(2).fixed("table", (0, 0, 0))
+        scene.box("a", (0.05, 0.2, 0.05), turn @ (0.03 - 0.05, 0, 0.05))
+        points = corners((0.03 - 0.1, -0.2), (0, 0.2), 0) @ turn.T
+        scene.contact("table", "a", points, (0, 0, G))
+        assert value(scene, "support_margin", "a") == pytest.approx(straight, abs=1e-6)
