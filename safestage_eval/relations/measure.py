@@ -207,7 +207,10 @@ class Relations:
         if name == "supported":
             return self.graph.supported(ids[0])
         if name == "carried":
-            return self.graph.carried(ids[0], self._held)
+            found = self.graph.carried(ids[0], self._held)
+            if self.blind:  # friction lifts what fingers squeeze, and no shape shows it
+                found = found | (self._held(ids[0]) & ~self._borne(ids[0]))
+            return found
         if name == "held":
             return self._held(ids[0])
         if name == "depends_on":
@@ -232,9 +235,13 @@ class Relations:
             return held.by_fingers(self.episode, body, beside, self.touches.touching)
         if self._hand is None or not self.episode.header.bodies[body].movable:
             return np.zeros(len(self.episode), np.bool_)
-        bearers = self.graph.bearers(body).values() if shaped else ()
-        borne = np.logical_or.reduce([np.zeros(len(self.episode), np.bool_), *bearers])
-        return held.by_motion(self.episode, body, self._hand, borne)
+        return held.by_motion(self.episode, body, self._hand, self._borne(body))
+
+    def _borne(self, body: int) -> Bool:
+        """(T,) some body other than the robot bears it."""
+        nothing = np.zeros(len(self.episode), np.bool_)
+        bearers = self.graph.bearers(body).values()
+        return np.asarray(np.logical_or.reduce([nothing, *bearers]))
 
     def _inside(self, a: str, container: str) -> Bool | None:
         """(T,) lowest point under the rim and within, and (centroid within, or borne by it).

@@ -75,6 +75,7 @@ def test_held_by_the_shapes_of_two_fingers(gap: float, truth: bool) -> None:
     facts = blind(fingers(scene, np.array([0, 0, 0.5]), gap))
     assert facts.get("held", ("a",)).all() == truth
     assert facts.get("carried", ("fruit",)).all() == truth
+    assert facts.get("carried", ("a",)).all() == truth
     assert not facts.get("held", ("fruit",)).any()
 
 

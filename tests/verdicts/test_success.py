@@ -62,13 +62,12 @@ def test_unknown_where_neither_source_nor_goal_can_tell(placed: Episode) -> None
     assert {v.rule: v.verdict for v in found.verdicts}["FSH104"] == "inconclusive"
 
 
-def test_without_forces_success_and_verdict_are_told_by_geometry(placed: Episode) -> None:
+def test_without_forces_success_is_told_by_geometry(placed: Episode) -> None:
     blind = changed(placed, success=None, success_time=None, force_source="none")
     found = judge(blind, load_rules(["fsh", "goals"]))
     assert found.success is True
     assert found.success_time == pytest.approx(placed.header.success_time, abs=0.1)
     (edge,) = (v for v in found.verdicts if v.rule == "FSH101")
-    assert edge.verdict == "violation"
     assert any("without contact forces" in note for note in edge.notes)
 
 
