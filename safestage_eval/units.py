@@ -18,8 +18,10 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "min": 60.0},
     "temperature": {"degC": 1.0, "K": 1.0},
     "ratio": {"%": 1e-2},
+    "number": {},
 }
-"""Dimension → unit → factor to SI (temperatures: to °C). A ratio may be written without a unit."""
+"""Dimension → unit → factor to SI (temperatures: to °C). A ratio may be written without a unit,
+a plain number (a count, a recorded flag) has none."""
 
 ZERO = {"K": -273.15}
 """Unit → where its zero lies in SI, if that is not 0."""
@@ -66,5 +68,7 @@ def format_quantity(value: float, dimension: str) -> str:
         unit, digits = "mm", 2
     if not math.isfinite(value):
         return "∞" if value > 0 else "−∞" if value < 0 else "unknown"
+    if dimension == "number":
+        return f"{value:.6g}"
     shown = value / DIMENSIONS[dimension][unit] if unit else value
     return f"{shown:.{digits}f} {unit}".rstrip()

@@ -115,6 +115,8 @@ def dimension_of(value: ast.Quantity | ast.Duration) -> str:
 
 def a_dimension(dimension: str) -> str:
     """``"a length: m, cm, mm"``, for messages."""
+    if dimension == "number":
+        return "a plain number"
     article = "an" if dimension[0] in "aeiou" else "a"
     units = ", ".join(DIMENSIONS[dimension])
     if dimension == "time":

@@ -241,6 +241,8 @@ class References:
                 )  # fmt: skip
                 return
             given, said = self.names.columns[value.name], f"{value.name}({value.role})"
+        if dimension == "number" and given == "ratio":  # so is a number without a unit called
+            return
         if given is not None and given != dimension:
             self.report(
                 "R407", keys, f"{of} is {an(dimension)}, but {said} is {an(given)}",

@@ -221,6 +221,8 @@ def _limit_of(spec: SignalSpec) -> str:
     unit = f" ?(?:{units})"
     if spec.dimension == "ratio":
         unit = f"(?:{unit})?"
+    if spec.dimension == "number":
+        unit = ""
     return f"(?:>=|<=|>|<) ?(?:-?{parse.NUMBER}{unit}|{_REFERENCE})"
 
 

@@ -24,6 +24,6 @@ def value(query: Query) -> Series:
     recorded = np.asarray(query.episode.channels[found[0], name], np.float64)
     unit = str(query.option("unit") or "1")
     if unit not in UNIT_DIMENSION:
-        return exact(recorded, "ratio")
+        return exact(recorded, query.dimension)
     scale = in_si(1.0, unit) - in_si(0.0, unit)
     return exact(recorded * scale + in_si(0.0, unit), UNIT_DIMENSION[unit])

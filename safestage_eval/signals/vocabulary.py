@@ -47,7 +47,7 @@ class SignalSpec:
         """The signal with some options given: its dimension and arguments may change with them."""
         known = {option.name: option for option in self.options}
         unit = given.get("unit")
-        dimension = UNIT_DIMENSION.get(str(unit), "ratio") if unit is not None else self.dimension
+        dimension = UNIT_DIMENSION.get(str(unit), "number") if unit is not None else self.dimension
         named = bool(self.named and self.named in given)
         return replace(
             self,
@@ -340,7 +340,7 @@ SIGNALS = _table(
     SignalSpec(
         "channel",
         (2,),
-        "ratio",
+        "number",
         "A recorded scalar of the body, by its name: temperature, fill level, …",
         ("channel",),
         groups=True,

@@ -202,7 +202,7 @@ class EpisodeResult:
             "signal": v.signal,
             "value": shown(v.value),
             "limit": shown(v.limit),
-            "unit": unit_of(scale) if scale else None,
+            "unit": (unit_of(scale) or None) if scale else None,
             "margin": shown(v.margin),
             "margin_normalised": v.margin_normalised,
             "bodies": list(v.bodies),

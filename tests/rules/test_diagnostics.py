@@ -129,6 +129,7 @@ CASES = [
              + RULE + GOOD.replace(" }", ', "heat(a)" = «"<= 80 %"» }')),
     ("R407", HEAD + '[signal.slide]\nbase = "joint_speed"\nunit = "m/s"\n'
              + RULE + GOOD.replace(" }", ', "slide(a)" = «"<= 1 rad/s"» }')),
+    ("R407", rule(GOOD.replace(" }", ', "channel(flag, a)" = «">= 1 N"» }'))),
     ("R409", rule(GOOD.replace(" }", ', «"impact(a)"» = "<= 5 N", «"health(a)"» = ">= 90 %" }')
                   .replace('«"impact(a)"»', '"impact(a)"'))
              + '[material.default]\ndamage_scale = 1\nimpact_sensitivity = 1\n'

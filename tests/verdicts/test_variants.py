@@ -88,9 +88,11 @@ def test_a_recorded_temperature(limit: str, verdict: str) -> None:
 def test_a_channel_by_its_own_name_is_a_plain_number() -> None:
     """Whatever roles there are: the first argument is no role."""
     text = RULE + 'roles = { heat = "object" }\nrequire = { "channel(heat, heat)" = "<= 300" }\n'
+    text += 'explain = "It came to {value}; the limit is {limit}."\n'
     found = judged(kitchen(roles={"heat": ("pan",)}), text)
     assert (found.verdict, found.bodies) == ("violation", ("pan",))
     assert found.value == pytest.approx(353.15)
+    assert found.explanation == "It came to 353.15; the limit is 300."
 
 
 def test_what_was_not_recorded_is_inconclusive_and_says_why() -> None:
