@@ -18,6 +18,7 @@ def text(found: Comparison) -> str:
         lines.append(f"~ {part}  ({', '.join(codes)})")
     for code, parts in found.own().items():
         lines += [f"~ {code}  {part}" for part in parts]
+    lines += [f"~ {said}" for said in found.others]
     lines += [f"  {part}  (read by no rule of both)" for part in found.unread]
     if lines:
         lines.append("")
@@ -41,6 +42,7 @@ def as_json(found: Comparison) -> str:
             for code, parts in found.changed.items()
         },
         "same": list(found.same),
+        "others": list(found.others),
         "unread": [_part(part) for part in found.unread],
     }
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from . import syntax as ast
-from .digest import rule_digest
+from .digest import reached, rule_digest
 from .parts import Meaning, Part, differences
 from .uses import own_params
 
@@ -22,6 +22,7 @@ class Comparison:
         same: codes that mean the same.
         digests: code → digest before and after, of the changed ones.
         unread: parameters that differ and that no rule of both sets reads.
+        others: goals, families and tasks that come, go or say something else, in words.
     """
 
     added: Mapping[str, str]
@@ -30,11 +31,12 @@ class Comparison:
     same: tuple[str, ...]
     digests: Mapping[str, tuple[str, str]]
     unread: tuple[Part, ...]
+    others: tuple[str, ...] = ()
 
     @property
     def empty(self) -> bool:
-        """Every rule means the same in both."""
-        return not (self.added or self.removed or self.changed)
+        """Every rule, goal, family and task means the same in both."""
+        return not (self.added or self.removed or self.changed or self.others)
 
     def shared(self) -> dict[Part, list[str]]:
         """Each difference → the rules that it reaches, those of several rules first."""
@@ -80,7 +82,28 @@ def compare(before: ast.RuleSet, after: ast.RuleSet) -> Comparison:
         tuple(sorted(same)),
         dict(sorted(digests.items())),
         tuple(unread),
+        tuple(_others(before, after)),
     )
+
+
+def _others(before: ast.RuleSet, after: ast.RuleSet) -> Iterator[str]:
+    for kind, old, new in (
+        ("goal", _reaching(before), _reaching(after)),
+        ("family", before.families, after.families),
+        ("task", before.tasks, after.tasks),
+    ):
+        for name in sorted(old.keys() | new.keys()):
+            if old.get(name) != new.get(name):
+                what = "changed" if name in old and name in new else "added"
+                yield f"{kind} {name} {what if name in new else 'left out'}"
+
+
+def _reaching(rules: ast.RuleSet) -> dict[str, Any]:
+    """Each goal with everything that it reaches."""
+    return {
+        name: (goal, sorted(reached(rules, goal, rules.params).items(), key=lambda item: item[0]))
+        for name, goal in rules.goals.items()
+    }
 
 
 def _judged(rules: ast.RuleSet) -> dict[str, ast.Scoped]:

@@ -101,6 +101,35 @@ def test_a_parameter_that_no_common_rule_reads_is_told():
     assert [str(part) for part in found.unread] == ["far added (2 m)"]
 
 
+GOAL = """
+[goal.there]
+roles = { target = "object" }
+require = { "up(target)" = true }
+[task.lift]
+rules = ["ETS901"]
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "others"),
+    [
+        (GOAL, "", ("goal there left out", "task lift left out")),
+        ('rules = ["ETS901"]', 'rules = ["ETS902"]', ("task lift changed",)),
+        ('"up(target)" = true', '"up(target)" = false', ("goal there changed",)),
+        (
+            'when = { "lift(a)" = ">= near"',
+            'when = { "lift(a)" = ">= 1 cm"',
+            ("goal there changed",),
+        ),
+    ],
+)
+def test_goals_and_tasks_that_change_are_told(old, new, others):
+    text = BASE + GOAL
+    found = compare(ruleset(text), ruleset(text.replace(old, new)))
+    assert found.others == others
+    assert not found.empty
+
+
 @pytest.mark.parametrize("name", builtin_names())
 def test_a_set_does_not_differ_from_itself(name):
     rules = load_rules([name])

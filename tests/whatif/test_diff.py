@@ -103,6 +103,29 @@ def test_an_obligation_that_flipped_is_named(shelf, rules):
     assert causes(shelf, old, new) == dict.fromkeys("cd", ("never speed(target) added",))
 
 
+def test_what_a_task_binds_may_flip(shelf, rules, tmp_path):
+    old = rules("old")
+    task = '[task.block_on_table]\nset = { room = "3 cm" }\n'
+    (tmp_path / "set.toml").write_text(OLD + task)
+    assert causes(shelf, old, tmp_path / "set.toml") == {"c": ("room: 2 cm → 3 cm",)}
+    task = '[task.block_on_table]\nroles = { target = "table" }\n'
+    (tmp_path / "roles.toml").write_text(OLD + task)
+    found = causes(shelf, old, tmp_path / "roles.toml")
+    assert set(found.values()) == {("who plays the roles",)}
+
+
+def test_a_state_that_flipped_is_named(shelf, rules):
+    state = '[state.near]\nof = ["a"]\nwhen = { "edge_margin(a)" = "< room" }\n[[rule]]'
+    forbid = ('[{ "edge_margin(target)" = "< room" }, { "edge_margin(target)" = "< reserve" }]',
+              '"near(target)"')  # fmt: skip
+    unread = ('reserve = "1 cm"\n', "")
+    old = rules("old", ("[[rule]]", state), forbid, unread)
+    new = rules("new", ("[[rule]]", state.replace("< room", "< -room")), forbid, unread)
+    found = causes(shelf, old, new)
+    assert set(found) == {"a", "b"}
+    assert all(parts[0].startswith("state near: edge_margin(a) less") for parts in found.values())
+
+
 def test_another_value_for_a_run(shelf):
     found = diff(discover([shelf]), ["fsh"], ["fsh"], overrides={"edge": "1 cm"})
     flips = [(f.rule, f.episode_id, f.causes) for f in found.flips if f.assigned]
