@@ -113,3 +113,15 @@ def test_a_recording_that_goes_on_after_the_hold(name):
     after = judge_(transforms.gone_on(episode, 120))
     same(judged(name), after, frames=1e-9)
     same_values(judged(name), after)
+
+
+@every_episode
+@pytest.mark.parametrize("share", [0.2, 0.45, 0.6, 0.8, 0.95])
+def test_a_recording_that_breaks_off_is_judged_alike_or_not_at_all(name, share):
+    """What was lost may leave a verdict open; it never turns one into another."""
+    episode = recorded(name)
+    cut = judge_(transforms.cut_off(episode, int(share * len(episode))))
+    for whole, part in zip(judged(name).verdicts, cut.verdicts, strict=True):
+        assert part.verdict in ("inconclusive", whole.verdict), (part.rule, part.notes)
+        if part.verdict == "violation":
+            assert part.time == pytest.approx(whole.time, abs=1e-9), part.rule

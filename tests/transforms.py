@@ -116,6 +116,24 @@ def every_second(episode: Episode) -> Episode:
     )  # fmt: skip
 
 
+def cut_off(episode: Episode, count: int) -> Episode:
+    """The first so many frames of the same rollout, of which the rest was lost."""
+
+    def track(old: Track) -> Track:
+        return old if len(old) == 1 else Track(*(getattr(old, f.name)[:count] for f in fields(old)))
+
+    frames = RobotFrames(*(getattr(episode.frames, f.name)[:count] for f in fields(RobotFrames)))
+    return rebuilt(
+        episode,
+        header=episode.header.model_copy(update={"termination": "truncated"}),
+        t=episode.t[:count],
+        contacts=episode.contacts.where(episode.contacts.frame < count),
+        frames=frames,
+        tracks={name: track(old) for name, old in episode.tracks.items()},
+        channels={key: values[:count] for key, values in episode.channels.items()},
+    )
+
+
 def gone_on(episode: Episode, count: int) -> Episode:
     """The rollout with ``count`` more frames in which everything stays as it is in the last."""
     last, dt = len(episode) - 1, episode.dt

@@ -68,14 +68,24 @@ def without_short_gaps(margin: F64, frames: int) -> F64:
     return held_from(spread, frames + 1)[frames:-frames]
 
 
-def persistent(band: Band, for_frames: int, gap_frames: int, *, causal: bool = False) -> Band:
+def persistent(
+    band: Band, for_frames: int, gap_frames: int, *, causal: bool = False, open_end: bool = False
+) -> Band:
     """Close gaps of at most ``gap_frames``, then drop runs shorter than ``for_frames``.
+
+    ``open_end``: more came after the last frame, which is not known; a run that is too short there
+    may have been long enough, and a gap closed.
 
     The causal form knows no future: a run counts from its ``for_frames``-th frame on, and goes on
     for ``gap_frames`` after its last true frame.
     """
     if causal:
         return each(lambda m: held_until(_seen_until(m, gap_frames + 1), for_frames), band)
+    ahead = for_frames - 1 + gap_frames if open_end else 0
+    if ahead:
+        frames, beyond = len(band.lower), np.full(ahead, np.inf)
+        longer = Band(np.append(band.lower, -beyond), np.append(band.upper, beyond))
+        return persistent(longer, for_frames, gap_frames).at(0, frames)
     return each(lambda m: without_short_runs(without_short_gaps(m, gap_frames), for_frames), band)
 
 

@@ -262,6 +262,7 @@ class Evaluator:
             self.count(state.for_) if state.for_ is not None else 1,
             self.count(state.gap, least=0) if state.gap is not None else 0,
             causal=self.causal,
+            open_end=self.truncated,
         )
         if state.until is not None:
             found = persistence.latched(found, *self.truth(state.until, env))

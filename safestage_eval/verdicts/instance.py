@@ -104,8 +104,9 @@ def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[tuple[Sc
         ended = np.flatnonzero(stop.sure[scope.first : scope.stop])
         freed = scope.first + int(ended[0]) if len(ended) else None
         out += [(part, freed) for part in scopes.until([scope], stop)]
-    cut = any(scope.cut for scope, _ in out)
-    if evaluator.truncated and _may_come(evaluator, rule) and not cut:
+    # a stretch that is cut leaves the verdict open already, but may have reached what it must
+    open_ = any(scope.cut for scope, _ in out) and not (isinstance(rule, ast.Rule) and rule.reach)
+    if evaluator.truncated and _may_come(evaluator, rule) and not open_:
         out.append((Scope(evaluator.frames, evaluator.frames, True), None))
     return out
 
