@@ -17,8 +17,9 @@ def slip(
 ) -> Series:
     """(T,) m, drift of the COM in the gripper's frame since the body was last grasped.
 
-    While it is not held nothing has slipped: 0. With a reference, since its event if that came
-    after the grasp.
+    While it is not held nothing has slipped: 0. With a reference, since its event, once there was
+    one: ``since`` the start of a state that bridges gaps keeps measuring where a finger lets go
+    for a moment.
 
     Args:
         episode: where it moves.
@@ -37,7 +38,7 @@ def slip(
     begins = held & ~np.concatenate([np.zeros(1, np.bool_), held[:-1]])
     since = np.maximum.accumulate(np.where(begins, np.arange(frames), 0))
     if reference is not None and reference.since is not None:
-        since = np.maximum(since, reference.since)
+        since = np.where(reference.since < 0, since, reference.since)
     drift = np.linalg.norm(there - there[since], axis=1)
     return exact(np.where(held, drift, 0.0), "length")
 

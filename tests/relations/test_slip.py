@@ -60,13 +60,16 @@ def test_each_grasp_starts_anew() -> None:
     assert np.allclose(found[20:30], np.arange(10) / 1000, atol=1e-6)
 
 
-def test_since_an_event_within_the_grasp() -> None:
+def test_since_an_event() -> None:
+    """From the grasp until there was one, then from it, whatever the fingers do."""
     drift = np.zeros((FRAMES, 3))
     drift[:, 0] = np.arange(FRAMES) / 1000
-    found = slip(grasped(drift, [slice(5, 15), slice(20, 30)]), since=[2, 10]).value
-    assert np.allclose(found[5:10], np.arange(5) / 1000, atol=1e-6)
+    found = slip(grasped(drift, [slice(5, 15), slice(20, 30)]), since=[8, 10]).value
+    assert np.allclose(found[5:8], np.arange(3) / 1000, atol=1e-6)
+    assert np.allclose(found[8:10], np.arange(2) / 1000, atol=1e-6)
     assert np.allclose(found[10:15], np.arange(5) / 1000, atol=1e-6)
-    assert np.allclose(found[20:30], np.arange(10) / 1000, atol=1e-6)
+    assert np.allclose(found[20:30], np.arange(10, 20) / 1000, atol=1e-6)
+    assert (found[15:20] == 0).all()
 
 
 def test_the_hand_is_what_bears_both_fingers_if_no_tool_is_named() -> None:
