@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -172,7 +172,7 @@ class Relations:
         others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
         if name == "slip":
-            return slip(self.episode, bodies[0], self.get("held", bodies), reference)
+            return self._slip(bodies[0], reference)
         if name == "load_share":
             return self._load_share(*bodies)
         if name not in MEASURES:
@@ -193,6 +193,12 @@ class Relations:
                 about[missing[vague] if vague.any() else missing] = True
         notes = tuple(note for note, about in partial.notes.items() if (about & todo).any())
         return Series(partial.lower, partial.upper, SIGNALS[name].dimension, notes)
+
+    def _slip(self, name: str, reference: Reference | None) -> Series:
+        """What is held because it goes along with the gripper cannot slip, so it does not tell."""
+        told = self._fingers_seen or not self.blind
+        found = slip(self.episode, name, self.get("held", [name]) if told else None, reference)
+        return replace(found, notes=(*found.notes, *(self.caveat("held") if told else ())))
 
     def _decide(self, name: str, bodies: list[str]) -> Bool | None:
         index = self.episode.body_index

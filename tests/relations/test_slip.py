@@ -79,6 +79,26 @@ def test_the_hand_is_what_bears_both_fingers_if_no_tool_is_named() -> None:
     assert np.allclose(found[20:35], 0.01, atol=1e-6)
 
 
+def test_without_forces_it_needs_the_shapes_of_the_fingers() -> None:
+    """What merely goes along with the hand would be held only as long as it does not slip."""
+    drift = np.zeros((FRAMES, 3))
+    drift[20:, 2] = 0.01
+    scene = grasped(drift, [slice(10, 35)])
+    scene.bodies = [b.model_copy(update={"geoms": ()}) if b.finger else b for b in scene.bodies]
+    found = slip(scene, force_source="none")
+    assert not found.known.any()
+    assert found.notes
+    scene = grasped(drift, [slice(10, 35)])
+    hand = scene.tracks["hand"]
+    there = hand.position + rotate(hand.orientation, np.array([0, 0, 0.1]))
+    for name in ("left", "right"):
+        track = scene.tracks[name]
+        scene.tracks[name] = type(track)(**{**vars(track), "position": there.astype(np.float32)})
+    found = slip(scene, force_source="none")
+    assert np.allclose(found.value[20:], 0.01, atol=1e-6)
+    assert "without contact forces held()" in found.notes[0]
+
+
 def test_without_a_hand_it_is_unknown() -> None:
     scene = grasped(np.zeros((FRAMES, 3)), [slice(10, 35)], tags=("palm",))
     scene.bodies = [b.model_copy(update={"parent": None}) for b in scene.bodies]
