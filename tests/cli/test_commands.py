@@ -14,7 +14,11 @@ from safestage_eval.cli import COMMANDS, FROM_SIMULATE, HELP
 HEAVY = ("numpy", "polars", "pandas", "numba", "pyarrow", "scipy", "trimesh", "fcl", "mcap")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["score", "--help"], ["convert", "-h"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [["--help"], *([*name.split(), "-h"] for name in (*COMMANDS, "rules show", "rules test"))],
+    ids=" ".join,
+)
 def test_help_imports_nothing_heavy(arguments):
     code = f"""
 import sys
@@ -37,11 +41,12 @@ def test_help_lists_every_command():
     assert set(HELP) == {*COMMANDS, *FROM_SIMULATE}
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+RULES = ("check", "show", "signals", "schema", "diff", "test")
+
+
+@pytest.mark.parametrize("name", [*COMMANDS, *(f"rules {name}" for name in RULES)])
 def test_every_help_shows_an_example(name):
-    if name == "rules":
-        name = ("rules", "check")
-    done = run(*([name] if isinstance(name, str) else name), "--help")
+    done = run(*name.split(), "--help")
     assert done.code == 0
     assert any(line.strip().startswith("safestage") for line in done.text.splitlines())
 

@@ -12,6 +12,7 @@ from safestage_eval.formats import discover, save
 from safestage_eval.metrics import outcomes, rates
 from safestage_eval.rules import load_rules
 from safestage_eval.scoring import Problem, score_paths
+from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.sweep import _first, sweep
 from safestage_eval.whatif.values import between, chosen, text_of
 
@@ -56,6 +57,17 @@ def test_the_flip_lies_where_the_margin_says(shelf):
     for flip in flips:
         assert flip["below"] < ROOMS[flip["episode_id"]] <= flip["above"] + 1e-9
         assert (flip["from"], flip["to"]) == ("pass", "violation")
+
+
+def test_a_threshold_that_moves_verdicts_one_way_is_searched_for(shelf, monkeypatch):
+    """200 values cost a few judgements each: two beside the margin's guess, the rest by halving."""
+    tried = []
+    under = Again.under
+    monkeypatch.setattr(Again, "under", lambda self, *a: tried.append(a) or under(self, *a))
+    values = between(load_rules(["fsh"]), "edge", "0 cm", "4 cm", 200)
+    found = sweep(discover([shelf]), ["fsh"], "edge", values)
+    assert len(found.episodes) == 4
+    assert len(tried) <= 4 * 10
 
 
 def test_curves_are_told_apart(shelf):
