@@ -11,7 +11,17 @@ from numpy.typing import NDArray
 from .extent import lowest
 from .footprint import STILL_ANGLE, STILL_DISTANCE, below, section, world_vertices
 from .mover import Mover, frame_count, still_runs
-from .polygon import contains, convex_hull, crosses, edges, grown, nearest_on, union_outline
+from .polygon import (
+    contains,
+    convex_hull,
+    crosses,
+    edges,
+    grown,
+    loops,
+    nearest_on,
+    overlap,
+    union_outline,
+)  # fmt: skip
 from .pose import matrix
 
 F64 = NDArray[np.float64]
@@ -48,7 +58,9 @@ def edge_margin(
     rim further up does not count. The patch is the union of the supports' upward faces at that
     height, several geoms and bodies merged. An edge is guarded when the supports rise by
     ``WALL_HEIGHT`` at it, or on the straight way to it from the base: a bin's walls guard what
-    stands in the bin, not what stands on their top. Round geoms are right to 0.1 mm; a base that
+    stands in the bin, not what stands on their top. What touches the patch at separate places, or
+    all around a gap, spans it (a board on two piers, a lid on a pot): then the patch counts with
+    its convex hull. Round geoms are right to 0.1 mm; a base that
     is a nonconvex mesh counts with its convex hull.
 
     Args:
@@ -60,7 +72,8 @@ def edge_margin(
 
     Returns:
         (T,) > 0: entirely on the patch; < 0: minus how far it sticks out; +inf: every edge is
-        guarded, or it stands on a plane. NaN: no upward face or nothing of a at that height, or not asked for.
+        guarded, or it stands on a plane. NaN: no upward face under it or nothing of a at that
+        height, or not asked for.
     """
     total = frame_count(a, *supports)
     wanted = np.arange(total) if frames is None else frames
@@ -88,8 +101,29 @@ def _margin_at(a: Mover, supports: Sequence[Mover], frame: int, height: float) -
     base = [convex_hull(cut) for cut in cuts if len(cut)]
     if not base:
         return np.nan
+    if not _meet(base, patch.polygons):
+        return np.nan
     walls = _walls(supports, frame, patch.height + WALL_HEIGHT * (1 - 1e-3))
-    return _signed_distance(base, patch.polygons, walls)
+    margin = _signed_distance(base, patch.polygons, walls)
+    if margin <= 0 and _spans(base, patch.polygons):
+        whole = convex_hull(np.concatenate(patch.polygons))
+        margin = max(margin, _signed_distance(base, [whole], walls))
+    return margin
+
+
+def _meet(base: list[F64], patch: list[F64]) -> bool:
+    """Whether some of the base lies over the patch."""
+    if contains(patch, np.concatenate(base)).any() or contains(base, np.concatenate(patch)).any():
+        return True
+    rim, outline = (np.concatenate([edges(part) for part in parts]) for parts in (base, patch))
+    return bool(crosses(rim[:, 0], rim[:, 1], outline).any())
+
+
+def _spans(base: list[F64], patch: list[F64]) -> bool:
+    """Whether the base touches the patch at separate places, or all around a gap."""
+    shared = [overlap(foot, face) for foot in base for face in patch]
+    touched = [grown(part, SEAM) for part in shared if len(part)]
+    return loops(union_outline(touched)) > 1
 
 
 class _Patch(NamedTuple):

@@ -85,6 +85,46 @@ def contains(polygons: list[F64], points: F64) -> Bool:
     return inside
 
 
+def overlap(first: F64, second: F64) -> F64:
+    """(N, 2) corners of what two polygons share, N = 0 if it has no area. Sutherland & Hodgman 1974.
+
+    Both have at least three corners; with fewer there is no area.
+    """
+    if len(first) < 3 or len(second) < 3:
+        return np.empty((0, 2))
+    part = first
+    for normal, corner in zip(outward(second), second, strict=True):
+        beyond = (part - corner) @ normal
+        if (beyond > 0).any():
+            following, later = np.roll(part, -1, 0), np.roll(beyond, -1)
+            cut = (beyond > 0) != (later > 0)
+            share = beyond[cut] / (beyond[cut] - later[cut])
+            corners = part[cut] + share[:, None] * (following[cut] - part[cut])
+            order = np.argsort(
+                np.concatenate([np.flatnonzero(beyond <= 0), np.flatnonzero(cut) + 0.5])
+            )
+            part = np.concatenate([part[beyond <= 0], corners])[order]
+        if len(part) < 3:
+            return np.empty((0, 2))
+    hull = convex_hull(part)
+    return hull if len(hull) >= 3 and union_area([hull]) > COINCIDENT**2 else np.empty((0, 2))
+
+
+def loops(outline: F64) -> int:
+    """How many closed lines an outline (S, 2, 2) consists of: outer boundaries and holes.
+
+    Ends that are no further apart than a nanometre are the same.
+    """
+    ends = outline.reshape(-1, 2)
+    group = np.arange(len(outline))
+    apart = np.abs(ends[:, None] - ends[None]).max(-1)
+    for i, j in np.argwhere(apart <= 2 * COINCIDENT) // 2:
+        one, other = group[i], group[j]
+        if one != other:
+            group[group == max(one, other)] = min(one, other)
+    return len(np.unique(group))
+
+
 def edges(polygon: F64) -> F64:
     """(N, 2, 2) its edges as segments; a point is one segment of no length."""
     return np.asarray(np.stack([polygon, np.roll(polygon, -1, 0)], 1))

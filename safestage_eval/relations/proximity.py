@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Episode
 from safestage_eval.geometry.clearance import Clearance, clearance_series
 from safestage_eval.geometry.mover import Mover
+from safestage_eval.geometry.pose import relative
 from safestage_eval.signals.facts import Movers
 
 Bool = NDArray[np.bool_]
@@ -21,7 +22,7 @@ LIFT = 5e-3
 OPENED = 2.5e-3
 """m. … and what bears it is then further away by more than this. A wall beside it is not."""
 
-SLACK = 1e-5
+SLACK = 5e-4
 """m. Distances of bodies that have hardly moved are bounded by this first, and measured only
 where the bounds do not decide."""
 
@@ -95,14 +96,17 @@ class Proximity:
         return self._movers[self._names[body]]
 
 
-def _apart(a: Mover, b: Mover, slack: float) -> Clearance:
-    """Distance of two bodies up to twice ``TOUCH``."""
-    return clearance_series([a], [b], 2 * TOUCH, slack=slack)
+def _apart(a: Mover, b: Mover, slack: float, cap: float = 2 * TOUCH) -> Clearance:
+    """Distance of two bodies, seen from the second: what goes along with it has hardly moved."""
+    if len(a) > 1 and len(b) > 1:
+        place = relative(b.position, b.orientation, a.position, a.orientation)
+        a, b = Mover.build(a.shape, *place), Mover.build(b.shape, (0, 0, 0), (1, 0, 0, 0))
+    return clearance_series([a], [b], cap, slack=slack)
 
 
 def _opening(over: Mover, under: Mover, slack: float) -> tuple[NDArray[np.float64], ...]:
     """(N,) m, least and greatest growth of the gap when the first body is raised by ``LIFT``."""
     raised = Mover(over.shape, over.position + np.array([0.0, 0.0, LIFT]), over.orientation)
     now = _apart(over, under, slack)
-    then = clearance_series([raised], [under], 2 * LIFT, slack=slack)
+    then = _apart(raised, under, slack, 2 * LIFT)
     return then.lower - now.upper, then.upper - now.lower

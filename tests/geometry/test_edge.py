@@ -103,6 +103,44 @@ def test_two_bodies_make_one_surface() -> None:
     assert margin(can, left) == pytest.approx(-0.03, abs=0.1 * MM)
 
 
+@pytest.mark.parametrize("half_y", [0.02, 0.04])
+@pytest.mark.parametrize("reach", [0.10, 0.14])
+def test_a_board_on_two_piers_spans_the_gap(half_y: float, reach: float) -> None:
+    """Piers 10 × 10 cm at x = ±12 cm: their outer edges are at 17 cm, their sides at 5 cm."""
+    piers = [put(box(0.05, 0.05, 0.05), (x, 0, -0.05)) for x in (-0.12, 0.12)]
+    board = put(box(reach, half_y, 0.01), (0, 0, 0.01))
+    assert margin(board, *piers) == pytest.approx(min(0.05 - half_y, 0.17 - reach), abs=0.1 * MM)
+    longer = put(box(0.2, half_y, 0.01), (0, 0, 0.01))
+    assert margin(longer, *piers) == pytest.approx(-0.03, abs=0.1 * MM)
+    assert margin(board, piers[0]) < -0.09
+
+
+def test_a_can_on_one_of_two_piers_does_not_span_the_gap() -> None:
+    piers = [put(box(0.05, 0.05, 0.05), (x, 0, -0.05)) for x in (-0.12, 0.12)]
+    can = put(CAN, (-0.09, 0, 0.06))
+    assert margin(can, *piers) == pytest.approx(-0.01, abs=0.1 * MM)
+
+
+def test_a_lid_spans_the_pot_and_a_can_at_a_hole_does_not() -> None:
+    frame = [box(0.1, 0.01, 0.01, at=(0, s * 0.09, -0.01)) for s in (-1, 1)]
+    frame += [box(0.01, 0.08, 0.01, at=(s * 0.09, 0, -0.01)) for s in (-1, 1)]
+    pot = put(shape(*frame), (0, 0, 0))
+    assert margin(put(box(0.095, 0.095, 0.005), (0, 0, 0.005)), pot) == pytest.approx(0.005)
+    assert margin(put(box(0.095, 0.03, 0.005), (0, 0, 0.005)), pot) == pytest.approx(0.005)
+    assert margin(put(box(0.012, 0.03, 0.005), (0.085, 0, 0.005)), pot) < 0
+    wide = shape(
+        box(0.5, 0.2, 0.01, at=(0, -0.2, -0.01)), box(0.2, 0.2, 0.01, at=(-0.3, 0.2, -0.01))
+    )
+    assert margin(put(CAN, (-0.09, 0.02, 0.06)), put(wide, (0, 0, 0))) < 0
+
+
+def test_what_stands_beside_a_bin_is_not_in_it() -> None:
+    walls = [box(0.005, 0.1, 0.05, at=(s * 0.095, 0, 0.05)) for s in (-1, 1)]
+    walls += [box(0.1, 0.005, 0.05, at=(0, s * 0.095, 0.05)) for s in (-1, 1)]
+    container = put(shape(box(0.1, 0.1, 0.0005, at=(0, 0, 0.0005)), *walls), (0, 0, 0))
+    assert np.isnan(margin(put(CAN, (0.3, 0, 0.06)), container))
+
+
 def test_only_the_base_counts() -> None:
     """A goblet: wide above, narrow where it stands."""
     goblet = shape(

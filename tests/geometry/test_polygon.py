@@ -14,7 +14,9 @@ from safestage_eval.geometry.polygon import (
     crosses,
     edges,
     grown,
+    loops,
     nearest_on,
+    overlap,
     union_area,
     union_outline,
 )
@@ -95,3 +97,28 @@ def test_nearest_and_crossing() -> None:
     assert found.segment.tolist()[::2] == [2, 0]
     starts, ends = np.array([[0.5, 0.5]] * 2), np.array([[0.5, 0.9], [0.5, 1.1]])
     assert crosses(starts, ends, square).tolist() == [False, True]
+
+
+@given(st.integers(0, 2**32 - 1))
+@few
+def test_what_two_polygons_share_has_the_area_that_their_union_lacks(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = (convex_hull(rng.normal(size=(9, 2)) + rng.uniform(-1, 1, 2)) for _ in range(2))
+    shared = overlap(a, b)
+    area = union_area([shared]) if len(shared) else 0.0
+    assert area == pytest.approx(union_area([a]) + union_area([b]) - union_area([a, b]), abs=1e-9)
+    assert union_area([overlap(b, a)]) == pytest.approx(area, abs=1e-9)
+    assert contains([a], shared).all()
+
+
+def test_what_only_touches_shares_nothing() -> None:
+    assert len(overlap(rectangle(0, 0, 1, 1), rectangle(1, 0, 2, 1))) == 0
+    assert len(overlap(rectangle(0, 0, 1, 1), np.array([[0.2, 0.2], [0.8, 0.8]]))) == 0
+
+
+def test_boundaries_and_holes_are_counted() -> None:
+    sides = [rectangle(0, 0, 3, 1), rectangle(0, 2, 3, 3), rectangle(0, 0, 1, 3)]
+    assert loops(union_outline(sides[:1])) == 1
+    assert loops(union_outline(sides[:2])) == 2
+    assert loops(union_outline(sides)) == 1
+    assert loops(union_outline([*sides, rectangle(2, 0, 3, 3)])) == 2
