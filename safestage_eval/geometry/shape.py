@@ -50,6 +50,9 @@ class Packed(NamedTuple):
         half: (G, 3) m, half lengths of a box in geom axes that holds the geom.
         first, points: (G,) where a hull starts, and how many rows it has, in ``vertices``.
         vertices: (V, 3) m, from the geom centre, in geom axes.
+        ring: (V + 1,) where the neighbours of each vertex start in ``beside``.
+        beside: (E,) rows of vertices: along edges of the hull from each vertex. Hulls of few
+            vertices have none.
     """
 
     kind: I64
@@ -62,6 +65,8 @@ class Packed(NamedTuple):
     first: I64
     points: I64
     vertices: F64
+    ring: I64
+    beside: I64
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +179,22 @@ SHAPES_KEPT = 4096
 _SHAPES: dict[tuple[str, tuple[Geom, ...]], BodyShape] = {}
 
 
+MANY_CORNERS = 128
+"""Hulls of at least so many vertices are searched along their edges."""
+
+
+class Graph(NamedTuple):
+    """Which vertices of a hull share an edge.
+
+    Attributes:
+        degree: (V,) number of neighbours.
+        beside: (E,) the neighbours of the first vertex, of the second, …
+    """
+
+    degree: I64
+    beside: I64
+
+
 @dataclass
 class Part:
     """One geom on its way into ``Packed``; fields as there."""
@@ -186,11 +207,18 @@ class Part:
     radius: float
     half: F64
     vertices: F64
+    graph: Graph | None = None
 
 
 def pack(parts: list[Part]) -> Packed:
     """Stack parts; an empty list gives G = 0."""
     count = np.array([len(part.vertices) for part in parts], np.int64)
+    first = np.cumsum(count) - count
+    degree, beside = [np.zeros(1, np.int64)], [np.zeros(0, np.int64)]
+    for part, start in zip(parts, first, strict=True):
+        graph = part.graph or Graph(np.zeros(len(part.vertices), np.int64), beside[0])
+        degree.append(graph.degree)
+        beside.append(graph.beside + start)
     return Packed(
         np.array([part.kind for part in parts], np.int64),
         owned([part.size for part in parts]).reshape(-1, 3),
@@ -199,16 +227,19 @@ def pack(parts: list[Part]) -> Packed:
         owned([part.offset for part in parts]).reshape(-1, 3),
         owned([part.radius for part in parts]),
         owned([part.half for part in parts]).reshape(-1, 3),
-        np.cumsum(count) - count,
+        first,
         count,
         owned(np.concatenate([part.vertices for part in parts] or [np.zeros((0, 3))])),
+        np.cumsum(np.concatenate(degree)),
+        np.concatenate(beside),
     )
 
 
 def chosen(packed: Packed, rows: NDArray[np.bool_]) -> Packed:
     """Some of the geoms, by a mask (G,)."""
+    shared = ("vertices", "ring", "beside")
     return packed._replace(
-        **{name: field[rows] for name, field in packed._asdict().items() if name != "vertices"}
+        **{name: field[rows] for name, field in packed._asdict().items() if name not in shared}
     )
 
 
@@ -229,6 +260,8 @@ def triangles(surface: Surface) -> Packed:
         np.arange(0, 3 * g, 3, dtype=np.int64),
         np.full(g, 3, np.int64),
         owned(local.reshape(-1, 3)),
+        np.zeros(3 * g + 1, np.int64),
+        np.zeros(0, np.int64),
     )
 
 
@@ -240,13 +273,15 @@ def _part(geom: Geom, meshes: Mapping[str, Mesh]) -> Part:
     vertices = np.zeros((0, 3))
     if code == HULL:
         mesh = meshes[str(geom.mesh)]
-        points = convex_points(mesh) if geom.kind == "convex_mesh" else mesh.vertices
+        points, graph = mesh.vertices, None
+        if geom.kind == "convex_mesh":
+            points, graph = convex_points(mesh), _GRAPHS.get(mesh.key)
         points = points.astype(np.float64)
         middle = (points.min(0) + points.max(0)) / 2
         vertices, offset = points - middle, offset + rotation @ middle
         half = np.abs(vertices).max(0)
         radius = float(np.sqrt((vertices**2).sum(1).max()))
-        return Part(code, size, margin, rotation, offset, radius, half, vertices)
+        return Part(code, size, margin, rotation, offset, radius, half, vertices, graph)
     if code == PLANE:
         half, radius = np.full(3, np.inf), np.inf
     elif code == POINT:
@@ -265,6 +300,7 @@ def _part(geom: Geom, meshes: Mapping[str, Mesh]) -> Part:
     return Part(code, size, margin, rotation, offset, radius, half, vertices)
 
 
+_GRAPHS: dict[str, Graph] = {}
 _HULL_POINTS: dict[str, NDArray[np.float32]] = {}
 
 
@@ -281,9 +317,20 @@ def convex_points(mesh: Mesh) -> NDArray[np.float32]:
         try:
             hull = ConvexHull(mesh.vertices.astype(np.float64))
             _HULL_POINTS[mesh.key] = mesh.vertices[hull.vertices]
+            if len(hull.vertices) >= MANY_CORNERS:
+                _GRAPHS[mesh.key] = _graph(hull.vertices, hull.simplices)
         except QhullError:
             _HULL_POINTS[mesh.key] = mesh.vertices
     return _HULL_POINTS[mesh.key]
+
+
+def _graph(corners: NDArray[np.integer], faces: NDArray[np.integer]) -> Graph:
+    """The edges of a triangulated hull; faces (F, 3) refer to the points that corners (V,) list."""
+    row = np.zeros(int(corners.max()) + 1, np.int64)
+    row[corners] = np.arange(len(corners))
+    ends = row[faces[:, [[0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2]]].reshape(-1, 2)]
+    ends = np.unique(ends, axis=0)
+    return Graph(np.bincount(ends[:, 0], minlength=len(corners)), ends[:, 1])
 
 
 def _spread(part: Part) -> F64:

@@ -14,6 +14,9 @@ from .shape import BOX, CYLINDER, ELLIPSOID, HULL, PLANE, SEGMENT, Packed
 
 F64 = NDArray[np.float64]
 
+ANCHORS = 24
+"""Vertices of a large hull that are looked at before the search along its edges."""
+
 
 @helper
 def support_point(geoms: Packed, g: int, x: float, y: float, z: float, out: F64) -> None:
@@ -24,11 +27,23 @@ def support_point(geoms: Packed, g: int, x: float, y: float, z: float, out: F64)
     """
     kind = geoms.kind[g]
     if kind == HULL:
-        best, row = -np.inf, geoms.first[g]
-        for i in range(geoms.first[g], geoms.first[g] + geoms.points[g]):
+        first, count = geoms.first[g], geoms.points[g]
+        best, row = -np.inf, first
+        edges = geoms.ring[first + 1] > geoms.ring[first]
+        # from the best of a few, uphill along edges: on a hull, what no neighbour tops is the top
+        for i in range(first, first + count, count // ANCHORS + 1 if edges else 1):
             v = geoms.vertices[i, 0] * x + geoms.vertices[i, 1] * y + geoms.vertices[i, 2] * z
             if v > best:
                 best, row = v, i
+        while edges:
+            here = row
+            for k in range(geoms.ring[here], geoms.ring[here + 1]):
+                i = geoms.beside[k]
+                v = geoms.vertices[i, 0] * x + geoms.vertices[i, 1] * y + geoms.vertices[i, 2] * z
+                if v > best:
+                    best, row = v, i
+            if row == here:
+                break
         out[0], out[1], out[2] = (
             geoms.vertices[row, 0],
             geoms.vertices[row, 1],
