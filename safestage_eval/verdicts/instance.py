@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -77,12 +77,18 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
     given = applies(evaluator, rule, env)
     if given is False:
         return None
-    if given is None:
-        return [Instance(env, Scope(0, 0), -np.inf, np.inf, None, 0)]
-    return [
+    found = [
         _judge_scope(evaluator, rule, env, scope, resolved)
         for scope, resolved in stretches(evaluator, rule, env)
     ]
+    if given is None:
+        # it is no violation if it does not apply, and none if nothing breaks it
+        found = [i if i.lower >= 0 else replace(i, upper=np.inf, clause=None) for i in found]
+        if any(i.clause is None for i in found):
+            evaluator.notes["whether it applies is not known: its given is not, at the start"] = (
+                None
+            )
+    return found
 
 
 def applies(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> bool | None:

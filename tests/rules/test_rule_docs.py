@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from safestage_eval.rules import check_rules, load_rules
+from safestage_eval.rules import check_rules, load_bind, load_rules
 
 TEXT = (Path(__file__).parents[2] / "docs" / "rules.md").read_text("utf-8")
 
@@ -18,6 +18,18 @@ def test_the_example_checks_clean_and_its_mistake_looks_as_shown(
     shown = re.search(r"```\n(error\[.*?)\n```", TEXT, re.S)[1]
     Path("mine.toml").write_text(example.replace("> gentle", "> 2 cm"), "utf-8")
     assert shown in [d.render() for d in check_rules(["mine.toml"])]
+
+
+def test_the_cost_and_the_bind_file_shown_are_sound(tmp_path: Path) -> None:
+    cost = re.search(r"```toml\n(\[\[cost\]\].*?)```", TEXT, re.S)[1]
+    head = '[ruleset]\nformat = 1\nname = "mine"\nversion = "1"\nextends = ["defaults"]\n'
+    (tmp_path / "cost.toml").write_text(head + cost, "utf-8")
+    assert list(load_rules([tmp_path / "cost.toml"]).costs) == ["ETS951"]
+    (tmp_path / "labels.toml").write_text(
+        re.search(r"```toml\n(\[task\.pour_tea\].*?)```", TEXT, re.S)[1], "utf-8"
+    )
+    bound = load_bind(tmp_path / "labels.toml", load_rules(["ets", "goals"]))
+    assert (list(bound.tasks), list(bound.episodes)) == (["pour_tea"], ["tea-17"])
 
 
 def test_every_key_is_explained() -> None:

@@ -85,6 +85,9 @@ FORBID_UNTIL = 'forbid = "p(a)"\nuntil = "q(b)"'
             False,
             "violation",
         ),
+        # whether it applies is not known: no violation either way, or perhaps one
+        ('given = { "q(b)" = true }\nforbid = "p(a)"', "00000", "?????", False, "pass"),
+        ('given = { "q(b)" = true }\nforbid = "p(a)"', "00100", "?????", False, "inconclusive"),
         # what holds, or is broken, however the unknown turns out is decided
         ('during = "q(b)"\nrequire = { "p(a)" = true }', "111100", "11??00", False, "pass"),
         ('during = "q(b)"\nrequire = { "p(a)" = true }', "011111", "11????", False, "violation"),
