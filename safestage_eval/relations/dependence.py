@@ -13,16 +13,10 @@ from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.motion import com_position
 
 from .graph import SupportGraph
+from .statics import balanced
 
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
-
-CONE_SIDES = 8
-"""Edges of the pyramid that stands for a friction cone."""
-LOST = 0.02
-"""Share of the weight that may stay unbalanced: numerical noise of recorded contacts."""
-ARM = 0.05
-"""m: the lever by which torques are compared with forces."""
 
 Contacts = dict[Pair, NDArray[np.intp]]
 """Pair → its rows at one frame, among the pair's own."""
@@ -120,7 +114,7 @@ class Dependence:
             return False
         com = sum(self._mass[b] * self._centre(b)[frame] for b in group) / mass
         arm = np.concatenate(points) - com
-        return unbalanced(np.concatenate(normals), np.concatenate(frictions), arm) <= LOST
+        return balanced(np.concatenate(normals), np.concatenate(frictions), arm)
 
     def _with_load(self, body: int, frame: int, without: set[int]) -> set[int]:
         """The body and all free bodies that it carries at that frame, directly or not."""
@@ -200,41 +194,3 @@ class Dependence:
         if body not in self._com:
             self._com[body] = com_position(self._episode, self._episode.header.bodies[body].name)
         return self._com[body]
-
-
-def unbalanced(normal: F64, friction: F64, point: F64) -> float:
-    """Share of a weight that no forces within the friction cones can balance; 0 if they can.
-
-    Args:
-        normal: (C, 3) unit, into the body, world.
-        friction: (C,) sliding coefficients.
-        point: (C, 3) m, contact points from the centre of mass, world axes.
-
-    Minimises the largest residual of force and of torque / ``ARM``, in weights, over non-negative
-    combinations of the cones' edge forces.
-    """
-    from scipy.optimize import linprog  # costs as much to import as an episode to judge
-
-    helper = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = np.cross(normal, helper)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(normal, first)
-    angles = np.arange(CONE_SIDES) * (2 * np.pi / CONE_SIDES)
-    sideways = (
-        np.cos(angles)[None, :, None] * first[:, None]
-        + np.sin(angles)[None, :, None] * second[:, None]
-    )
-    edges = normal[:, None] + friction[:, None, None] * sideways
-    torque = np.cross(np.broadcast_to(point[:, None], edges.shape), edges) / ARM
-    wrench = np.concatenate([edges, torque], axis=2).reshape(-1, 6).T
-    target = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # in weights
-    columns = wrench.shape[1]
-    slack = -np.ones((6, 1))
-    solved = linprog(
-        np.concatenate([np.zeros(columns), [1.0]]),
-        A_ub=np.block([[wrench, slack], [-wrench, slack]]),
-        b_ub=np.concatenate([target, -target]),
-        bounds=(0, None),
-        method="highs",
-    )
-    return np.inf if solved.x is None else float(solved.x[-1])

@@ -29,8 +29,8 @@ class Bearing(Protocol):
     def bears(self, bearer: int, borne: int) -> Bool:
         """(T,) true where the first, robot or not, bears the second."""
 
-    def lifted(self, body: int, by: Iterable[int]) -> Bool:
-        """(T,) true where the others together bear the body."""
+    def lifted(self, body: int, by: Iterable[int], held: Bool) -> Bool:
+        """(T,) true where the others together bear it; where it is ``held`` it may stay open."""
 
 
 class ByForce:
@@ -55,8 +55,8 @@ class ByForce:
         """(T,) true where the force on it is upward and at least a tenth of its weight."""
         return self._sums.upward(borne, bearer) >= self.least[borne]
 
-    def lifted(self, body: int, by: Iterable[int]) -> Bool:
-        """(T,) true where the sum of their forces is."""
+    def lifted(self, body: int, by: Iterable[int], held: Bool) -> Bool:  # noqa: ARG002
+        """(T,) true where the sum of their forces is, held or not."""
         total = sum((self._sums.upward(body, other) for other in by), np.zeros(self._frames))
         return np.asarray(total >= self.least[body])
 
@@ -112,10 +112,11 @@ class SupportGraph:
         bears = self._edge(bearer, borne) if borne in self._bearing.beside(bearer) else None
         return np.zeros(self._frames, np.bool_) if bears is None else bears
 
-    def borne_by_robot(self, body: int) -> Bool:
-        """(T,) true where the robot's bodies together bear it."""
+    def borne_by_robot(self, body: int, held: Bool | None = None) -> Bool:
+        """(T,) true where the robot's bodies together bear it; geometry need not tell where held."""
         hands = [r for r in self._bearing.beside(body) if r in self._robot]
-        return self._bearing.lifted(body, hands)
+        known = np.zeros(self._frames, np.bool_) if held is None else held
+        return self._bearing.lifted(body, hands, known)
 
     def rests_on(self, body: int, on: int, held: Callable[[int], Bool]) -> Bool:
         """(T,) true where a path of edges leads from one to the other, past no held body."""
@@ -144,9 +145,15 @@ class SupportGraph:
         if body in self._fixed or body in self._robot:
             return np.zeros(self._frames, np.bool_)
         below = self._below(body)
-        sources = {i: self.borne_by_robot(i) | held(i) for i in below if i not in self._fixed}
+        sources, through = {}, np.zeros(self._frames, np.bool_)
+        for i in below:
+            if i not in self._fixed:
+                grip = held(i)
+                borne = self.borne_by_robot(i, grip)
+                sources[i] = borne | grip
+                if i == body:
+                    through = borne.copy()
         reached = self._spread(below, sources)
-        through = self.borne_by_robot(body)
         for bearer, bears in self.bearers(body).items():
             if bearer not in self._fixed:
                 through |= bears & reached[bearer]

@@ -58,11 +58,13 @@ class Proximity:
             self._bears[bearer, borne] = found
         return self._bears[bearer, borne]
 
-    def lifted(self, body: int, by: Iterable[int]) -> Bool:
-        """(T,) true where one of the others bears it."""
+    def lifted(self, body: int, by: Iterable[int], held: Bool) -> Bool:
+        """(T,) true where one of the others bears it, looked at only where it is not ``held``."""
         found = np.zeros(self._frames, np.bool_)
         for other in by:
-            found |= self.bears(other, body)
+            rows = np.flatnonzero(self.touching(other, body) & ~held & ~found)
+            if len(rows):
+                found[rows] = self._opens(other, body, rows)
         return found
 
     def _ever(self, i: int, j: int) -> Bool | None:

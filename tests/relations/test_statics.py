@@ -1,0 +1,85 @@
+"""Balance by friction cones against what mechanics says of ladders, slopes and overhangs."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scenes import G, Scene
+
+from safestage_eval.episode import Geom
+from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.statics import LOST, balanced, unbalanced
+from safestage_eval.signals.measure import Signals
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=60)
+def test_the_fast_answer_is_that_of_the_linear_program(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 9))
+    normal = rng.normal(size=(count, 3)) + np.array([0, 0, rng.uniform(0, 3)])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    friction = rng.uniform(0.1, 1.2, count)
+    point = rng.uniform(-0.1, 0.1, (count, 3)) - np.array([0, 0, 0.03])
+    largest = unbalanced(normal, friction, point)
+    if abs(largest - LOST) > 1e-6:
+        assert balanced(normal, friction, point) == (largest <= LOST)
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.4, 0.7])
+@pytest.mark.parametrize("spin", [0.0, 0.2, 0.39])
+def test_a_ladder_stands_above_its_critical_angle(friction: float, spin: float) -> None:
+    """Uniform, equal friction µ at floor and wall: it stands iff tan θ ≥ (1 − µ²) / 2µ."""
+    critical = np.arctan2(1 - friction**2, 2 * friction)
+    c, s = np.cos(spin), np.sin(spin)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    for angle, stands in ((critical * 1.08, True), (critical * 0.9, False)):
+        along = 0.2 * np.array([np.cos(angle), 0, np.sin(angle)])
+        sideways = np.array([[0, -0.05, 0], [0, 0.05, 0]])
+        point = np.concatenate([-along + sideways, along + sideways]) @ turn.T
+        normal = np.array([[0, 0, 1], [0, 0, 1], [-1, 0, 0], [-1, 0, 0]], float) @ turn.T
+        assert balanced(normal, np.full(4, friction), point) is stands
+
+
+def leaning(angle: float, friction: float) -> Scene:
+    """A 40 cm board at an angle against a wall, its foot on a table and against a stop."""
+    rough = (friction, 0.0, 0.0)
+    slab = Geom(kind="box", size=(0.5, 0.5, 0.02), position=(0, 0, -0.02), friction=rough)
+    block = Geom(kind="box", size=(0.02, 0.1, 0.02), friction=rough)
+    plank = Geom(kind="box", size=(0.2, 0.05, 0.001), friction=rough)
+    half = 0.2 * np.array([np.cos(angle), 0, np.sin(angle)])
+    scene = (
+        Scene(2).fixed("table", geoms=(slab,)).fixed("wall", (2 * half[0], 0, 0), geoms=(block,))
+    )
+    scene.body("board", plank, half, (np.cos(angle / 2), 0, -np.sin(angle / 2), 0))
+    scene.body("stop", block, (-0.02, 0, 0.02)).rests("stop", "table", 0.02, (-0.02, 0, 0), G)
+    ends = np.array([[0, -0.05, 0], [0, 0.05, 0]])
+    scene.contact("table", "board", ends, (0, 0, G))
+    scene.contact("wall", "board", ends + 2 * half, (-1, 0, 0), normal=(-1, 0, 0))
+    return scene.contact("stop", "board", ends, (1, 0, 0), normal=(1, 0, 0))
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.6])
+def test_a_leaning_board_needs_a_stop_where_friction_does_not_do(friction: float) -> None:
+    critical = np.arctan2(1 - friction**2, 2 * friction)
+    for angle, needed in ((critical * 1.08, False), (critical * 0.9, True)):
+        found = Relations(Signals(leaning(angle, friction).episode())).get(
+            "depends_on", ("board", "stop")
+        )
+        assert found is not None
+        assert found.all() == needed
+        assert found.any() == needed
+
+
+def test_a_counterweight_that_is_needed_and_one_that_is_not() -> None:
+    """A board reaches 5 cm over a pier with its COM, or not; a weight on its other end holds it."""
+    for shift, needed in ((0.10, True), (0.02, False)):
+        scene = Scene(2).fixed("table").box("pier", 0.05, (0, 0, 0.05), mass=5.0)
+        scene.box("board", (0.2, 0.05, 0.01), (shift, 0, 0.11))
+        scene.box("weight", 0.02, (shift - 0.18, 0, 0.14), mass=2.0)
+        scene.rests("pier", "table", 0.05, (0, 0, 0), 8 * G)
+        scene.rests("board", "pier", 0.05, (0, 0, 0.1), 3 * G)
+        scene.rests("weight", "board", 0.02, (shift - 0.18, 0, 0.12), 2 * G)
+        facts = Relations(Signals(scene.episode()))
+        assert facts.get("depends_on", ("board", "weight")).all() == needed
+        assert facts.get("depends_on", ("weight", "pier")).all()
