@@ -16,6 +16,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
 
 if TYPE_CHECKING:
+    from safestage_eval.cache import Memory
     from safestage_eval.rules import BindFile, RuleSet
     from safestage_eval.verdicts import EpisodeResult
 
@@ -55,23 +56,43 @@ def score_episode(
     overrides: Mapping[str, str] | None = None,
     bind: BindFile | None = None,
     backend: str = "gjk",
+    *,
+    assigned_only: bool = False,
+    cache: str | Path | None = None,
 ) -> EpisodeResult | Problem:
     """Open and judge one episode; whatever is wrong with it becomes a problem, not an exception."""
     from safestage_eval.verdicts import judge
 
     try:
-        return judge(
-            ref.open(),
+        if ref.problem is not None:
+            raise ref.problem
+        memory = _memory(ref, cache)
+        found = judge(
+            memory.episode if memory is not None else ref.open(),
             rules,
             overrides=overrides,
             bind=bind,
             trace_hash=ref.content_hash,
             backend=backend,
+            assigned_only=assigned_only,
+            memory=memory,
         )
+        if memory is not None:
+            memory.save()
+        return found
     except InputError as error:
         return Problem(str(ref.path), str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others
         return Problem(str(ref.path), f"{ref.path}: cannot be judged: {_told(error)}")
+
+
+def _memory(ref: EpisodeRef, cache: str | Path | None) -> Memory | None:
+    """What a cache folder knows of an episode; None without one."""
+    if cache is None:
+        return None
+    from safestage_eval.cache import CacheFolder, Memory
+
+    return Memory(CacheFolder(cache), ref)
 
 
 def score_many(
@@ -83,6 +104,8 @@ def score_many(
     backend: str = "gjk",
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    assigned_only: bool = False,
+    cache: str | Path | None = None,
 ) -> list[EpisodeResult | Problem]:
     """Judge episodes; what comes back is in the order of what went in.
 
@@ -95,6 +118,8 @@ def score_many(
         jobs: worker processes. If None, as many as there are processors, or none at all for a few
             episodes. A script that uses several needs the usual ``__main__`` guard.
         progress: told (done, total) after each episode.
+        assigned_only: judge each episode by its own assigned rules alone.
+        cache: a folder in which measurements are kept between runs (docs/performance.md).
 
     Raises:
         RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
@@ -112,14 +137,26 @@ def score_many(
             bound.path, f"it speaks of none of the {len(refs)} episodes.",
             fix="name their tasks under [task.NAME], or their ids under [episode.ID]",
         )  # fmt: skip
+    settings: dict[str, object] = {
+        "overrides": overrides,
+        "bind": bound,
+        "backend": backend,
+        "assigned_only": assigned_only,
+        "cache": cache,
+    }
     workers = min(jobs or os.cpu_count() or 1, len(refs))
     if workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL):
-        return _Pool(refs, (rules, overrides or {}, bound, backend), workers, progress).run()
-    found = []
-    for ref in refs:
-        found.append(score_episode(ref, loaded, overrides, bound, backend))
-        if progress is not None:
-            progress(len(found), len(refs))
+        found = _Pool(refs, (rules, settings), workers, progress).run()
+    else:
+        found = []
+        for ref in refs:
+            found.append(score_episode(ref, loaded, **settings))  # type: ignore[arg-type]
+            if progress is not None:
+                progress(len(found), len(refs))
+    if cache is not None:
+        from safestage_eval.cache import CacheFolder
+
+        CacheFolder(cache).prune()
     return found
 
 
@@ -133,6 +170,8 @@ def score_paths(
     backend: str = "gjk",
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
+    assigned_only: bool = False,
+    cache: str | Path | None = None,
 ) -> Scores:
     """Find, open and judge episodes.
 
@@ -145,6 +184,8 @@ def score_paths(
         backend: whose clearances; see ``score_many``.
         jobs: worker processes; see ``score_many``.
         progress: told (done, total) after each episode.
+        assigned_only: see ``score_many``.
+        cache: see ``score_many``.
 
     Raises:
         TraceError: nothing was found.
@@ -159,8 +200,9 @@ def score_paths(
     titles.update({cost.code: cost.title for cost in loaded.costs.values()})
     refs = matching(discover(list(traces)), where or {})
     found = score_many(
-        refs, specs, overrides=overrides, bind=bind, backend=backend, jobs=jobs, progress=progress
-    )
+        refs, specs, overrides=overrides, bind=bind, backend=backend, jobs=jobs, progress=progress,
+        assigned_only=assigned_only, cache=cache,
+    )  # fmt: skip
     results, problems, copies = _sorted_out(found)
     return Scores(tuple(results), tuple(problems), titles, tuple(copies))
 
@@ -172,7 +214,10 @@ def matching(refs: Sequence[EpisodeRef], where: Mapping[str, str]) -> list[Episo
     """
     if not where:
         return list(refs)
-    known = {"episode_id", *(name for ref in refs for name in ref.fields)} - {"content_hash"}
+    known = {"episode_id", *(name for ref in refs for name in ref.fields)} - {
+        "content_hash",
+        "file",
+    }
     for name in where:
         if name not in known and any(ref.problem is None for ref in refs):
             raise InputError(
@@ -236,15 +281,10 @@ def _told(error: Exception) -> str:
 _worker: dict[str, object] = {}
 
 
-def _start_worker(
-    rules: Sequence[str | Path],
-    overrides: Mapping[str, str],
-    bind: BindFile | None,
-    backend: str,
-) -> None:
+def _start_worker(rules: Sequence[str | Path], settings: Mapping[str, object]) -> None:
     from safestage_eval.rules import load_rules
 
-    _worker.update(rules=load_rules(list(rules)), overrides=overrides, bind=bind, backend=backend)
+    _worker.update(settings, rules=load_rules(list(rules)))
 
 
 def _work(ref: EpisodeRef) -> EpisodeResult | Problem:
@@ -261,7 +301,7 @@ class _Pool:
     def __init__(
         self,
         refs: Sequence[EpisodeRef],
-        setup: tuple[Sequence[str | Path], Mapping[str, str], BindFile | None, str],
+        setup: tuple[Sequence[str | Path], Mapping[str, object]],
         workers: int,
         progress: Callable[[int, int], None] | None,
     ) -> None:

@@ -36,7 +36,8 @@ REF_FIELDS = (
     "force_source",
     "schema_version",
 )
-"""Header fields that a reference carries; with them ``length`` and ``content_hash``."""
+"""Header fields that a reference carries; with them ``length``, ``content_hash`` and, in a dataset,
+the ``file`` that its rows are in."""
 
 
 def load(
@@ -150,7 +151,7 @@ def _refs_of_dataset(dataset: Path) -> Iterator[EpisodeRef]:
 def _dataset_refs(file: Path) -> list[EpisodeRef]:
     from .dataset_reader import read_rows
 
-    columns = ("episode_index", "episode_id", *REF_FIELDS, "length", "content_hash")
+    columns = ("episode_index", "episode_id", *REF_FIELDS, "length", "content_hash", "file")
     try:
         rows = read_rows(file, columns)
     except TraceError as problem:

@@ -200,6 +200,10 @@ class Relations:
         found = slip(self.episode, name, self.get("held", [name]) if told else None, reference)
         return replace(found, notes=(*found.notes, *(self.caveat("held") if told else ())))
 
+    def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
+        """As in ``Signals``."""
+        return self.signals.between_frames(name, bodies, frame)
+
     def _decide(self, name: str, bodies: list[str]) -> Bool | None:
         index = self.episode.body_index
         if name == "inside":

@@ -39,7 +39,8 @@ def rule_digest(
     key = (rule, tuple(sorted(params.items(), key=lambda item: item[0])), backend)
     if key not in rules.digests:
         rules.digests[key] = _digest(rules, rule, params, backend)
-    return rules.digests[key]
+    digest: str = rules.digests[key]
+    return digest
 
 
 def reached(
@@ -49,14 +50,17 @@ def reached(
 
     Parameters come with the values given; material columns as pairs of material and value.
     """
-    found: dict[str, Any] = {}
-    todo = [node]
-    while todo:
-        for name, value in _named(todo.pop(), rules, params):
-            if name not in found:
-                found[name] = value
-                todo.append(value)
-    return found
+    key = ("reached", node, tuple(sorted(params.items(), key=lambda item: item[0])))
+    if key not in rules.digests:
+        found: dict[str, Any] = {}
+        todo = [node]
+        while todo:
+            for name, value in _named(todo.pop(), rules, params):
+                if name not in found:
+                    found[name] = value
+                    todo.append(value)
+        rules.digests[key] = found
+    return dict(rules.digests[key])
 
 
 def _digest(rules: ast.RuleSet, rule: ast.Scoped, params: Params, backend: str) -> str:

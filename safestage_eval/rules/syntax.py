@@ -7,7 +7,7 @@ wrote, for messages and explanations; they are not part of the meaning.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 
 @dataclass(frozen=True)
@@ -363,5 +363,5 @@ class RuleSet:
     rules: dict[str, Rule]
     """By code. Only the rules of the files that were asked for, not of those they extend."""
     costs: dict[str, Cost]
-    digests: dict[object, str] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """Rule and parameter values → digest, as far as they were asked for."""
+    digests: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """What was found out about rules and parameter values so far: digests, and what they use."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -37,6 +37,8 @@ def judge(
     bind: BindFile | None = None,
     trace_hash: str | None = None,
     backend: str = "gjk",
+    assigned_only: bool = False,
+    memory: Memory | None = None,
 ) -> EpisodeResult:
     """Judge one episode by every rule of a set.
 
@@ -48,6 +50,8 @@ def judge(
             (``rules.load_bind``).
         trace_hash: the episode's content hash if it is known; computing it reads every column.
         backend: whose clearances (``geometry.backend``); part of each rule's digest.
+        assigned_only: judge only the rules that the episode's task is assigned.
+        memory: where what was measured before is found.
 
     Raises:
         InputError: a backend that does not exist, or is not installed.
@@ -55,7 +59,21 @@ def judge(
         RuleError: an override that does not fit its parameter.
     """
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
-    return Judge(episode, rules, binding, backend=backend).result(trace_hash)
+    relations = None
+    if memory is not None:
+        relations = memory.relations(baseline_frames(rules, episode), backend)
+    judge_ = Judge(episode, rules, binding, relations, backend=backend, memory=memory)
+    return judge_.result(trace_hash, assigned_only=assigned_only)
+
+
+class Memory(Protocol):
+    """What is known of an episode from before."""
+
+    def relations(self, baseline_frames: int, backend: str) -> Relations:
+        """Relations and signals that are measured only where they are not remembered."""
+
+    def verdict(self, key: str, judge: Callable[[], Verdict]) -> Verdict:
+        """What ``judge`` returns, or returned before under the same key."""
 
 
 class Judge:
@@ -69,12 +87,14 @@ class Judge:
         relations: Relations | None = None,
         *,
         backend: str = "gjk",
+        memory: Memory | None = None,
     ) -> None:
         """Native success is found at once, verdicts when they are asked for.
 
         ``relations``: of the same episode and baseline, to measure nothing twice; they know their
-        backend, without them it is the one given.
+        backend, without them it is the one given. ``memory``: to judge no rule twice.
         """
+        self._memory = memory
         self._episode, self._rules, self._binding = episode, rules, binding
         self._relations = relations or Relations(
             Signals(episode, baseline_frames(rules, episode), backend)
@@ -90,11 +110,17 @@ class Judge:
             None if self._success_frame is None else float(episode.t[self._success_frame])
         )
 
-    def result(self, trace_hash: str | None = None) -> EpisodeResult:
-        """All verdicts and costs, with what tables group by."""
-        header = self._episode.header
-        verdicts = [self.verdict(rule) for rule in self._rules.rules.values()]
-        costs = [self.cost(cost) for cost in self._rules.costs.values()]
+    def result(
+        self, trace_hash: str | None = None, *, assigned_only: bool = False
+    ) -> EpisodeResult:
+        """All verdicts and costs, or the assigned ones alone, with what tables group by."""
+
+        def asked(code: str) -> bool:
+            return not assigned_only or code in self._binding.assigned
+
+        header, rules = self._episode.header, self._rules
+        verdicts = [self.verdict(rule) for code, rule in rules.rules.items() if asked(code)]
+        costs = [self.cost(cost) for code, cost in rules.costs.items() if asked(code)]
         verdicts += [verdict for _, verdict in costs if verdict is not None]
         return EpisodeResult(
             episode_id=header.episode_id,
@@ -125,6 +151,15 @@ class Judge:
         blank, players = self._start(rule)
         if blank.notes:
             return blank
+        if self._memory is None:
+            return self._judged(rule, blank, players)
+        success = (self._binding.goal, self.success, self.success_time, self._ahead)
+        key = repr((rule, blank, sorted(players.items()), success))
+        return self._memory.verdict(key, lambda: self._judged(rule, blank, players))
+
+    def _judged(
+        self, rule: ast.Rule, blank: Verdict, players: Mapping[str, Sequence[str]]
+    ) -> Verdict:
         params = self._binding.params(rule)
         found = judge_rule(self.evaluator(params), rule, players, blank)
         if found.verdict != "violation":

@@ -20,6 +20,7 @@ ROOMS = [
     {"rules"},
     {"sketch"},  # example scenes of the rules
     {"verdicts"},
+    {"cache"},  # what was measured and judged before
     {"scoring"},  # the verdicts of many episodes
     {"metrics"},
     {"whatif"},  # the same traces under other values and other rules

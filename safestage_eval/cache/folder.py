@@ -1,0 +1,77 @@
+"""The folder of a cache: one file per episode, bounded in size."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import time
+from pathlib import Path
+from uuid import uuid4
+
+from safestage_eval.formats import EpisodeRef
+
+from .entry import Entry, Value, encode
+
+PARTS = ("measured", "judged")
+"""Files of an episode; verdicts apart, because a new one must not rewrite all measurements."""
+MOST = 4 * 1024**3
+"""Bytes that a folder may grow to, unless ``SAFESTAGE_CACHE_SIZE`` (bytes) says otherwise."""
+
+
+class CacheFolder:
+    """Reads and writes entries. Whatever goes wrong with a file, it is as if it were not there."""
+
+    def __init__(self, path: str | Path, most: int | None = None) -> None:
+        """``most``: bytes to prune to."""
+        self.path = Path(path).expanduser()
+        told = os.environ.get("SAFESTAGE_CACHE_SIZE", "")
+        self.most = most if most is not None else int(told) if told.isdigit() else MOST
+
+    def file(self, ref: EpisodeRef, part: str) -> Path:
+        """Where a part of the entry of an episode is: named after the place of the episode."""
+        place = f"{ref.path.absolute()}\n{ref.episode_index}\n{ref.episode_id}"
+        name = hashlib.sha256(place.encode()).hexdigest()[:32]
+        return self.path / name[:2] / f"{name}.{part}"
+
+    def read(self, ref: EpisodeRef, part: str) -> Entry | None:
+        """A part of the entry of an episode, whatever state of its files it is about."""
+        path = self.file(ref, part)
+        entry = Entry.read(path)
+        if entry is not None:
+            with contextlib.suppress(OSError):
+                os.utime(path)  # used just now: pruned last
+        return entry
+
+    def write(self, ref: EpisodeRef, part: str, values: dict[str, Value]) -> None:
+        """Replace a part. A folder that cannot be written to keeps nothing."""
+        path = self.file(ref, part)
+        new = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            new.write_bytes(encode(values))
+            new.replace(path)
+        except OSError:
+            with contextlib.suppress(OSError):
+                new.unlink()
+
+    def prune(self) -> int:
+        """Remove the entries that were not used for longest until the rest fits; returns how many."""
+        found = []
+        for path in (file for part in PARTS for file in self.path.glob(f"*/*.{part}")):
+            with contextlib.suppress(OSError):
+                stat = path.stat()
+                found.append((stat.st_mtime_ns, stat.st_size, path))
+        for path in self.path.glob("*/.*.part"):  # left by processes that were killed
+            with contextlib.suppress(OSError):
+                if time.time() - path.stat().st_mtime > 3600:
+                    path.unlink()
+        total, removed = sum(size for _, size, _ in found), 0
+        for _, size, path in sorted(found):
+            if total <= self.most:
+                break
+            with contextlib.suppress(OSError):
+                path.unlink()
+                removed += 1
+            total -= size
+        return removed

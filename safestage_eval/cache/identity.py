@@ -1,0 +1,75 @@
+"""When what was measured before still holds: the same files, read by the same code."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from safestage_eval import __version__
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.formats.dataset_layout import TABLE_FOLDERS
+
+RACY = 2_000_000_000
+"""ns: a file that changed less than this before it was looked at may change again unnoticed, because
+some file systems keep time no finer."""
+
+
+@cache
+def code_version() -> str:
+    """A digest of every source file of the package, and of what computes for it.
+
+    Nobody has to remember to raise a number: any edit of the code makes all that was kept a miss.
+    Empty where the sources cannot be read; then nothing is kept.
+    """
+    package = Path(__file__).parents[1]
+    digest = hashlib.sha256(f"{__version__} {np.__version__} {platform.machine()}".encode())
+    sources = sorted(package.rglob("*.py"))
+    try:
+        for source in sources:
+            digest.update(source.relative_to(package).as_posix().encode())
+            digest.update(source.read_bytes())
+    except OSError:
+        return ""
+    return digest.hexdigest() if sources else ""
+
+
+def stamp(ref: EpisodeRef) -> tuple[str, int] | None:
+    """What the operating system says of the files that an episode is read from.
+
+    Size, both times, and the number of each file: writing to a file, replacing it, or setting its
+    time back changes at least one of them. Not its bytes: reading them all would cost as much as
+    scoring. Meshes are not among them, they are named after their content.
+
+    Returns:
+        The digest of all that, and the time (ns) of the latest change; None if a file is missing.
+    """
+    facts: list[object] = [ref.episode_id, ref.episode_index, ref.content_hash]
+    latest = 0
+    for path, needed in _files(ref):
+        try:
+            found = path.stat()
+        except OSError:
+            if needed:
+                return None
+            continue
+        facts += [str(path), found.st_size, found.st_mtime_ns, found.st_ctime_ns]
+        facts += [found.st_ino, found.st_dev]
+        latest = max(latest, found.st_mtime_ns, found.st_ctime_ns)
+    return hashlib.sha256(json.dumps(facts).encode()).hexdigest(), latest
+
+
+def _files(ref: EpisodeRef) -> Iterator[tuple[Path, bool]]:
+    """The files of an episode, and whether each must be there."""
+    path = ref.path.absolute()
+    yield path, True
+    if ref.format == "mcap":
+        return
+    dataset, name = path.parents[2], f"{ref.fields['file']}.parquet"
+    for table in TABLE_FOLDERS:
+        yield dataset / table / name, table in ("bodies", "frames")

@@ -1,0 +1,321 @@
+"""What is remembered of one episode while it is judged: measured before, or measured now."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from safestage_eval.episode import Episode, Header
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.formats.episode_row import mesh_keys
+from safestage_eval.formats.lazy import StoredItems
+from safestage_eval.relations.measure import COSTLY, Partial, Relations
+from safestage_eval.signals.measure import Signals
+from safestage_eval.signals.options import Options
+from safestage_eval.signals.reference import Reference
+from safestage_eval.signals.series import Series
+from safestage_eval.verdicts import Verdict
+
+from .entry import Entry, Value
+from .folder import PARTS, CacheFolder
+from .identity import RACY, code_version, stamp
+
+Bool = NDArray[np.bool_]
+
+ABOUT = "about"
+"""Name of the value that says which files, and which code, an entry is from."""
+
+
+class _Part:
+    """One file of an entry: what was kept before, if it still holds, and what is new."""
+
+    def __init__(
+        self, folder: CacheFolder, ref: EpisodeRef, name: str, now: tuple[str, int] | None
+    ) -> None:
+        self._folder, self._ref, self._name = folder, ref, name
+        self._entry: Entry | None = None
+        self.about: Value | None = None
+        self._known: dict[str, Value | None] = {}
+        self.new: dict[str, Value] = {}
+        entry = folder.read(ref, name) if now is not None and code_version() else None
+        about = entry.get(ABOUT) if entry is not None else None
+        if (
+            about is not None
+            and now is not None
+            and about.get("code") == code_version()
+            and about["stamp"] == now[0]
+            and now[1] <= about["noticed"] - RACY
+        ):
+            self._entry, self.about = entry, about
+
+    def get(self, key: str) -> Value | None:
+        if key not in self._known:
+            self._known[key] = self._entry.get(key) if self._entry is not None else None
+        return self.new.get(key) or self._known[key]
+
+    def forget(self) -> None:
+        self._entry, self.about = None, None
+        self._known.clear()
+
+    def write(self, about: Value) -> None:
+        values: dict[str, Value] = {ABOUT: about}
+        if self._entry is not None:
+            kept = {name: self._entry.get(name) for name in self._entry.names() if name != ABOUT}
+            values |= {name: value for name, value in kept.items() if value is not None}
+        self._folder.write(self._ref, self._name, values | self.new)
+
+
+class Memory:
+    """An episode that may not have to be opened, and everything that was measured of it."""
+
+    def __init__(self, folder: CacheFolder, ref: EpisodeRef) -> None:
+        """Looks the episode up; an entry that does not fit its files or this code is none."""
+        self._ref = ref
+        self._noticed, self._before = time.time_ns(), stamp(ref)
+        self._measured, self._judged = (_Part(folder, ref, p, self._before) for p in PARTS)
+
+    @cached_property
+    def _real(self) -> Episode:
+        return self._ref.open()
+
+    @cached_property
+    def episode(self) -> Episode:
+        """The episode; of one that is known, nothing is read before it has to be measured."""
+        about = self._measured.about
+        if about is None:
+            return self._real
+        try:
+            header = Header.model_validate_json(about["header"])
+        except ValidationError:
+            self._measured.forget()
+            return self._real
+        return Episode(
+            header=header,
+            t=about["t"],
+            tracks=StoredItems(
+                [body.name for body in header.bodies], lambda name: self._real.tracks[name]
+            ),
+            _contacts=lambda: self._real.contacts,
+            _frames=lambda: self._real.frames,
+            meshes=StoredItems(mesh_keys(header), lambda key: self._real.meshes[key]),
+            channels=StoredItems(
+                [(body, name) for body, name in about["channels"]],
+                lambda key: self._real.channels[key],
+            ),
+            path=self._ref.path,
+        )
+
+    def relations(self, baseline_frames: int, backend: str = "gjk") -> Relations:
+        """Relations and signals of the episode: from memory, or measured and kept."""
+        signals = RememberedSignals(self, baseline_frames, backend)
+        return RememberedRelations(signals, self)
+
+    # ---- values
+
+    def recall(self, key: str) -> Value | None:
+        """What was measured under a name; None if nothing was, or it is damaged."""
+        return self._measured.get(key)
+
+    def keep(self, key: str, value: Value) -> None:
+        """Remember a measurement from now on."""
+        self._measured.new[key] = value
+
+    def series(self, key: str, measure: Callable[[], Series]) -> Series:
+        """A series that was measured before, or is now."""
+        known = self.recall(key)
+        if known is None:
+            found = measure()
+            known = {
+                "lower": np.asarray(found.lower),
+                "dimension": found.dimension,
+                "notes": list(found.notes),
+            }
+            if found.upper is not found.lower:
+                known["upper"] = np.asarray(found.upper)
+            self.keep(key, known)
+        lower = known["lower"]
+        upper = known.get("upper")
+        return Series(
+            lower, lower if upper is None else upper, known["dimension"], tuple(known["notes"])
+        )
+
+    def verdict(self, key: str, judge: Callable[[], Verdict]) -> Verdict:
+        """A verdict by all that it depends on besides the trace, or judged now."""
+        name = _short(key)
+        known = self._judged.get(name)
+        if known is not None:
+            return _verdict(known)
+        found = judge()
+        self._judged.new[name] = asdict(found)
+        return found
+
+    def save(self) -> None:
+        """Write what is new, unless a file of the episode changed since it was looked up."""
+        parts = [part for part in (self._measured, self._judged) if part.new]
+        if not parts or not code_version() or self._before is None:
+            return
+        if stamp(self._ref) != self._before:
+            return
+        about: Value = {
+            "code": code_version(),
+            "stamp": self._before[0],
+            "noticed": self._noticed,
+        }
+        if self._judged.new:
+            self._judged.write(about)
+        if self._measured.new:
+            about["header"] = self.episode.header.model_dump_json()
+            about["channels"] = [list(key) for key in self.episode.channels]
+            about["t"] = np.asarray(self.episode.t)
+            self._measured.write(about)
+
+
+class RememberedSignals(Signals):
+    """Signals that are measured only when they are not remembered."""
+
+    def __init__(self, memory: Memory, baseline_frames: int, backend: str) -> None:
+        super().__init__(memory.episode, baseline_frames, backend)
+        self._memory = memory
+
+    def key(self, *what: Any) -> str:
+        """Name under which something is kept: what was asked, of whom, and how."""
+        return f"{self.backend} {self.baseline.frames} {_short(repr(what))}"
+
+    def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
+        """As in the base class."""
+        key = self.key("between frames", name, tuple(bodies), frame)
+        known = self._memory.recall(key)
+        if known is None:
+            known = {"value": super().between_frames(name, bodies, frame)}
+            self._memory.keep(key, known)
+        found: float | None = known["value"]
+        return found
+
+    def _get(
+        self,
+        name: str,
+        bodies: tuple[str, ...],
+        reference: Reference | None,
+        cap: float,
+        deep: bool,
+        slack: float,
+        options: Options,
+    ) -> Series:
+        since = reference.key if reference else ""
+        key = self.key("signal", name, bodies, since, cap, deep, slack, options)
+
+        def measure() -> Series:
+            return super(RememberedSignals, self)._get(
+                name, bodies, reference, cap, deep, slack, options
+            )
+
+        return self._memory.series(key, measure)
+
+
+class RememberedRelations(Relations):
+    """Relations, and signals of them, that are found out only when they are not remembered."""
+
+    signals: RememberedSignals
+
+    def __init__(self, signals: RememberedSignals, memory: Memory) -> None:
+        super().__init__(signals)
+        self._memory = memory
+        self._at_hand: dict[str, tuple[Bool, Bool]] = {}
+
+    def get(self, name: str, bodies: Sequence[str], wanted: Bool | None = None) -> Bool | None:
+        """As in the base class."""
+        if self.lacking(name, bodies):
+            return None
+        key = self.signals.key("relation", name, tuple(bodies))
+        everywhere = np.ones(len(self.episode), np.bool_)
+        asked = everywhere if wanted is None or name not in COSTLY else wanted
+        known = self._at_hand.get(key)
+        if known is None:
+            stored = self._memory.recall(key)
+            if stored is not None:
+                known = stored["truth"], stored["done"]
+        if known is not None and not (asked & ~known[1]).any():
+            self._at_hand[key] = known
+            remembered: Bool = known[0]
+            return remembered
+        found = super().get(name, bodies, wanted)
+        if found is None:
+            return None
+        truth, done = np.array(found), np.array(asked)
+        if known is not None:
+            truth, done = np.where(done, truth, known[0]), done | known[1]
+        self._at_hand[key] = truth, done
+        self._memory.keep(key, {"truth": truth, "done": done})
+        return truth
+
+    def signal(
+        self,
+        name: str,
+        bodies: Sequence[str],
+        reference: Reference | None = None,
+        reach: float = 0,
+        wanted: Bool | None = None,
+        options: Options = (),
+        limits: Sequence[float] = (),
+    ) -> Series:
+        """As in the base class. What is measured at some frames only is kept for these."""
+        if name in COSTLY:
+            return self._costly(name, tuple(bodies), wanted)
+
+        def measure() -> Series:
+            return super(RememberedRelations, self).signal(
+                name, bodies, reference, reach, wanted, options, limits
+            )
+
+        if name not in ("slip", "load_share"):
+            return measure()  # the signals remember
+        since = reference.key if reference else ""
+        return self._memory.series(self.signals.key("signal", name, tuple(bodies), since), measure)
+
+    def _costly(self, name: str, bodies: tuple[str, ...], wanted: Bool | None) -> Series:
+        key = self.signals.key("partial", name, bodies)
+        if (name, bodies) not in self._partial:
+            known = self._memory.recall(key)
+            if known is not None:
+                lower, upper, done = (np.array(known[part]) for part in ("lower", "upper", "done"))
+                about = [np.array(known[f"about {i}"]) for i in range(len(known["notes"]))]
+                self._partial[name, bodies] = Partial(
+                    lower, upper, done, dict(zip(known["notes"], about, strict=True))
+                )
+        before = self._partial.get((name, bodies))
+        count = int(before.done.sum()) if before is not None else -1
+        found = super().signal(name, bodies, wanted=wanted)
+        partial = self._partial[name, bodies]
+        if int(partial.done.sum()) != count:
+            value: Value = {
+                "lower": partial.lower,
+                "upper": partial.upper,
+                "done": partial.done,
+                "notes": list(partial.notes),
+            }
+            value |= {f"about {i}": mask for i, mask in enumerate(partial.notes.values())}
+            self._memory.keep(key, value)
+        return found
+
+
+def _short(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+_TUPLES = {field.name for field in fields(Verdict) if str(field.type).startswith("tuple")}
+
+
+def _verdict(stored: dict[str, Any]) -> Verdict:
+    """A verdict from JSON."""
+    given = dict(stored)
+    for name in _TUPLES:
+        given[name] = tuple(tuple(item) if isinstance(item, list) else item for item in given[name])
+    return Verdict(**given)
