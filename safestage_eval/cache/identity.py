@@ -70,6 +70,6 @@ def _files(ref: EpisodeRef) -> Iterator[tuple[Path, bool]]:
     yield path, True
     if ref.format == "mcap":
         return
-    dataset, name = path.parents[2], f"{ref.fields['file']}.parquet"
+    dataset, name = path.parents[2], f"{ref.stored_in}.parquet"
     for table in TABLE_FOLDERS:
         yield dataset / table / name, table in ("bodies", "frames")

@@ -36,8 +36,7 @@ REF_FIELDS = (
     "force_source",
     "schema_version",
 )
-"""Header fields that a reference carries; with them ``length``, ``content_hash`` and, in a dataset,
-the ``file`` that its rows are in."""
+"""Header fields that a reference carries; with them ``length`` and ``content_hash``."""
 
 
 def load(
@@ -157,7 +156,14 @@ def _dataset_refs(file: Path) -> list[EpisodeRef]:
     except TraceError as problem:
         return [EpisodeRef(file, "parquet", problem=problem)]
     return [
-        EpisodeRef(file, "parquet", row.pop("episode_id"), row.pop("episode_index"), row)
+        EpisodeRef(
+            file,
+            "parquet",
+            row.pop("episode_id"),
+            row.pop("episode_index"),
+            stored_in=row.pop("file"),
+            fields=row,
+        )  # fmt: skip
         for row in rows
     ]
 

@@ -24,6 +24,7 @@ class EpisodeRef:
         episode_index: its key in a Parquet dataset; None for MCAP.
         fields: the header's scalar fields and ``content_hash`` as stored, by name.
         problem: why it cannot be opened, if that is already known.
+        stored_in: name of the files that hold its rows in a Parquet dataset; None for MCAP.
     """
 
     path: Path
@@ -32,6 +33,7 @@ class EpisodeRef:
     episode_index: int | None = None
     fields: Mapping[str, Any] = field(default_factory=dict)
     problem: TraceError | None = None
+    stored_in: str | None = None
 
     @property
     def content_hash(self) -> str | None:
