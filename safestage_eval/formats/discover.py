@@ -163,7 +163,7 @@ def _dataset_refs(file: Path) -> list[EpisodeRef]:
             row.pop("episode_index"),
             stored_in=row.pop("file"),
             fields=row,
-        )  # fmt: skip
+        )
         for row in rows
     ]
 
