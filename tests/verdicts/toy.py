@@ -50,8 +50,11 @@ class Facts:
         frames = len(next(iter(series.values())))
         termination = "truncated" if truncated else "horizon"
         self.episode = _empty(frames, rate, termination=termination, **header)
-        self.signals = SimpleNamespace(baseline=Baseline(5), between_frames=lambda *_: None)
+        self.signals = SimpleNamespace(baseline=Baseline(5))
         self._series = {name: np.asarray(values, float) for name, values in series.items()}
+
+    def between_frames(self, *_: Any) -> None:
+        """Nothing moves between frames."""
 
     def signal(self, name: str, bodies: tuple[str, ...], *_: Any) -> Series:
         values = self._series[f"{name}({', '.join(bodies)})"]
