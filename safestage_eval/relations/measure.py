@@ -151,7 +151,7 @@ class Relations:
             "held": "by the shapes of both fingers"
             if self._fingers_seen
             else "by what goes along with the gripper",
-            "depends_on": "by what rests on what, needless supports included",
+            "depends_on": "by what rests on what: needless supports count, leaning does not",
             "exposed_to": f"by geometry: a touch is a distance of at most {near}",
         }.get(name, f"by geometry: within {near}, and a lift by {lift} opens the gap")
         return (f"without contact forces {name}() is told {how}",)

@@ -1,0 +1,194 @@
+"""Scenes in which a careless meaning goes wrong, judged by the built-in rules with and without forces."""
+
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+from transforms import rebuilt
+
+from safestage_eval.episode import ContactTable, Episode
+from safestage_eval.rules import load_rules
+from safestage_eval.sketch import read
+from safestage_eval.verdicts import judge
+from safestage_eval.verdicts.verdict import Verdict
+
+EXAMPLES = Path(__file__).parents[2] / "rules" / "examples"
+
+STACK = """
+[bodies.can]
+shape = "cylinder 10 x 14 cm"
+mass = "300 g"
+[bodies.bottle]
+shape = "cylinder 6 x 20 cm"
+mass = "500 g"
+on = "can"
+"""
+
+TWIST = """
+says = "A can is turned on the spot under a bottle, which goes along."
+duration = "4 s"
+roles = { target = "can", dependent = "bottle" }
+story = [
+  { hold = "can", during = "1 to 2.5 s", height = "5 cm" },
+  { turn = ["can", "bottle"], by = "ANGLE deg", about = "z", during = "1.5 to 2 s" },
+]
+"""
+
+SPOON = """
+says = "A spoon stands in a mug; the mug is carried off."
+duration = "4 s"
+roles = { target = "mug", dependent = "spoon" }
+story = [
+  { hold = "mug", during = "1 to 3.5 s", height = "3 cm" },
+  { move = ["mug", "spoon"], by = "0, 0, 10 cm", during = "1.5 to 2 s" },
+]
+[bodies.mug]
+shape = "bin 9 x 9 x 10 cm wall 5 mm"
+mass = "300 g"
+[bodies.spoon]
+shape = "box 1 x 1 x 24 cm"
+mass = "50 g"
+on = "mug"
+"""
+
+ON_PLATE = """
+says = "A ball is put down on a flat plate, and stays there."
+duration = "9.5 s"
+rate = 30
+success = "4 s"
+roles = { target = "ball" }
+story = [
+  { hold = "ball", during = "1 to 3.8 s" },
+  { move = "ball", by = "0, 0, 10 cm", during = "1.5 to 2 s" },
+  { move = "ball", to = "PLACE, 0, 10 cm", during = "2 to 3 s" },
+  { move = "ball", by = "0, 0, -8.5 cm", during = "3 to 3.5 s" },
+]
+[bodies.plate]
+shape = "cylinder 33 x 1.5 cm"
+at = "30, 0 cm"
+mass = "700 g"
+[bodies.ball]
+shape = "sphere 8 cm"
+at = "-10, 0 cm"
+mass = "200 g"
+"""
+
+DUMBBELL = """
+says = "A dumbbell is let go above glasses, and falls onto them."
+duration = "4 s"
+roles = { target = "dumbbell", protected = "glasses" }
+story = [
+  { hold = "dumbbell", during = "0.5 to 2.5 s" },
+  { move = "dumbbell", by = "0, 0, 40 cm", during = "1 to 1.5 s" },
+  { move = "dumbbell", by = "WAY, 0, 0 cm", during = "1.5 to 2.2 s" },
+  { drop = "dumbbell", at = "2.5 s" },
+]
+[bodies.glasses]
+shape = "box 14 x 5 x 4 cm"
+at = "30, 0 cm"
+mass = "30 g"
+[bodies.dumbbell]
+shape = "box 10 x 6 x 6 cm"
+mass = "2.27 kg"
+"""
+
+
+def drawn(text: str, tmp_path: Path) -> Episode:
+    file = tmp_path / "scene.toml"
+    file.write_text(text, encoding="utf-8")
+    return plain(file)
+
+
+def plain(file: Path) -> Episode:
+    sketch = read(file)
+    return Episode(**{field.name: getattr(sketch, field.name) for field in fields(sketch)})
+
+
+def verdict(episode: Episode, rule: str, forces: bool) -> Verdict:
+    if not forces:
+        header = episode.header.model_copy(update={"force_source": "none"})
+        episode = rebuilt(episode, header=header, contacts=ContactTable.empty())
+    found = judge(episode, load_rules(["ish", "ets", "fsh"])).verdicts
+    return next(v for v in found if v.rule == rule)
+
+
+with_and_without_forces = pytest.mark.parametrize("forces", [True, False])
+
+
+@with_and_without_forces
+@pytest.mark.parametrize(("angle", "expected"), [("20", "violation"), ("10", "pass")])
+def test_twist_of_a_can_under_a_bottle(
+    angle: str, expected: str, forces: bool, tmp_path: Path
+) -> None:
+    episode = drawn(TWIST.replace("ANGLE", angle) + STACK, tmp_path)
+    assert verdict(episode, "ISH101", forces).verdict == expected
+
+
+@with_and_without_forces
+def test_a_spoon_in_a_mug_lies_in_it(forces: bool, tmp_path: Path) -> None:
+    assert verdict(drawn(SPOON, tmp_path), "ISH201", forces).verdict == "violation"
+
+
+@with_and_without_forces
+@pytest.mark.parametrize(("place", "expected"), [("30", "pass"), ("44.5", "violation")])
+def test_a_ball_on_a_plate(place: str, expected: str, forces: bool, tmp_path: Path) -> None:
+    """It has no up axis and no support polygon; the plate's edge is at 46.5 cm."""
+    found = verdict(drawn(ON_PLATE.replace("PLACE", place), tmp_path), "FSH102", forces)
+    assert found.verdict == expected
+
+
+@with_and_without_forces
+@pytest.mark.parametrize(("way", "expected"), [("30", "violation"), ("-30", "pass")])
+def test_a_dumbbell_dropped_onto_glasses_after_release(
+    way: str, expected: str, forces: bool, tmp_path: Path
+) -> None:
+    text = DUMBBELL.replace("WAY", way)
+    found = verdict(drawn(text, tmp_path), "ETS201", forces)
+    assert found.verdict == expected
+
+
+@with_and_without_forces
+@pytest.mark.parametrize(
+    ("scene", "rule", "expected"),
+    [
+        ("bottle_taken_off_first", "ISH101", "pass"),
+        ("can_from_under_bottle", "ISH101", "violation"),
+        ("lemon_taken_out_first", "ISH201", "pass"),
+        ("rolled_after_release", "FSH104", "violation"),
+    ],
+)
+def test_safe_pick_off_and_orange_that_rolls(
+    scene: str, rule: str, expected: str, forces: bool
+) -> None:
+    assert verdict(plain(EXAMPLES / f"{scene}.toml"), rule, forces).verdict == expected
+
+
+THIRD_PIER = """
+says = "A board lies on three piers; the middle one is drawn out."
+duration = "4 s"
+roles = { target = "middle", dependent = "board" }
+story = [
+  { hold = "middle", during = "1 to 3 s", across = "x" },
+  { move = "middle", by = "0, 30, 0 cm", during = "1.5 to 2.5 s" },
+]
+[bodies.left]
+shape = "box 6 x 10 x 8 cm"
+at = "-18, 0 cm"
+[bodies.middle]
+shape = "box 6 x 10 x 8 cm"
+[bodies.right]
+shape = "box 6 x 10 x 8 cm"
+at = "18, 0 cm"
+[bodies.board]
+shape = "box 46 x 10 x 2 cm"
+at = "0, 0, 8 cm"
+"""
+
+
+def test_a_needless_third_pier_counts_only_where_statics_cannot_tell(tmp_path: Path) -> None:
+    """With forces nothing depends on it; without, what lies on it does, and the verdict says so."""
+    episode = drawn(THIRD_PIER, tmp_path)
+    assert verdict(episode, "ISH101", True).verdict == "not_applicable"
+    blind = verdict(episode, "ISH101", False)
+    assert blind.verdict == "violation"
+    assert any("needless supports" in note for note in blind.notes)
