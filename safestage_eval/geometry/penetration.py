@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import helper, kernel
+from .compiled import kernel
 from .shape import Packed
 from .support import support_point
 
@@ -61,7 +61,7 @@ class Hull(NamedTuple):
     spare: I64
 
 
-@helper
+@kernel
 def difference_support(
     A: Packed,
     a: int,
@@ -103,7 +103,7 @@ def difference_support(
     return float(x * out[0] + y * out[1] + z * out[2])
 
 
-@helper
+@kernel
 def _face(hull: Hull, f: int, i: int, j: int, k: int, beside: int) -> None:
     """Make f the triangle of corners i, j, k; a sliver takes over the plane of face ``beside``.
 
@@ -134,14 +134,14 @@ def _face(hull: Hull, f: int, i: int, j: int, k: int, beside: int) -> None:
     )
 
 
-@helper
+@kernel
 def _seen(hull: Hull, f: int, corner: int, fuzz: float) -> bool:
     """Whether a corner lies above the plane of face f."""
     n, c = hull.normal[f], hull.corners[corner]
     return bool(n[0] * c[0] + n[1] * c[1] + n[2] * c[2] > hull.height[f] + fuzz)
 
 
-@helper
+@kernel
 def _grow(hull: Hull, first: int, corner: int, used: int, fuzz: float) -> int:
     """Add a corner that sees face ``first``; the number of face rows in use, or −1 if it cannot.
 
@@ -216,7 +216,7 @@ def _grow(hull: Hull, first: int, corner: int, used: int, fuzz: float) -> int:
     return used
 
 
-@helper
+@kernel
 def _hull(size: int) -> Hull:
     """Memory for a polytope of at most ``size`` corners."""
     faces = 2 * size

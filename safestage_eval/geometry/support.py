@@ -9,13 +9,38 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import helper
+from .compiled import helper, kernel
 from .shape import BOX, CYLINDER, ELLIPSOID, HULL, PLANE, SEGMENT, Packed
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 
 ANCHORS = 24
 """Vertices of a large hull that are looked at before the search along its edges."""
+
+
+@kernel
+def _top(
+    vertices: F64, ring: I64, beside: I64, first: int, count: int, x: float, y: float, z: float
+) -> int:
+    """The row of a hull's vertex that is farthest along (x, y, z)."""
+    best, row = -np.inf, first
+    edges = ring[first + 1] > ring[first]
+    # from the best of a few, uphill along edges: on a hull, what no neighbour tops is the top
+    for i in range(first, first + count, count // ANCHORS + 1 if edges else 1):
+        v = vertices[i, 0] * x + vertices[i, 1] * y + vertices[i, 2] * z
+        if v > best:
+            best, row = v, i
+    while edges:
+        here = row
+        for k in range(ring[here], ring[here + 1]):
+            i = beside[k]
+            v = vertices[i, 0] * x + vertices[i, 1] * y + vertices[i, 2] * z
+            if v > best:
+                best, row = v, i
+        if row == here:
+            break
+    return row
 
 
 @helper
@@ -27,23 +52,9 @@ def support_point(geoms: Packed, g: int, x: float, y: float, z: float, out: F64)
     """
     kind = geoms.kind[g]
     if kind == HULL:
-        first, count = geoms.first[g], geoms.points[g]
-        best, row = -np.inf, first
-        edges = geoms.ring[first + 1] > geoms.ring[first]
-        # from the best of a few, uphill along edges: on a hull, what no neighbour tops is the top
-        for i in range(first, first + count, count // ANCHORS + 1 if edges else 1):
-            v = geoms.vertices[i, 0] * x + geoms.vertices[i, 1] * y + geoms.vertices[i, 2] * z
-            if v > best:
-                best, row = v, i
-        while edges:
-            here = row
-            for k in range(geoms.ring[here], geoms.ring[here + 1]):
-                i = geoms.beside[k]
-                v = geoms.vertices[i, 0] * x + geoms.vertices[i, 1] * y + geoms.vertices[i, 2] * z
-                if v > best:
-                    best, row = v, i
-            if row == here:
-                break
+        row = _top(
+            geoms.vertices, geoms.ring, geoms.beside, geoms.first[g], geoms.points[g], x, y, z
+        )
         out[0], out[1], out[2] = (
             geoms.vertices[row, 0],
             geoms.vertices[row, 1],

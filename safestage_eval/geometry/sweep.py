@@ -93,7 +93,8 @@ def sweep(
 
     ``lower``, ``upper`` (T,) bound the least distance of the pairs so far (m) and are updated; or,
     with ``least`` of three elements instead of none, it alone is: lower bound, upper bound and
-    frame of the minimum so far over pairs and frames.
+    frame of the minimum so far over pairs and frames. What cannot be lower by more than ``slack``
+    is then left out.
     """
     frames = max(ma.centre.shape[0], mb.centre.shape[0])
     last_a, last_b = ma.centre.shape[0] - 1, mb.centre.shape[0] - 1
@@ -109,11 +110,11 @@ def sweep(
     before_path, before_frame, settled = 0.0, 0, False
     for index in range(blocks.shape[0]):
         k = blocks[index]
-        if seek and block_bounds[index] >= least[1]:
+        if seek and block_bounds[index] >= least[1] - slack:
             continue
         for frame in range(k * BLOCK, min(frames, (k + 1) * BLOCK)):
             s, t = min(frame, last_a), min(frame, last_b)
-            limit = least[1] if seek else min(cap, upper[frame])
+            limit = least[1] - slack if seek else min(cap, upper[frame])
             path = ma.path[s] + mb.path[t]
             moved = abs(path - before_path)
             if low - moved >= limit:

@@ -54,6 +54,10 @@ def test_a_million_decisions_agree() -> None:
             least = clearance_minimum([target], [other])
             assert least.lower <= upper.min() + 1e-13
             assert lower.min() <= least.upper + 1e-13
+            near = clearance_minimum([target], [other], slack=SLACK / 2)
+            assert near.lower <= least.upper + 1e-13
+            assert least.lower <= near.upper + 1e-13
+            assert near.upper - near.lower <= SLACK + 1e-9 or least.upper <= 1e-5
             loose = clearance_series([target], [other], 0.25 + 1e-6, slack=SLACK)
             for limit in LIMITS:
                 found = clearance_series([target], [other], limit * (1 + 1e-6) + 1e-6)
