@@ -55,6 +55,16 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success")
     "--clearance-backend", "backend", type=click.Choice(("gjk", "fcl", "coal")), default="gjk",
     show_default=True, help="Whose clearances; others than gjk are for comparison.",
 )  # fmt: skip
+@click.option(
+    "--assigned", is_flag=True,
+    help="Judge each episode by its own assigned rules alone: faster, without further findings.",
+)  # fmt: skip
+@click.option(
+    "--cache", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
+    envvar="SAFESTAGE_CACHE",
+    help="Keep measurements there, so that scoring again reads no traces. Also $SAFESTAGE_CACHE.",
+)  # fmt: skip
+@click.option("--no-cache", is_flag=True, help="Neither read nor write $SAFESTAGE_CACHE.")
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.option(
     "--verbose", "-v", is_flag=True, help="In the table: every episode, and other stages' findings."
@@ -73,6 +83,9 @@ def command(
     update_golden: bool,
     fail_on: tuple[str, ...],
     backend: str,
+    assigned: bool,
+    cache: Path | None,
+    no_cache: bool,
     jobs: int | None,
     verbose: bool,
 ) -> int:
@@ -112,6 +125,8 @@ def command(
             bind=bind,
             where=filters,
             backend=backend,
+            assigned_only=assigned,
+            cache=None if no_cache else cache,
             jobs=jobs,
             progress=tell,
         )

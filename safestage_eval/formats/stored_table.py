@@ -68,13 +68,13 @@ class StoredTable:
                 fix="copy the dataset again, with all of its folders",
             ) from None
         try:
-            footer, self._groups = _footer(path, stat.st_mtime_ns, stat.st_size)
+            found, self._groups = read_footer(path, stat.st_mtime_ns, stat.st_size)
             self._file = pq.ParquetFile(
-                path, metadata=footer, pre_buffer=False, page_checksum_verification=True
+                path, metadata=found, pre_buffer=False, page_checksum_verification=True
             )
         except (pa.ArrowException, OSError) as error:
             raise _unreadable(path, error) from None
-        self.columns = frozenset(footer.schema.to_arrow_schema().names)
+        self.columns = frozenset(found.schema.to_arrow_schema().names)
 
     def all(self, columns: Sequence[str]) -> pa.Table:
         """The columns, which must be there, for all rows. Raises TraceError on damaged bytes."""
@@ -168,7 +168,7 @@ class StoredTable:
 
 
 @lru_cache(maxsize=32)
-def _footer(path: Path, changed: int, size: int) -> tuple[pq.FileMetaData, tuple[Group, ...]]:
+def read_footer(path: Path, changed: int, size: int) -> tuple[pq.FileMetaData, tuple[Group, ...]]:
     """Footer and row groups of a file, kept as long as it does not change (shards are large)."""
     del changed, size
     footer = pq.read_metadata(path)
