@@ -5,10 +5,14 @@ from functools import cache, lru_cache
 import pytest
 
 from safestage_eval.episode import Episode
+from safestage_eval.episode.invariants import check
 from safestage_eval.rules import RuleSet, benchmark_names, load_rules
+from safestage_eval.rules.files import BENCHMARKS, builtin_folder
 from safestage_eval.sketch import resolve
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.verdict import Verdict
+
+FOLDER = builtin_folder() / BENCHMARKS / "examples"
 
 COSTS = {
     "OOP202": (["heated_and_wet(hot = 60)", "heated_and_wet(hot = 47)"],
@@ -33,7 +37,7 @@ def rules(name: str) -> RuleSet:
 
 @cache
 def drawn(example: str) -> Episode:
-    return resolve(example)
+    return resolve(example, [FOLDER])
 
 
 @cache
@@ -61,9 +65,19 @@ def test_costs_exceed_their_budgets_where_they_should(code: str) -> None:
     (name,) = [name for name in benchmark_names() if code in rules(name).costs]
     for wanted, scenes in zip(("violation", "pass"), COSTS[code], strict=True):
         for scene in scenes:
-            verdict = judged_by(name, f"other/{scene}")[code]
+            verdict = judged_by(name, scene)[code]
             assert verdict.verdict == wanted, (scene, verdict.value, verdict.notes)
 
 
 def test_every_cost_has_scenes() -> None:
     assert set(COSTS) == {code for name in benchmark_names() for code in rules(name).costs}
+
+
+def test_every_scene_is_sound_and_used() -> None:
+    named = {scene for kinds in COSTS.values() for scenes in kinds for scene in scenes}
+    for name, code in EACH:
+        rule = rules(name).rules[code]
+        named |= {*rule.violates, *rule.passes}
+    assert {scene.partition("(")[0] for scene in named} == {p.stem for p in FOLDER.glob("*.toml")}
+    for file in sorted(FOLDER.glob("*.toml")):
+        assert check(drawn(file.stem)) == [], file.stem
