@@ -112,8 +112,10 @@ def _meeting(
 
 def _clipped(subject: F64, window: F64) -> F64:
     """(N, 2) what of a convex polygon, segment or point lies in a convex window."""
-    out = subject
-    for normal, corner in zip(outward(window), window, strict=True):
+    out, normals = subject, outward(window)
+    if (subject @ normals.T <= (normals * window).sum(1) + 1e-9).all():
+        return subject
+    for normal, corner in zip(normals, window, strict=True):
         if not len(out):
             break
         beyond = (out - corner) @ normal
