@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -63,6 +64,7 @@ class Evaluator:
         self.notes: dict[str, None] = {}
         self.players: Mapping[str, Sequence[str]] = {}
         """Role → all bodies that play it, for ``at least K role``."""
+        self._obligation: str | None = None
         self._states: dict[tuple[str, tuple[str, ...]], tuple[Band, dict[str, None]]] = {}
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
@@ -82,6 +84,19 @@ class Evaluator:
             if not any(f"param.{name}" in uses for name in changed):
                 found._states[key] = state
         return found
+
+    @contextmanager
+    def obliged(self, kind: str | None) -> Iterator[None]:
+        """Conditions are those of a rule's ``require``, ``forbid`` or ``reach``; None for a state.
+
+        A limit on a tilt that a body does not have is skipped there: it holds where it must, and
+        does not where it must not. A state asks whether the body is tilted, and it never is.
+        """
+        outer, self._obligation = self._obligation, kind
+        try:
+            yield
+        finally:
+            self._obligation = outer
 
     # ---- values
 
@@ -181,6 +196,9 @@ class Evaluator:
         """One entry of a condition; ``wanted`` as in ``condition``."""
         if isinstance(atom, ast.SignalAtom):
             series = self.series(atom, env, wanted)
+            if self._obligation is not None and self._has_no_tilt(atom.call, env):
+                skipped = self._obligation != "forbid"
+                return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
             return band.both(
                 [
                     limit_margin(series, limit.op, self.number(limit.value, env), self._scale(atom))
@@ -203,6 +221,10 @@ class Evaluator:
             [self.alternative(a, env, wanted) for a in atom.alternatives], self.frames
         )
 
+    def _has_no_tilt(self, call: ast.Call, env: Env) -> bool:
+        name, bodies, _ = self.measured(call, env)
+        return name == "tilt" and self.episode.bodies[bodies[0]].up_axis is None
+
     def _scale(self, atom: ast.SignalAtom) -> float:
         name = atom.call.name
         if name in self.rules.signals:
@@ -214,6 +236,10 @@ class Evaluator:
 
         ``wanted`` as in ``condition``; a state that looks at neighbouring frames has them all.
         """
+        with self.obliged(None):
+            return self._state(call, env, wanted)
+
+    def _state(self, call: ast.Call, env: Env, wanted: Bool | None) -> Band:
         bodies = tuple(env.get(arg, arg) for arg in call.args)
         declared = self.rules.states.get(call.name)
         if wanted is not None and declared is not None and _is_momentary(declared):

@@ -131,7 +131,9 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
     sure = instance.scope.certain
     lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
     for clause in clauses(rule):
-        found = _band(evaluator, clause.what, instance.env, instance.scope).at(first, stop)
+        found = _band(evaluator, clause.what, instance.env, instance.scope, clause.kind).at(
+            first, stop
+        )
         if clause.kind == "require":
             out[first:stop] |= found.false & sure
         elif clause.kind == "forbid":
@@ -163,9 +165,12 @@ def _may_come(evaluator: Evaluator, rule: ast.Scoped) -> bool:
     return may_recur(rule.during or ast.Whole(), evaluator)
 
 
-def _band(evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope) -> Band:
+def _band(
+    evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope, kind: Kind | None = None
+) -> Band:
     """The band (T,) of an obligation, of which only the scope's frames mean anything."""
-    return evaluator.alternative(what, env, _mask(evaluator, scope))
+    with evaluator.obliged(kind):
+        return evaluator.alternative(what, env, _mask(evaluator, scope))
 
 
 def _judge_scope(
@@ -174,7 +179,7 @@ def _judge_scope(
     lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
     results = []
     for clause in clauses(rule):
-        whole = _band(evaluator, clause.what, env, scope)
+        whole = _band(evaluator, clause.what, env, scope, clause.kind)
         found = whole.at(scope.first, scope.stop)
         lower, upper, frame = _obligation(clause.kind, found, scope.sure, lasting)
         if scope.cut and clause.kind == "reach":

@@ -138,7 +138,8 @@ def _witness(
     assert instance.clause is not None  # the caller has dealt with unknown instances
     forbidden = instance.clause.kind == "forbid"
     search = Search(evaluator, upper=violated != forbidden, sign=-1 if forbidden else 1)
-    return search.alternative(instance.clause.what, instance.env, instance.frame)
+    with evaluator.obliged(instance.clause.kind):
+        return search.alternative(instance.clause.what, instance.env, instance.frame)
 
 
 def _ordering(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Witness | None:

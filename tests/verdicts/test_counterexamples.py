@@ -192,3 +192,42 @@ def test_a_needless_third_pier_counts_only_where_statics_cannot_tell(tmp_path: P
     blind = verdict(episode, "ISH101", False)
     assert blind.verdict == "violation"
     assert any("needless supports" in note for note in blind.notes)
+
+
+@pytest.mark.parametrize(
+    ("clause", "expected"),
+    [
+        ('require = { "tilt(target)" = "<= 15 deg" }', "pass"),
+        ('forbid = { "tilt(target)" = ">= 15 deg" }', "pass"),
+        ('require = { "tilt(target)" = ">= 80 deg" }', "pass"),
+        ('forbid = { "tilt(target)" = "<= 5 deg" }', "pass"),
+        (
+            'forbid = [{ "tilt(target)" = "<= 5 deg" }, { "speed(target)" = ">= 1 mm/s" }]',
+            "violation",
+        ),
+        ('require = { "tilt(target)" = ">= 80 deg", "speed(target)" = "<= 1 mm/s" }', "violation"),
+        ('forbid = "fallen(target)"', "pass"),
+        ('require = { "fallen(target)" = false }', "pass"),
+        ('require = { "fallen(target)" = false, "speed(target)" = "<= 1 mm/s" }', "violation"),
+        ('forbid = [{ "tilt(target)" = ">= 15 deg", "speed(target)" = ">= 1 mm/s" }]', "pass"),
+    ],
+)
+def test_an_orange_is_never_tilted_and_the_verdict_says_so(
+    clause: str, expected: str, tmp_path: Path
+) -> None:
+    """It rolls, so it turns; yet a limit on its tilt is skipped, and every other condition holds."""
+    file = tmp_path / "tilt.toml"
+    state = '[state.fallen]\nof = ["a"]\nwhen = { "tilt(a)" = ">= 30 deg" }\n'
+    file.write_text(
+        '[ruleset]\nformat = 1\nname = "tilt"\nversion = "1"\nextends = ["defaults"]\n'
+        + state * ("fallen" in clause)
+        + '[[rule]]\ncode = "TIL101"\ntitle = "tilt"\nroles = { target = "object" }\n'
+        + clause,
+        encoding="utf-8",
+    )
+    episode = plain(EXAMPLES / "rolled_after_release.toml")
+    (found,) = judge(episode, load_rules([file])).verdicts
+    assert found.verdict == expected
+    assert any("no up axis" in note for note in found.notes)
+    if expected == "violation":
+        assert str(found.signal).startswith("speed")
