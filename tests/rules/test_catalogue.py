@@ -50,3 +50,16 @@ def test_every_example_is_a_sound_episode(name: str) -> None:
 def test_every_example_is_used() -> None:
     there = {path.stem for path in (builtin_folder() / "examples").glob("*.toml")}
     assert there == {name.partition("(")[0] for _, name, _ in EXAMPLES}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", ["ish", "ets", "fsh"])
+def test_the_examples_notice_every_mistake(file: str) -> None:
+    """A limit turned round or ten times off, a role exchanged, an obligation dropped."""
+    from click.testing import CliRunner
+
+    from safestage_eval.cli import group
+
+    result = CliRunner().invoke(group, ["rules", "test", file, "--mutate"])
+    assert result.exit_code == 0, result.stdout[-2000:]
+    assert "mistakes noticed" in result.stdout
