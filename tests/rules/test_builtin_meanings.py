@@ -84,6 +84,24 @@ def test_letting_go_from_high_up_is_a_drop(release: float, dropped: bool) -> Non
         assert true(found, "dropped", "a")[fallen:].all()
 
 
+@pytest.mark.parametrize("rate", [60, 120, 240])
+@pytest.mark.parametrize(("height", "dropped"), [(0.055, True), (0.045, False)])
+def test_a_fall_is_told_at_any_rate(rate: float, height: float, dropped: bool) -> None:
+    """The frame that lands counts: before it a coarse recording has seen only part of the way."""
+    frames = int(2 * rate)
+    t = np.arange(frames) / rate
+    where = np.zeros((frames, 3))
+    where[:, 2] = HALF + np.maximum(height - G * np.clip(t - 0.5, 0, None) ** 2 / 2, 0)
+    down = int(np.argmax(where[:, 2] <= HALF))
+    falls = Scene(frames, rate).fixed("table").fixed("ledge", (0, 0, height))
+    falls.box("a", HALF, where)
+    falls.rests("a", "ledge", HALF, (0, 0, height), G, frames=slice(0, int(0.5 * rate) + 1))
+    falls.rests("a", "table", HALF, (0, 0, 0), G, frames=slice(down, frames))
+    for side in ("left", "right"):
+        falls.box(side, 0.01, (0, 0, 5), kind="gripper", finger=side)
+    assert true(evaluator(falls), "dropped", "a").any() == dropped
+
+
 def test_sliding_on_its_own_is_a_loss_and_being_pushed_is_none() -> None:
     where = path(240, (0, 0, 0), (60, 0, 0), (120, 0.1, 0))
     alone = evaluator(stands(scene(240, where), (0, 240)))
