@@ -1,6 +1,10 @@
 """Settings every test shares."""
 
+import os
+
 from hypothesis import settings
+
+os.environ.pop("COLUMNS", None)  # what a parallel run sets is no wish for narrow tables
 
 settings.register_profile("safestage", derandomize=True, deadline=None, max_examples=30)
 settings.load_profile("safestage")

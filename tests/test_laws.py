@@ -62,6 +62,9 @@ def same_values(before: EpisodeResult, after: EpisodeResult) -> None:
     for old, new in zip(before.verdicts, after.verdicts, strict=True):
         if old.value is None or not np.isfinite(old.value):
             continue
+        if new.value is None:  # rounding has made it tie with another
+            assert old.verdict == new.verdict == "pass"
+            continue
         assert new.value == pytest.approx(old.value, rel=2e-3, abs=5e-5), old.rule
         assert new.limit == pytest.approx(old.limit)
         assert (new.margin is None) == (old.margin is None)

@@ -72,9 +72,9 @@ class StoredTable:
             self._file = pq.ParquetFile(
                 path, metadata=found, pre_buffer=False, page_checksum_verification=True
             )
-        except (pa.ArrowException, OSError) as error:
+            self.columns = frozenset(found.schema.to_arrow_schema().names)
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # a name may be damaged
             raise _unreadable(path, error) from None
-        self.columns = frozenset(found.schema.to_arrow_schema().names)
 
     def all(self, columns: Sequence[str]) -> pa.Table:
         """The columns, which must be there, for all rows. Raises TraceError on damaged bytes."""
@@ -113,7 +113,7 @@ class StoredTable:
         """All rows of some row groups. Raises TraceError on damaged bytes."""
         try:
             return self._file.read_row_groups(groups, columns=columns, use_threads=False)
-        except (pa.ArrowException, OSError) as error:
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
             raise _unreadable(self.path, error) from None
 
     def numbers(self, table: pa.Table, column: str, dtype: DTypeLike) -> NDArray[Any]:

@@ -1,5 +1,6 @@
 """What users install: the wheel alone, without the simulator, away from the checkout."""
 
+import os
 import subprocess
 import sys
 import venv
@@ -11,7 +12,8 @@ pytestmark = pytest.mark.slow
 
 
 def run(*command, cwd):
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    away = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(command, cwd=cwd, env=away, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
     return done.stdout
 
