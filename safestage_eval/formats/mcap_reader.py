@@ -64,6 +64,8 @@ def read_header(path: Path) -> tuple[Header, dict[str, Any]]:
         while len(prefix := stream.read(9)) == 9:
             at = stream.tell() - 9
             kind, size = prefix[0], int.from_bytes(prefix[1:], "little")
+            if at + 9 + size > path.stat().st_size:
+                break  # cut off, or a damaged length
             if kind in (CHUNK, FOOTER):
                 raise _no_trace(where, profile)
             content = stream.read(size) if kind in (HEADER, METADATA) else b""

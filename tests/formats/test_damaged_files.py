@@ -67,6 +67,16 @@ def test_a_damaged_table(originals, tmp_path_factory, table, at, what):
     use(dataset)
 
 
+@pytest.mark.parametrize("kind", [1, 3, 12])
+def test_a_record_longer_than_the_file(originals, tmp_path, kind):
+    path = tmp_path / "long.mcap"
+    start = (originals / "m.mcap").read_bytes()[:8]
+    path.write_bytes(start + bytes([kind]) + (2**64 - 1).to_bytes(8, "little") + b"...")
+    with pytest.raises(TraceError):
+        load(path)
+    use(path)
+
+
 @pytest.mark.parametrize(
     ("key", "text"),
     [
