@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import numpy as np
 
 from safestage_eval.geometry.cavity import containment_depth
 from safestage_eval.geometry.clearance import clearance_series
-from safestage_eval.geometry.extent import highest, lowest
 from safestage_eval.geometry.mover import Mover
 
 from .facts import Query
@@ -18,7 +19,7 @@ def lift(query: Query) -> Series:
     movers = shapes(query)
     if isinstance(movers, Series):
         return movers
-    low = np.broadcast_to(lowest(movers[0][0]), len(query.episode))
+    low = np.broadcast_to(query.facts.movers.lowest(query.groups[0][0]), len(query.episode))
     reference = query.reference
     initial = np.median(low[: reference.baseline.frames], keepdims=True)
     return exact(low - reference.of(low[:, None], initial)[:, 0], query.dimension)
@@ -48,10 +49,11 @@ def height_above(query: Query) -> Series:
     movers = shapes(query)
     if isinstance(movers, Series):
         return movers
-    frames = len(query.episode)
-    low = np.minimum.reduce([np.broadcast_to(lowest(m), frames) for m in movers[0]])
-    high = np.maximum.reduce([np.broadcast_to(highest(m), frames) for m in movers[1]])
-    return exact(low - high, query.dimension)
+    known = query.facts.movers
+    lows = [known.lowest(mover.shape.name) for mover in movers[0]]
+    highs = [known.highest(mover.shape.name) for mover in movers[1]]
+    value = reduce(np.minimum, lows) - reduce(np.maximum, highs)
+    return exact(np.broadcast_to(value, len(query.episode)), query.dimension)
 
 
 def containment(query: Query) -> Series:

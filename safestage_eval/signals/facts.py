@@ -6,7 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from safestage_eval.episode import Episode
+from safestage_eval.geometry.extent import highest, lowest
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
 
@@ -14,6 +18,8 @@ from .contact_sums import ContactSums
 from .options import Options, OptionValue
 from .reference import Baseline, Reference
 from .series import Series, unknown
+
+F64 = NDArray[np.float64]
 
 
 class Movers:
@@ -23,6 +29,8 @@ class Movers:
         """Nothing is loaded yet."""
         self._episode = episode
         self._movers: dict[str, Mover] = {}
+        self._lowest: dict[str, F64] = {}
+        self._highest: dict[str, F64] = {}
 
     def __getitem__(self, name: str) -> Mover:
         """The body's shape and poses (one pose for a fixed body)."""
@@ -31,6 +39,18 @@ class Movers:
             shape = BodyShape.build(self._episode.bodies[name], self._episode.meshes)
             self._movers[name] = Mover.build(shape, track.position, track.orientation)
         return self._movers[name]
+
+    def lowest(self, name: str) -> F64:
+        """(T,) m, or (1,) of a fixed body: world z of its lowest point."""
+        if name not in self._lowest:
+            self._lowest[name] = lowest(self[name])
+        return self._lowest[name]
+
+    def highest(self, name: str) -> F64:
+        """(T,) m, or (1,) of a fixed body: world z of its highest point."""
+        if name not in self._highest:
+            self._highest[name] = highest(self[name])
+        return self._highest[name]
 
     def of(self, names: Sequence[str]) -> list[Mover]:
         """Those of the bodies that have geometry."""

@@ -45,6 +45,8 @@ class SignalSpec:
 
     def variant(self, given: Mapping[str, object]) -> SignalSpec:
         """The signal with some options given: its dimension and arguments may change with them."""
+        if not given:
+            return self
         known = {option.name: option for option in self.options}
         unit = given.get("unit")
         dimension = UNIT_DIMENSION.get(str(unit), "number") if unit is not None else self.dimension

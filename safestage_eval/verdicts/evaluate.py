@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -66,6 +67,9 @@ class Evaluator:
         """Role → all bodies that play it, for ``at least K role``."""
         self._obligation: str | None = None
         self._states: dict[tuple[str, tuple[str, ...]], tuple[Band, dict[str, None]]] = {}
+        # by identity: what is asked about is kept beside what was found, and so stays what it is
+        self._limits: dict[tuple[Any, ...], tuple[ast.SignalAtom, Band, dict[str, None]]] = {}
+        self._lazy: dict[int, tuple[ast.Condition, bool]] = {}
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
         """The same episode under other values; states that these cannot change are shared."""
@@ -173,6 +177,8 @@ class Evaluator:
         Only the ``wanted`` frames (T,) of the result mean anything; all of them if None. Costly
         signals come last, and are measured only where no other atom has already decided.
         """
+        if not self._is_lazy(condition):
+            return band.both([self.atom(atom, env) for atom in condition.atoms], self.frames)
         mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
         bands = []
         for atom in sorted(condition.atoms, key=_is_costly):
@@ -180,6 +186,33 @@ class Evaluator:
             bands.append(found)
             mask = mask & ~np.isneginf(found.upper)
         return band.both(bands, self.frames)
+
+    def _is_lazy(self, condition: ast.Condition) -> bool:
+        """It asks for something costly, itself or through a state that merely names a condition."""
+        known = self._lazy.get(id(condition))
+        if known is None:
+            known = self._lazy[id(condition)] = (
+                condition,
+                any(self._asks_costly(atom) for atom in condition.atoms),
+            )
+        return known[1]
+
+    def _asks_costly(self, asked: ast.Atom | ast.Alternative) -> bool:
+        if isinstance(asked, ast.Condition):
+            return self._is_lazy(asked)
+        if isinstance(asked, ast.AnyOf):
+            return any(self._asks_costly(a) for a in asked.alternatives)
+        if isinstance(asked, ast.Event) and asked.edge is not None:
+            return False
+        if asked.call is None:
+            return False
+        name = asked.call.name
+        if name in self.rules.signals:
+            name = self.rules.signals[name].base
+        declared = self.rules.states.get(name)
+        if declared is not None and _is_momentary(declared):
+            return self._is_lazy(declared.when)
+        return name in COSTLY
 
     def alternative(
         self, alternative: ast.Alternative, env: Env, wanted: Bool | None = None
@@ -195,17 +228,16 @@ class Evaluator:
     def atom(self, atom: ast.Atom, env: Env, wanted: Bool | None = None) -> Band:
         """One entry of a condition; ``wanted`` as in ``condition``."""
         if isinstance(atom, ast.SignalAtom):
-            series = self.series(atom, env, wanted)
-            if self._obligation is not None and self._has_no_tilt(atom.call, env):
-                skipped = self._obligation != "forbid"
-                return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
-            return band.both(
-                [
-                    limit_margin(series, limit.op, self.number(limit.value, env), self._scale(atom))
-                    for limit in atom.limits
-                ],
-                self.frames,
-            )
+            if wanted is not None and self._asks_costly(atom):
+                return self._limited(atom, env, wanted)
+            key = (id(atom), self._obligation, *env.items())
+            if key not in self._limits:
+                outer, self.notes = self.notes, {}
+                self._limits[key] = atom, self._limited(atom, env, None), self.notes
+                self.notes = outer
+            _, found, notes = self._limits[key]
+            self.notes.update(notes)
+            return found
         if isinstance(atom, ast.StateAtom):
             found = self.state(atom.call, env, wanted)
             return found if atom.want else band.opposite(found)
@@ -219,6 +251,18 @@ class Evaluator:
             return band.opposite(band.at_least(atom.count + 1, each, self.frames))
         return band.either(
             [self.alternative(a, env, wanted) for a in atom.alternatives], self.frames
+        )
+
+    def _limited(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None) -> Band:
+        """Margins of a signal's limits; ``wanted`` as in ``condition``."""
+        series = self.series(atom, env, wanted)
+        if self._obligation is not None and self._has_no_tilt(atom.call, env):
+            skipped = self._obligation != "forbid"
+            return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
+        scale = self._scale(atom)
+        return band.both(
+            [limit_margin(series, x.op, self.number(x.value, env), scale) for x in atom.limits],
+            self.frames,
         )
 
     def _has_no_tilt(self, call: ast.Call, env: Env) -> bool:
