@@ -12,10 +12,11 @@ from safestage_eval.states.band import F64, Bool
 from safestage_eval.states.persistence import runs
 from safestage_eval.states.scope import Scope
 
-from .evaluate import Env, Evaluator
+from .evaluate import Evaluator
 from .explain import sentence
 from .instance import Instance, applies, stretches
 from .players import combinations, mentions, nodes
+from .values import Env
 from .verdict import CostTotal, Verdict
 from .witness import Witness
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -10,23 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from safestage_eval.episode import Episode
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import reached
-from safestage_eval.signals.options import Options, OptionValue
 from safestage_eval.signals.reference import Reference, latest
 from safestage_eval.signals.series import Series
-from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
 
-Env = Mapping[str, str]
-"""Role or formal argument → name of the body or union that plays it."""
+from .values import Env, Values, ends_early, limit_margin
 
 
-class Evaluator:
+class Evaluator(Values):
     """The rule language's meaning on one episode, under one set of parameter values.
 
     Every condition becomes a ``Band`` of normalised margins, every event a ``Truth``: the frames at
@@ -53,10 +48,7 @@ class Evaluator:
             success_known: False where the trace does not tell; then nothing after it is known.
             causal: states look only backwards, as in a rollout that is still running.
         """
-        self.relations = relations
-        self.episode = relations.episode
-        self.rules = rules
-        self.params = params
+        super().__init__(relations, rules, params)
         self.success = success
         self.success_known = success_known
         self.causal = causal
@@ -102,47 +94,7 @@ class Evaluator:
         finally:
             self._obligation = outer
 
-    # ---- values
-
-    def count(self, duration: ast.Duration | ast.Parameter, least: int = 1) -> int:
-        """Number of frames a duration lasts in this episode: ⌈D / dt⌉, at least so many."""
-        value = self.params[duration.name] if isinstance(duration, ast.Parameter) else duration
-        if isinstance(value, ast.Quantity):
-            value = ast.Duration(value.value)
-        return max(least, frame_count(value, self.episode.dt)) if value.amount else least
-
-    def number(self, value: ast.Value, env: Env) -> float:
-        """A limit's value in SI; a column is looked up for the body that plays its role."""
-        if isinstance(value, ast.Quantity):
-            return value.value
-        if isinstance(value, ast.Parameter):
-            found = self.params[value.name]
-            number = found.value if isinstance(found, ast.Quantity) else found.amount
-        else:
-            material = self._material(env.get(value.role, value.role))
-            row = self.rules.materials.get(material, {})
-            default = self.rules.materials["default"]
-            number = row.get(value.name, default[value.name]).value
-        return -number if value.negative else number
-
-    def _material(self, player: str) -> str:
-        """The row that holds for a body, or for the body that a joint moves."""
-        episode = self.episode
-        moves = {joint.name: joint.body for joint in episode.header.joints}
-        body = episode.bodies.get(player) or episode.bodies.get(moves.get(player) or "")
-        return body.material if body is not None and body.material else "default"
-
-    def measured(self, call: ast.Call, env: Env) -> tuple[str, tuple[str, ...], Options]:
-        """What a signal's call asks for: the built-in signal, its bodies, and all its options."""
-        variant = self.rules.signals.get(call.name)
-        spec = SIGNALS[variant.base if variant is not None else call.name]
-        given = dict(variant.options) if variant is not None else {}
-        roles, named = spec.variant(given).split(call.args)
-        bodies = tuple(env.get(role, role) for role in roles)
-        options: dict[str, OptionValue] = {**given, **dict(named)}
-        for column, _ in spec.columns:
-            options[column] = self.number(ast.Column(column, roles[0]), env)
-        return spec.name, bodies, tuple(sorted(options.items(), key=lambda item: item[0]))
+    # ---- conditions
 
     def series(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None = None) -> Series:
         """The signal of an atom, up to where its limits need it exactly, at the wanted frames."""
@@ -168,8 +120,6 @@ class Evaluator:
         open_ = (newest >= 0) & ~when.sure[newest]
         lower, upper = np.where(open_, -np.inf, found.lower), np.where(open_, np.inf, found.upper)
         return replace(found, lower=lower, upper=upper)
-
-    # ---- conditions
 
     def condition(self, condition: ast.Condition, env: Env, wanted: Bool | None = None) -> Band:
         """All atoms hold.
@@ -259,7 +209,7 @@ class Evaluator:
         if self._obligation is not None and self._has_no_tilt(atom.call, env):
             skipped = self._obligation != "forbid"
             return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
-        scale = self._scale(atom)
+        scale = self.scale(atom.call)
         return band.both(
             [limit_margin(series, x.op, self.number(x.value, env), scale) for x in atom.limits],
             self.frames,
@@ -268,12 +218,6 @@ class Evaluator:
     def _has_no_tilt(self, call: ast.Call, env: Env) -> bool:
         name, bodies, _ = self.measured(call, env)
         return name == "tilt" and self.episode.bodies[bodies[0]].up_axis is None
-
-    def _scale(self, atom: ast.SignalAtom) -> float:
-        name = atom.call.name
-        if name in self.rules.signals:
-            name = self.rules.signals[name].base
-        return SIGNALS[name].scale
 
     def state(self, call: ast.Call, env: Env, wanted: Bool | None = None) -> Band:
         """A declared state or a built-in relation, persistent and latched as declared.
@@ -379,20 +323,6 @@ class Evaluator:
         return moment.ends(truth) if event.edge == "end" else moment.starts(truth)
 
 
-def ends_early(episode: Episode) -> bool:
-    """The trace stops before its rollout did: it says so, or its success lies beyond its end."""
-    header = episode.header
-    beyond = header.success_time is not None and header.success_time > episode.t[-1] + 1e-6
-    return header.termination in ("truncated", "error") or beyond
-
-
-def frame_count(duration: ast.Duration, dt: float) -> int:
-    """Number of frames, ``dt`` seconds apart, that a duration lasts: ⌈D / dt⌉."""
-    if duration.frames:
-        return max(0, round(duration.amount))
-    return max(duration.least, math.ceil(duration.amount / dt - 1e-6))
-
-
 def _is_momentary(state: ast.StateDef) -> bool:
     """A mere name for a condition: no frame of it depends on another."""
     return all(part is None for part in (state.for_, state.gap, state.until, state.fallback))
@@ -405,21 +335,3 @@ def _is_costly(atom: ast.Atom) -> bool:
 def band_known(found: Band) -> bool:
     """False where nothing is known at any frame."""
     return not (np.isneginf(found.lower).all() and np.isposinf(found.upper).all())
-
-
-def limit_margin(series: Series, op: str, limit: float, scale: float) -> Band:
-    """Normalised margin of a comparison: (value − limit) / |limit|, or / scale when it is 0.
-
-    Args:
-        series: the signal.
-        op: ``>=``, ``<=``, ``>`` or ``<``; the strict ones are not satisfied at the limit.
-        limit: SI.
-        scale: SI size that counts as one when the limit is 0.
-    """
-    size = abs(limit) or scale
-    both_ends = Band(series.lower, series.upper)
-    if op[0] == ">":
-        found = band.each(lambda value: (value - limit) / size, both_ends)
-    else:
-        found = band.each(lambda value: (limit - value) / size, Band(*both_ends[::-1]))
-    return band.each(band.strict, found) if len(op) == 1 else found

@@ -13,8 +13,9 @@ from safestage_eval.states.band import Band, Bool, negated
 from safestage_eval.states.persistence import held_from, without_short_runs
 from safestage_eval.states.scope import Scope
 
-from .evaluate import Env, Evaluator
+from .evaluate import Evaluator
 from .spans import may_recur, spans
+from .values import Env
 
 Kind = Literal["require", "forbid", "reach"]
 

@@ -19,9 +19,10 @@ from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.measure import Signals
 
 from .cost import judge_cost
-from .evaluate import Evaluator, ends_early, frame_count
+from .evaluate import Evaluator
 from .goal import first_success
 from .rule_verdict import judge_rule
+from .values import ends_early, frame_count
 from .verdict import CostTotal, EpisodeResult, Verdict
 
 Params = Mapping[str, ast.Quantity | ast.Duration]

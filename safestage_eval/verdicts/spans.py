@@ -6,7 +6,8 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.states import moment, scope
 from safestage_eval.states.scope import Scope
 
-from .evaluate import Env, Evaluator
+from .evaluate import Evaluator
+from .values import Env
 
 
 def spans(evaluator: Evaluator, span: ast.Span, env: Env) -> list[Scope]:

@@ -9,7 +9,8 @@ import numpy as np
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import Band, Bool
 
-from .evaluate import Env, Evaluator, band_known, limit_margin
+from .evaluate import Evaluator, band_known
+from .values import Env, limit_margin
 
 
 @dataclass(frozen=True, eq=False)

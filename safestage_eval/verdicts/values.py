@@ -1,0 +1,111 @@
+"""What the numbers and signals of a rule come to in one episode: limits, durations, margins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from safestage_eval.episode import Episode
+from safestage_eval.relations.measure import Relations
+from safestage_eval.rules import syntax as ast
+from safestage_eval.signals.options import Options, OptionValue
+from safestage_eval.signals.series import Series
+from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.states import band
+from safestage_eval.states.band import Band
+
+Env = Mapping[str, str]
+"""Role or formal argument → name of the body or union that plays it."""
+
+
+class Values:
+    """Parameters, durations, material columns and variants of signals, as they hold for an episode."""
+
+    def __init__(
+        self,
+        relations: Relations,
+        rules: ast.RuleSet,
+        params: Mapping[str, ast.Quantity | ast.Duration],
+    ) -> None:
+        """``params``: name → value in SI, as they hold for the rule and episode."""
+        self.relations = relations
+        self.episode = relations.episode
+        self.rules = rules
+        self.params = params
+
+    def count(self, duration: ast.Duration | ast.Parameter, least: int = 1) -> int:
+        """Number of frames a duration lasts in this episode: ⌈D / dt⌉, at least so many."""
+        value = self.params[duration.name] if isinstance(duration, ast.Parameter) else duration
+        if isinstance(value, ast.Quantity):
+            value = ast.Duration(value.value)
+        return max(least, frame_count(value, self.episode.dt)) if value.amount else least
+
+    def number(self, value: ast.Value, env: Env) -> float:
+        """A limit's value in SI; a column is looked up for the body that plays its role."""
+        if isinstance(value, ast.Quantity):
+            return value.value
+        if isinstance(value, ast.Parameter):
+            found = self.params[value.name]
+            number = found.value if isinstance(found, ast.Quantity) else found.amount
+        else:
+            material = self._material(env.get(value.role, value.role))
+            row = self.rules.materials.get(material, {})
+            default = self.rules.materials["default"]
+            number = row.get(value.name, default[value.name]).value
+        return -number if value.negative else number
+
+    def _material(self, player: str) -> str:
+        """The row that holds for a body, or for the body that a joint moves."""
+        episode = self.episode
+        moves = {joint.name: joint.body for joint in episode.header.joints}
+        body = episode.bodies.get(player) or episode.bodies.get(moves.get(player) or "")
+        return body.material if body is not None and body.material else "default"
+
+    def measured(self, call: ast.Call, env: Env) -> tuple[str, tuple[str, ...], Options]:
+        """What a signal's call asks for: the built-in signal, its bodies, and all its options."""
+        variant = self.rules.signals.get(call.name)
+        spec = SIGNALS[variant.base if variant is not None else call.name]
+        given = dict(variant.options) if variant is not None else {}
+        roles, named = spec.variant(given).split(call.args)
+        bodies = tuple(env.get(role, role) for role in roles)
+        options: dict[str, OptionValue] = {**given, **dict(named)}
+        for column, _ in spec.columns:
+            options[column] = self.number(ast.Column(column, roles[0]), env)
+        return spec.name, bodies, tuple(sorted(options.items(), key=lambda item: item[0]))
+
+    def scale(self, call: ast.Call) -> float:
+        """SI size of the signal that counts as one in a normalised margin when the limit is 0."""
+        variant = self.rules.signals.get(call.name)
+        return SIGNALS[variant.base if variant is not None else call.name].scale
+
+
+def ends_early(episode: Episode) -> bool:
+    """The trace stops before its rollout did: it says so, or its success lies beyond its end."""
+    header = episode.header
+    beyond = header.success_time is not None and header.success_time > episode.t[-1] + 1e-6
+    return header.termination in ("truncated", "error") or beyond
+
+
+def frame_count(duration: ast.Duration, dt: float) -> int:
+    """Number of frames, ``dt`` seconds apart, that a duration lasts: ⌈D / dt⌉."""
+    if duration.frames:
+        return max(0, round(duration.amount))
+    return max(duration.least, math.ceil(duration.amount / dt - 1e-6))
+
+
+def limit_margin(series: Series, op: str, limit: float, scale: float) -> Band:
+    """Normalised margin of a comparison: (value − limit) / |limit|, or / scale when it is 0.
+
+    Args:
+        series: the signal.
+        op: ``>=``, ``<=``, ``>`` or ``<``; the strict ones are not satisfied at the limit.
+        limit: SI.
+        scale: SI size that counts as one when the limit is 0.
+    """
+    size = abs(limit) or scale
+    both_ends = Band(series.lower, series.upper)
+    if op[0] == ">":
+        found = band.each(lambda value: (value - limit) / size, both_ends)
+    else:
+        found = band.each(lambda value: (limit - value) / size, Band(*both_ends[::-1]))
+    return band.each(band.strict, found) if len(op) == 1 else found
