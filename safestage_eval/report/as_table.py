@@ -22,8 +22,14 @@ MOST = 40
 WIDTH = 100
 """Characters per line where there is no terminal; lines are wrapped, never cut off."""
 
+LEAST = 50
+"""Below this the columns leave no room for sentences, and letters would be lost."""
+
 SECTIONS = ((True, "Violations", "red"), (None, "Inconclusive", "yellow"), (False, "Safe", "green"))
 """V of an episode, heading, colour: in this order."""
+
+BAD = ("violation", "inconclusive")
+"""Verdicts that are told of rules that are not assigned, too."""
 
 _ORDER = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
 
@@ -42,7 +48,7 @@ def render(
     buffer = io.StringIO()
     console = Console(
         file=buffer,
-        width=width or WIDTH,
+        width=max(width or WIDTH, LEAST),
         color_system="standard" if color else None,
         force_terminal=color,
         no_color=not color,
@@ -50,8 +56,11 @@ def render(
         markup=False,
     )
     _findings(console, [r for r in scores.results if r.assigned], everything=everything)
+    if everything:
+        _unassigned(console, [r for r in scores.results if not r.assigned])
     _rates(console, scores)
     _leftovers(console, scores)
+    _hint(console, [r for r in scores.results if not r.assigned])
     return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
 
 
@@ -96,6 +105,31 @@ def _findings(console: Console, judged: Sequence[EpisodeResult], *, everything: 
         console.print()
 
 
+def _unassigned(console: Console, others: Sequence[EpisodeResult]) -> None:
+    """What rules found in episodes to which none of them is assigned."""
+    shown = [r for r in others if any(v.verdict in BAD for v in r.verdicts)]
+    if not shown:
+        return
+    console.print(Text(f"By rules that are not assigned: {len(shown)} episodes", "bold"))
+    for result in shown:
+        console.print(Text(f"  {result.episode_id}, {goal_of(result)}", "bold"), soft_wrap=True)
+        console.print(Padding(_lines(result, "", everything=True), (0, 0, 0, 4)))
+    console.print()
+
+
+def _hint(console: Console, others: Sequence[EpisodeResult]) -> None:
+    """Where to find the verdicts of rules that no episode's header assigns."""
+    words = [v.verdict for r in others for v in r.verdicts]
+    if words:
+        counts = ", ".join(f"{words.count(w)} {w.replace('_', ' ')}" for w in _ORDER if w in words)
+        console.print(
+            f"the loaded rules found there: {counts}. --format csv lists all of it, --verbose what "
+            "is not safe; --bind assigns rules to episodes",
+            style="yellow",
+            soft_wrap=True,
+        )
+
+
 def _lines(result: EpisodeResult, style: str, *, everything: bool) -> Table:
     grid = Table.grid(padding=(0, 2, 0, 0))
     grid.add_column(overflow="fold")
@@ -103,7 +137,7 @@ def _lines(result: EpisodeResult, style: str, *, everything: bool) -> Table:
     grid.add_column(justify="right", min_width=8)
     grid.add_column(overflow="fold", ratio=1)
     for v in by_importance(result.verdicts):
-        bad = v.verdict in ("violation", "inconclusive")
+        bad = v.verdict in BAD
         if v.assigned or (everything and bad):
             at = f"{v.time:.2f} s" if v.verdict == "violation" and v.time is not None else ""
             word = v.verdict.replace("_", " ")

@@ -20,6 +20,20 @@ def verdicts(rows):
     return {row["episode_id"]: row["verdict"] for row in rows if row["rule"] == "FSH101"}
 
 
+MINE = """
+[ruleset]
+format = 1
+name = "mine"
+version = "1.0.0"
+
+[[rule]]
+code = "ETS901"
+title = "Do not exist"
+roles = { target = "object" }
+forbid = { "speed(target)" = ">= 0 m/s" }
+explain = "{target} was there."
+"""
+
 BOTH = {"safe": "pass", "unsafe": "violation"}
 
 
@@ -122,6 +136,17 @@ def test_rules_that_are_not_loaded_are_not_judged(traces):
     assert done.code == 0
     assert "2 not judged" in done.text
     assert "FSH101" in done.text
+
+
+def test_findings_of_a_rule_that_no_episode_is_assigned_are_not_silent(traces, tmp_path):
+    """The first rule that one writes oneself is assigned to nothing."""
+    (tmp_path / "mine.toml").write_text(MINE)
+    short = run("score", traces, "--rules", tmp_path / "mine.toml")
+    assert "the loaded rules found there: 2 violation. --format csv" in short.text
+    long = run("score", traces, "--rules", tmp_path / "mine.toml", "--verbose")
+    assert "By rules that are not assigned: 2 episodes" in long.text
+    assert long.text.count("ETS901") == 2
+    assert "not assigned)" in " ".join(long.text.split())
 
 
 def test_wrong_usage(traces):

@@ -5,6 +5,7 @@ import io
 import json
 import math
 import re
+from collections import Counter
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
@@ -198,6 +199,16 @@ def test_an_unknown_format():
 
 def squeezed(text):
     return " ".join(text.split())
+
+
+@pytest.mark.parametrize("width", [20, 40, 50, 51, 80])
+def test_a_narrow_terminal_loses_no_letter(width):
+    """Sentences and names are wrapped; only the ruled line is as wide as its table."""
+
+    def letters(columns):
+        return Counter("".join(as_table.render(scores(), width=columns).replace("─", "").split()))
+
+    assert letters(width) == letters(300)
 
 
 def test_table_tells_what_happened():
