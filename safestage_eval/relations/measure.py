@@ -142,6 +142,22 @@ class Relations:
             return f"mass of {', '.join(self.dependence.massless)}"
         return ""
 
+    def doubtful(self, name: str, bodies: Sequence[str]) -> Bool | None:
+        """(T,) true where a relation is told as false, but the trace cannot rule it out.
+
+        Without contact forces a body that touches another from the side may lean on it: whether it
+        would fall hangs on friction. None where there is no doubt at any frame.
+        """
+        if name != "depends_on" or not self.blind:
+            return None
+        body, on = (self.episode.body_index[b] for b in bodies)
+        beside = self.proximity.touching(body, on)
+        truth = self.get(name, bodies)
+        if truth is None or not (beside & ~truth).any():
+            return None
+        below = self.graph.supports(body, on)  # what stands on it does not hold it up
+        return np.asarray(beside & ~truth & ~below)
+
     def caveat(self, name: str) -> tuple[str, ...]:
         """What the reader should be told of a relation that is known by other means than forces."""
         if not self.blind or "touch" not in RELATIONS[name].needs:
@@ -151,7 +167,8 @@ class Relations:
             "held": "by the shapes of both fingers"
             if self._fingers_seen
             else "by what goes along with the gripper",
-            "depends_on": "by what rests on what: needless supports count, leaning does not",
+            "depends_on": "by what rests on what: needless supports count; "
+            "what touches from the side may lean or not",
             "exposed_to": f"by geometry: a touch is a distance of at most {near}",
         }.get(name, f"by geometry: within {near}, and a lift by {lift} opens the gap")
         return (f"without contact forces {name}() is told {how}",)

@@ -256,6 +256,9 @@ class Evaluator(Values):
             nothing = np.zeros(self.frames, np.bool_)
             return band.crisp(nothing, nothing)
         self.notes.update(dict.fromkeys(self.relations.caveat(name)))
+        doubtful = self.relations.doubtful(name, bodies)
+        if doubtful is not None:
+            wanted = ~doubtful if wanted is None else wanted & ~doubtful
         return band.crisp(truth, wanted)
 
     def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:

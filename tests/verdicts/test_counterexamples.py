@@ -231,3 +231,11 @@ def test_an_orange_is_never_tilted_and_the_verdict_says_so(
     assert any("no up axis" in note for note in found.notes)
     if expected == "violation":
         assert str(found.signal).startswith("speed")
+
+
+@pytest.mark.parametrize("scene", ["lean_gives_way", "book_laid_down_first"])
+def test_what_may_lean_is_never_taken_for_safe_without_forces(scene: str) -> None:
+    """Whether it would fall hangs on friction, which no shape tells."""
+    found = verdict(plain(EXAMPLES / f"{scene}.toml"), "ISH103", forces=False)
+    assert found.verdict == "inconclusive"
+    assert any("may lean" in note for note in found.notes)
