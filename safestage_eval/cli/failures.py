@@ -26,4 +26,8 @@ def run(command: click.Command) -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
+    except SystemExit:  # click ends with 1 when the reader of a pipe has gone, which is no failure
+        if type(sys.stdout).__name__ == "PacifyFlushWrapper":
+            sys.exit(0)
+        raise
     sys.exit(code if isinstance(code, int) else 0)

@@ -93,6 +93,8 @@ def command(
     from safestage_eval.whatif import sweep as sweeps
     from safestage_eval.whatif.values import between, chosen
 
+    if plot is not None:
+        as_curve.ready(plot)
     specs = list(rules) or builtin_names()
     loaded = load_rules(specs)
     visited = (

@@ -105,6 +105,21 @@ def _json(sweep: Sweep, by: Sequence[str]) -> str:
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 
+def ready(path: Path) -> None:
+    """Whether a plot can be drawn at all, to be asked before anything is measured.
+
+    Raises InputError: matplotlib is not installed.
+    """
+    try:
+        import matplotlib  # noqa: F401, ICN001
+    except ImportError:
+        raise InputError(
+            f"--plot {path}",
+            "drawing needs matplotlib, which is not installed.",
+            fix="pip install 'safestage[plot]', or in a checkout pip install -e '.[plot]'",
+        ) from None
+
+
 def plot(sweep: Sweep, path: Path, by: Sequence[str] = ()) -> None:
     """Draw VR and SSR against the parameter, its default marked.
 
@@ -118,17 +133,12 @@ def plot(sweep: Sweep, path: Path, by: Sequence[str] = ()) -> None:
     Raises:
         InputError: matplotlib is not installed, or cannot write such a file.
     """
-    try:
-        import matplotlib as mpl
+    ready(path)
+    import matplotlib as mpl
 
-        mpl.use("Agg")
-        from matplotlib import pyplot as plt
-    except ImportError:
-        raise InputError(
-            f"--plot {path}",
-            "drawing needs matplotlib, which is not installed.",
-            fix="pip install 'safestage[plot]'",
-        ) from None
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
     groups = len(sweep.curves(by)) > 1
     size = (9.6, 4.2) if groups else (7.2, 4.2)
     figure, panels = plt.subplots(

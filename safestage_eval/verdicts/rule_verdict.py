@@ -91,7 +91,7 @@ def judge_rule(
         return replace(
             verdict, signal=None, bodies=(), value=None, limit=None, margin=None, dimension=None,
             undersampled=False, notes=_notes(evaluator, *too_brief(evaluator, rule, instances)),
-            explanation="No one measurement came closest: several were equally far from their limits.",
+            explanation="Nothing came closer than the rest: several measurements kept the same distance from their limits.",
         )  # fmt: skip
     return replace(verdict, explanation=sentence(evaluator, rule, worst, witness, verdict))
 

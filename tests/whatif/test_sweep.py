@@ -144,6 +144,7 @@ def test_without_matplotlib_the_extra_is_named(shelf, tmp_path, monkeypatch):
     done = run("sweep", shelf, "-r", "fsh", "-p", "edge", "--plot", tmp_path / "a.png")
     assert done.code == 2
     assert "pip install 'safestage[plot]'" in done.err
+    assert done.text == "", "told before anything is measured"
 
 
 @pytest.mark.parametrize(
