@@ -11,6 +11,7 @@ from safestage_eval.errors import InputError
 
 def run(command: click.Command) -> None:
     """Run a command and exit with its code; an ``InputError`` becomes a message and 2."""
+    stdout = sys.stdout
     try:
         code = command.main(standalone_mode=False)
     except click.ClickException as error:
@@ -26,8 +27,8 @@ def run(command: click.Command) -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
-    except SystemExit:  # click ends with 1 when the reader of a pipe has gone, which is no failure
-        if type(sys.stdout).__name__ == "PacifyFlushWrapper":
-            sys.exit(0)
+    except SystemExit:
+        if sys.stdout is not stdout:  # click muffles it when the reader of a pipe has gone:
+            sys.exit(0)  # no failure
         raise
     sys.exit(code if isinstance(code, int) else 0)

@@ -109,11 +109,9 @@ def test_the_simulator_missing_altogether(monkeypatch):
 def test_a_reader_that_goes_away_is_no_failure(arguments):
     """As in ``safestage rules show | head -1``."""
     code = "import sys; from safestage_eval.cli import main; sys.argv[0] = 'safestage'; main()"
-    command = subprocess.Popen(
-        [sys.executable, "-c", code, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    )
-    command.stdout.readline()
-    command.stdout.close()
-    assert command.wait() == 0
-    assert command.stderr.read() == b""
-    command.stderr.close()
+    arguments = [sys.executable, "-c", code, *arguments]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as command:
+        command.stdout.readline()
+        command.stdout.close()
+        assert command.wait() == 0
+        assert command.stderr.read() == b""
