@@ -104,7 +104,7 @@ def announce_compiling() -> None:
     from safestage_eval.geometry.compiled import cache_folder
 
     if not cache_folder().exists() and not os.environ.get("NUMBA_CACHE_DIR"):
-        click.echo("compiling the geometry kernels, once: about 20 s …", err=True)
+        click.echo("compiling the geometry kernels, once: half a minute or so …", err=True)
 
 
 @contextmanager

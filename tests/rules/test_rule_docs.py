@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+from studio import run
+
 from safestage_eval.rules import check_rules, load_bind, load_rules
 
 TEXT = (Path(__file__).parents[2] / "docs" / "rules.md").read_text("utf-8")
@@ -37,3 +39,18 @@ def test_every_key_is_explained() -> None:
 
     for table in ("ruleset", "state", "phase", "goal", "task", "rule", "cost"):
         assert all(f"`{key}`" in TEXT or f"`{key} =" in TEXT for key in TABLES[table]), table
+
+
+def test_the_examples_of_the_example_hold(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    blocks = re.findall(r"```toml\n(.*?)```", TEXT, re.S)
+    rule, sketch, names = (
+        next(block for block in blocks if block.startswith(start))
+        for start in ("[ruleset]", "says  ", "[rule.examples]")
+    )
+    Path("mine.toml").write_text(rule + names, "utf-8")
+    Path("examples").mkdir()
+    Path("examples/vase_pressed.toml").write_text(sketch, "utf-8")
+    done = run("rules", "test", "mine.toml", "--mutate")
+    assert done.code == 0, done.text + done.err
+    assert "4 of 4 examples" in done.text
