@@ -45,7 +45,9 @@ class Dependence:
             for i, body in enumerate(header.bodies)
             if body.kind == "object" and body.movable and body.parent is None
         }
-        self._robot = {i for i, b in enumerate(header.bodies) if b.kind in ("robot", "gripper")}
+        self._robot = {  # an immobile base counts as a fixture
+            i for i, b in enumerate(header.bodies) if b.kind in ("robot", "gripper") and b.movable
+        }
         self._friction = np.array([g.friction[0] for b in header.bodies for g in b.geoms])
         self._com: dict[int, F64] = {}
         self._falls: dict[tuple[int, int], frozenset[int]] = {}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scenes import G, Scene
 
+from safestage_eval.episode import Geom
 from safestage_eval.relations.measure import Relations
 from safestage_eval.relations.statics import unbalanced
 from safestage_eval.signals.measure import Signals
@@ -162,3 +163,17 @@ def test_without_masses_nothing_is_claimed() -> None:
     found = Relations(Signals(scene.episode()))
     assert found.get("depends_on", ("b", "a")) is None
     assert "mass of b" in found.lacking("depends_on")
+
+
+@pytest.mark.parametrize("kind", ["fixture", "robot"])
+def test_a_load_that_leans_on_an_immobile_base_is_a_load(kind: str) -> None:
+    """The robot's base is a fixture: what touches it is not in the robot's hands."""
+    slippery = Geom(kind="box", size=(0.2, 0.2, 0.2), friction=(0, 0, 0))
+    scene = Scene(2).fixed("table").fixed("base", (0.36, 0, 0.1), kind=kind, geoms=(slippery,))
+    scene.box("board", (0.2, 0.05, 0.01), (0, 0, 0.11)).box("load", 0.04, (0.12, 0, 0.16), mass=3)
+    for name, x in (("left", -0.02), ("right", 0.15)):
+        scene.box(name, 0.03, (x, 0, 0.05)).rests(name, "table", 0.03, (x, 0, 0), 3 * G)
+        scene.rests("board", name, 0.02, (x, 0, 0.1), 2 * G)
+    scene.rests("load", "board", 0.04, (0.12, 0, 0.12), 3 * G)
+    scene.contact("base", "load", (0.16, 0, 0.16), (-0.5, 0, 0), normal=(-1, 0, 0))
+    assert depends(scene, "board", "right")  # the load would tip it over the left one
