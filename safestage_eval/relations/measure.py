@@ -145,18 +145,43 @@ class Relations:
     def doubtful(self, name: str, bodies: Sequence[str]) -> Bool | None:
         """(T,) true where a relation is told as false, but the trace cannot rule it out.
 
-        Without contact forces a body that touches another from the side may lean on it: whether it
-        would fall hangs on friction. None where there is no doubt at any frame.
+        Without contact forces a body that touches another from the side may lean on it, and on all
+        that this one stands or leans on: whether it would fall hangs on friction. None where there
+        is no doubt at any frame.
         """
         if name != "depends_on" or not self.blind:
             return None
         body, on = (self.episode.body_index[b] for b in bodies)
-        beside = self.proximity.touching(body, on)
         truth = self.get(name, bodies)
-        if truth is None or not (beside & ~truth).any():
+        may = self._may_hang_on(body, on)
+        if truth is None or not (may & ~truth).any():
             return None
-        below = self.graph.supports(body, on)  # what stands on it does not hold it up
-        return np.asarray(beside & ~truth & ~below)
+        return np.asarray(may & ~truth)
+
+    def _may_hang_on(self, body: int, on: int) -> Bool:
+        """(T,) a chain of touches joins the two, in which none stands on the one before it.
+
+        It leads over objects that nothing holds: what leans on a can falls with what the can
+        stands on. What stands on a body does not hold that body up.
+        """
+        bodies, frames = self.episode.header.bodies, len(self.episode)
+        may = {on: np.ones(frames, np.bool_)}
+        todo = [on]
+        while todo:
+            lower = todo.pop()
+            through = may[lower] if lower == on else may[lower] & ~self._held(lower)
+            for upper in self.proximity.beside(lower):
+                free = bodies[upper].kind == "object" and bodies[upper].movable
+                if upper == on or (upper != body and (lower == body or not free)):
+                    continue
+                gained = through & self.proximity.touching(upper, lower)
+                if gained.any():
+                    gained &= ~self.graph.supports(upper, lower)
+                before = may.get(upper, np.zeros(frames, np.bool_))
+                if (gained & ~before).any():
+                    may[upper] = before | gained
+                    todo.append(upper)
+        return may.get(body, np.zeros(frames, np.bool_))
 
     def caveat(self, name: str) -> tuple[str, ...]:
         """What the reader should be told of a relation that is known by other means than forces."""

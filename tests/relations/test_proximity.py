@@ -158,3 +158,17 @@ def test_a_spoon_in_a_mug_and_a_fruit_above_it(tilt: float, forces: bool) -> Non
     assert facts.get("inside", ("short", "mug")).all()
     assert not facts.get("inside", ("fruit", "mug")).any()
     assert not facts.get("inside", ("beside", "mug")).any()
+
+
+def test_what_may_lean_on_a_stack_may_fall_with_its_lowest() -> None:
+    """The book touches only the can on top; whether it leans there is not known."""
+    scene = Scene(2).fixed("table").box("target", 0.03, (0, 0, 0.03))
+    scene.box("can", 0.04, (0, 0, 0.10)).box("book", (0.01, 0.05, 0.13), (0.0505, 0, 0.13))
+    scene.box("far", 0.03, (0.4, 0, 0.03)).box("cup", 0.02, (-0.01, 0, 0.16))
+    facts = Relations(Signals(scene.episode(force_source="none")))
+    for on in ("target", "can"):
+        assert not facts.get("depends_on", ("book", on)).any()
+        assert facts.doubtful("depends_on", ("book", on)).all()
+        assert facts.doubtful("depends_on", ("far", on)) is None
+        assert facts.doubtful("depends_on", ("cup", on)) is None
+    assert facts.doubtful("depends_on", ("can", "cup")) is None  # it bears the cup, no less, no more
