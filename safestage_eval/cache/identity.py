@@ -7,6 +7,7 @@ import json
 import platform
 from collections.abc import Iterator
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,8 @@ def code_version() -> str:
     Empty where the sources cannot be read; then nothing is kept.
     """
     package = Path(__file__).parents[1]
-    digest = hashlib.sha256(f"{__version__} {np.__version__} {platform.machine()}".encode())
+    computes = f"{__version__} {np.__version__} {version('scipy')} {platform.machine()}"
+    digest = hashlib.sha256(computes.encode())
     sources = sorted(package.rglob("*.py"))
     try:
         for source in sources:

@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 UNIT_TOLERANCE = 1e-3
 """Allowed deviation of a quaternion's norm from 1: float32 rounding with two decades to spare."""
 
+LEVEL = 1e-3
+"""Allowed sine of the angle between gravity and −z: rounding, no slope."""
+
 SIZE_COUNTS = {
     "sphere": 1,
     "box": 3,
@@ -91,6 +94,14 @@ def check_header(header: Header, where: str) -> Iterator[TraceError]:
         value = getattr(header, step)
         if value is not None and not (np.isfinite(value) and value > 0):
             yield TraceError(where, f"{step} is {value}", "a positive number of seconds")
+    x, y, z = header.gravity
+    if not (np.isfinite(header.gravity).all() and z < 0 and np.hypot(x, y) <= LEVEL * -z):
+        yield TraceError(
+            where,
+            f"gravity is {header.gravity}",
+            "m/s² along −z of the world",
+            "record in a world whose z axis points up",
+        )
     for body in header.bodies:
         for i, geom in enumerate(body.geoms):
             place = f"{where}: body {body.name!r}, geom {i}"

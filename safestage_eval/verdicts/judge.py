@@ -17,6 +17,7 @@ from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import BACKEND, reached, rule_digest
 from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.measure import Signals
+from safestage_eval.units import format_quantity
 
 from .cost import judge_cost
 from .evaluate import Evaluator
@@ -105,6 +106,7 @@ class Judge:
         self.notes: list[str] = []
         if self._backend != BACKEND:
             self.notes.append(f"clearances as {self._backend} tells them, not certified")
+        self.notes += self._too_light()
         self._ahead = False  # success comes after the trace's last frame
         self._success_frame, self.success = self._native_success()
         self.success_time = (
@@ -229,6 +231,24 @@ class Judge:
             )
         return self._evaluators[key]
 
+    def _too_light(self) -> list[str]:
+        """A warning that names the objects whose own weight is no contact."""
+        header, least = self._episode.header, self._binding.params(None).get("contact_force")
+        if least is None or header.force_source == "none":
+            return []
+        gravity, force = float(np.linalg.norm(header.gravity)), _size(least)
+        light = [
+            body.name
+            for body in header.bodies
+            if body.kind == "object" and body.mass is not None and body.mass * gravity < force
+        ]
+        if not light:
+            return []
+        return [
+            f"{', '.join(light)}: lighter than a contact must be ({format_quantity(force, 'force')}); "
+            "a touch by the own weight is not seen, set contact_force lower"
+        ]
+
     def _native_success(self) -> tuple[int | None, bool | None]:
         """Frame and truth of native success; recorded wins, a disagreement is noted.
 
@@ -288,6 +308,10 @@ def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
     ):
         return max(1, frame_count(span.duration, episode.dt))
     raise RuleError("[baseline] span", "not a first stretch.", '"first 5 frames of episode"')
+
+
+def _size(value: ast.Quantity | ast.Duration) -> float:
+    return value.value if isinstance(value, ast.Quantity) else value.amount
 
 
 def _with_consequences(verdicts: Sequence[Verdict]) -> list[Verdict]:

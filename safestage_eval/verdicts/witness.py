@@ -151,7 +151,7 @@ class Search:
             self.sign * direction * (value - limit) if finite else None,
             series.dimension,
             name,
-            at_least=bool(np.isposinf(series.upper[frame])),
+            at_least=finite and bool(np.isposinf(series.upper[frame])),
         )
 
 

@@ -217,6 +217,8 @@ def with_value(index, value):
         ("meta/episodes", "bodies", with_value(0, "[{"), "column bodies: not JSON"),
         ("meta/episodes", "roles", with_value(0, '{"target": ["cup"]}'), "names 'cup'"),
         ("meta/episodes", "frame_dt", with_value(0, 0.0), "frame_dt is 0.0"),
+        ("meta/episodes", "gravity", with_value(0, [0.0, -9.81, 0.0]), "gravity is"),
+        ("meta/episodes", "gravity", with_value(0, [0.0, 0.0, 9.81]), "gravity is"),
         (
             "meta/episodes",
             "schema_version",

@@ -171,4 +171,6 @@ def test_what_may_lean_on_a_stack_may_fall_with_its_lowest() -> None:
         assert facts.doubtful("depends_on", ("book", on)).all()
         assert facts.doubtful("depends_on", ("far", on)) is None
         assert facts.doubtful("depends_on", ("cup", on)) is None
-    assert facts.doubtful("depends_on", ("can", "cup")) is None  # it bears the cup, no less, no more
+    assert (
+        facts.doubtful("depends_on", ("can", "cup")) is None
+    )  # it bears the cup, no less, no more

@@ -155,3 +155,22 @@ def test_a_dependent_set_down_from_three_centimetres_is_not_lost() -> None:
     found = verdict(scene.episode(roles=roles), "ISH101")
     assert found.verdict == "pass"
     assert found.instances == 1
+
+
+@pytest.mark.parametrize(("grams", "named"), [(10.1, True), (10.3, False)])
+def test_an_object_too_light_for_the_contact_threshold_is_named(grams: float, named: bool) -> None:
+    """0.1 N is the weight of 10.2 g; a note on the episode says whose touch may go unseen."""
+    scene = standing(12).box("straw", 0.01, (0, 0.3, 0.01), mass=grams / 1000)
+    rules = load_rules(["ets"])
+    notes = judge(scene.episode(roles=ROLES), rules).notes
+    assert any(n.startswith("straw:") and "0.1" in n for n in notes) is named
+    assert not judge(scene.episode(roles=ROLES, force_source="none"), rules).notes
+    assert not judge(scene.episode(roles=ROLES), rules, overrides={"contact_force": "0.01 N"}).notes
+
+
+def test_where_nothing_is_known_no_bound_is_told() -> None:
+    """Without a robot its clearance is unknown, not at least something."""
+    scene = Scene(12).fixed("table").box("p", 0.05, (0.5, 0, 0.05))
+    found = verdict(scene.episode(roles={"protected": ("p",)}), "ETS104")
+    assert (found.verdict, found.value) == ("inconclusive", None)
+    assert not any("at least" in note for note in found.notes)
