@@ -15,11 +15,11 @@ import platform
 import time
 from collections.abc import Callable
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import fcl
 import numpy as np
+from machine import processor
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Geom, Mesh
@@ -235,17 +235,6 @@ def growth(scene: Scene, group: list[Mover], mug: Mover) -> None:
     print("  geom pairs", *parts, sep="  ")
     protected = [f"{n}: {cost(scene.robot, scene.objects[:n]):.1f}" for n in (1, 2, 5, 10, 20)]
     print("  protected", *protected, sep="  ")
-
-
-def processor() -> str:
-    """The processor's name as the system tells it."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 def main() -> None:

@@ -24,6 +24,7 @@ from typing import Any
 
 import made
 import numpy as np
+from machine import processor
 from plain import distances
 
 from safestage_eval.formats import stored_table
@@ -170,7 +171,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=10, help="frames per step of the plain loop")
     args = parser.parse_args()
     print(
-        f"{platform.node()}: {_processor()}, Python {platform.python_version()}, "
+        f"{platform.node()}: {processor()}, Python {platform.python_version()}, "
         f"NumPy {np.__version__}"
     )
     with tempfile.TemporaryDirectory() as name:
@@ -180,16 +181,6 @@ def main() -> None:
             growth(Path(name), args.runs)
         else:
             headline(Path(name), args.runs, args.every)
-
-
-def _processor() -> str:
-    try:
-        for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass
-    return platform.processor() or platform.machine()
 
 
 if __name__ == "__main__":
