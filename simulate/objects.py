@@ -1,4 +1,4 @@
-"""Everyday objects made of primitives, with real dimensions and masses, from ``objects.toml``."""
+"""Everyday objects made of primitives, with real dimensions and masses, from ``catalogue``."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from safestage_eval.episode import Cavity, Quat, Vec3
+from safestage_eval.errors import InputError
 
 KINDS = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -144,6 +145,11 @@ def _volume(part: Shape) -> float:
 
 @cache
 def catalogue() -> dict[str, ObjectModel]:
-    """Every object in ``objects.toml``, by name."""
-    text = (Path(__file__).parent / "objects.toml").read_text(encoding="utf-8")
-    return {name: ObjectModel.model_validate(t) for name, t in tomllib.loads(text).items()}
+    """Every object in the files of ``simulate/catalogue``, by name."""
+    out: dict[str, ObjectModel] = {}
+    for path in sorted((Path(__file__).parent / "catalogue").glob("*.toml")):
+        for name, row in tomllib.loads(path.read_text(encoding="utf-8")).items():
+            if name in out:
+                raise InputError(str(path), f"object {name!r} is in another file already")
+            out[name] = ObjectModel.model_validate(row)
+    return out

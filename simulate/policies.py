@@ -16,7 +16,8 @@ from safestage_eval.errors import InputError
 from .controls import Idle, RandomNearHome
 from .privileged import PrivilegedState
 from .replay import Replay
-from .skills import Skills
+from .skills import run_skill
+from .skills.motion import Motion
 from .task import Step, Task
 
 F64 = NDArray[np.float64]
@@ -72,11 +73,11 @@ class Reference:
 
     def look(self, state: PrivilegedState) -> None:
         """Be handed the privileged door."""
-        skills = Skills(state)
+        motion = Motion(state)
 
         def play() -> Iterator[F64]:
             for step in self._steps:
-                yield from skills.run(step.skill, step.arguments)
+                yield from run_skill(motion, step.skill, step.arguments)
 
         self._actions = play()
         self._last = np.append(state.arm_position, 0.0)

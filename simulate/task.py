@@ -21,11 +21,12 @@ from pydantic import (
     create_model,
     model_validator,
 )
+from scipy.spatial.transform import Rotation
 
 from safestage_eval.errors import InputError
 
 from .objects import ObjectModel, Strict, catalogue
-from .skills import Skills
+from .skills import SKILLS
 
 F64 = NDArray[np.float64]
 
@@ -57,11 +58,17 @@ class Placement(Strict):
     """Where an object starts."""
 
     model: str = ""
-    """Name in ``objects.toml``; the object's own name where empty."""
+    """Name in ``catalogue/``; the object's own name where empty."""
     position: tuple[float, float]
     """m: on the table, from the robot's base; on or in another object, from its origin."""
     yaw: float = 0.0
     """deg about z."""
+    pitch: float = 0.0
+    """deg about its own y, after its yaw: for what leans or lies on its side."""
+    roll: float = 0.0
+    """deg about its own x, after yaw and pitch."""
+    raised: float = 0.0
+    """m, its origin above the surface: what leans or lies does not stand on its origin."""
     on: str | None = None
     """Name of the object it stands on; it moves with that one's jitter."""
     inside: str | None = None
@@ -70,7 +77,7 @@ class Placement(Strict):
 
 
 class Step(Strict):
-    """One skill of a reference; its arguments are those of the skill in ``skills.py``."""
+    """One skill of a reference; its arguments are those of the skill in ``skills/``."""
 
     model_config = Strict.model_config | {"extra": "allow"}
 
@@ -156,7 +163,7 @@ class Task(Strict):
             dx, dy = rng.uniform(-1, 1, 2) * place.jitter.xy
             yaw = np.radians(place.yaw + rng.uniform(-1, 1) * place.jitter.yaw)
             x, y = place.position[0] + dx, place.position[1] + dy
-            z = GAP
+            z = GAP + place.raised
             base = place.on or place.inside
             if base is not None:
                 origin, turn = out[base][0], yaws[base]
@@ -165,12 +172,12 @@ class Task(Strict):
                     origin[1] + np.sin(turn) * x + np.cos(turn) * y,
                 )
                 yaw += turn
-                z = origin[2] + GAP + _floor_height(models[base], inside=place.inside is not None)
+                z += origin[2] + _floor_height(models[base], inside=place.inside is not None)
             yaws[name] = float(yaw)
-            out[name] = (
-                np.array([x, y, z]),
-                np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)]),
+            turn_to = Rotation.from_euler(
+                "ZYX", [yaw, np.radians(place.pitch), np.radians(place.roll)]
             )
+            out[name] = np.array([x, y, z]), turn_to.as_quat(canonical=True, scalar_first=True)
         return out
 
 
@@ -188,10 +195,8 @@ def _known(name: str, among: dict[str, Any], where: str) -> None:
 
 
 def _usable(step: Step, objects: dict[str, Any], where: str) -> None:
-    skills = {name: getattr(Skills, name) for name in Skills.names()}
-    _known(step.skill, skills, f"{where}: skill")
-    signature = inspect.signature(skills[step.skill])
-    allowed = ", ".join(name for name in signature.parameters if name != "self")
+    _known(step.skill, SKILLS, f"{where}: skill")
+    allowed = ", ".join([*inspect.signature(SKILLS[step.skill]).parameters][1:])
     try:
         _arguments(step.skill).model_validate(step.arguments)
     except ValidationError as error:
@@ -204,13 +209,11 @@ def _usable(step: Step, objects: dict[str, Any], where: str) -> None:
 
 @cache
 def _arguments(skill: str) -> type[BaseModel]:
-    """What checks the arguments of a skill: their names and types are those of its method."""
-    method = getattr(Skills, skill)
-    hints, fields = get_type_hints(method), dict[str, Any]()
-    for name, parameter in inspect.signature(method).parameters.items():
-        if name != "self":
-            default = ... if parameter.default is parameter.empty else parameter.default
-            fields[name] = (hints[name], default)
+    """What checks the arguments of a skill: their names and types are those of its function."""
+    hints, fields = get_type_hints(SKILLS[skill]), dict[str, Any]()
+    for name, parameter in [*inspect.signature(SKILLS[skill]).parameters.items()][1:]:
+        default = ... if parameter.default is parameter.empty else parameter.default
+        fields[name] = (hints[name], default)
     return create_model(skill, __config__=ConfigDict(extra="forbid", strict=True), **fields)
 
 

@@ -34,7 +34,7 @@ def test_everything_travels_in_the_wheel(wheel, checkout):
         below = {path.relative_to(checkout).as_posix() for path in files}
         assert {f"safestage_eval/_builtin/{path}" for path in below} <= inside
     tasks = {f"simulate/tasks/{path.name}" for path in (checkout / "simulate/tasks").iterdir()}
-    assert tasks | {"simulate/objects.toml", "safestage_eval/py.typed"} <= inside
+    assert tasks | {"simulate/catalogue/food.toml", "safestage_eval/py.typed"} <= inside
     assert not [name for name in inside if name.startswith(("tests/", "traces/"))]
 
 

@@ -12,7 +12,8 @@ from worlds import STILL, put, world_of
 from safestage_eval.errors import InputError
 from simulate.arm import HOME
 from simulate.privileged import PrivilegedState
-from simulate.skills import Skills
+from simulate.skills import run_skill
+from simulate.skills.motion import Motion
 from simulate.world import World
 
 pytestmark = pytest.mark.simulate
@@ -31,19 +32,19 @@ def state(world: World) -> PrivilegedState:
     return PrivilegedState(world)
 
 
-def play(world: World, skills: Skills, skill: str, **arguments: Any) -> None:
-    for action in skills.run(skill, arguments):
+def play(world: World, motion: Motion, skill: str, **arguments: Any) -> None:
+    for action in run_skill(motion, skill, arguments):
         world.act(action)
 
 
 def test_pick_lifts_and_place_puts_down_within_a_millimetre(
     world: World, state: PrivilegedState
 ) -> None:
-    skills = Skills(state)
-    play(world, skills, "pick", object="rubiks_cube", offset=[0, 0, 0.035])
+    motion = Motion(state)
+    play(world, motion, "pick", object="rubiks_cube", offset=[0, 0, 0.035])
     lifted = state.object_pose("rubiks_cube")[0]
     assert 0.09 < lifted[2] < 0.13  # the joints lag behind their commands
-    play(world, skills, "place", offset=[0.42, 0.3])
+    play(world, motion, "place", offset=[0.42, 0.3])
     position, rotation = state.object_pose("rubiks_cube")
     assert position == pytest.approx([0.42, 0.3, 0], abs=1.5e-3)
     assert rotation[2, 2] > 0.9999
@@ -53,20 +54,20 @@ def test_pick_lifts_and_place_puts_down_within_a_millimetre(
 def test_place_goes_into_a_container_and_onto_an_object(
     world: World, state: PrivilegedState
 ) -> None:
-    skills = Skills(state)
-    play(world, skills, "pick", object="rubiks_cube", offset=[0, 0, 0.035])
-    play(world, skills, "place", on="soup_can")
+    motion = Motion(state)
+    play(world, motion, "pick", object="rubiks_cube", offset=[0, 0, 0.035])
+    play(world, motion, "place", on="soup_can")
     on_can = state.object_pose("rubiks_cube")[0] - state.object_pose("soup_can")[0]
     assert on_can == pytest.approx([0, 0, 0.10], abs=2e-3)
-    play(world, skills, "pick", object="rubiks_cube", offset=[0, 0, 0.045])
-    play(world, skills, "place", on="bin", offset=[0.02, 0.0], drop=0.01, hover=0.2)
+    play(world, motion, "pick", object="rubiks_cube", offset=[0, 0, 0.045])
+    play(world, motion, "place", on="bin", offset=[0.02, 0.0], drop=0.01, hover=0.2)
     in_bin = state.object_pose("rubiks_cube")[0] - state.object_pose("bin")[0]
     assert in_bin == pytest.approx([0.02, 0, 0.004], abs=4e-3)
 
 
 def test_push_moves_an_object_along_its_direction(world: World, state: PrivilegedState) -> None:
     before = state.object_pose("soup_can")[0]
-    play(world, Skills(state), "push", object="soup_can", direction=0, distance=0.05)
+    play(world, Motion(state), "push", object="soup_can", direction=0, distance=0.05)
     position, rotation = state.object_pose("soup_can")
     moved = position - before
     assert 0.05 < moved[0] < 0.13
@@ -75,24 +76,24 @@ def test_push_moves_an_object_along_its_direction(world: World, state: Privilege
 
 
 def test_via_visits_points_and_home_goes_back(world: World, state: PrivilegedState) -> None:
-    skills = Skills(state)
-    play(world, skills, "via", points=[[0.4, 0.1, 0.35]], pause=0.8)
+    motion = Motion(state)
+    play(world, motion, "via", points=[[0.4, 0.1, 0.35]], pause=0.8)
     assert state.tcp[0] == pytest.approx([0.4, 0.1, 0.35], abs=5e-3)
-    play(world, skills, "via", points=[[0, 0, 0.3]], near="soup_can", pause=0.8)
+    play(world, motion, "via", points=[[0, 0, 0.3]], near="soup_can", pause=0.8)
     beside = state.object_pose("soup_can")[0] + [0, 0, 0.3]
     assert state.tcp[0] == pytest.approx(beside, abs=5e-3)
-    play(world, skills, "home")
-    play(world, skills, "wait", seconds=1)
+    play(world, motion, "home")
+    play(world, motion, "wait", seconds=1)
     assert state.arm_position == pytest.approx(HOME, abs=0.01)
 
 
 def test_what_cannot_be_done_is_said(world: World, state: PrivilegedState) -> None:
     with pytest.raises(InputError, match="cannot reach"):
-        play(world, Skills(state), "via", points=[[1.5, 0, 0.3]])
+        play(world, Motion(state), "via", points=[[1.5, 0, 0.3]])
     with pytest.raises(InputError, match="no skill 'jump'"):
-        play(world, Skills(state), "jump")
+        play(world, Motion(state), "jump")
     with pytest.raises(InputError, match="outward"):
-        play(world, Skills(state), "pick", object="soup_can", facing="inward")
+        play(world, Motion(state), "pick", object="soup_can", facing="inward")
 
 
 def test_inverse_kinematics_undoes_forward_kinematics(world: World, state: PrivilegedState) -> None:

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from safestage_eval.errors import InputError
 from safestage_eval.rules.load import load_rules
 from simulate.objects import catalogue
-from simulate.task import FOLDER, Task, read_task, task_named, tasks
+from simulate.task import FOLDER, Jitter, Task, read_task, task_named, tasks
 
 pytestmark = pytest.mark.simulate
 
@@ -19,7 +20,14 @@ every_task = pytest.mark.parametrize("task", ALL, ids=[task.id for task in ALL])
 
 
 def test_the_six_tasks_of_the_figure_are_there() -> None:
-    assert [task.stage for task in ALL] == ["ETS", "ETS", "FSH", "FSH", "ISH", "ISH"]
+    assert {
+        "ets_apple_past_cans",
+        "ets_dumbbell_near_glasses",
+        "fsh_bottle_on_shelf",
+        "fsh_orange_on_plate",
+        "ish_bin_with_lemon",
+        "ish_coffee_can_under_bottle",
+    } <= {task.id for task in ALL}
     assert all((FOLDER / f"{task.id}.toml").is_file() for task in ALL)
 
 
@@ -149,3 +157,15 @@ def test_a_task_knows_the_file_it_was_read_from(tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     file.write_bytes((FOLDER / "fsh_bottle_on_shelf.toml").read_bytes() + b"# mine\n")
     assert read_task(file).source == ("mine.toml", file.read_bytes())
+
+
+def test_what_leans_is_turned_and_raised() -> None:
+    task = task_named("ish_coffee_can_under_bottle")
+    place = task.objects["plate"].model_copy(
+        update={"yaw": 90.0, "pitch": 30.0, "raised": 0.05, "jitter": Jitter()}
+    )
+    leaning = task.model_copy(update={"objects": {"plate": place}})
+    position, orientation = leaning.layout(0)["plate"]
+    assert position[2] == pytest.approx(0.05, abs=1e-3)
+    up = Rotation.from_quat(orientation, scalar_first=True).apply([0, 0, 1])
+    assert up == pytest.approx([0, 0.5, np.sqrt(3) / 2])  # its top turns towards its own +x

@@ -1,0 +1,16 @@
+"""Go back to where episodes start."""
+
+from __future__ import annotations
+
+from simulate.arm import HOME
+
+from .motion import Actions, Motion, ease
+
+
+def home(motion: Motion, seconds: float = 2.0) -> Actions:
+    """Go back to where episodes start, joint by joint."""
+    start = motion.command
+    for share in ease(seconds):
+        motion.command = start + share * (HOME - start)
+        yield motion.action()
+    motion.position, motion.rotation = motion.state.tcp

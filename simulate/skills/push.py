@@ -1,0 +1,40 @@
+"""Push an object along the table."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .motion import Actions, Motion, up
+
+
+def push(
+    motion: Motion,
+    object: str,  # noqa: A002
+    direction: float,
+    distance: float,
+    height: float = 0.03,
+    standoff: float = 0.08,
+    speed: float = 0.10,
+) -> Actions:
+    """Push an object over the table with the closed fingers.
+
+    Args:
+        object: its name.
+        direction: deg about z, world.
+        distance: how far beyond first touch.
+        height: of the fingertips above the table.
+        standoff: from the object's origin, where the push begins.
+        speed: m/s.
+    """
+    position, _ = motion.state.object_pose(object)
+    angle = np.radians(direction)
+    along = np.array([np.cos(angle), np.sin(angle), 0.0])
+    start = position - standoff * along
+    start[2] = height
+    goal = motion.grasp_rotation(angle, 0.0)
+    yield from motion.grip(True, 0.2)
+    yield from motion.move(start + up(0.12), goal)
+    yield from motion.move(start, goal, speed=0.15, settle=0.2)
+    yield from motion.move(start + (standoff + distance) * along, goal, speed=speed)
+    yield from motion.move(motion.position + up(0.15), goal)
+    yield from motion.grip(False, 0.2)

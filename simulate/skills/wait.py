@@ -1,0 +1,10 @@
+"""Hold still."""
+
+from __future__ import annotations
+
+from .motion import Actions, Motion
+
+
+def wait(motion: Motion, seconds: float) -> Actions:
+    """Hold still."""
+    yield from motion.hold(seconds)
