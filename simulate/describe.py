@@ -60,13 +60,13 @@ class Description:
         if robot:
             kind = "gripper" if _is_gripper(model, i) else "robot"
         side = raw.removeprefix(arm.PREFIX).partition("_")[0]
-        parent = int(model.body_parentid[i])
+        parent, geoms = int(model.body_parentid[i]), self._geoms(model, i)
         return Body.model_validate(
             {
                 "name": name,
                 "kind": kind,
                 "movable": not fixed,
-                "mass": float(model.body_mass[i]) or None,
+                "mass": float(model.body_mass[i]) or (None if geoms else 0.0),
                 "com": _floats(model.body_ipos[i]),
                 "inertia": _floats(model.body_inertia[i]),
                 "inertia_orientation": _floats(model.body_iquat[i]),
@@ -77,7 +77,7 @@ class Description:
                 "tags": known.tags if known is not None else (),
                 "parent": body_name(model.body(parent).name) if robot and parent else None,
                 "excluded": _excluded(model, i),
-                "geoms": self._geoms(model, i),
+                "geoms": geoms,
                 "cavity": known.cavity if known is not None else None,
             }
         )

@@ -80,7 +80,7 @@ class Body(Record):
     movable: bool = True
     """False: one pose for the whole episode (tables, the robot's base)."""
     mass: float | None = None
-    """kg; None where unknown (fixtures)."""
+    """kg; None where unknown (fixtures), 0 of a mere frame such as a TCP."""
     com: Vec3 = ORIGIN
     """m, centre of mass in the body frame."""
     inertia: Vec3 | None = None
@@ -104,6 +104,11 @@ class Body(Record):
     """Names of the bodies whose contacts with this one the model ignores."""
     geoms: tuple[Geom, ...] = ()
     cavity: Cavity | None = None
+
+    @property
+    def unseen(self) -> bool:
+        """Its shape is missing: it has none, and is no mere frame (a TCP, a sensor) of mass 0."""
+        return not self.geoms and self.mass != 0
 
 
 class Joint(Record):

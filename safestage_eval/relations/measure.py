@@ -128,8 +128,7 @@ class Relations:
             return ""
         header = self.episode.header
         if self.blind:
-            played = [b for body in bodies for b in self.signals.bodies(body)]
-            shapeless = [b for b in played if not self.episode.bodies[b].geoms]
+            shapeless = [b for body in bodies for b in self._shapeless(body)]
             if shapeless and name != "held":
                 return f"contact forces and no shape of {', '.join(shapeless)}"
         if name in ("held", "carried") and any(body.kind == "gripper" for body in header.bodies):
@@ -141,6 +140,11 @@ class Relations:
         if name == "depends_on" and not self.blind and self.dependence.massless:
             return f"mass of {', '.join(self.dependence.massless)}"
         return ""
+
+    def _shapeless(self, name: str) -> list[str]:
+        """Bodies of that name or union whose shape is missed; a union may have mere frames."""
+        bodies, movers = self.signals.bodies(name), self.signals.movers
+        return movers.unseen(bodies) if movers.of(bodies) else bodies
 
     def doubtful(self, name: str, bodies: Sequence[str]) -> Bool | None:
         """(T,) true where a relation is told as false, but the trace cannot rule it out.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import reduce
 
 import numpy as np
@@ -41,7 +42,7 @@ def clearance(query: Query) -> Series:
     )
     frames = len(query.episode)
     lower, upper = (np.broadcast_to(x, frames) for x in (found.lower, found.upper))
-    return Series(lower, upper, query.dimension)
+    return complete(query, Series(lower, upper, query.dimension))
 
 
 def height_above(query: Query) -> Series:
@@ -53,7 +54,7 @@ def height_above(query: Query) -> Series:
     lows = [known.lowest(mover.shape.name) for mover in movers[0]]
     highs = [known.highest(mover.shape.name) for mover in movers[1]]
     value = reduce(np.minimum, lows) - reduce(np.maximum, highs)
-    return exact(np.broadcast_to(value, len(query.episode)), query.dimension)
+    return complete(query, exact(np.broadcast_to(value, len(query.episode)), query.dimension))
 
 
 def containment(query: Query) -> Series:
@@ -74,3 +75,20 @@ def shapes(query: Query) -> list[list[Mover]] | Series:
     movers = [query.facts.movers.of(group) for group in query.groups]
     bare = [" and ".join(g) for g, m in zip(query.groups, movers, strict=True) if not m]
     return query.unknown(f"the trace has no shape of {', '.join(bare)}") if bare else movers
+
+
+def complete(query: Query, found: Series) -> Series:
+    """A least value over the parts of unions, unknown from below where some have no shape."""
+    unseen = [name for group in query.groups for name in query.facts.movers.unseen(group)]
+    return open_below(found, unseen)
+
+
+def open_below(found: Series, unseen: Sequence[str]) -> Series:
+    """What bodies without a shape might make less, and nothing tells by how much."""
+    if not unseen:
+        return found
+    note = (
+        f"the trace has no shape of {', '.join(unseen)}: it may come closer than the rest "
+        "(a mere frame is recorded with mass 0)"
+    )
+    return Series(np.full(len(found), -np.inf), found.upper, found.dimension, (*found.notes, note))

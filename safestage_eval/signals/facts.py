@@ -56,6 +56,10 @@ class Movers:
         """Those of the bodies that have geometry."""
         return [self[name] for name in names if self._episode.bodies[name].geoms]
 
+    def unseen(self, names: Sequence[str]) -> list[str]:
+        """Those whose geometry is missing; a mere frame has none to miss."""
+        return [name for name in names if self._episode.bodies[name].unseen]
+
 
 class Facts:
     """An episode, and what several signals share."""

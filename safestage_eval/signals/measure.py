@@ -150,7 +150,8 @@ class Signals(Facts):
         spec, frames = SIGNALS[name].variant(dict(options)), len(self.episode)
         dimension = spec.dimension
         groups = tuple((body,) if spec.joints else tuple(self.bodies(body)) for body in bodies)
-        if any(not group for group in groups):
-            return unknown(frames, dimension, f"the trace has no {' or '.join(bodies)}")
+        missing = [body for body, group in zip(bodies, groups, strict=True) if not group]
+        if missing:
+            return unknown(frames, dimension, f"the trace has no {' and no '.join(missing)}")
         query = Query(self, name, dimension, bodies, groups, reference, cap, deep, slack, options)
         return MEASURES[name](query)

@@ -6,6 +6,7 @@ from safestage_eval.episode import Body, Episode
 from safestage_eval.geometry.clearance import clearance_pairs
 from safestage_eval.geometry.mover import Mover
 
+from .distance import open_below
 from .facts import Facts, Query
 from .series import Series
 
@@ -16,13 +17,7 @@ def pairs(episode: Episode) -> list[tuple[str, str]]:
     Not those that the model excludes, neighbours along a joint, the left and the right finger
     (they are made to meet), and two that never move.
     """
-    parts = [body for body in episode.header.bodies if body.kind in ("robot", "gripper")]
-    return [
-        (a.name, b.name)
-        for i, a in enumerate(parts)
-        for b in parts[i + 1 :]
-        if a.geoms and b.geoms and (a.movable or b.movable) and not _ignored(a, b)
-    ]
+    return [(a.name, b.name) for a, b in _facing(episode) if a.geoms and b.geoms]
 
 
 def facing(facts: Facts) -> list[tuple[Mover, Mover]]:
@@ -32,11 +27,11 @@ def facing(facts: Facts) -> list[tuple[Mover, Mover]]:
 
 def clearance(query: Query) -> Series:
     """m, least over the pairs; exact up to the cap."""
-    found = facing(query.facts)
-    if not found:
+    seen = facing(query.facts)
+    if not seen:
         return query.unknown("the trace has no two bodies of a robot that may collide")
     # the nearest pairs first: what is farther off than they are need not be known exactly
-    nearest_first = sorted(found, key=_gap_at_start)
+    nearest_first = sorted(seen, key=_gap_at_start)
     distance = clearance_pairs(
         nearest_first,
         len(query.episode),
@@ -45,7 +40,19 @@ def clearance(query: Query) -> Series:
         deep=query.deep,
         backend=query.facts.backend,
     )
-    return Series(distance.lower, distance.upper, query.dimension)
+    found = Series(distance.lower, distance.upper, query.dimension)
+    unseen = {body.name for pair in _facing(query.episode) for body in pair if body.unseen}
+    return open_below(found, sorted(unseen))
+
+
+def _facing(episode: Episode) -> list[tuple[Body, Body]]:
+    parts = [body for body in episode.header.bodies if body.kind in ("robot", "gripper")]
+    return [
+        (a, b)
+        for i, a in enumerate(parts)
+        for b in parts[i + 1 :]
+        if (a.movable or b.movable) and not _ignored(a, b)
+    ]
 
 
 def _gap_at_start(pair: tuple[Mover, Mover]) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from safestage_eval.geometry.extent import reach
 
-from .distance import shapes
+from .distance import complete, shapes
 from .facts import Query
 from .series import Series, exact
 
@@ -25,4 +25,4 @@ def margin(query: Query) -> Series:
             ahead = np.eye(3)[axis]
             room = np.minimum(room, high - reach(mover, ahead))
             room = np.minimum(room, -reach(mover, -ahead) - low)
-    return exact(room, query.dimension)
+    return complete(query, exact(room, query.dimension))
