@@ -17,6 +17,7 @@ from safestage_eval.formats import EpisodeRef, discover
 
 if TYPE_CHECKING:
     from safestage_eval.cache import Memory
+    from safestage_eval.episode import Episode
     from safestage_eval.rules import BindFile, RuleSet
     from safestage_eval.verdicts import EpisodeResult
 
@@ -66,33 +67,26 @@ def score_episode(
     try:
         if ref.problem is not None:
             raise ref.problem
-        memory = _memory(ref, cache)
-        found = judge(
-            memory.episode if memory is not None else ref.open(),
-            rules,
-            overrides=overrides,
-            bind=bind,
-            trace_hash=ref.content_hash,
-            backend=backend,
-            assigned_only=assigned_only,
-            memory=memory,
-        )
-        if memory is not None:
-            memory.save()
+
+        def judged(episode: Episode, memory: Memory | None = None) -> EpisodeResult:
+            return judge(
+                episode, rules, overrides=overrides, bind=bind, trace_hash=ref.content_hash,
+                backend=backend, assigned_only=assigned_only, memory=memory,
+            )  # fmt: skip
+
+        if cache is None:
+            return judged(ref.open())
+        from safestage_eval.cache import CacheFolder, Memory, question
+
+        memory = Memory(CacheFolder(cache), ref)
+        asked = question(ref, rules, overrides, bind, backend, assigned_only=assigned_only)
+        found = memory.result(asked, lambda: judged(memory.episode, memory))
+        memory.save()
         return found
     except InputError as error:
         return Problem(str(ref.path), str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others
         return Problem(str(ref.path), f"{ref.path}: cannot be judged: {_told(error)}")
-
-
-def _memory(ref: EpisodeRef, cache: str | Path | None) -> Memory | None:
-    """What a cache folder knows of an episode; None without one."""
-    if cache is None:
-        return None
-    from safestage_eval.cache import CacheFolder, Memory
-
-    return Memory(CacheFolder(cache), ref)
 
 
 def score_many(

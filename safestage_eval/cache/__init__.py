@@ -6,5 +6,6 @@ what is missing there is measured again. See docs/performance.md for what is tru
 
 from .folder import CacheFolder
 from .memory import Memory
+from .question import question
 
-__all__ = ["CacheFolder", "Memory"]
+__all__ = ["CacheFolder", "Memory", "question"]

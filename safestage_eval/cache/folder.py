@@ -7,14 +7,16 @@ import hashlib
 import os
 import time
 from pathlib import Path
+from typing import Any
 from uuid import uuid4
 
 from safestage_eval.formats import EpisodeRef
 
 from .entry import Entry, Value, encode
+from .log import Log, append
 
-PARTS = ("measured", "judged")
-"""Files of an episode; verdicts apart, because a new one must not rewrite all measurements."""
+PARTS = ("measured", "answers")
+"""Files of an episode: arrays (entry.py), and the small answers that rest on them (log.py)."""
 MOST = 4 * 1024**3
 """Bytes that a folder may grow to, unless ``SAFESTAGE_CACHE_SIZE`` (bytes) says otherwise."""
 
@@ -34,18 +36,25 @@ class CacheFolder:
         name = hashlib.sha256(place.encode()).hexdigest()[:32]
         return self.path / name[:2] / f"{name}.{part}"
 
-    def read(self, ref: EpisodeRef, part: str) -> Entry | None:
-        """A part of the entry of an episode, whatever state of its files it is about."""
-        path = self.file(ref, part)
-        entry = Entry.read(path)
-        if entry is not None:
-            with contextlib.suppress(OSError):
-                os.utime(path)  # used just now: pruned last
-        return entry
+    def measured(self, ref: EpisodeRef) -> Entry | None:
+        """What was measured of an episode, whatever state of its files it is about."""
+        return Entry.read(self.file(ref, "measured"))
 
-    def write(self, ref: EpisodeRef, part: str, values: dict[str, Value]) -> None:
-        """Replace a part. A folder that cannot be written to keeps nothing."""
-        path = self.file(ref, part)
+    def answers(self, ref: EpisodeRef) -> Log:
+        """What was found out about an episode, in whatever state of its files."""
+        for part in PARTS:  # used just now: pruned last
+            with contextlib.suppress(OSError):
+                os.utime(self.file(ref, part))
+        return Log.read(self.file(ref, "answers"))
+
+    def add(self, ref: EpisodeRef, answers: dict[str, Any]) -> None:
+        """Keep answers besides those that are there. A folder that cannot be written to keeps none."""
+        with contextlib.suppress(OSError):
+            append(self.file(ref, "answers"), answers)
+
+    def write(self, ref: EpisodeRef, values: dict[str, Value]) -> None:
+        """Replace what was measured. A folder that cannot be written to keeps nothing."""
+        path = self.file(ref, "measured")
         new = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, fields
 from functools import cached_property
 from typing import Any
 
@@ -22,11 +21,13 @@ from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.options import Options
 from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series
-from safestage_eval.verdicts import Verdict
+from safestage_eval.verdicts import EpisodeResult, Verdict
 
 from .entry import Entry, Value
-from .folder import PARTS, CacheFolder
+from .folder import CacheFolder
 from .identity import RACY, code_version, stamp
+from .log import Log
+from .stored import plain, result, verdict
 
 Bool = NDArray[np.bool_]
 
@@ -34,53 +35,39 @@ ABOUT = "about"
 """Name of the value that says which files, and which code, an entry is from."""
 
 
-class _Part:
-    """One file of an entry: what was kept before, if it still holds, and what is new."""
-
-    def __init__(
-        self, folder: CacheFolder, ref: EpisodeRef, name: str, now: tuple[str, int] | None
-    ) -> None:
-        self._folder, self._ref, self._name = folder, ref, name
-        self._entry: Entry | None = None
-        self.about: Value | None = None
-        self._known: dict[str, Value | None] = {}
-        self.new: dict[str, Value] = {}
-        entry = folder.read(ref, name) if now is not None and code_version() else None
-        about = entry.get(ABOUT) if entry is not None else None
-        if (
-            about is not None
-            and now is not None
-            and about.get("code") == code_version()
-            and about["stamp"] == now[0]
-            and now[1] <= about["noticed"] - RACY
-        ):
-            self._entry, self.about = entry, about
-
-    def get(self, key: str) -> Value | None:
-        if key not in self._known:
-            self._known[key] = self._entry.get(key) if self._entry is not None else None
-        return self.new.get(key) or self._known[key]
-
-    def forget(self) -> None:
-        self._entry, self.about = None, None
-        self._known.clear()
-
-    def write(self, about: Value) -> None:
-        values: dict[str, Value] = {ABOUT: about}
-        if self._entry is not None:
-            kept = {name: self._entry.get(name) for name in self._entry.names() if name != ABOUT}
-            values |= {name: value for name, value in kept.items() if value is not None}
-        self._folder.write(self._ref, self._name, values | self.new)
-
-
 class Memory:
-    """An episode that may not have to be opened, and everything that was measured of it."""
+    """An episode that may not have to be opened, and everything that was found out about it.
+
+    Measurements are kept by what was asked of the trace; answers (verdicts, moments of success,
+    stretches of frames) by everything that they depend on, the state of the trace's files included.
+    """
 
     def __init__(self, folder: CacheFolder, ref: EpisodeRef) -> None:
-        """Looks the episode up; an entry that does not fit its files or this code is none."""
-        self._ref = ref
-        self._noticed, self._before = time.time_ns(), stamp(ref)
-        self._measured, self._judged = (_Part(folder, ref, p, self._before) for p in PARTS)
+        """Looks the episode up; what does not fit its files or this code is not there."""
+        self._folder, self._ref = folder, ref
+        noticed, self._before = time.time_ns(), stamp(ref)
+        self._whose = ""
+        """Which state of which files, and which code; empty where nothing may be kept."""
+        if self._before is not None and code_version() and self._before[1] <= noticed - RACY:
+            self._whose = f"{code_version()} {self._before[0]}"
+        self._measured: dict[str, Value] = {}
+        self._answered: dict[str, Any] = {}
+        self._recalled: dict[str, Value | None] = {}
+
+    @cached_property
+    def _answers(self) -> Log:
+        return self._folder.answers(self._ref) if self._whose else Log(b"")
+
+    @cached_property
+    def _entry(self) -> Entry | None:
+        entry = self._folder.measured(self._ref) if self._whose else None
+        about = entry.get(ABOUT) if entry is not None else None
+        return entry if about is not None and about.get("whose") == self._whose else None
+
+    @property
+    def about(self) -> Value | None:
+        """What is known of the trace besides measurements; None if it has to be read."""
+        return self._entry.get(ABOUT) if self._entry is not None else None
 
     @cached_property
     def _real(self) -> Episode:
@@ -89,13 +76,13 @@ class Memory:
     @cached_property
     def episode(self) -> Episode:
         """The episode; of one that is known, nothing is read before it has to be measured."""
-        about = self._measured.about
+        about = self.about
         if about is None:
             return self._real
         try:
             header = Header.model_validate_json(about["header"])
         except ValidationError:
-            self._measured.forget()
+            self._entry = None
             return self._real
         return Episode(
             header=header,
@@ -118,15 +105,17 @@ class Memory:
         signals = RememberedSignals(self, baseline_frames, backend)
         return RememberedRelations(signals, self)
 
-    # ---- values
+    # ---- measurements
 
     def recall(self, key: str) -> Value | None:
         """What was measured under a name; None if nothing was, or it is damaged."""
-        return self._measured.get(key)
+        if key not in self._recalled:
+            self._recalled[key] = self._entry.get(key) if self._entry is not None else None
+        return self._measured.get(key) or self._recalled[key]
 
     def keep(self, key: str, value: Value) -> None:
         """Remember a measurement from now on."""
-        self._measured.new[key] = value
+        self._measured[key] = value
 
     def series(self, key: str, measure: Callable[[], Series]) -> Series:
         """A series that was measured before, or is now."""
@@ -147,35 +136,48 @@ class Memory:
             lower, lower if upper is None else upper, known["dimension"], tuple(known["notes"])
         )
 
-    def verdict(self, key: str, judge: Callable[[], Verdict]) -> Verdict:
-        """A verdict by all that it depends on besides the trace, or judged now."""
-        name = _short(key)
-        known = self._judged.get(name)
-        if known is not None:
-            return _verdict(known)
-        found = judge()
-        self._judged.new[name] = asdict(found)
-        return found
+    # ---- answers
+
+    def answer(self, question: str, find: Callable[[], Any]) -> Any:
+        """The answer (JSON) to a question that names all it depends on besides the trace."""
+        key = _short(f"{self._whose} {question}")
+        if key in self._answered:
+            return self._answered[key]
+        known = self._answers.get(key)
+        if known is None:
+            known = self._answered[key] = find()
+        return known
+
+    def verdict(self, question: str, judge: Callable[[], Verdict]) -> Verdict:
+        """A verdict that was reached before, or is now."""
+        return verdict(self.answer(question, lambda: plain(judge())))
+
+    def result(self, question: str, judge: Callable[[], EpisodeResult]) -> EpisodeResult:
+        """Everything that was said of the episode before, or is now."""
+        return result(self.answer(question, lambda: plain(judge())), str(self._ref.path))
 
     def save(self) -> None:
         """Write what is new, unless a file of the episode changed since it was looked up."""
-        parts = [part for part in (self._measured, self._judged) if part.new]
-        if not parts or not code_version() or self._before is None:
+        if not (self._measured or self._answered) or not self._whose:
             return
         if stamp(self._ref) != self._before:
             return
-        about: Value = {
-            "code": code_version(),
-            "stamp": self._before[0],
-            "noticed": self._noticed,
+        if self._answered:
+            self._folder.add(self._ref, self._answered)
+        if not self._measured:
+            return
+        values: dict[str, Value] = {
+            ABOUT: {
+                "whose": self._whose,
+                "header": self.episode.header.model_dump_json(),
+                "channels": [list(key) for key in self.episode.channels],
+                "t": np.asarray(self.episode.t),
+            }
         }
-        if self._judged.new:
-            self._judged.write(about)
-        if self._measured.new:
-            about["header"] = self.episode.header.model_dump_json()
-            about["channels"] = [list(key) for key in self.episode.channels]
-            about["t"] = np.asarray(self.episode.t)
-            self._measured.write(about)
+        if self._entry is not None:
+            kept = {name: self._entry.get(name) for name in self._entry.names() if name != ABOUT}
+            values |= {name: value for name, value in kept.items() if value is not None}
+        self._folder.write(self._ref, values | self._measured)
 
 
 class RememberedSignals(Signals):
@@ -308,14 +310,3 @@ class RememberedRelations(Relations):
 
 def _short(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
-
-
-_TUPLES = {field.name for field in fields(Verdict) if str(field.type).startswith("tuple")}
-
-
-def _verdict(stored: dict[str, Any]) -> Verdict:
-    """A verdict from JSON."""
-    given = dict(stored)
-    for name in _TUPLES:
-        given[name] = tuple(tuple(item) if isinstance(item, list) else item for item in given[name])
-    return Verdict(**given)

@@ -74,8 +74,11 @@ class Memory(Protocol):
     def relations(self, baseline_frames: int, backend: str) -> Relations:
         """Relations and signals that are measured only where they are not remembered."""
 
-    def verdict(self, key: str, judge: Callable[[], Verdict]) -> Verdict:
-        """What ``judge`` returns, or returned before under the same key."""
+    def verdict(self, question: str, judge: Callable[[], Verdict]) -> Verdict:
+        """What ``judge`` returns, or returned before to the same question."""
+
+    def answer(self, question: str, find: Callable[[], Any]) -> Any:
+        """What ``find`` returns (JSON), or returned before to the same question."""
 
 
 class Judge:
@@ -157,8 +160,11 @@ class Judge:
         if self._memory is None:
             return self._judged(rule, blank, players)
         success = (self._binding.goal, self.success, self.success_time, self._ahead)
-        key = repr((rule, blank, sorted(players.items()), success))
-        return self._memory.verdict(key, lambda: self._judged(rule, blank, players))
+        said = self._rules.digests.get(("said", rule.code))
+        if said is None:
+            said = self._rules.digests["said", rule.code] = repr(rule)
+        asked = f"verdict {said} {blank} {sorted(players.items())} {success}"
+        return self._memory.verdict(asked, lambda: self._judged(rule, blank, players))
 
     def _judged(
         self, rule: ast.Rule, blank: Verdict, players: Mapping[str, Sequence[str]]

@@ -123,7 +123,7 @@ def rules(tmp_path):
 def knows(folder, path):
     """Whether a cache would answer for the trace without reading it."""
     (ref,) = discover(path)
-    return Memory(CacheFolder(folder), ref)._measured.about is not None
+    return Memory(CacheFolder(folder), ref).about is not None
 
 
 def test_a_trace_that_changed_is_read_again(trusting, stored, rules, tmp_path):
@@ -183,7 +183,7 @@ def test_a_file_that_changes_while_it_is_judged_is_not_kept(trusting, stored, ru
     assert not list((tmp_path / "cache").rglob("*.measured"))
 
 
-@pytest.mark.parametrize("part", ["measured", "judged"])
+@pytest.mark.parametrize("part", ["measured", "answers"])
 def test_a_damaged_entry_is_none(trusting, stored, rules, tmp_path, part):
     cache = tmp_path / "cache"
     (ref,) = discover(stored)
@@ -238,11 +238,11 @@ def test_pruning_leaves_what_was_used_last(trusting, tmp_path):
         score_episode(ref, rules, cache=tmp_path)
     folder = CacheFolder(tmp_path)
     for age, ref in enumerate(refs):
-        for part in ("measured", "judged"):
+        for part in ("measured", "answers"):
             os.utime(folder.file(ref, part), (1000 - age, 1000 - age))
     score_episode(refs[2], rules, cache=tmp_path)  # the oldest is used again
     sizes = {ref.episode_id: folder.file(ref, "measured").stat().st_size for ref in refs}
-    judged = sum(folder.file(ref, "judged").stat().st_size for ref in refs)
+    judged = sum(folder.file(ref, "answers").stat().st_size for ref in refs)
     kept = CacheFolder(
         tmp_path, most=sizes[refs[0].episode_id] + sizes[refs[2].episode_id] + judged
     )

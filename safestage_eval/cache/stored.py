@@ -1,0 +1,47 @@
+"""Verdicts and results as JSON, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, TypeVar
+
+from safestage_eval.verdicts import EpisodeResult, Verdict
+from safestage_eval.verdicts.verdict import CostTotal
+
+T = TypeVar("T", Verdict, CostTotal, EpisodeResult)
+
+_TUPLES = {
+    kind: [field.name for field in fields(kind) if str(field.type).startswith("tuple")]
+    for kind in (Verdict, CostTotal, EpisodeResult)
+}
+
+
+def plain(found: Verdict | EpisodeResult) -> dict[str, Any]:
+    """JSON values of a verdict or a result."""
+    out = dict(vars(found))
+    if isinstance(found, EpisodeResult):
+        out["verdicts"] = [vars(verdict) for verdict in found.verdicts]
+        out["costs"] = [vars(cost) for cost in found.costs]
+    return out
+
+
+def verdict(stored: Mapping[str, Any]) -> Verdict:
+    """A verdict from JSON."""
+    return _made(Verdict, stored)
+
+
+def result(stored: Mapping[str, Any], path: str) -> EpisodeResult:
+    """A result from JSON; ``path`` is where the episode was found this time."""
+    made = dict(stored)
+    made["verdicts"] = [verdict(item) for item in stored["verdicts"]]
+    made["costs"] = [_made(CostTotal, item) for item in stored["costs"]]
+    made["path"] = path
+    return _made(EpisodeResult, made)
+
+
+def _made(kind: type[T], stored: Mapping[str, Any]) -> T:
+    given = dict(stored)
+    for name in _TUPLES[kind]:
+        given[name] = tuple(tuple(item) if isinstance(item, list) else item for item in given[name])
+    return kind(**given)
