@@ -36,9 +36,14 @@ def rule_digest(
         params: name → value, as they hold for the rule and episode.
         backend: the clearance engine.
     """
-    key = (rule, tuple(sorted(params.items(), key=lambda item: item[0])), backend)
+    return digest_of(rules, rule, params, backend)
+
+
+def digest_of(rules: ast.RuleSet, node: object, params: Params, backend: str = BACKEND) -> str:
+    """As ``rule_digest``, of any part of a rule, or of a goal."""
+    key = (node, tuple(sorted(params.items(), key=lambda item: item[0])), backend)
     if key not in rules.digests:
-        rules.digests[key] = _digest(rules, rule, params, backend)
+        rules.digests[key] = _digest(rules, node, params, backend)
     digest: str = rules.digests[key]
     return digest
 
@@ -63,10 +68,10 @@ def reached(
     return dict(rules.digests[key])
 
 
-def _digest(rules: ast.RuleSet, rule: ast.Scoped, params: Params, backend: str) -> str:
-    uses = reached(rules, rule, params)
+def _digest(rules: ast.RuleSet, node: object, params: Params, backend: str) -> str:
+    uses = reached(rules, node, params)
     body = [
-        _plain(rule),
+        _plain(node),
         [[name, _plain(value)] for name, value in sorted(uses.items(), key=lambda item: item[0])],
         _plain(rules.baseline),
         backend,

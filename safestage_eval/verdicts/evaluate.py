@@ -18,6 +18,7 @@ from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
 
+from .memory import Memory
 from .values import Env, Values, ends_early, limit_margin
 
 
@@ -37,6 +38,7 @@ class Evaluator(Values):
         *,
         success_known: bool = True,
         causal: bool = False,
+        memory: Memory | None = None,
     ) -> None:
         """Prepare; nothing is computed yet.
 
@@ -47,11 +49,13 @@ class Evaluator(Values):
             success: frame that confirmed native success, None if it never came.
             success_known: False where the trace does not tell; then nothing after it is known.
             causal: states look only backwards, as in a rollout that is still running.
+            memory: where answers from before are found.
         """
         super().__init__(relations, rules, params)
         self.success = success
         self.success_known = success_known
         self.causal = causal
+        self.memory = memory
         self.frames = len(self.episode)
         self.truncated = ends_early(self.episode)
         self.notes: dict[str, None] = {}
@@ -72,6 +76,7 @@ class Evaluator(Values):
             self.success,
             success_known=self.success_known,
             causal=self.causal,
+            memory=self.memory,
         )
         found.players = self.players
         changed = {name for name, value in params.items() if self.params.get(name) != value}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from safestage_eval.states.persistence import held_from, without_short_runs
 from safestage_eval.states.scope import Scope
 
 from .evaluate import Evaluator
+from .memory import Stretch, plain_stretches, remembered, stretches_of
 from .spans import may_recur, spans
 from .values import Env
 
@@ -94,15 +95,32 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
 
 def applies(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> bool | None:
     """Whether ``given`` holds at the start for these bodies; None where that is not known."""
-    if rule.given is None:
+    given = rule.given
+    if given is None:
         return True
-    lower, upper = initially(evaluator, rule.given, env)
-    return True if lower >= 0 else None if upper >= 0 else False
+
+    def found() -> bool | None:
+        lower, upper = initially(evaluator, given, env)
+        return True if lower >= 0 else None if upper >= 0 else False
+
+    told: bool | None = remembered(evaluator, "given", given, env, found)
+    return told
 
 
-def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[tuple[Scope, int | None]]:
+def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]:
     """The frames that are judged, and for each stretch the frame at which ``until`` ended it."""
-    out: list[tuple[Scope, int | None]] = []
+    reaches = isinstance(rule, ast.Rule) and rule.reach is not None
+    where = (rule.during, rule.at, rule.until)
+    what = "stretches to reach something in" if reaches else "stretches"
+
+    def found() -> list[Any]:
+        return plain_stretches(_stretches(evaluator, rule, env))
+
+    return stretches_of(remembered(evaluator, what, where, env, found))
+
+
+def _stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]:
+    out: list[Stretch] = []
     stop = None if rule.until is None else evaluator.truth(rule.until, env)
     for scope in _scopes(evaluator, rule, env):
         if stop is None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +21,8 @@ from safestage_eval.units import format_quantity
 
 from .cost import judge_cost
 from .evaluate import Evaluator
-from .goal import first_success
+from .goal import Reached, first_success
+from .memory import Memory, remembered
 from .rule_verdict import judge_rule
 from .values import ends_early, frame_count
 from .verdict import CostTotal, EpisodeResult, Verdict
@@ -66,19 +67,6 @@ def judge(
         relations = memory.relations(baseline_frames(rules, episode), backend)
     judge_ = Judge(episode, rules, binding, relations, backend=backend, memory=memory)
     return judge_.result(trace_hash, assigned_only=assigned_only)
-
-
-class Memory(Protocol):
-    """What is known of an episode from before."""
-
-    def relations(self, baseline_frames: int, backend: str) -> Relations:
-        """Relations and signals that are measured only where they are not remembered."""
-
-    def verdict(self, question: str, judge: Callable[[], Verdict]) -> Verdict:
-        """What ``judge`` returns, or returned before to the same question."""
-
-    def answer(self, question: str, find: Callable[[], Any]) -> Any:
-        """What ``find`` returns (JSON), or returned before to the same question."""
 
 
 class Judge:
@@ -234,6 +222,7 @@ class Judge:
                 success_known=self.success is False
                 or self._success_frame is not None
                 or self._ahead,
+                memory=self._memory,
             )
         return self._evaluators[key]
 
@@ -272,12 +261,7 @@ class Judge:
             recorded = int(np.searchsorted(t, header.success_time - 1e-6))
         if self._binding.goal is None:
             return recorded, header.success
-        evaluator = Evaluator(
-            self._relations, self._rules, self._binding.params(None), None, causal=True
-        )
-        reached = first_success(
-            evaluator, self._binding.goal, self._binding.goal_players(), hint=recorded
-        )
+        reached = self._goal_reached(self._binding.goal, recorded)
         if header.success is None:
             unsure = reached.unsure or (reached.frame is None and ends_early(self._episode))
             return reached.frame, None if unsure else reached.frame is not None
@@ -286,6 +270,26 @@ class Judge:
         if not reached.unsure:
             self._compare(recorded, reached.frame)
         return recorded, header.success
+
+    def _goal_reached(self, goal: ast.GoalDef, recorded: int | None) -> Reached:
+        """The frame that confirms the goal; ``recorded`` is the one that the trace names."""
+        evaluator = Evaluator(
+            self._relations,
+            self._rules,
+            self._binding.params(None),
+            None,
+            causal=True,
+            memory=self._memory,
+        )
+        evaluator.players = self._binding.goal_players()
+        found = remembered(
+            evaluator,
+            f"goal, recorded {recorded}",
+            goal,
+            {},
+            lambda: [*first_success(evaluator, goal, evaluator.players, hint=recorded)],
+        )
+        return Reached(*found)
 
     def _compare(self, recorded: int | None, recomputed: int | None) -> None:
         """Note a disagreement between the recorded success and the goal of the trace."""

@@ -1,0 +1,84 @@
+"""What may be known of an episode from before, as the evaluator asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from safestage_eval.rules.digest import digest_of
+from safestage_eval.states.persistence import runs
+from safestage_eval.states.scope import Scope
+
+if TYPE_CHECKING:
+    from safestage_eval.relations.measure import Relations
+
+    from .evaluate import Evaluator
+    from .values import Env
+    from .verdict import Verdict
+
+Stretch = tuple[Scope, int | None]
+
+
+class Memory(Protocol):
+    """What is known of an episode from before."""
+
+    def relations(self, baseline_frames: int, backend: str) -> Relations:
+        """Relations and signals that are measured only where they are not remembered."""
+
+    def verdict(self, question: str, judge: Callable[[], Verdict]) -> Verdict:
+        """What ``judge`` returns, or returned before to the same question."""
+
+    def answer(self, question: str, find: Callable[[], Any]) -> Any:
+        """What ``find`` returns (JSON), or returned before to the same question."""
+
+
+def remembered(
+    evaluator: Evaluator, what: str, node: object, env: Env, find: Callable[[], Any]
+) -> Any:
+    """What ``find`` says (JSON) of a part of a rule, with its notes; or what it said before.
+
+    The question names all that the answer may depend on besides the trace: the part with every
+    definition and value that it reaches, who plays what, and what is known of success.
+    """
+    if evaluator.memory is None:
+        return find()
+    memory = evaluator.memory
+    backend = evaluator.relations.signals.backend
+    digest = digest_of(evaluator.rules, node, evaluator.params, backend)
+    facts = evaluator.success, evaluator.success_known, evaluator.causal
+    asked = f"{what} {digest} {sorted(env.items())} {sorted(evaluator.players.items())} {facts}"
+
+    def noted() -> list[Any]:
+        outer, evaluator.notes = evaluator.notes, {}
+        try:
+            return [find(), list(evaluator.notes)]
+        finally:
+            evaluator.notes = outer
+
+    found, notes = memory.answer(asked, noted)
+    evaluator.notes.update(dict.fromkeys(notes))
+    return found
+
+
+def plain_stretches(found: list[Stretch]) -> list[Any]:
+    """JSON of stretches of frames; which frames are certain as the runs of these."""
+    out: list[Any] = []
+    for (first, stop, cut, sure), end in found:
+        certain = None if sure is None else [[int(a), int(b)] for a, b in runs(sure)]
+        out.append([int(first), int(stop), bool(cut), certain, end])
+    return out
+
+
+def stretches_of(stored: list[Any]) -> list[Stretch]:
+    """Stretches of frames from JSON."""
+    out: list[Stretch] = []
+    for first, stop, cut, certain, end in stored:
+        sure = None
+        if certain is not None:
+            sure = np.zeros(stop - first, np.bool_)
+            for a, b in certain:
+                sure[a:b] = True
+        out.append((Scope(first, stop, cut, sure), end))
+    return out
