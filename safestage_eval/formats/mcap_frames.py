@@ -12,12 +12,17 @@ from safestage_eval.episode import Episode
 from safestage_eval.errors import TraceError
 
 from . import wire
+from .frame_buffers import doubled
+from .mcap_chunks import Batch, bytes_at
 from .mcap_messages import FRAME, MESSAGES, message_class
 from .mcap_metadata import TRACK_COLUMNS
 
 ROBOT_FIELDS = ("joint_position", "joint_velocity", "joint_torque", "action", "gripper")
 
 F32 = NDArray[np.float32]
+
+_FRAMES = 1 << 13
+"""Frames that there is room for from the start; memory that is not used costs nothing."""
 
 _FIELDS = {f.name: f for f in MESSAGES["Frame"][1]}
 
@@ -53,39 +58,129 @@ def frame_messages(episode: Episode, moving: list[str]) -> Iterator[bytes]:
     return (whole[n * size : (n + 1) * size] for n in range(frames))
 
 
-def read_frames(
-    messages: list[memoryview], where: str
-) -> tuple[dict[str, F32], NDArray[np.uint64], NDArray[np.float64]]:
-    """Name → (T, width) of every packed field, frame indices (T,) and times (T,) s."""
-    if not messages:
-        raise TraceError(where, f"no frames: there is no message on {FRAME}")
-    try:
-        places = wire.layout(bytes(messages[0]))
-    except ValueError:
-        places = {}
-    size = len(messages[0])
-    alike = {1, 2} <= places.keys() and all(len(m) == size for m in messages)
-    if alike:
-        rows = np.frombuffer(b"".join(messages), np.uint8).reshape(-1, size)
-        between = np.ones(size, bool)
+class FrameRows:
+    """Takes the messages of all frames as they are read, and makes columns of them.
+
+    Of messages that are laid out alike the numbers are copied as they stand; from the first on that
+    is not, all are decoded one by one, which other writers may make necessary.
+
+    Attributes:
+        count: messages taken.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._like: _Layout | None = None
+        self._values = np.zeros((0, 0), np.uint8)
+        self._other: list[bytes] | None = None
+
+    def take(self, batch: Batch) -> None:
+        """Some more messages."""
+        if not self.count:
+            self._like = _Layout.of(bytes(batch.parts()[0]))
+            if self._like is not None:
+                self._values = np.empty((_FRAMES, self._like.width), np.uint8)
+        end = self.count + len(batch)
+        if self._other is None:
+            rows = None if self._like is None else self._like.rows(batch)
+            if self._like is not None and rows is not None:
+                while end > len(self._values):
+                    self._values = doubled(self._values)
+                self._like.copy(rows, self._values[self.count : end])
+            else:
+                self._other = []
+                if self._like is not None:
+                    self._other = self._like.messages(self._values[: self.count])
+                self._values = np.zeros((0, 0), np.uint8)
+        if self._other is not None:
+            self._other += map(bytes, batch.parts())
+        self.count = end
+
+    def columns(
+        self, count: int, where: str
+    ) -> tuple[dict[str, F32], NDArray[np.uint64], NDArray[np.float64]]:
+        """Of the first messages: name → (T, width) of every packed field, indices (T,), times (T,) s.
+
+        Raises:
+            TraceError: there is none, or one is no frame like the others.
+        """
+        if not count:
+            raise TraceError(where, f"no frames: there is no message on {FRAME}")
+        if self._like is None or self._other is not None:
+            return _decoded((self._other or [])[:count], where)
+        columns = self._like.columns(self._values[:count])
+        packed = {name: columns[name] for name, f in _FIELDS.items() if f.type == "float*"}
+        return packed, columns["frame_index"][:, 0], columns["time"][:, 0].copy()
+
+
+class _Layout:
+    """Where the fields of a message are, and the bytes between them, which all must share.
+
+    Attributes:
+        width: bytes of a row of values: the two numbers of 8 bytes, then the packed ones.
+    """
+
+    def __init__(self, message: bytes, places: dict[int, tuple[int, int]]) -> None:
+        self._first = np.frombuffer(message, np.uint8)
+        self._moves: dict[str, tuple[int, int, int]] = {}
+        between, self.width = np.ones(len(message), bool), 0
+        for name, f in _FIELDS.items():
+            offset, length = places.get(f.number, (0, 0))
+            self._moves[name] = offset, length, self.width
+            self.width += length
         for offset, length in places.values():
             between[offset : offset + length] = False
-        alike = bool((rows[:, between] == rows[0, between]).all())
-    if not alike:
-        return _decoded(messages, where)
+        self._between = np.flatnonzero(between)
 
-    def column(name: str, dtype: str) -> NDArray[Any]:
-        offset, length = places.get(_FIELDS[name].number, (0, 0))
-        return np.ascontiguousarray(rows[:, offset : offset + length]).view(dtype)
+    @classmethod
+    def of(cls, message: bytes) -> _Layout | None:
+        """None where the fields have to be decoded."""
+        try:
+            places = wire.layout(message)
+        except ValueError:
+            return None
+        numbers = [f.number for f in _FIELDS.values() if f.type in ("fixed64", "double")]
+        packed = [f.number for f in _FIELDS.values() if f.type == "float*"]
+        if [places.get(n, (0, 0))[1] for n in numbers] != [8] * len(numbers):
+            return None
+        if any(places[n][1] % 4 for n in packed if n in places):
+            return None
+        return cls(message, places)
 
-    packed = {name: column(name, "<f4") for name, f in _FIELDS.items() if f.type == "float*"}
-    return packed, column("frame_index", "<u8")[:, 0], column("time", "<f8")[:, 0]
+    def rows(self, batch: Batch) -> NDArray[np.uint8] | None:
+        """(N, bytes) of messages that are laid out alike; None where one is not."""
+        size = len(self._first)
+        if (batch.end - batch.begin != size).any():
+            return None
+        rows = bytes_at(batch.raw, batch.begin, size)
+        alike = (rows[:, self._between] == self._first[self._between]).all()
+        return rows if alike else None
+
+    def copy(self, rows: NDArray[np.uint8], values: NDArray[np.uint8]) -> None:
+        """The fields of some messages, side by side, into (N, width)."""
+        for offset, length, to in self._moves.values():
+            values[:, to : to + length] = rows[:, offset : offset + length]
+
+    def columns(self, values: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
+        """Name → (N, numbers), views of (N, width)."""
+        kinds = {"fixed64": "<u8", "double": "<f8", "float*": "<f4"}
+        return {
+            name: values[:, to : to + length].view(kinds[_FIELDS[name].type])
+            for name, (_, length, to) in self._moves.items()
+        }
+
+    def messages(self, values: NDArray[np.uint8]) -> list[bytes]:
+        """The messages again."""
+        rows = np.tile(self._first, (len(values), 1))
+        for offset, length, to in self._moves.values():
+            rows[:, offset : offset + length] = values[:, to : to + length]
+        return [row.tobytes() for row in rows]
 
 
 def _decoded(
-    messages: list[memoryview], where: str
+    messages: list[bytes], where: str
 ) -> tuple[dict[str, F32], NDArray[np.uint64], NDArray[np.float64]]:
-    """The same, message by message: for writers that lay fields out in another way."""
+    """The same, message by message."""
     from google.protobuf.message import DecodeError
 
     frame = message_class("Frame")()
@@ -93,7 +188,7 @@ def _decoded(
     index, t = [], []
     for n, message in enumerate(messages):
         try:
-            frame.ParseFromString(bytes(message))
+            frame.ParseFromString(message)
         except DecodeError as error:
             raise TraceError(where, f"frame {n} is no safestage.v1.Frame: {error}") from None
         index.append(frame.frame_index)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,24 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import (
-    ContactTable,
     Episode,
     Header,
     RobotFrames,
     Track,
-    check_contacts,
     check_finite,
     check_frames,
     check_header,
     check_time,
     check_track,
 )
+from safestage_eval.episode.invariants import UNIT_TOLERANCE
 from safestage_eval.errors import TraceError
 
-from .contact_points import GeomNames, table
+from .contact_points import GeomNames
 from .episode_row import mesh_keys
-from .mcap_clouds import read_clouds
-from .mcap_frames import F32, ROBOT_FIELDS, read_frames
+from .lazy import StoredTrack
+from .mcap_chunks import Batch
+from .mcap_clouds import CloudPoints
+from .mcap_frames import F32, ROBOT_FIELDS, FrameRows
 from .mcap_messages import CONTACTS, FRAME, PROFILE, STATE, message_class
 from .mcap_metadata import McapMetadata, from_texts
 from .mcap_records import (
@@ -40,14 +42,11 @@ from .mcap_records import (
     read_metadata,
     walk,
 )
+from .packed_contacts import contact_table
 from .ply import from_ply
 
-_TRACK_FIELDS = (
-    ("body_position", 3),
-    ("body_orientation", 4),
-    ("body_linear_velocity", 3),
-    ("body_angular_velocity", 3),
-)
+_TRACK_FIELDS = {"position": 3, "orientation": 4, "linear_velocity": 3, "angular_velocity": 3}
+"""Column of a track → numbers per body in a frame's ``body_<column>``."""
 
 
 def read_header(path: Path) -> tuple[Header, dict[str, Any]]:
@@ -104,50 +103,55 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
         TraceError: not a trace, cut off, damaged, or an invariant is broken.
     """
     where = str(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise TraceError(where, f"cannot be read: {error.strerror}") from None
-    records = walk(data, (FRAME, CONTACTS, STATE), where)
+    rows, clouds, states = FrameRows(), CloudPoints(where), _States()
+    sinks = {FRAME: rows.take, CONTACTS: clouds.take, STATE: states.take}
+    records = walk(path, sinks, where)
     texts = records.metadata.get(PROFILE)
     if texts is None:
         if not records.whole:
             raise _cut_off(records, 0, where)
         raise _no_trace(where, records.profile)
     metadata = from_texts(texts, where)
-    messages, clouds = records.messages[FRAME], records.messages[CONTACTS]
+    count = rows.count
     if not records.whole:
-        count = min(len(messages), len(clouds))
+        count = min(rows.count, clouds.count)
         if not recover or not count:
             raise _cut_off(records, count, where)
-        messages, clouds = messages[:count], clouds[:count]
         note = f"recovered from a file cut off at byte {records.size}: {count} frames"
         notes = (*metadata.header.notes, note)
         header = metadata.header.model_copy(update={"notes": notes, "termination": "truncated"})
         metadata = metadata.model_copy(update={"header": header})
-    elif metadata.frames not in (None, len(messages)):
-        raise TraceError(where, f"{len(messages)} frames, but the header says {metadata.frames}")
-    if clouds and len(clouds) != len(messages):
+    elif metadata.frames not in (None, count):
+        raise TraceError(where, f"{count} frames, but the header says {metadata.frames}")
+    elif clouds.count not in (0, count):
         raise TraceError(
             where,
-            f"{len(clouds)} messages on {CONTACTS} for {len(messages)} frames.",
+            f"{clouds.count} messages on {CONTACTS} for {count} frames.",
             "one per frame, or none at all",
         )
-    return _episode(path, metadata, records, messages, clouds, checked)
+    columns, index, t = rows.columns(count, where)
+    if not np.array_equal(index, np.arange(count)):
+        raise TraceError(where, f"the messages on {FRAME} are not the frames 0, 1, 2, … in order")
+    points, counts = clouds.points(min(count, clouds.count))
+    if not clouds.count:
+        counts = np.zeros(count, np.int64)
+    return _episode(
+        path, metadata, records, columns, t, points, counts, states.first(count), checked
+    )
 
 
 def _episode(
     path: Path,
     metadata: McapMetadata,
     records: McapRecords,
-    messages: list[memoryview],
-    clouds: list[memoryview],
+    columns: dict[str, F32],
+    t: NDArray[np.float64],
+    points: NDArray[Any],
+    counts: NDArray[np.int64],
+    states: dict[int, NDArray[np.float64]],
     checked: bool,
 ) -> Episode:
     where, header = str(path), metadata.header
-    columns, index, t = read_frames(messages, where)
-    if not np.array_equal(index, np.arange(len(index))):
-        raise TraceError(where, f"the messages on {FRAME} are not the frames 0, 1, 2, … in order")
     meshes = {}
     for key in mesh_keys(header):
         ply = records.attachments.pop(f"geometry/{key}.ply", None)
@@ -158,17 +162,6 @@ def _episode(
                 where, f"the mesh {key[:12]}… is missing.", f"an attachment geometry/{key}.ply"
             )
     names = GeomNames(header)
-    points, counts = read_clouds(clouds, where)
-    if not clouds:
-        counts = np.zeros(len(t), np.int64)
-    owner = names.owner
-
-    def contacts() -> ContactTable:
-        rows = table(points, counts, names)
-        errors = check_contacts(rows, owner, len(t), where) if checked else []
-        if errors:
-            raise errors[0]
-        return rows
 
     tracks = _tracks(metadata, columns, len(t), where)
     robot = RobotFrames(*(columns[name] for name in ROBOT_FIELDS))
@@ -182,18 +175,20 @@ def _episode(
         header=header,
         t=t,
         tracks=tracks,
-        _contacts=contacts,
+        _contacts=lambda: contact_table(points, counts, names, where, checked),
         _frames=robot,
         meshes=meshes,
         channels=channels,
-        states=_states(records.messages[STATE], len(t)),
+        states=states,
         attachments=records.attachments,
         path=path,
     )
     if checked:
         errors = [*check_header(header, where), *check_time(t, where)]
+        sound = _sound(columns)
         for body in header.bodies:
-            errors += check_track(tracks[body.name], body.name, len(t), where)
+            if not sound or body.name in metadata.fixed:
+                errors += check_track(tracks[body.name], body.name, len(t), where)
         errors += check_frames(robot, len(t), where)
         for (body_name, name), values in channels.items():
             errors += check_finite(values, f"channel {name!r} of {body_name!r}", where)
@@ -206,17 +201,23 @@ def _tracks(
     metadata: McapMetadata, columns: dict[str, F32], frames: int, where: str
 ) -> dict[str, Track]:
     moving = metadata.moving_bodies
-    blocks = []
-    for name, width in _TRACK_FIELDS:
-        block = columns[name]
+    blocks = {}
+    for name, width in _TRACK_FIELDS.items():
+        block = columns[f"body_{name}"]
         if block.shape[1] != width * len(moving):
             raise TraceError(
                 where,
-                f"{name} has {block.shape[1]} values for {len(moving)} moving bodies.",
+                f"body_{name} has {block.shape[1]} values for {len(moving)} moving bodies.",
                 f"{width} per body",
             )
-        blocks.append(block.reshape(frames, len(moving), width))
-    tracks = {body: Track(*(b[:, i] for b in blocks)) for i, body in enumerate(moving)}
+        blocks[name] = block.reshape(frames, len(moving), width)
+
+    def columns_of(place: int, names: tuple[str, ...]) -> dict[str, F32]:
+        return {name: np.ascontiguousarray(blocks[name][:, place]) for name in names}
+
+    tracks: dict[str, Track] = {
+        body: StoredTrack(partial(columns_of, i)) for i, body in enumerate(moving)
+    }
     for body, values in metadata.fixed.items():
         row = np.array(values, np.float32).reshape(1, 13)
         tracks[body] = Track(row[:, :3], row[:, 3:7], row[:, 7:10], row[:, 10:])
@@ -229,13 +230,36 @@ def _tracks(
     return {record.name: tracks[record.name] for record in metadata.header.bodies}
 
 
-def _states(messages: list[memoryview], frames: int) -> dict[int, NDArray[np.float64]]:
-    found = {}
-    for message in messages:
-        state = message_class("State").FromString(bytes(message))
-        if state.frame_index < frames:
-            found[int(state.frame_index)] = np.array(state.state, np.float64)
-    return found
+def _sound(columns: dict[str, F32]) -> bool:
+    """Whether all poses and twists in the frames are finite and of unit norm, for sure.
+
+    Looks at all bodies at once; where it says no, ``check_track`` tells which and whether.
+    """
+    with np.errstate(all="ignore"):
+        if not all(np.isfinite(columns[f"body_{name}"].sum()) for name in _TRACK_FIELDS):
+            return False
+        q = columns["body_orientation"].reshape(-1, 4)
+        off = np.abs(np.einsum("ij,ij->i", q, q) - 1)
+    return bool(off.max(initial=0) < UNIT_TOLERANCE)  # of the square: half as much of the norm
+
+
+class _States:
+    """Takes the messages with full states."""
+
+    def __init__(self) -> None:
+        self._messages: list[bytes] = []
+
+    def take(self, batch: Batch) -> None:
+        self._messages += map(bytes, batch.parts())
+
+    def first(self, frames: int) -> dict[int, NDArray[np.float64]]:
+        """Frame → state, of the first frames."""
+        found = {}
+        for message in self._messages:
+            state = message_class("State").FromString(message)
+            if state.frame_index < frames:
+                found[int(state.frame_index)] = np.array(state.state, np.float64)
+        return found
 
 
 def _no_trace(where: str, profile: str) -> TraceError:

@@ -1,37 +1,47 @@
-"""The records of an MCAP file, walked once without decoding messages one by one.
+"""The records of an MCAP file, read once from beginning to end, chunk by chunk.
 
 https://mcap.dev/spec
 """
 
 from __future__ import annotations
 
+import os
 import struct
 import zlib
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
 
 from safestage_eval.errors import TraceError
 
-MAGIC = b"\x89MCAP0\r\n"
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 1, 2, 3, 4, 5, 6
-ATTACHMENT, METADATA, DATA_END = 9, 12, 15
-_PREFIX = 9
-"""Bytes of a record before its content: opcode (1) and length (8)."""
+from .mcap_chunks import CHANNEL, MESSAGE, PREFIX, Batch, Topics, find, index_places, text, unpack
 
-_length = struct.Struct("<Q").unpack_from
-_start = struct.Struct("<BQH").unpack_from
-"""Opcode, length, and the number that channels, schemas and messages begin with."""
+MAGIC = b"\x89MCAP0\r\n"
+HEADER, FOOTER, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA = 1, 2, 6, 7, 9, 12
+
+_READ = (HEADER, FOOTER, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA)
+_RUN = 1 << 20
+"""Bytes of messages outside of chunks that are handed on together."""
+
+_DAMAGE = (struct.error, IndexError, ValueError, RuntimeError)
+
+Sink = Callable[[Batch], None]
+"""Takes messages of a topic, some at a time; keeps no more of them than it copies."""
 
 
 @dataclass
 class McapRecords:
-    """What a file holds, as far as it is whole.
+    """What a file holds besides messages, as far as it is whole.
 
     Attributes:
+        size: bytes of the file.
         profile: of the header record.
         metadata: name → text by key.
         attachments: name → bytes.
-        messages: topic → contents of its messages in file order, for the topics asked.
-        size: bytes of the file.
         whole: False when it ends before its footer.
     """
 
@@ -39,46 +49,122 @@ class McapRecords:
     profile: str = ""
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
-    messages: dict[str, list[memoryview]] = field(default_factory=dict)
     whole: bool = False
 
 
-def walk(data: bytes, topics: tuple[str, ...], where: str) -> McapRecords:
-    """Read the records of a file; of its messages those of the given topics.
+def walk(path: Path, sinks: Mapping[str, Sink], where: str) -> McapRecords:
+    """Read the records of a file and hand its messages to the sink of their topic, in file order.
 
     Raises:
-        TraceError: not an MCAP file, or a record in it is damaged.
+        TraceError: not an MCAP file, it cannot be read, or a record in it is damaged.
     """
-    if not data.startswith(MAGIC):
-        raise TraceError(where, "not an MCAP file: it begins with other bytes")
-    found = McapRecords(len(data), messages={topic: [] for topic in topics})
-    wanted: dict[int, list[memoryview]] = {}
+    try:
+        with path.open("rb") as stream:
+            if stream.read(len(MAGIC)) != MAGIC:
+                raise TraceError(where, "not an MCAP file: it begins with other bytes")
+            found = McapRecords(os.fstat(stream.fileno()).st_size)
+            messages = _Messages(sinks, where)
+            for at, kind, content in _contents(stream, found):
+                if kind == MESSAGE_INDEX:
+                    messages.index(content)
+                    continue
+                if kind != MESSAGE:
+                    messages.hand_on()
+                try:
+                    _take(kind, content, at, messages, found)
+                except _DAMAGE as error:
+                    raise damaged(where, at, error) from None
+            messages.hand_on()
+    except OSError as error:
+        raise TraceError(where, f"cannot be read: {error.strerror}") from None
+    return found
+
+
+def _contents(stream: BinaryIO, found: McapRecords) -> Iterator[tuple[int, int, bytes]]:
+    """Place, opcode and content of each record that matters here, as far as they are whole."""
     at = len(MAGIC)
-    while at + _PREFIX <= len(data):
-        kind, begin = data[at], at + _PREFIX
-        end = begin + _length(data, at + 1)[0]
-        if end > len(data):
-            break
-        try:
-            if kind == CHUNK:
-                _walk_messages(_chunk(data[begin:end]), wanted, found)
-            elif kind in (MESSAGE, CHANNEL):
-                _walk_messages(data[at:end], wanted, found)
-            elif kind == HEADER:
-                found.profile = _text(data, begin)[0]
-            elif kind == METADATA:
-                name, texts = read_metadata(data[begin:end])
-                found.metadata[name] = texts
-            elif kind == ATTACHMENT:
-                name, content = _attachment(data[begin:end])
-                found.attachments[name] = content
-        except (struct.error, IndexError, ValueError, RuntimeError) as error:
-            raise damaged(where, at, error) from None
+    while len(prefix := stream.read(PREFIX)) == PREFIX:
+        kind, size = prefix[0], int.from_bytes(prefix[1:], "little")
+        end = at + PREFIX + size
+        if end > found.size:
+            return
+        if kind in _READ:
+            content = stream.read(size)
+            if len(content) != size:
+                return
+            yield at, kind, content
+        else:
+            stream.seek(end)
         at = end
         if kind == FOOTER:
-            found.whole = data[at : at + len(MAGIC)] == MAGIC
-            break
-    return found
+            found.whole = stream.read(len(MAGIC)) == MAGIC
+            return
+
+
+def _take(kind: int, content: bytes, at: int, messages: _Messages, found: McapRecords) -> None:
+    if kind == CHUNK:
+        messages.chunk(at, content)
+    elif kind == MESSAGE:
+        messages.single(content)
+    elif kind == CHANNEL:
+        (number,) = struct.unpack_from("<H", content)
+        messages.topics.declare(number, text(content, 4)[0])
+    elif kind == HEADER:
+        found.profile = text(content, 0)[0]
+    elif kind == METADATA:
+        name, texts = read_metadata(content)
+        found.metadata[name] = texts
+    elif kind == ATTACHMENT:
+        name, data = _attachment(content)
+        found.attachments[name] = data
+
+
+class _Messages:
+    """The block of messages that was read last, until all is read that says where they are."""
+
+    def __init__(self, sinks: Mapping[str, Sink], where: str) -> None:
+        self.topics = Topics(sinks)
+        self._sinks, self._where = sinks, where
+        self._chunk: tuple[int, bytes] | None = None
+        self._index: list[NDArray[np.uint64]] | None = []
+        self._single = bytearray()
+
+    def chunk(self, at: int, content: bytes) -> None:
+        """A chunk; message index records may follow."""
+        self._chunk, self._index = (at, unpack(content)), []
+
+    def index(self, content: bytes) -> None:
+        """Where some messages of the chunk are. A damaged index is as good as none."""
+        if self._index is not None:
+            try:
+                self._index.append(index_places(content))
+            except (ValueError, struct.error):
+                self._index = None
+
+    def single(self, content: bytes) -> None:
+        """A message that stands outside of chunks."""
+        if len(content) < 2:
+            raise ValueError("a message without a channel")
+        if self._chunk is not None or len(self._single) > _RUN:
+            self.hand_on()
+        self._single += bytes([MESSAGE]) + len(content).to_bytes(8, "little") + content
+
+    def hand_on(self) -> None:
+        """Give what waits to the sinks."""
+        if self._chunk is not None:
+            at, raw = self._chunk
+            index = np.concatenate(self._index) if self._index else None
+            try:
+                found = find(raw, index, self.topics)
+            except _DAMAGE as error:
+                raise damaged(self._where, at, error) from None
+        elif self._single:
+            found = find(bytes(self._single), None, self.topics)
+        else:
+            return
+        self._chunk, self._single = None, bytearray()
+        for topic, batch in found.items():
+            self._sinks[topic](batch)
 
 
 def damaged(where: str, at: int, error: Exception) -> TraceError:
@@ -90,61 +176,17 @@ def damaged(where: str, at: int, error: Exception) -> TraceError:
     )
 
 
-def _walk_messages(raw: bytes, wanted: dict[int, list[memoryview]], found: McapRecords) -> None:
-    view = memoryview(raw)
-    at, size = 0, len(raw)
-    while at < size:
-        kind, length, number = _start(raw, at)
-        begin = at + _PREFIX
-        at = begin + length
-        if at > size:
-            raise ValueError("a record is longer than its chunk")
-        if kind == MESSAGE:
-            if number in wanted:
-                # channel (2), sequence (4), log time (8), publish time (8), then the content
-                wanted[number].append(view[begin + 22 : at])
-        elif kind == CHANNEL:
-            topic = _text(raw, begin + 4)[0]
-            if topic in found.messages:
-                wanted[number] = found.messages[topic]
-
-
-def _chunk(content: bytes) -> bytes:
-    """The records inside a chunk, decompressed and compared with their checksum."""
-    size, crc = struct.unpack_from("<QI", content, 16)
-    compression, at = _text(content, 28)
-    records = content[at + 8 : at + 8 + _length(content, at)[0]]
-    if compression == "lz4":
-        import lz4.frame  # type: ignore[import-untyped]
-
-        records = lz4.frame.decompress(records)
-    elif compression == "zstd":
-        import zstandard
-
-        try:
-            records = zstandard.decompress(records, max_output_size=size)
-        except zstandard.ZstdError as error:
-            raise ValueError(str(error)) from None
-    elif compression:
-        raise ValueError(f"unknown compression {compression!r}")
-    if len(records) != size:
-        raise ValueError(f"a chunk of {size} bytes has {len(records)}")
-    if crc and zlib.crc32(records) != crc:
-        raise ValueError("a chunk does not match its checksum")
-    return records
-
-
 def read_metadata(content: bytes) -> tuple[str, dict[str, str]]:
     """Name and texts of a metadata record."""
-    name, at = _text(content, 0)
+    name, at = text(content, 0)
     end = at + 4 + int.from_bytes(content[at : at + 4], "little")
     if end > len(content):
         raise ValueError("a metadata record is cut off")
     at += 4
     texts = {}
     while at < end:
-        key, at = _text(content, at)
-        texts[key], at = _text(content, at)
+        key, at = text(content, at)
+        texts[key], at = text(content, at)
     return name, texts
 
 
@@ -153,14 +195,7 @@ def _attachment(content: bytes) -> tuple[str, bytes]:
     crc = int.from_bytes(content[-4:], "little")
     if crc and zlib.crc32(content[:-4]) != crc:
         raise ValueError("an attachment does not match its checksum")
-    name, at = _text(content, 16)
-    _, at = _text(content, at)
-    return name, content[at + 8 : at + 8 + _length(content, at)[0]]
-
-
-def _text(data: bytes, at: int) -> tuple[str, int]:
-    begin = at + 4
-    end = begin + int.from_bytes(data[at:begin], "little")
-    if end > len(data):
-        raise ValueError("a text is cut off")
-    return data[begin:end].decode(), end
+    name, at = text(content, 16)
+    _, at = text(content, at)
+    (size,) = struct.unpack_from("<Q", content, at)
+    return name, content[at + 8 : at + 8 + size]
