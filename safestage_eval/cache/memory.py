@@ -157,10 +157,11 @@ class Memory:
         return result(self.answer(question, lambda: plain(judge())), str(self._ref.path))
 
     def save(self) -> None:
-        """Write what is new, unless a file of the episode changed since it was looked up."""
+        """Write what is new, unless it was read from a file that changed since it was looked up."""
         if not (self._measured or self._answered) or not self._whose:
             return
-        if stamp(self._ref) != self._before:
+        read = "_real" in self.__dict__
+        if read and stamp(self._ref) != self._before:
             return
         if self._answered:
             self._folder.add(self._ref, self._answered)
