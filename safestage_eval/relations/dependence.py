@@ -30,7 +30,8 @@ class Dependence:
     Baraff, "Coping with friction for non-penetrating rigid body simulation", 1991; Boyd &
     Vandenberghe, "Convex Optimization", 2004, sec. 11.4 for the phase-I form used). What fell is
     taken away too, until nothing more falls, so the top of a stack of three depends on its bottom.
-    Contacts with the robot count as contacts that can hold.
+    Contacts with the robot count as contacts that can hold. The parts of an object that are jointed
+    together (a jar and its lid) stand and fall together.
     """
 
     def __init__(self, episode: Episode, sums: ContactSums, graph: SupportGraph) -> None:
@@ -40,14 +41,9 @@ class Dependence:
         self._graph = graph
         header = episode.header
         self._mass = [body.mass or 0.0 for body in header.bodies]
-        self._free = {
-            i
-            for i, body in enumerate(header.bodies)
-            if body.kind == "object" and body.movable and body.parent is None
-        }
-        self._robot = {  # an immobile base counts as a fixture
-            i for i, b in enumerate(header.bodies) if b.kind in ("robot", "gripper") and b.movable
-        }
+        self._parts = graph.assemblies.of
+        self._free = graph.assemblies.free
+        self._robot = graph.assemblies.robot  # an immobile base counts as a fixture
         self._friction = np.array([g.friction[0] for b in header.bodies for g in b.geoms])
         self._com: dict[int, F64] = {}
         self._falls: dict[tuple[int, int], frozenset[int]] = {}
@@ -85,10 +81,15 @@ class Dependence:
         if (removed, frame) in self._falls:
             return self._falls[removed, frame]
         contacts = self._contacts_at(frame, self._cluster(removed))
-        gone = {removed}
+        gone = self._parts(removed)
         while True:  # in rounds against what is gone by then, so that no order of bodies matters
             near = self._touching(gone, contacts) - gone
-            fallen = {b for b in near if not self._stands(b, frame, contacts, gone)}
+            fallen = {
+                part
+                for b in near
+                if not self._stands(b, frame, contacts, gone)
+                for part in self._parts(b)
+            }
             if not fallen:
                 break
             gone |= fallen
@@ -120,20 +121,23 @@ class Dependence:
 
     def _with_load(self, body: int, frame: int, without: set[int]) -> set[int]:
         """The body and all free bodies that it carries at that frame, directly or not."""
-        group, todo = {body}, [body]
+        group = self._parts(body)
+        todo = list(group)
         while todo:
             below = todo.pop()
             for borne, bears in self._graph.load(below).items():
                 if borne not in group and borne not in without and bears[frame]:
-                    group.add(borne)
-                    todo.append(borne)
+                    parts = self._parts(borne) - group
+                    group |= parts
+                    todo += parts
         return group & self._free
 
     def _cluster(self, body: int) -> list[Pair]:
         """Pairs with a free body that contacts among free bodies ever join to the given one."""
         found, todo = {body}, [body]
         while todo:
-            near = {b for b in self._sums.beside(todo.pop()) if b in self._free} - found
+            at = todo.pop()
+            near = self._parts(at).union(self._sums.beside(at)) & self._free - found
             found |= near
             todo += near
         return sorted({(min(b, o), max(b, o)) for b in found for o in self._sums.beside(b)})
@@ -148,18 +152,19 @@ class Dependence:
 
     def _touching(self, bodies: Iterable[int], contacts: Contacts) -> set[int]:
         some = set(bodies)
-        near = {b for i, j in contacts for a, b in ((i, j), (j, i)) if a in some}
-        return near & self._free
+        near = {b for i, j in contacts for a, b in ((i, j), (j, i)) if a in some} & self._free
+        return near.union(*(self._parts(b) for b in near))
 
     def _linked(self, a: int, b: int) -> Bool:
         """(T,) true where a chain of contacts among free bodies joins the two."""
         frames = len(self._episode)
         reached = {a: np.ones(frames, np.bool_)}
-        touch = {
-            pair: self._present(pair)
-            for pair in self._cluster(a)
-            if pair[0] in self._free and pair[1] in self._free
-        }
+        cluster = self._cluster(a)
+        near = {body for pair in cluster for body in pair if body in self._free}
+        touch = {pair: self._present(pair) for pair in cluster if near.issuperset(pair)}
+        for part in near:
+            for other in self._parts(part) - {part}:
+                touch[part, other] = np.ones(frames, np.bool_)
         changed = True
         while changed:
             changed = False

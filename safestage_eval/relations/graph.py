@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Episode
 from safestage_eval.signals.contact_sums import ContactSums
 
+from .assembly import Assemblies
+
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
 
@@ -73,19 +75,10 @@ class SupportGraph:
         """Edges are found when a body is asked about: its own, and those of what it rests on."""
         self._bearing = bearing
         self._frames = len(episode)
-        header = episode.header
-        self._robot = {
-            i
-            for i, body in enumerate(header.bodies)
-            if body.kind in ("robot", "gripper") and body.movable
-        }
+        self.assemblies = Assemblies(episode.header.bodies)
+        self._robot = self.assemblies.robot
         # an articulated fixture (a drawer) is held by its joint, which no contact shows
-        self._fixed = {
-            i
-            for i, body in enumerate(header.bodies)
-            if not body.movable
-            or (i not in self._robot and (body.kind == "fixture" or body.parent is not None))
-        }
+        self._fixed = self.assemblies.fixed
         self._edges: dict[tuple[int, int], Bool | None] = {}
 
     def _edge(self, bearer: int, borne: int) -> Bool | None:
@@ -107,6 +100,10 @@ class SupportGraph:
         edges = {a: self._edge(body, a) for a in self._bearing.beside(body)}
         return {a: bears for a, bears in edges.items() if bears is not None}
 
+    def jointed(self, body: int) -> dict[int, Bool]:
+        """The other parts of the object that it is a part of, each with (T,) true throughout."""
+        return dict.fromkeys(self.assemblies.of(body) - {body}, np.ones(self._frames, np.bool_))
+
     def supports(self, bearer: int, borne: int) -> Bool:
         """(T,) true where the first body bears the second."""
         bears = self._edge(bearer, borne) if borne in self._bearing.beside(bearer) else None
@@ -114,6 +111,8 @@ class SupportGraph:
 
     def borne_by_robot(self, body: int, held: Bool | None = None) -> Bool:
         """(T,) true where the robot's bodies together bear it; geometry need not tell where held."""
+        if self.assemblies.on_robot(body):
+            return np.ones(self._frames, np.bool_)
         hands = [r for r in self._bearing.beside(body) if r in self._robot]
         known = np.zeros(self._frames, np.bool_) if held is None else held
         return self._bearing.lifted(body, hands, known)
@@ -154,19 +153,22 @@ class SupportGraph:
                 if i == body:
                     through = borne.copy()
         reached = self._spread(below, sources)
-        for bearer, bears in self.bearers(body).items():
+        for bearer, bears in below[body].items():
             if bearer not in self._fixed:
                 through |= bears & reached[bearer]
         return through
 
     def _below(self, body: int) -> dict[int, dict[int, Bool]]:
-        """The body and all that it ever rests on, directly or not, each with its bearers."""
+        """The body and all that it ever rests on, directly or not, each with its bearers.
+
+        The parts of one object bear each other through their joints.
+        """
         found: dict[int, dict[int, Bool]] = {}
         todo = [body]
         while todo:
             i = todo.pop()
             if i not in found:
-                found[i] = self.bearers(i)
+                found[i] = {**self.bearers(i), **self.jointed(i)}
                 todo += found[i]
         return found
 

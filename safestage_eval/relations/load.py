@@ -132,7 +132,8 @@ class Loads:
         above: dict[int, Bool] = {}
         todo = [body]
         while todo:
-            for x, bears in self._graph.load(todo.pop()).items():
+            y = todo.pop()
+            for x, bears in {**self._graph.load(y), **self._graph.jointed(y)}.items():
                 if x != body and x not in above and bears[at].any():
                     above[x] = ~self._graph.borne_by_robot(x)[at]
                     todo.append(x)
@@ -143,7 +144,7 @@ class Loads:
             for x in above:
                 borne = np.zeros(len(at), np.bool_)
                 alone = own[x].copy()
-                for s, bears in self._graph.bearers(x).items():
+                for s, bears in {**self._graph.bearers(x), **self._graph.jointed(x)}.items():
                     within = own.get(s, np.zeros(len(at), np.bool_))
                     borne |= bears[at] & within
                     alone &= ~bears[at] | within
