@@ -61,14 +61,26 @@ def in_unit(value: float, dimension: str) -> float:
     return value / DIMENSIONS[dimension][unit] if unit else value
 
 
-def format_quantity(value: float, dimension: str) -> str:
-    """An SI value as people read it: 0.0799 m → ``"8.0 cm"``; below 1 mm, in mm."""
+def format_quantity(value: float, dimension: str, more: int = 0) -> str:
+    """An SI value as people read it: 0.0799 m → ``"8.0 cm"``; below 1 mm, in mm.
+
+    ``more``: digits besides the usual ones.
+    """
     unit, digits = _PREFERRED.get(dimension, ("", 3))
     if dimension == "length" and 0 < abs(value) < 1e-3:
         unit, digits = "mm", 2
     if not math.isfinite(value):
         return "∞" if value > 0 else "−∞" if value < 0 else "unknown"
     if dimension == "number":
-        return f"{value:.6g}"
+        return f"{value:.{6 + more}g}"
     shown = value / DIMENSIONS[dimension][unit] if unit else value
-    return f"{shown:.{digits}f} {unit}".rstrip()
+    return f"{shown:.{digits + more}f} {unit}".rstrip()
+
+
+def told_apart(value: float, limit: float, dimension: str) -> tuple[str, str]:
+    """Two SI values with as many digits as it takes to see that they differ, up to six more."""
+    for more in range(7):
+        found = format_quantity(value, dimension, more), format_quantity(limit, dimension, more)
+        if found[0] != found[1] or value == limit:
+            break
+    return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -92,6 +93,16 @@ def written(data: str | bytes, output: Path | None) -> None:
         temporary.replace(output)
     except OSError as error:
         raise click.UsageError(f"--output {output}: {error.strerror}") from None
+
+
+def unusable(folder: Path) -> str:
+    """Why nothing can be kept in a folder, which is made if it is not there; empty if it can."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        return error.strerror or str(error)
 
 
 def wants_color(stream: Any) -> bool:

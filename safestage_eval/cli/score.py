@@ -19,6 +19,7 @@ from .options import (
     rules_option,
     set_option,
     traces_argument,
+    unusable,
     wants_color,
     where_option,
     written,
@@ -116,6 +117,9 @@ def command(
     overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
     from safestage_eval.scoring import score_paths
 
+    kept = None if no_cache else cache
+    if kept is not None and (why := unusable(kept)):
+        click.echo(f"--cache {kept}: {why}; nothing is kept there", err=True)
     announce_compiling()
     with progress("scoring") as tell:
         scores = score_paths(
@@ -126,12 +130,13 @@ def command(
             where=filters,
             backend=backend,
             assigned_only=assigned,
-            cache=None if no_cache else cache,
+            cache=kept,
             jobs=jobs,
             progress=tell,
         )
     _write(scores, form, output, verbose)
-    if form != "table" or output is not None or not sys.stdout.isatty():
+    in_table = form == "table" and output is None  # there already, unless it went to another place
+    if not in_table or (sys.stderr.isatty() and not sys.stdout.isatty()):
         for problem in scores.problems:
             click.echo(f"problem: {problem.message}", err=True)
     failed = _fails(scores, fail_on)

@@ -178,6 +178,7 @@ def _draw(axes: Any, sweep: Sweep, by: Sequence[str], metrics: Sequence[str]) ->
             heights,
             color=COLORS[i % len(COLORS)],
             ls=STYLES[i % len(STYLES)],
+            drawstyle="steps-mid",  # rates jump; where between two values is not known
             marker="o" if len(numbers) <= FEW else "",
             ms=4,
             lw=1.8,

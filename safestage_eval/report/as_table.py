@@ -25,8 +25,13 @@ WIDTH = 100
 LEAST = 50
 """Below this the columns leave no room for sentences, and letters would be lost."""
 
-SECTIONS = ((True, "Violations", "red"), (None, "Inconclusive", "yellow"), (False, "Safe", "green"))
-"""V of an episode, heading, colour: in this order."""
+SECTIONS = {
+    "violation": ("Violations", "red"),
+    "inconclusive": ("Inconclusive", "yellow"),
+    "not_applicable": ("Hazard absent, counted as no violation", "yellow"),
+    "pass": ("Safe", "green"),
+}
+"""What became of an episode → heading and colour, in this order."""
 
 BAD = ("violation", "inconclusive")
 """Verdicts that are told of rules that are not assigned, too."""
@@ -85,12 +90,20 @@ def goal_of(result: EpisodeResult) -> str:
     return said[result.success]
 
 
+def _outcome(result: EpisodeResult) -> str:
+    """V of an episode; where no assigned rule applied at all, that: it says nothing of safety."""
+    if result.violation is not False:
+        return "violation" if result.violation else "inconclusive"
+    applied = any(v.verdict != "not_applicable" for v in result.assigned)
+    return "pass" if applied else "not_applicable"
+
+
 def _findings(console: Console, judged: Sequence[EpisodeResult], *, everything: bool) -> None:
     all_shown = everything or len(judged) <= MOST
     left = len(judged) if all_shown else MOST
-    for violation, heading, style in SECTIONS:
-        found = [r for r in judged if r.violation is violation]
-        shown = found[:left] if all_shown or violation is not False else []
+    for outcome, (heading, style) in SECTIONS.items():
+        found = [r for r in judged if _outcome(r) == outcome]
+        shown = found[:left] if all_shown or outcome != "pass" else []
         left -= len(shown)
         if not found:
             continue
@@ -169,6 +182,8 @@ def _rates(console: Console, scores: Scores) -> None:
         table.add_column(f"{name} %", justify="right", overflow="fold")
     above = ("", "")
     for (policy, prompt, stage), cell in found.items():
+        if not (cell.n or cell.inconclusive):
+            continue  # a stage of which nothing was judged
         names = ("", "") if (policy, prompt) == above else (policy, prompt)
         table.add_row(*map(Text, names), stage, *(rate(cell, m) for m in METRICS))
         above = (policy, prompt)

@@ -41,12 +41,12 @@ def find_rules(what: Iterable[str], specs: Sequence[str | Path] = ()) -> list[Fo
             if error.where != name or isinstance(error, RuleErrors):
                 raise
             names = ", ".join([*builtin_names(), *benchmark_names()])
+            near = nearest(name.upper(), [code for code, *_ in list_rules(specs)])
             raise RuleError(
                 name,
                 "no such rule or rule file.",
                 f"a code as in ETS201, a file, or a built-in name: {names}",
-                nearest(name.upper(), [code for code, *_ in list_rules(specs)])
-                or nearest(name, builtin_names()),
+                near or nearest(name, builtin_names()) or "safestage rules show lists all codes",
             ) from None
         whence = sources([name])
         found += [(rules, rule, whence) for rule in _judged(rules).values()]

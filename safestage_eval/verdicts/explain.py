@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
-from safestage_eval.units import format_quantity
+from safestage_eval.units import format_quantity, told_apart
 
 from .evaluate import Evaluator
 from .instance import Instance
@@ -27,6 +27,13 @@ def measured(value: float | None, witness: Witness) -> str:
     if value is None or witness.dimension is None:
         return "–"
     known = format_quantity(value, witness.dimension)
+    if (
+        witness.value is not None
+        and witness.limit is not None
+        and value in (witness.value, witness.limit)
+    ):
+        pair = told_apart(witness.value, witness.limit, witness.dimension)
+        known = pair[0] if value == witness.value else pair[1]
     return f"at least {known}" if witness.at_least and value == witness.value else known
 
 

@@ -181,3 +181,9 @@ def test_what_two_files_change(mine, tmp_path):
     assert set(document["changed"]) == {"ETS901", "ETS903"}
     assert run("rules", "diff", mine, other, "--fail-on-change").code == 1
     assert run("rules", "diff", mine, mine, "--fail-on-change").code == 0
+
+
+def test_a_code_that_resembles_none_is_told_where_to_find_them():
+    done = run("rules", "show", "NOPE")
+    assert done.code == 2
+    assert "safestage rules show lists all codes" in done.err

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import shutil
 
 import polars as pl
@@ -395,3 +396,25 @@ def test_the_table_keeps_to_the_columns_that_are_asked_for(tmp_path, monkeypatch
     lines = run("score", safe_and_unsafe(tmp_path), "-r", "fsh", "-v").text.splitlines()
     assert max(map(len, lines)) <= widest
     assert max(map(len, lines)) > widest - 25
+
+
+def test_a_cache_folder_that_cannot_be_used_is_named(traces, tmp_path):
+    (tmp_path / "taken").write_text("a file stands here", "utf-8")
+    done = run("score", traces, "-r", "fsh", "-f", "jsonl", "--cache", tmp_path / "taken" / "in_it")
+    assert "taken/in_it: Not a directory; nothing is kept there" in done.err
+    assert done.rows == run("score", traces, "-r", "fsh", "-f", "jsonl", "--no-cache").rows
+
+
+def test_a_problem_is_told_once(traces, tmp_path):
+    (tmp_path / "cut.mcap").write_bytes((traces / "safe.mcap").read_bytes()[:3000])
+    done = run("score", tmp_path, "-r", "fsh")
+    assert (done.text + done.err).count("problem: ") == 1
+
+
+def test_a_value_close_to_its_limit_is_told_apart_from_it(traces):
+    asked = "score", traces / "unsafe.mcap", "--assigned"
+    (row,) = run(*asked, "-f", "jsonl").rows
+    done = run(*asked, "--set", f"edge={row['value'] + 1e-4:.6f} {row['unit']}")
+    told = re.search(r"was (\S+) cm at .*the limit is (\S+) cm", " ".join(done.text.split()))
+    assert told is not None
+    assert float(told[1]) < float(told[2])

@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import pandas as pd
 import polars as pl
 import pytest
-from fabricated import INCONCLUSIVE, PASS, VIOLATION, episode, scores
+from fabricated import INCONCLUSIVE, NOT_APPLICABLE, PASS, VIOLATION, episode, scores
 
 from safestage_eval.metrics import by_policy_stage, outcomes
 from safestage_eval.report import FORMATS, as_table, render
@@ -312,3 +312,21 @@ def test_what_has_no_size_is_left_open(endless):
     assert row["limit"] == 2.0
     for form in FORMATS:
         assert render(some, form)
+
+
+def test_an_absent_hazard_is_not_called_safe():
+    absent = replace(NOT_APPLICABLE, assigned=True)
+    text = as_table.render(Scores((episode("one", absent), episode("two", PASS))))
+    heads = re.findall(r"^(\w.*): (\d) of 2 episodes", text, re.MULTILINE)
+    assert heads == [("Hazard absent, counted as no violation", "1"), ("Safe", "1")]
+    mixed = as_table.render(Scores((episode("one", absent, PASS),)))
+    assert "Safe: 1 of 1" in mixed
+
+
+def test_a_stage_of_which_nothing_was_judged_has_no_row_of_rates():
+    unjudged = replace(VIOLATION, assigned=False)
+    found = scores().results[0]
+    both = Scores((found, episode("other", unjudged, stage="ISH")))
+    rates = as_table.render(both).partition("Rates:")[2]
+    assert "FSH" in rates
+    assert "ISH" not in rates
