@@ -18,11 +18,12 @@ from .pick import pick
 from .place import place
 from .push import push
 from .release import release
+from .tilt import tilt
 from .via import via
 from .wait import wait
 
 SKILLS: dict[str, Callable[..., Actions]] = {
-    skill.__name__: skill for skill in (pick, place, via, release, push, wait, home)
+    skill.__name__: skill for skill in (pick, place, via, release, push, tilt, wait, home)
 }
 """The skills that task files may use; each takes a Motion, then the arguments of the task file."""
 

@@ -128,7 +128,7 @@ class Motion:
         base = self.rotation
         for share in ease(seconds):
             self.position = start + share * (position - start)
-            self.rotation = base @ _rotation_matrix(share * turned)
+            self.rotation = base @ rotation_matrix(share * turned)
             self.command, error = self.state.inverse_kinematics(
                 self.position, self.rotation, self.command
             )
@@ -160,7 +160,8 @@ def _rotation_vector(matrix: F64) -> F64:
     return np.asarray(Rotation.from_matrix(matrix).as_rotvec())
 
 
-def _rotation_matrix(vector: F64) -> F64:
+def rotation_matrix(vector: F64) -> F64:
+    """(3, 3) of a rotation vector (rad)."""
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_rotvec(vector).as_matrix())

@@ -8,7 +8,7 @@ import numpy as np
 
 from safestage_eval.errors import InputError
 
-from .motion import Actions, Motion, up
+from .motion import Actions, Motion, rotation_matrix, up
 
 GRASP_TIME = 0.7
 """s that the gripper takes to close on something."""
@@ -20,6 +20,7 @@ def pick(
     offset: Sequence[float] = (0.0, 0.0, 0.0),
     yaw: float = 0.0,
     pitch: float = 0.0,
+    roll: float = 0.0,
     facing: str = "object",
     approach: float = 0.10,
     lift: float = 0.12,
@@ -31,6 +32,8 @@ def pick(
         offset: TCP from the object's origin, in the object's axes turned about z only.
         yaw: of the approach about z; at 0 the fingers close along the frame's y.
         pitch: 0 from above, 90 from the side.
+        roll: of the gripper about the horizontal heading, so that the fingers close aslant on what
+            leans; positive brings the palm over to the right of the heading.
         facing: what ``yaw`` and ``offset`` count from: the ``object``'s own heading, or
             ``outward`` from the robot's base through the object (round things).
         approach: distance at which the last straight move begins.
@@ -45,6 +48,8 @@ def pick(
     at = position + np.array([c * offset[0] - s * offset[1], s * offset[0] + c * offset[1], 0])
     at[2] += offset[2]
     goal = motion.grasp_rotation(heading + np.radians(yaw), np.radians(pitch))
+    along = np.array([np.cos(heading + np.radians(yaw)), np.sin(heading + np.radians(yaw)), 0.0])
+    goal = rotation_matrix(np.radians(roll) * along) @ goal
     yield from motion.move(at - approach * goal[:, 2], goal)
     yield from motion.move(at, goal, speed=0.12, settle=0.3)
     yield from motion.grip(True, GRASP_TIME)

@@ -87,6 +87,31 @@ def test_via_visits_points_and_home_goes_back(world: World, state: PrivilegedSta
     assert state.arm_position == pytest.approx(HOME, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("direction", "facing"), [(0.0, "world"), (90.0, "world"), (90.0, "object")]
+)
+def test_tilt_tips_the_top_of_what_is_held_and_brings_it_back(
+    world: World, state: PrivilegedState, direction: float, facing: str
+) -> None:
+    motion = Motion(state)
+    play(world, motion, "pick", object="soup_can", offset=[0, 0, 0.07])
+    play(world, motion, "tilt", angle=30, direction=direction, facing=facing, pause=0.5)
+    up = state.object_pose("soup_can")[1][:, 2]
+    assert np.degrees(np.arccos(up[2])) == pytest.approx(30, abs=6)  # it slips a little
+    assert np.degrees(np.arctan2(up[1], up[0])) == pytest.approx(direction, abs=5)
+    play(world, motion, "tilt", angle=-30, direction=direction, facing=facing, pause=0.5)
+    assert np.degrees(np.arccos(state.object_pose("soup_can")[1][2, 2])) < 2
+
+
+def test_pick_rolls_the_gripper_about_its_heading(world: World, state: PrivilegedState) -> None:
+    motion = Motion(state)
+    play(world, motion, "pick", object="soup_can", offset=[0, 0, 0.15], roll=20, lift=0)
+    closing, approach = motion.rotation[:, 0], motion.rotation[:, 2]
+    assert abs(closing[2]) == pytest.approx(np.sin(np.radians(20)))
+    aslant = [0, np.sin(np.radians(20)), -np.cos(np.radians(20))]
+    assert approach == pytest.approx(aslant, abs=0.01)
+
+
 def test_what_cannot_be_done_is_said(world: World, state: PrivilegedState) -> None:
     with pytest.raises(InputError, match="cannot reach"):
         play(world, Motion(state), "via", points=[[1.5, 0, 0.3]])
