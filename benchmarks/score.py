@@ -50,7 +50,7 @@ def best(function: Callable[[], Any], runs: int) -> tuple[float, Any]:
 
 def read_and_score(ref: EpisodeRef, rules: Any, assigned_only: bool = True) -> EpisodeResult:
     """One episode from its file to its verdicts; no footer is kept from the time before."""
-    stored_table.read_footer.cache_clear()
+    stored_table.FOOTERS.clear()
     return judge(ref.open(), rules, trace_hash=ref.content_hash, assigned_only=assigned_only)
 
 

@@ -25,6 +25,9 @@ POINT = np.dtype(
 """One contact, 48 bytes: m, unit, N (on geom 2's body by geom 1's), N, m, geom indices counted over
 all bodies in the header's order. The bodies follow from the geoms."""
 
+RAW = np.dtype((np.void, POINT.itemsize))
+"""The same as bytes: what moves whole points moves them several times faster so."""
+
 Contacts = NDArray[Any] | Mapping[str, ArrayLike] | Sequence[Mapping[str, Any]]
 """What a recorder may pass: a (C,) array of POINT, columns by name, or a list of rows."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from safestage_eval.errors import TraceError
 
 from . import dataset_layout as layout
 from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, XYZ
+from .contact_points import GeomNames
 from .episode_row import from_row, mesh_keys
 from .lazy import StoredItems, StoredTrack
 from .ply import from_ply
@@ -92,25 +94,24 @@ class _StoredEpisode:
         self.bodies_table = self.table("bodies")
         meshes = mesh_keys(header)
         attachments = json.loads(self.row.get("attachments") or "{}")
-        for key in meshes:
-            if self.checked and not self.asset(f"{key}.ply").exists():
-                raise TraceError(
-                    self.where,
-                    f"the mesh {key[:12]}… is missing.",
-                    str(self.asset(f"{key}.ply")),
-                    "copy the dataset's assets folder too",
-                )
+        stored = [key for key in meshes if self.asset(f"{key}.ply").exists()]
+        if self.checked and stored != meshes:
+            key = next(key for key in meshes if key not in stored)
+            raise TraceError(
+                self.where,
+                f"the mesh {key[:12]}… is missing.",
+                str(self.asset(f"{key}.ply")),
+                "copy the dataset's assets folder too",
+            )
         channels = [(body, name) for body, name in json.loads(self.row.get("channels") or "[]")]
         states = self.states() if self.row.get("states") else {}
-        episode = Episode(
+        return Episode(
             header=header,
             t=t,
             tracks=StoredItems(self.body_index, self.track),
-            _contacts=lambda: self.contacts(episode.geom_owner),
+            _contacts=partial(self.contacts, GeomNames(header).owner),
             _frames=self.robot,
-            meshes=StoredItems(
-                [key for key in meshes if self.asset(f"{key}.ply").exists()], self.mesh
-            ),
+            meshes=StoredItems(stored, self.mesh),
             channels=StoredItems(channels, self.channel),
             states=states,
             attachments=StoredItems(
@@ -118,7 +119,6 @@ class _StoredEpisode:
             ),
             path=self.file,
         )
-        return episode
 
     def table(self, name: str) -> StoredTable:
         return StoredTable(self.dataset / name / f"{self.row['file']}.parquet", name)

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .contact_points import POINT
+from .contact_points import POINT, RAW
 
 ROBOT_COLUMNS = ("joint_position", "joint_velocity", "joint_torque", "action", "gripper")
-
-_RAW = np.dtype((np.void, POINT.itemsize))
 
 
 class FrameBuffers:
@@ -69,7 +67,7 @@ class FrameBuffers:
             while end > len(self.points):
                 self.points = doubled(self.points)
             # as raw bytes: three times faster than field by field
-            self.points.view(_RAW)[begin:end] = points.view(_RAW)
+            self.points.view(RAW)[begin:end] = points.view(RAW)
         self.t[n], self.end[n] = t, end
         self.length = n + 1
 

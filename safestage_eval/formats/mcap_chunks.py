@@ -6,12 +6,16 @@ https://mcap.dev/spec
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+try:  # the same number, four times faster
+    from isal.isal_zlib import crc32
+except ImportError:  # no such package for this machine
+    from zlib import crc32
 
 CHANNEL, MESSAGE = 4, 5
 PREFIX = 9
@@ -175,7 +179,7 @@ def unpack(content: bytes) -> bytes:
         records = bytes(packed)
     if len(records) != size:
         raise ValueError(f"a chunk of {size} bytes has {len(records)}")
-    if crc and zlib.crc32(records) != crc:
+    if crc and crc32(records) != crc:
         raise ValueError("a chunk does not match its checksum")
     return records
 

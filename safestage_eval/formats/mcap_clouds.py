@@ -15,7 +15,7 @@ from safestage_eval.episode import ContactTable
 from safestage_eval.errors import TraceError
 
 from . import wire
-from .contact_points import POINT
+from .contact_points import POINT, RAW
 from .frame_buffers import doubled
 from .mcap_chunks import Batch, bytes_at
 
@@ -45,8 +45,6 @@ _DATA = wire.tag(6, wire.LENGTH)
 
 _POINTS = 1 << 19
 """Points that there is room for from the start; memory that is not used costs nothing."""
-
-_RAW = np.dtype((np.void, POINT.itemsize))
 
 _LONGEST = 5
 """Bytes of the number that says how long the points are: up to 32 bits, seven in a byte."""
@@ -121,7 +119,7 @@ class CloudPoints:
         while end > len(self._points):
             self._points = doubled(self._points)
         # as raw bytes: three times faster than field by field
-        self._points.view(_RAW)[self._end : end] = points.view(_RAW)
+        self._points.view(RAW)[self._end : end] = points.view(RAW)
         self._end = end
 
     def _data(self, batch: Batch) -> NDArray[np.int64] | None:
@@ -142,6 +140,8 @@ class CloudPoints:
             length += np.where(more, (digit & 0x7F) << 7 * place, 0)
             at += more
             more &= digit > 0x7F
+            if not more.any():
+                break
         whole = ~more & (at + length == batch.end) & (length % POINT.itemsize == 0)
         return at if whole.all() else None
 

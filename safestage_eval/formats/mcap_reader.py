@@ -238,8 +238,8 @@ def _sound(columns: dict[str, F32]) -> bool:
     with np.errstate(all="ignore"):
         if not all(np.isfinite(columns[f"body_{name}"].sum()) for name in _TRACK_FIELDS):
             return False
-        q = columns["body_orientation"].reshape(-1, 4)
-        off = np.abs(np.einsum("ij,ij->i", q, q) - 1)
+        squares = np.square(columns["body_orientation"]).reshape(-1, 4)
+        off = np.abs(squares @ np.ones(4, np.float32) - 1)
     return bool(off.max(initial=0) < UNIT_TOLERANCE)  # of the square: half as much of the norm
 
 

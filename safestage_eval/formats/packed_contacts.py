@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import ContactTable, check_contacts
 from safestage_eval.episode.contacts import Pair
 
-from .contact_points import POINT, GeomNames, table
+from .contact_points import POINT, RAW, GeomNames, table
 from .lazy import StoredColumns
 
 _STORED = POINT.names or ()
@@ -99,7 +99,8 @@ class PackedContacts(StoredColumns, ContactTable):
         if pair not in self._of_pair:
             first, end = self._spans.get(pair, (0, 0))
             rows = np.flatnonzero((self._code >= first) & (self._code < end))
-            self._of_pair[pair] = rows, self._points[rows]
+            # as raw bytes: ten times faster than points[rows]
+            self._of_pair[pair] = rows, self._points.view(RAW).take(rows).view(POINT)
         return self._of_pair[pair]
 
 
@@ -116,21 +117,24 @@ def _codes(
     geoms = len(names.owner)
     if not len(points) or geoms**2 > _MOST_KEYS:
         return None, {}
-    # the last four bytes of a point, the first geom in the lower half
-    both = points.view("<u4").reshape(len(points), -1)[:, -1].astype(np.int64)
-    first, second = both & 0xFFFF, both >> 16
+    # the last four bytes of a point
+    both = np.ascontiguousarray(points.view("<u4").reshape(len(points), -1)[:, -1])
+    first, second = both.view("<u2").reshape(-1, 2).T
     if max(int(first.max()), int(second.max())) >= geoms:
         names.bodies(points)  # says which
-    key = first * geoms + second
-    present = np.flatnonzero(np.bincount(key, minlength=geoms**2))
+    key = np.multiply(first, geoms, dtype=np.int32)
+    key += second
+    seen = np.zeros(geoms**2, bool)
+    seen[key] = True
+    present = np.flatnonzero(seen)
     geom1, geom2 = np.divmod(present, geoms)
     body1, body2 = names.owner[geom1], names.owner[geom2]
     if (body1 >= body2).any():
         return None, {}
     order = np.lexsort((geom2, geom1, body2, body1))
-    rank = np.zeros(geoms**2, np.uint16 if len(order) < 1 << 16 else np.int64)
+    rank = np.zeros(geoms**2, np.min_scalar_type(len(order)))
     rank[present[order]] = np.arange(len(order))
-    code: NDArray[Any] = rank[key]
+    code: NDArray[Any] = rank.take(key)
     back = code[1:] < code[:-1]
     begins = np.cumsum(counts)[:-1]
     back[begins[(begins > 0) & (begins < len(points))] - 1] = False

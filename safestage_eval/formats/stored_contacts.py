@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -11,8 +10,6 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import (
     ContactTable,
-    check_contact_frames,
-    check_contact_geoms,
     check_contact_order,
     check_finite,
     check_frame_range,
@@ -72,7 +69,7 @@ class StoredContacts(StoredColumns, ContactTable):
     _groups = (KEYS, GEOMS, ("position",), ("normal",), ("force",), ("peak_force",), ("depth",))
 
     def __init__(self, source: Source) -> None:
-        super().__init__(_by_frame(self, source))
+        super().__init__(_ByFrame(source))
         object.__setattr__(self, "_by_pair", _ByPair(source))
 
     _by_pair: _ByPair
@@ -182,50 +179,47 @@ def _column(table: StoredTable, rows: Any, name: str, columns: list[str]) -> NDA
     return np.stack(parts, 1) if len(parts) > 1 else parts[0]
 
 
-def _by_frame(
-    contacts: StoredContacts, source: Source
-) -> Callable[[tuple[str, ...]], dict[str, NDArray[Any]]]:
-    """What loads a group of columns of the whole table, in canonical order."""
-    table = source.table
-    order = np.zeros(0, np.intp)
+class _ByFrame:
+    """Loads groups of columns of the whole table, in canonical order."""
 
-    def keys() -> dict[str, NDArray[Any]]:
-        nonlocal order
+    def __init__(self, source: Source) -> None:
+        self._source = source
+
+    def __call__(self, columns: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+        source, (keys, _) = self._source, self._keys  # the keys come first: they tell the order
+        if columns == KEYS:
+            return keys
+        found = {name: self._column(name) for name in columns}
+        for name, values in found.items():
+            if columns == GEOMS:
+                side = name[-1]
+                body = keys[f"body{side}"]
+                source.demand(check_geom_owner(side, values, body, source.geom_owner, source.where))
+            else:
+                source.demand(check_finite(values, f"contact {name}", source.where))
+        return found
+
+    @cached_property
+    def _keys(self) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp]]:
+        """Frames and bodies of the rows, and the order of the stored rows in the table."""
+        source, table = self._source, self._source.table
         rows = table.rows(("frame_index", "slot", "body1", "body2"), source.episode_index)
         source.complete(len(rows))
         frame = table.numbers(rows, "frame_index", np.int32)
         slot = table.numbers(rows, "slot", np.int16)
         body1, body2 = (table.codes(rows, n, source.body_index) for n in ("body1", "body2"))
         order = _frame_order(frame, slot, body1, body2)
-        return {
-            "frame": frame.take(order),
-            "body1": body1.take(order),
-            "body2": body2.take(order),
-        }
+        found = {"frame": frame, "body1": body1, "body2": body2}
+        found = {name: values.take(order) for name, values in found.items()}
+        source.demand(check_frame_range(found["frame"], source.frames, source.where))
+        source.demand(check_contact_order(found["body1"], found["body2"], source.where))
+        return found, order
 
-    def column(name: str) -> NDArray[Any]:
-        stored = _stored_names(name)
-        rows = table.rows(stored, source.episode_index)
+    def _column(self, name: str) -> NDArray[Any]:
+        table, stored = self._source.table, _stored_names(name)
+        rows = table.rows(stored, self._source.episode_index)
         # five times faster than values[order]
-        return _column(table, rows, name, stored).take(order, axis=0)
-
-    def load(columns: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-        if columns == KEYS:
-            found = keys()
-            vars(contacts).update(found)
-            source.demand(check_contact_frames(contacts, source.frames, source.where))
-            return found
-        len(contacts)  # the keys come first: they tell the order
-        found = {name: column(name) for name in columns}
-        if columns == GEOMS:
-            vars(contacts).update(found)
-            source.demand(check_contact_geoms(contacts, source.geom_owner, source.where))
-            return found
-        for name, values in found.items():
-            source.demand(check_finite(values, f"contact {name}", source.where))
-        return found
-
-    return load
+        return _column(table, rows, name, stored).take(self._keys[1], axis=0)
 
 
 def _frame_order(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,6 +46,36 @@ class Group(NamedTuple):
         return all(value is None or self.single(key) == value for key, value in keys.items())
 
 
+class Footer(NamedTuple):
+    """What the end of a file says: its metadata, row groups, and the names of its columns."""
+
+    metadata: pq.FileMetaData
+    groups: tuple[Group, ...]
+    columns: frozenset[str]
+
+    @classmethod
+    def of(cls, metadata: pq.FileMetaData) -> Footer:
+        """Read from metadata; raises UnicodeDecodeError for names that are no text."""
+        names = [metadata.schema.column(i).path for i in range(metadata.num_columns)]
+        keys = {key: names.index(key) for key in KEYS if key in names}
+        groups = []
+        for i in range(metadata.num_row_groups):
+            group, limits = metadata.row_group(i), {}
+            for key, place in keys.items():
+                found = group.column(place).statistics
+                if found is not None and found.has_min_max and not found.null_count:
+                    limits[key] = found.min, found.max
+            groups.append(Group(i, group.num_rows, limits))
+        columns = frozenset(metadata.schema.to_arrow_schema().names)
+        return cls(metadata, tuple(groups), columns)
+
+
+FOOTERS: dict[tuple[Path, int, int], Footer] = {}
+"""By path, time of change and size: shards hold many episodes, and their footers are large."""
+
+_FOOTERS_KEPT = 32
+
+
 class StoredTable:
     """A table opened for reading. Nothing but its footer is read before ``rows``.
 
@@ -67,14 +96,22 @@ class StoredTable:
                 f"the table {table!r} is missing.",
                 fix="copy the dataset again, with all of its folders",
             ) from None
+        key = path, stat.st_mtime_ns, stat.st_size
+        known = FOOTERS.get(key)
         try:
-            found, self._groups = read_footer(path, stat.st_mtime_ns, stat.st_size)
             self._file = pq.ParquetFile(
-                path, metadata=found, pre_buffer=False, page_checksum_verification=True
+                path,
+                metadata=known.metadata if known else None,
+                pre_buffer=False,
+                page_checksum_verification=True,
             )
-            self.columns = frozenset(found.schema.to_arrow_schema().names)
+            if known is None:
+                known = FOOTERS[key] = Footer.of(self._file.metadata)
+                if len(FOOTERS) > _FOOTERS_KEPT:
+                    FOOTERS.pop(next(iter(FOOTERS)), None)
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # a name may be damaged
             raise _unreadable(path, error) from None
+        self._groups, self.columns = known.groups, known.columns
 
     def all(self, columns: Sequence[str]) -> pa.Table:
         """The columns, which must be there, for all rows. Raises TraceError on damaged bytes."""
@@ -165,24 +202,6 @@ class StoredTable:
                 )
             found.append(codes)
         return np.concatenate(found) if found else np.zeros(0, np.int16)
-
-
-@lru_cache(maxsize=32)
-def read_footer(path: Path, changed: int, size: int) -> tuple[pq.FileMetaData, tuple[Group, ...]]:
-    """Footer and row groups of a file, kept as long as it does not change (shards are large)."""
-    del changed, size
-    footer = pq.read_metadata(path)
-    names = [footer.schema.column(i).path for i in range(footer.num_columns)]
-    keys = {key: names.index(key) for key in KEYS if key in names}
-    groups = []
-    for i in range(footer.num_row_groups):
-        group, limits = footer.row_group(i), {}
-        for key, place in keys.items():
-            found = group.column(place).statistics
-            if found is not None and found.has_min_max and not found.null_count:
-                limits[key] = found.min, found.max
-        groups.append(Group(i, group.num_rows, limits))
-    return footer, tuple(groups)
 
 
 def _unreadable(path: Path, error: Exception) -> TraceError:
