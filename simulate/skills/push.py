@@ -15,6 +15,7 @@ def push(
     height: float = 0.03,
     standoff: float = 0.08,
     speed: float = 0.10,
+    rise: float = 0.0,
 ) -> Actions:
     """Push an object over the table with the closed fingers.
 
@@ -25,6 +26,8 @@ def push(
         height: of the fingertips above the table.
         standoff: from the object's origin, where the push begins.
         speed: m/s.
+        rise: how far the fingertips come up on the way. Grippy fingers that sink a little press the
+            object onto the table and wedge it there; a rise of a tenth of the way prevents that.
     """
     position, _ = motion.state.object_pose(object)
     angle = np.radians(direction)
@@ -35,6 +38,6 @@ def push(
     yield from motion.grip(True, 0.2)
     yield from motion.move(start + up(0.12), goal)
     yield from motion.move(start, goal, speed=0.15, settle=0.2)
-    yield from motion.move(start + (standoff + distance) * along, goal, speed=speed)
+    yield from motion.move(start + (standoff + distance) * along + up(rise), goal, speed=speed)
     yield from motion.move(motion.position + up(0.15), goal)
     yield from motion.grip(False, 0.2)

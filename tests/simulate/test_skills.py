@@ -75,6 +75,29 @@ def test_push_moves_an_object_along_its_direction(world: World, state: Privilege
     assert rotation[2, 2] > 0.99
 
 
+def test_a_rise_keeps_a_push_from_wedging(world: World, state: PrivilegedState) -> None:
+    upright = {}
+    for rise in (0.0, 0.03):
+        put(world, rubiks_cube=[0.5, 0.2, 0], soup_can=[0.45, -0.1, 0], bin=[0.5, -0.28, 0])
+        motion, least = Motion(state), 1.0
+        for action in run_skill(
+            motion,
+            "push",
+            {
+                "object": "rubiks_cube",
+                "direction": 0,
+                "distance": 0.12,
+                "height": 0.04,
+                "rise": rise,
+            },
+        ):
+            world.act(action)
+            least = min(least, -state.tcp[1][2, 2])
+        upright[rise] = least
+    assert upright[0.03] > np.cos(np.radians(5))
+    assert upright[0.03] > upright[0.0]
+
+
 def test_via_visits_points_and_home_goes_back(world: World, state: PrivilegedState) -> None:
     motion = Motion(state)
     play(world, motion, "via", points=[[0.4, 0.1, 0.35]], pause=0.8)
