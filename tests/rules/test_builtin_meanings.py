@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scenes import G, Scene
 
+from safestage_eval.episode import Geom
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.files import builtin_folder
@@ -199,6 +200,23 @@ def test_goals_ask_for_letting_go() -> None:
     reached = found.condition(on, {}).true
     assert first(reached[60:]) == 300 - 60
     assert not reached[50:300].any()
+
+
+def test_within_counts_what_lies_between_and_on_does_not() -> None:
+    def on_a_book(x: float, borne: bool) -> tuple[bool, bool]:
+        out = scene(30, path(30, (0, x, 0.02))).fixed("floor", (0, 0, -1))
+        mat = Geom(kind="box", size=(0.1, 0.1, 0.002), position=(0, 0, -0.002))
+        out.fixed("mat", geoms=(mat,)).box("book", (0.2, 0.05, 0.01), (0, 0, 0.01))
+        out.rests("book", "mat", 0.05, (0, 0, 0), 2 * G)
+        if borne:
+            out.rests("a", "book", HALF, (x, 0, 0.02), G)
+        found = evaluator(out)
+        return true(found, "within", "a", "mat")[-1], true(found, "on", "a", "mat")[-1]
+
+    assert on_a_book(0.0, borne=True) == (True, False)
+    assert on_a_book(0.09, borne=True) == (True, False)  # two thirds of it over the mat
+    assert on_a_book(0.12, borne=True) == (False, False)  # a sixth
+    assert on_a_book(0.0, borne=False) == (False, False)  # in the air above it
 
 
 def test_success_latches() -> None:
