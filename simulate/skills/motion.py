@@ -69,18 +69,31 @@ class Motion:
         x = x if x @ self.rotation[:, 0] >= 0 else -x
         return np.column_stack([x, np.cross(z, x), z])
 
-    def turn_to(self, heading: float) -> Actions:
-        """Turn the gripper about the vertical until it comes from ``heading`` (rad, world)."""
-        z = self.rotation[:, 2]
-        pitch = np.arccos(np.clip(-z[2], -1, 1))
+    def turn_to(self, heading: float | None = None, pitch: float | None = None) -> Actions:
+        """Turn the gripper until it comes from ``heading``, tipped by ``pitch`` (rad, world).
+
+        What is not given stays as it is; of a gripper that points straight down, the heading is
+        the one that its fingers close across.
+        """
+        z, x = self.rotation[:, 2], self.rotation[:, 0]
+        if pitch is None:
+            pitch = float(np.arccos(np.clip(-z[2], -1, 1)))
+        if heading is None:
+            heading = float(np.arctan2(-x[0], x[1]))
         yield from self.move(self.position, self.grasp_rotation(heading, pitch), least=1.0)
 
     def surface(self, on: str | None, offset: Sequence[float]) -> F64:
-        """(3,) m, where the bottom of what is placed shall be."""
+        """(3,) m, where the bottom of what is placed shall be.
+
+        ``offset``: from the origin of ``on`` (or the table's), along its axes; with two numbers on
+        its top or, if it holds things, its floor.
+        """
         xy = np.asarray(offset, float)
         if on is None:
-            return np.append(xy, 0.0)
+            return np.append(xy, np.zeros(3 - len(xy)))
         position, rotation = self.state.object_pose(on)
+        if len(xy) == 3:
+            return np.asarray(position + rotation @ xy)
         model = self.state.model(on)
         height = model.height
         if model.cavity is not None:

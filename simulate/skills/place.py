@@ -18,22 +18,27 @@ def place(
     hover: float = 0.10,
     retreat: float = 0.10,
     yaw: float | None = None,
+    pitch: float | None = None,
     speed: float = TRAVEL_SPEED,
 ) -> Actions:
     """Put the held object down, correcting on the object's own pose, and let go.
 
     Args:
         on: name of what it goes on or into; None for the table.
-        offset: where, from that object's origin, or from the robot's base on the table.
+        offset: where, from that object's origin, or from the robot's base on the table. With a
+            third number, so high above that origin, and not on its top or its floor.
         drop: height of the object's bottom above the surface when it is let go.
         hover: height above the surface from which it is lowered.
         retreat: how far to back out afterwards, along the approach direction.
         yaw: of the approach about z, world; None keeps the present one.
+        pitch: of the approach from straight down towards ``yaw``, to lay down or stand up what is
+            held; None keeps the present one.
         speed: m/s, on the way there.
     """
     target = motion.surface(on, offset)
-    if yaw is not None:
-        yield from motion.turn_to(np.radians(yaw))
+    if yaw is not None or pitch is not None:
+        heading, tip = (None if angle is None else np.radians(angle) for angle in (yaw, pitch))
+        yield from motion.turn_to(heading, tip)
     yield from motion.carry(target + up(hover), speed=speed)
     yield from motion.settle_object(target + up(hover))
     yield from motion.carry(target + up(drop), speed=0.10)

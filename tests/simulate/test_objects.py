@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from scipy.spatial.transform import Rotation
 from worlds import put, recorder_of, world_of
 
-from safestage_eval.episode import Body
+from safestage_eval.episode import Body, Cavity
 from safestage_eval.geometry.extent import highest, lowest
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
@@ -51,12 +52,32 @@ def test_a_cavity_is_inside_and_open_at_the_top(name: str, bodies: dict[str, Bod
     floor = body.cavity.position[2] - body.cavity.size[-1]
     assert rim == pytest.approx(catalogue()[name].height)
     assert floor > 0
-    half_x, half_y, _ = body.cavity.size
+    points = _points_in(body.cavity)
     for geom in body.geoms:  # no wall reaches into it
-        away = np.abs(np.asarray(geom.position)) - np.asarray(geom.size)
-        beside = away[0] >= half_x - 1e-9 or away[1] >= half_y - 1e-9
-        below = geom.position[2] + geom.size[2] <= floor + 1e-9
-        assert beside or below
+        local = (
+            Rotation.from_quat(geom.orientation, scalar_first=True)
+            .inv()
+            .apply(points - np.asarray(geom.position))
+        )
+        if geom.kind == "box":
+            inside = (np.abs(local) < np.asarray(geom.size) - 1e-9).all(1)
+        else:
+            assert geom.kind == "cylinder"
+            inside = np.hypot(local[:, 0], local[:, 1]) < geom.size[0] - 1e-9
+            inside &= np.abs(local[:, 2]) < geom.size[1] - 1e-9
+        assert not inside.any()
+
+
+def _points_in(cavity: Cavity) -> np.ndarray:
+    """(N, 3) m, body frame: points all over the cavity, up to its boundary."""
+    grid = np.stack(np.meshgrid(*[np.linspace(-1, 1, 41)] * 3), -1).reshape(-1, 3)
+    if cavity.kind == "cylinder":
+        angle, share = np.pi * grid[:, 0], (1 + grid[:, 1]) / 2
+        grid = np.stack([share * np.cos(angle), share * np.sin(angle), grid[:, 2]], 1)
+        half = np.array([cavity.size[0], cavity.size[0], cavity.size[1]])
+    else:
+        half = np.asarray(cavity.size)
+    return grid * half + np.asarray(cavity.position)
 
 
 def test_a_ring_closes() -> None:

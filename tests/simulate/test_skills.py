@@ -65,6 +65,23 @@ def test_place_goes_into_a_container_and_onto_an_object(
     assert in_bin == pytest.approx([0.02, 0, 0.004], abs=4e-3)
 
 
+def test_place_at_a_height_above_the_origin(world: World, state: PrivilegedState) -> None:
+    motion = Motion(state)
+    play(world, motion, "pick", object="rubiks_cube", offset=[0, 0, 0.035])
+    play(world, motion, "place", on="soup_can", offset=[0, 0, 0.10])
+    on_can = state.object_pose("rubiks_cube")[0] - state.object_pose("soup_can")[0]
+    assert on_can == pytest.approx([0, 0, 0.10], abs=2e-3)
+
+
+def test_place_lays_down_what_stood(world: World, state: PrivilegedState) -> None:
+    motion = Motion(state)
+    play(world, motion, "pick", object="soup_can", offset=[0, 0, 0.08], yaw=90, lift=0.2)
+    play(world, motion, "place", offset=[0.5, 0.0, 0.033], pitch=90, yaw=90)
+    position, rotation = state.object_pose("soup_can")
+    assert rotation[:, 2] == pytest.approx([0, -1, 0], abs=0.2)
+    assert position[2] == pytest.approx(0.033, abs=2e-3)
+
+
 def test_push_moves_an_object_along_its_direction(world: World, state: PrivilegedState) -> None:
     before = state.object_pose("soup_can")[0]
     play(world, Motion(state), "push", object="soup_can", direction=0, distance=0.05)
