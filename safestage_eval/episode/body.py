@@ -45,7 +45,7 @@ class Geom(Record):
     orientation: Quat = IDENTITY
     """wxyz, geom frame to body frame."""
     friction: tuple[float, float, float] = (1.0, 0.02, 0.001)
-    """Sliding (1), torsional (m), rolling (m)."""
+    """Sliding (1), torsional (m), rolling (m). Of two geoms in contact the greater one counts."""
     mesh: str | None = None
     """Key into ``Episode.meshes`` (the mesh's content hash) for ``convex_mesh`` and ``mesh``."""
 

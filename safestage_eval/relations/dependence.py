@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Episode
 from safestage_eval.episode.contacts import Pair
 from safestage_eval.signals.contact_sums import ContactSums
-from safestage_eval.signals.motion import com_position
 
+from .arrangement import Arrangement
 from .graph import SupportGraph
 from .statics import balanced
 
 Bool = NDArray[np.bool_]
-F64 = NDArray[np.float64]
 
 Contacts = dict[Pair, NDArray[np.intp]]
 """Pair → its rows at one frame, among the pair's own."""
@@ -30,7 +29,8 @@ class Dependence:
     Baraff, "Coping with friction for non-penetrating rigid body simulation", 1991; Boyd &
     Vandenberghe, "Convex Optimization", 2004, sec. 11.4 for the phase-I form used). What fell is
     taken away too, until nothing more falls, so the top of a stack of three depends on its bottom.
-    Contacts with the robot count as contacts that can hold. The parts of an object that are jointed
+    Contacts with the robot count as contacts that can hold; those without force do not. Of two geoms
+    in contact the greater friction counts, as in MuJoCo. The parts of an object that are jointed
     together (a jar and its lid) stand and fall together.
     """
 
@@ -45,7 +45,7 @@ class Dependence:
         self._free = graph.assemblies.free
         self._robot = graph.assemblies.robot  # an immobile base counts as a fixture
         self._friction = np.array([g.friction[0] for b in header.bodies for g in b.geoms])
-        self._com: dict[int, F64] = {}
+        self._arrangement = Arrangement(episode)
         self._falls: dict[tuple[int, int], frozenset[int]] = {}
 
     @property
@@ -57,8 +57,8 @@ class Dependence:
     def depends_on(self, body: int, on: int, wanted: Bool | None = None) -> Bool:
         """(T,) true where ``body`` is in the collapse set of removing ``on``.
 
-        Evaluated where the contact points of the bodies that hang together with ``on`` changed,
-        and kept between. Only the ``wanted`` frames (T,) of the answer mean anything; all of them
+        Evaluated anew where the contact points of the bodies that hang together with ``on`` changed
+        or moved by what makes a difference, and kept between. Only the ``wanted`` frames (T,) of the answer mean anything; all of them
         if None.
         """
         out = np.zeros(len(self._episode), np.bool_)
@@ -66,21 +66,23 @@ class Dependence:
         asked = linked if wanted is None else linked & wanted
         if not asked.any():
             return out
-        starts = self._segments(self._cluster(on))
+        pairs = self._cluster(on)
+        starts = self._arrangement.segments(pairs)
         segments = np.searchsorted(starts, np.flatnonzero(asked), side="right") - 1
         for segment in np.unique(segments):
             first, stop = starts[segment], starts[segment + 1]
-            frames = np.arange(first, stop)
-            # the pair may come into touch within a segment: judge at its first linked frame
-            frames = frames[linked[first:stop]]
-            out[frames] = body in self.collapse(on, int(frames[0]))
+            # cut from the first linked frame on, asked or not: what is asked changes no answer
+            frames = first + np.flatnonzero(linked[first:stop])
+            for alike in self._arrangement.stretches(pairs, frames):
+                if asked[alike].any():
+                    out[alike] = body in self.collapse(on, int(alike[0]))
         return out
 
     def collapse(self, removed: int, frame: int) -> frozenset[int]:
         """Bodies that fall at that frame when ``removed`` is taken away."""
         if (removed, frame) in self._falls:
             return self._falls[removed, frame]
-        contacts = self._contacts_at(frame, self._cluster(removed))
+        contacts = self._arrangement.at(frame, self._cluster(removed))
         gone = self._parts(removed)
         while True:  # in rounds against what is gone by then, so that no order of bodies matters
             near = self._touching(gone, contacts) - gone
@@ -111,11 +113,11 @@ class Dependence:
                 (i, j), "position", "normal", "geom1", "geom2"
             )
             normals.append(normal[rows].astype(np.float64) * (1.0 if j in group else -1.0))
-            frictions.append(np.minimum(self._friction[geom1[rows]], self._friction[geom2[rows]]))
+            frictions.append(np.maximum(self._friction[geom1[rows]], self._friction[geom2[rows]]))
             points.append(point[rows].astype(np.float64))
         if not normals:
             return False
-        com = sum(self._mass[b] * self._centre(b)[frame] for b in group) / mass
+        com = sum(self._mass[b] * self._arrangement.centre(b)[frame] for b in group) / mass
         arm = np.concatenate(points) - com
         return balanced(np.concatenate(normals), np.concatenate(frictions), arm)
 
@@ -142,14 +144,6 @@ class Dependence:
             todo += near
         return sorted({(min(b, o), max(b, o)) for b in found for o in self._sums.beside(b)})
 
-    def _contacts_at(self, frame: int, pairs: Iterable[Pair]) -> Contacts:
-        rows = {pair: np.flatnonzero(self._frames_of(pair) == frame) for pair in pairs}
-        return {pair: found for pair, found in rows.items() if len(found)}
-
-    def _frames_of(self, pair: Pair) -> NDArray[np.int32]:
-        (frames,) = self._episode.contacts.of_pair(pair, "frame")
-        return frames
-
     def _touching(self, bodies: Iterable[int], contacts: Contacts) -> set[int]:
         some = set(bodies)
         near = {b for i, j in contacts for a, b in ((i, j), (j, i)) if a in some} & self._free
@@ -161,7 +155,9 @@ class Dependence:
         reached = {a: np.ones(frames, np.bool_)}
         cluster = self._cluster(a)
         near = {body for pair in cluster for body in pair if body in self._free}
-        touch = {pair: self._present(pair) for pair in cluster if near.issuperset(pair)}
+        touch = {
+            pair: self._arrangement.touching(pair) for pair in cluster if near.issuperset(pair)
+        }
         for part in near:
             for other in self._parts(part) - {part}:
                 touch[part, other] = np.ones(frames, np.bool_)
@@ -177,27 +173,3 @@ class Dependence:
                             reached[y] = have | gained
                             changed = True
         return reached.get(b, np.zeros(frames, np.bool_))
-
-    def _present(self, pair: Pair) -> Bool:
-        present = np.zeros(len(self._episode), np.bool_)
-        present[self._frames_of(pair)] = True
-        return present
-
-    def _segments(self, pairs: Iterable[Pair]) -> NDArray[np.int64]:
-        """First frames of the stretches with equal contact points of the pairs, then T."""
-        frames = len(self._episode)
-        signature = np.zeros(frames, np.int64)
-        for pair in pairs:
-            frame, geom1, geom2 = self._episode.contacts.of_pair(pair, "frame", "geom1", "geom2")
-            mixed = (
-                geom1.astype(np.int64) * 73856093 ^ geom2.astype(np.int64) * 19349663
-            ) % 1000003 + 1
-            # whole numbers below 2⁵³ add up exactly in float64
-            signature += np.bincount(frame, mixed, minlength=frames).astype(np.int64)
-        changed = np.flatnonzero(signature[1:] != signature[:-1]) + 1
-        return np.concatenate([[0], changed, [frames]])
-
-    def _centre(self, body: int) -> F64:
-        if body not in self._com:
-            self._com[body] = com_position(self._episode, self._episode.header.bodies[body].name)
-        return self._com[body]

@@ -170,10 +170,108 @@ def test_a_load_that_leans_on_an_immobile_base_is_a_load(kind: str) -> None:
     """The robot's base is a fixture: what touches it is not in the robot's hands."""
     slippery = Geom(kind="box", size=(0.2, 0.2, 0.2), friction=(0, 0, 0))
     scene = Scene(2).fixed("table").fixed("base", (0.36, 0, 0.1), kind=kind, geoms=(slippery,))
-    scene.box("board", (0.2, 0.05, 0.01), (0, 0, 0.11)).box("load", 0.04, (0.12, 0, 0.16), mass=3)
+    scene.box("board", (0.2, 0.05, 0.01), (0, 0, 0.11))
+    smooth = Geom(kind="box", size=(0.04,) * 3, friction=(0, 0, 0))
+    scene.body("load", smooth, (0.12, 0, 0.16), mass=3)
     for name, x in (("left", -0.02), ("right", 0.15)):
         scene.box(name, 0.03, (x, 0, 0.05)).rests(name, "table", 0.03, (x, 0, 0), 3 * G)
         scene.rests("board", name, 0.02, (x, 0, 0.1), 2 * G)
     scene.rests("load", "board", 0.04, (0.12, 0, 0.12), 3 * G)
     scene.contact("base", "load", (0.16, 0, 0.16), (-0.5, 0, 0), normal=(-1, 0, 0))
     assert depends(scene, "board", "right")  # the load would tip it over the left one
+
+
+def sliding(frames: int = 61) -> Scene:
+    """A 1 kg board whose left end lies on a pier and its right end on a post, drawn to the right.
+
+    Its COM starts 3 cm right of the pier's edge and ends over the middle of the post: the same two
+    pairs of geoms touch throughout.
+    """
+    scene = Scene(frames).fixed("table").box("pier", 0.05, (-0.08, 0, 0.05))
+    scene.box("post", 0.05, (0.1, 0, 0.05))
+    x = np.linspace(0, 0.1, frames)
+    scene.box("board", (0.2, 0.05, 0.01), np.stack([x, 0 * x, 0 * x + 0.11], 1))
+    for name, at in (("pier", -0.08), ("post", 0.1)):
+        scene.rests(name, "table", 0.05, (at, 0, 0), 1.5 * G)
+        scene.rests("board", name, 0.05, (at, 0, 0.1), G / 2)
+    return scene
+
+
+def test_dependence_follows_a_board_that_slides_along() -> None:
+    """It stays on the post alone from when its COM is over it: x ≥ 5 cm, half of the way."""
+    found = Relations(Signals(sliding().episode())).get("depends_on", ("board", "pier"))
+    assert found is not None
+    assert found[:29].all()
+    assert not found[32:].any()
+
+
+def test_what_is_asked_for_changes_no_answer() -> None:
+    episode = sliding().episode()
+    whole = Relations(Signals(episode)).get("depends_on", ("board", "pier"))
+    for first in (7, 30, 31):
+        wanted = np.arange(len(episode)) >= first
+        part = Relations(Signals(episode)).get("depends_on", ("board", "pier"), wanted)
+        assert whole is not None
+        assert part is not None
+        assert (part == whole)[wanted].all()
+
+
+def test_dependence_follows_a_tray_that_is_tilted() -> None:
+    """A block on a tray, beside a stop that it needs where the tray is too steep for friction."""
+    frames, friction = 41, (0.3, 0, 0)
+    slab = Geom(kind="box", size=(0.2, 0.2, 0.01), friction=friction)
+    cube = Geom(kind="box", size=(0.03, 0.03, 0.01), friction=friction)
+    angle = np.linspace(0, 0.5, frames)  # slides from atan(0.3) = 0.291 rad on
+    turn = np.stack([np.cos(angle / 2), 0 * angle, np.sin(angle / 2), 0 * angle], 1)
+    up = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], 1)
+    along = np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], 1)
+    scene = Scene(frames).fixed("wall").body("tray", slab, (0, 0, 1), turn)
+    scene.body("block", cube, up * 0.02 + (0, 0, 1), turn)
+    scene.body("stop", cube, up * 0.02 + along * 0.06 + (0, 0, 1), turn)
+    across = np.array([0, 0.03, 0])
+    for frame in range(frames):
+        here, one = [0, 0, 1] + up[frame] * 0.01, slice(frame, frame + 1)
+        scene.rests("tray", "wall", 0.2, (0, 0, 0.99), 3 * G, frames=one)
+        for name, shift in (("block", 0.0), ("stop", 0.06)):
+            corners = [
+                here + (shift + a) * along[frame] + b * across
+                for a, b in ((-0.03, -1), (0.03, -1), (0.03, 1), (-0.03, 1))
+            ]
+            scene.contact("tray", name, corners, (0, 0, G), normal=up[frame], frames=one)
+        side = here + 0.03 * along[frame]
+        scene.contact(
+            "stop", "block", [side - across, side + across], -0.1 * along[frame],
+            normal=-along[frame], frames=one,
+        )  # fmt: skip
+    found = Relations(Signals(scene.episode())).get("depends_on", ("block", "stop"))
+    assert found is not None
+    first = int(np.argmax(found))
+    assert found[first:].all()
+    assert angle[first] == pytest.approx(np.arctan(0.3 * 1.02), abs=0.03)  # 2 % of slack
+
+
+def test_a_contact_without_force_holds_nothing() -> None:
+    """A post within the simulator's margin under a board that hangs over one pier."""
+    for force, holds in ((0.0, False), (G / 2, True)):
+        scene = Scene(2).fixed("table").box("pier", 0.05, (0, 0, 0.05))
+        scene.fixed("post", (0.3, 0, 0.1)).box("board", (0.2, 0.05, 0.01), (0.12, 0, 0.11))
+        scene.box("hook", 0.03, (-0.05, 0, 0.15))
+        scene.rests("pier", "table", 0.05, (0, 0, 0), 2 * G)
+        scene.rests("board", "pier", 0.05, (0, 0, 0.1), 2 * G)
+        scene.rests("board", "post", 0.01, (0.3, 0, 0.1), force)
+        scene.rests("hook", "board", 0.03, (-0.05, 0, 0.12), G)
+        assert depends(scene, "board", "hook") is not holds
+
+
+def test_the_rougher_of_two_surfaces_decides() -> None:
+    """As in MuJoCo: what stands as it was recorded is not said to slide."""
+    for board, stands in ((0.0, False), (0.5, True)):
+        smooth = Geom(kind="box", size=(0.2, 0.2, 0.01), friction=(0, 0, 0))
+        brick = Geom(kind="box", size=(0.05,) * 3, friction=(board, 0, 0))
+        scene = Scene(2).fixed("slope", geoms=(smooth,)).body("brick", brick, (0, 0, 0.05))
+        scene.box("stop", 0.02, (-0.07, 0, 0.02)).rests("stop", "slope", 0.02, (-0.07, 0, 0), G)
+        tilt = np.array([-0.2, 0, 0.98])
+        corners = 0.05 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+        scene.contact("slope", "brick", corners, G * tilt, normal=tilt / np.linalg.norm(tilt))
+        scene.contact("stop", "brick", (-0.05, 0, 0.02), (0.1, 0, 0), normal=(1, 0, 0))
+        assert depends(scene, "brick", "stop") is not stands
