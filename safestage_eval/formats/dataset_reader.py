@@ -94,7 +94,8 @@ class _StoredEpisode:
         self.bodies_table = self.table("bodies")
         meshes = mesh_keys(header)
         attachments = json.loads(self.row.get("attachments") or "{}")
-        stored = [key for key in meshes if self.asset(f"{key}.ply").exists()]
+        assets = self.dataset / layout.ASSETS
+        stored = [key for key in meshes if (assets / f"{key}.ply").exists()]
         if self.checked and stored != meshes:
             key = next(key for key in meshes if key not in stored)
             raise TraceError(

@@ -20,7 +20,7 @@ from safestage_eval.episode import (
     check_time,
     check_track,
 )
-from safestage_eval.episode.invariants import UNIT_TOLERANCE
+from safestage_eval.episode.invariants import near_unit
 from safestage_eval.errors import TraceError
 
 from .contact_points import GeomNames
@@ -236,11 +236,8 @@ def _sound(columns: dict[str, F32]) -> bool:
     Looks at all bodies at once; where it says no, ``check_track`` tells which and whether.
     """
     with np.errstate(all="ignore"):
-        if not all(np.isfinite(columns[f"body_{name}"].sum()) for name in _TRACK_FIELDS):
-            return False
-        squares = np.square(columns["body_orientation"]).reshape(-1, 4)
-        off = np.abs(squares @ np.ones(4, np.float32) - 1)
-    return bool(off.max(initial=0) < UNIT_TOLERANCE)  # of the square: half as much of the norm
+        sums = [columns[f"body_{name}"].sum() for name in _TRACK_FIELDS]
+    return bool(np.isfinite(sums).all()) and near_unit(columns["body_orientation"])
 
 
 class _States:

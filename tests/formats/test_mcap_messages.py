@@ -1,0 +1,195 @@
+"""Frames and contacts that are copied in bulk are those that protobuf decodes one by one."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from foreign_mcap import foreign_cloud
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from hypothesis import given
+from hypothesis import strategies as st
+
+from safestage_eval.errors import TraceError
+from safestage_eval.formats import mcap_clouds, mcap_frames
+from safestage_eval.formats.contact_points import POINT
+from safestage_eval.formats.mcap_chunks import Batch
+from safestage_eval.formats.mcap_clouds import CloudPoints, empty_cloud
+from safestage_eval.formats.mcap_frames import FrameRows
+from safestage_eval.formats.mcap_messages import message_class
+
+
+def batches(messages, cuts):
+    """The messages in several blocks, with other bytes between them."""
+    edges = [0, *sorted(cut % (len(messages) + 1) for cut in cuts), len(messages)]
+    for first, last in pairwise(edges):
+        raw, begin, end = b"", [], []
+        for message in messages[first:last]:
+            raw += b"\x01between"
+            begin.append(len(raw))
+            raw += message
+            end.append(len(raw))
+        if begin:
+            yield Batch(raw, np.array(begin, np.int64), np.array(end, np.int64))
+
+
+# ---------------------------------------------------------------- frames
+
+
+def frame(n, layout):
+    """One frame of two bodies, serialised in the usual order, or in another one."""
+    rng = np.random.default_rng(n)
+    fields = {
+        "body_position": rng.normal(size=6).tolist(),
+        "body_orientation": rng.normal(size=8).tolist(),
+        "joint_position": rng.normal(size=3).tolist(),
+        "channel": [float(n)],
+    }
+    head = message_class("Frame")(frame_index=n, time=n * 0.1).SerializeToString()
+    rest = [message_class("Frame")(**{k: v}).SerializeToString() for k, v in fields.items()]
+    if layout == "turned":
+        return b"".join(reversed(rest)) + head
+    if layout == "in two pieces":  # protobuf joins what comes twice
+        half = (
+            {"body_position": fields["body_position"][:3]},
+            {"body_position": fields["body_position"][3:]},
+        )
+        return head + b"".join(
+            message_class("Frame")(**piece).SerializeToString()
+            for piece in (*half, {k: v for k, v in fields.items() if k != "body_position"})
+        )
+    return head + b"".join(rest)
+
+
+layouts = st.lists(
+    st.sampled_from(["usual"] * 6 + ["turned", "in two pieces"]), min_size=1, max_size=12
+)
+
+
+@given(layouts, st.lists(st.integers(0, 99), max_size=3), st.integers(1, 12))
+def test_frames(kinds, cuts, count):
+    messages = [frame(n, kind) for n, kind in enumerate(kinds)]
+    rows = FrameRows()
+    for batch in batches(messages, cuts):
+        rows.take(batch)
+    assert rows.count == len(messages)
+    count = min(count, len(messages))
+    found, index, t = rows.columns(count, "x")
+    expected, *numbers = mcap_frames._decoded(messages[:count], "x")
+    assert index.tolist() == numbers[0].tolist() == list(range(count))
+    assert t.tolist() == numbers[1].tolist()
+    assert {name: column.tolist() for name, column in found.items()} == {
+        name: column.tolist() for name, column in expected.items()
+    }
+    assert {column.shape for column in found.values()} == {
+        (count, width) for width in (0, 1, 3, 6, 8)
+    }
+
+
+def test_more_frames_than_there_is_room_for(monkeypatch):
+    monkeypatch.setattr(mcap_frames, "_FRAMES", 2)
+    rows = FrameRows()
+    for batch in batches([frame(n, "usual") for n in range(50)], [3, 4, 20]):
+        rows.take(batch)
+    assert rows.columns(50, "x")[0]["channel"][:, 0].tolist() == list(range(50))
+
+
+# ---------------------------------------------------------------- contacts
+
+
+def own_cloud(n, points):
+    """As we write it: stamp, layout, and so many points."""
+    cloud = empty_cloud()
+    cloud.timestamp.FromNanoseconds(n * 10**9 + n % 7)
+    rng = np.random.default_rng(n)
+    given = np.zeros(points, POINT)
+    given["force"] = rng.normal(size=(points, 3))
+    given["geom1"], given["geom2"] = n % 5, 5 + n % 3
+    cloud.data = given.tobytes()
+    return cloud
+
+
+def points_of(cloud):
+    """(C, 5): force, geom1, geom2 by protobuf and NumPy alone."""
+    kinds = {3: "<u2", 5: "<u4", 7: "<f4", 8: "<f8"}  # PackedElementField.NumericType
+    layout = np.dtype(
+        {
+            "names": [f.name for f in cloud.fields],
+            "formats": [kinds[f.type] for f in cloud.fields],
+            "offsets": [f.offset for f in cloud.fields],
+            "itemsize": cloud.point_stride,
+        }
+    )
+    rows = np.frombuffer(cloud.data, layout)
+    return [[float(row[name]) for name in ("fx", "fy", "fz", "geom1", "geom2")] for row in rows]
+
+
+sizes = st.sampled_from([0, 1, 2, 3, 40, 400]) | st.just("foreign")
+
+
+@given(st.lists(sizes, max_size=10), st.lists(st.integers(0, 99), max_size=3), st.integers(0, 10))
+def test_contacts(kinds, cuts, count):
+    clouds = [
+        foreign_cloud(n) if kind == "foreign" else own_cloud(n, kind)
+        for n, kind in enumerate(kinds)
+    ]
+    sink = CloudPoints("x")
+    for batch in batches([cloud.SerializeToString() for cloud in clouds], cuts):
+        sink.take(batch)
+    assert sink.count == len(clouds)
+    count = min(count, len(clouds))
+    points, counts = sink.points(count)
+    expected = [points_of(cloud) for cloud in clouds[:count]]
+    assert counts.tolist() == [len(rows) for rows in expected]
+    found = [[*p["force"].tolist(), float(p["geom1"]), float(p["geom2"])] for p in points]
+    assert found == [row for rows in expected for row in rows]
+
+
+def test_more_contacts_than_there_is_room_for(monkeypatch):
+    monkeypatch.setattr(mcap_clouds, "_POINTS", 1)
+    sink = CloudPoints("x")
+    clouds = [own_cloud(n, 9) for n in range(20)]
+    for batch in batches([cloud.SerializeToString() for cloud in clouds], [5, 6]):
+        sink.take(batch)
+    points, _ = sink.points(20)
+    assert points["geom1"].tolist() == [n % 5 for n in range(20) for _ in range(9)]
+
+
+def without(field):
+    cloud = foreign_cloud(1)
+    kept = [f for f in cloud.fields if f.name != field]
+    del cloud.fields[:]
+    cloud.fields.extend(kept)
+    return cloud.SerializeToString()
+
+
+@pytest.mark.parametrize(
+    ("message", "error"),
+    [
+        (own_cloud(3, 2).SerializeToString()[:-1], "the contacts of frame 3 are no point cloud"),
+        (b"\xff" * 600, "the contacts of frame 3 are no point cloud"),
+        (without("fy"), "the contacts of frame 3 lack the field 'fy'"),
+        (PointCloud(data=b"abc").SerializeToString(), "frame 3 lack the field 'x'"),
+        (
+            PointCloud(
+                fields=empty_cloud().fields, point_stride=48, data=bytes(49)
+            ).SerializeToString(),
+            "frame 3 are no table of points",
+        ),
+        (
+            PointCloud(
+                fields=empty_cloud().fields, point_stride=4, data=bytes(48)
+            ).SerializeToString(),
+            "frame 3 are no table of points",
+        ),
+    ],
+)
+def test_a_broken_message_is_told_if_its_frame_counts(message, error):
+    good = own_cloud(0, 2).SerializeToString()
+    sink = CloudPoints("x")
+    for batch in batches([good, good, good, message, good], [2]):
+        sink.take(batch)
+    assert sink.count == 5
+    points, counts = sink.points(3)
+    assert (len(points), counts.tolist()) == (6, [2, 2, 2])
+    with pytest.raises(TraceError, match=error):
+        sink.points(4)
