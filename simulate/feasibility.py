@@ -5,55 +5,83 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
+from safestage_eval.rules import RuleSet
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts.judge import judge
 from safestage_eval.verdicts.verdict import Verdict
 
 from .policies import policy_named
+from .pool import Died, run_many
 from .rollout import Setting, roll_out
 from .task import Task
 
-REFERENCES = ("safe", "unsafe")
+REFERENCES = ("reference:safe", "reference:unsafe")
+CONTROLS = ("idle", "random-near-home")
 RULES = ("ish", "ets", "fsh")
 """The built-in rule files that references are judged by."""
+
+Draw = Callable[[Episode], None]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One rollout to be tried."""
+
+    task: Task
+    policy: str
+    seed: int
+    rollout: int = 0
+    robot_mjcf: Path | None = None
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One reference on one seed.
+    """What a policy came to on one seed.
 
     Attributes:
         task: its id.
         seed: of the environment.
-        reference: safe or unsafe.
+        policy: its name.
         success_time: s; None if the goal was not reached.
-        verdicts: of the assigned rules.
+        verdicts: of the assigned rules; for controls those of all rules that do apply.
         speed: simulated over processor time, recording and live goal included.
         problem: why there is no episode, if so.
+        stage: of the task; empty if it does not matter.
+        rollout: number of the rollout.
+        taken: s of processor time, judging included.
     """
 
     task: str
     seed: int
-    reference: str
+    policy: str
     success_time: float | None = None
     verdicts: tuple[Verdict, ...] = ()
     speed: float = 0.0
     problem: str = ""
+    stage: str = ""
+    rollout: int = 0
+    taken: float = 0.0
 
     @property
     def as_expected(self) -> bool:
-        """Success, and all assigned rules pass (safe) or one is violated (unsafe).
+        """Success, and all assigned rules pass (safe) or one is violated at the stage (unsafe).
 
         A rule that does not apply or cannot be decided is never as expected: the scene is wrong.
+        A control reaches no goal and violates nothing.
         """
         found = [v.verdict for v in self.verdicts]
+        if self.policy in CONTROLS:
+            return not self.problem and self.success_time is None and "violation" not in found
         if self.success_time is None or not found or not {*found} <= {"pass", "violation"}:
             return False
-        return ("violation" in found) == (self.reference == "unsafe")
+        if not self.policy.endswith(":unsafe"):
+            return "violation" not in found
+        return any(v.verdict == "violation" and self.stage in ("", v.stage) for v in self.verdicts)
 
     @property
     def decisive(self) -> Verdict | None:
@@ -65,33 +93,76 @@ class Trial:
         )
 
 
-def trials(
+def cases(
     tasks: Sequence[Task],
     seeds: Sequence[int],
-    *,
+    policies: Sequence[str] = REFERENCES,
+    rollouts: int = 1,
     robot_mjcf: Path | None = None,
-    each: Callable[[Episode], None] | None = None,
-) -> Iterator[Trial]:
-    """Run and judge both references of every task on every seed, in memory.
+) -> list[Case]:
+    """Every combination, tasks outermost."""
+    return [
+        Case(task, policy, seed, rollout, robot_mjcf)
+        for task in tasks
+        for policy in policies
+        for seed in seeds
+        for rollout in range(rollouts)
+    ]
 
-    ``each`` is handed every episode (to draw it, say).
+
+def trials(
+    todo: Sequence[Case],
+    *,
+    jobs: int = 1,
+    each: Draw | None = None,
+    done: Callable[[int], None] | None = None,
+) -> Iterator[Trial]:
+    """Run and judge cases in memory; what comes back is in their order.
+
+    Args:
+        todo: see ``cases``.
+        jobs: processes.
+        each: is handed every episode, in its process (to draw it, say).
+        done: told how many are done.
     """
-    rules = load_rules(RULES)
-    for task in tasks:
-        for reference in REFERENCES:
-            for seed in seeds:
-                start = time.process_time()
-                setting = Setting(task, seed, robot_mjcf=robot_mjcf)
-                try:
-                    writer = roll_out(setting, policy_named(f"reference:{reference}"))
-                except InputError as error:
-                    yield Trial(task.id, seed, reference, problem=str(error))
-                    continue
-                speed = writer.episode().t[-1] / (time.process_time() - start)
-                episode = writer.episode()
-                if each is not None:
-                    each(episode)
-                verdicts = tuple(v for v in judge(episode, rules).verdicts if v.assigned)
-                yield Trial(
-                    task.id, seed, reference, writer.header.success_time, verdicts, float(speed)
-                )
+    found = run_many(partial(attempt, each=each), todo, jobs, done)
+    for case, trial in zip(todo, found, strict=True):
+        if isinstance(trial, Died):
+            yield Trial(
+                case.task.id, case.seed, case.policy, problem=trial.reason, rollout=case.rollout
+            )
+        else:
+            yield trial
+
+
+def attempt(case: Case, each: Draw | None = None) -> Trial:
+    """Run and judge one case in memory."""
+    start = time.process_time()
+    task = case.task
+    setting = Setting(task, case.seed, rollout=case.rollout, robot_mjcf=case.robot_mjcf)
+    control = case.policy in CONTROLS
+    try:
+        writer = roll_out(setting, policy_named(case.policy, setting.draw))
+    except InputError as error:
+        return Trial(task.id, case.seed, case.policy, problem=str(error), rollout=case.rollout)
+    episode = writer.episode()
+    speed = float(episode.t[-1]) / (time.process_time() - start)
+    if each is not None:
+        each(episode)
+    found = judge(episode, _rules(), assigned_only=not control).verdicts
+    return Trial(
+        task.id,
+        case.seed,
+        case.policy,
+        writer.header.success_time,
+        tuple(v for v in found if v.assigned or (control and v.verdict != "not_applicable")),
+        speed,
+        stage=task.stage,
+        rollout=case.rollout,
+        taken=time.process_time() - start,
+    )
+
+
+@cache
+def _rules() -> RuleSet:
+    return load_rules(RULES)

@@ -18,7 +18,8 @@ from .privileged import PrivilegedState
 from .replay import Replay
 from .skills import run_skill
 from .skills.motion import Motion
-from .task import Step, Task
+from .steps import Step
+from .task import Task
 
 F64 = NDArray[np.float64]
 
@@ -62,13 +63,13 @@ class Reference:
     """Plays a task's reference behaviour, closed loop on the true state."""
 
     def __init__(self, kind: str) -> None:
-        """``kind``: safe or unsafe."""
+        """``kind``: safe, unsafe, or NAME=VALUE of a grade."""
         self.name = f"reference:{kind}"
         self._kind = kind
 
     def reset(self, task: Task, _prompt: str) -> None:
         """Look up the task's steps; ``look`` must follow."""
-        self._steps: tuple[Step, ...] = getattr(task.references, self._kind)
+        self._steps: tuple[Step, ...] = task.steps(self._kind)
         self._actions: Iterator[F64] = iter(())
 
     def look(self, state: PrivilegedState) -> None:
@@ -111,6 +112,7 @@ class Noisy(Reference):
 POLICIES = (
     "reference:safe",
     "reference:unsafe",
+    "reference:GRADE=VALUE",
     "noisy:SIGMA[:safe|:unsafe]",
     "idle",
     "random-near-home",
@@ -129,11 +131,11 @@ def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
     Raises InputError for what is none.
     """
     kind, _, rest = name.partition(":")
-    if kind == "reference" and rest in KINDS:
+    if kind == "reference" and _is_reference(rest):
         return Reference(rest)
     if kind == "noisy":
         sigma, _, reference = rest.partition(":")
-        if _is_number(sigma) and (reference or "safe") in KINDS:
+        if _is_number(sigma) and float(sigma) >= 0 and _is_reference(reference or "safe"):
             return Noisy(reference or "safe", float(sigma), draw)
     if kind == "replay" and rest:
         path, _, episode = rest.partition("#")
@@ -145,8 +147,13 @@ def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
     raise InputError(f"policy {name!r}", "no such policy.", ", ".join(POLICIES))
 
 
+def _is_reference(kind: str) -> bool:
+    grade, _, value = kind.partition("=")
+    return kind in KINDS or (bool(grade) and _is_number(value))
+
+
 def _is_number(text: str) -> bool:
     try:
-        return math.isfinite(float(text)) and float(text) >= 0
+        return math.isfinite(float(text))
     except ValueError:
         return False

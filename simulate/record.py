@@ -1,10 +1,11 @@
-"""Records many rollouts into a folder, one after the other, leaving out what is there already."""
+"""Records many rollouts into a folder, in one process or several, leaving out what is there."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Literal
@@ -12,7 +13,8 @@ from typing import Literal
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import discover
 
-from .policies import policy_named
+from .policies import KINDS, policy_named
+from .pool import Died, run_many
 from .rollout import Setting, roll_out
 from .task import Task
 from .world import FRAME_RATE
@@ -37,7 +39,7 @@ class Job:
 class Outcome:
     """What became of a job."""
 
-    job: Job
+    episode_id: str
     skipped: bool = False
     """An episode with this id was there already."""
     problem: str = ""
@@ -49,8 +51,20 @@ class Outcome:
     taken: float = 0.0
     """s of processor time, writing included."""
 
+    def __str__(self) -> str:
+        """In words."""
+        if self.skipped:
+            return "there already"
+        if self.problem:
+            return f"not recorded: {self.problem}"
+        if self.success_time is None:
+            said = f"goal not reached in {self.simulated:.1f} s"
+        else:
+            said = f"reached after {self.success_time:.1f} s, {self.simulated:.1f} s"
+        return f"{said} recorded at {self.simulated / self.taken:.0f}x real time"
 
-def jobs(
+
+def plan(
     tasks: Iterable[Task],
     policies: Sequence[str],
     seeds: Sequence[int],
@@ -60,11 +74,24 @@ def jobs(
     horizon: float | None = None,
     robot_mjcf: Path | None = None,
 ) -> list[Job]:
-    """Every combination, tasks outermost. ``horizon`` (s) replaces the tasks' own."""
+    """Every combination, tasks outermost.
+
+    ``reference:NAME`` of a grade stands for all its values, in the tasks that have it. ``horizon``
+    (s) replaces the tasks' own. Raises InputError for a grade that no task has.
+    """
+    chosen = list(tasks)
+    for name in policies:
+        if _grade(name) and not any(_grade(name) in task.grades for task in chosen):
+            graded = sorted({grade for task in chosen for grade in task.grades})
+            raise InputError(
+                f"policy {name!r}", "none of the tasks has a grade of that name.",
+                ", ".join([*KINDS, *graded]),
+            )  # fmt: skip
     return [
         Job(Setting(task, seed, prompt, rollout, horizon, robot_mjcf), policy)
-        for task, policy, prompt, seed, rollout in product(
-            tasks, policies, prompts, seeds, range(rollouts)
+        for task in chosen
+        for policy, prompt, seed, rollout in product(
+            _of_task(task, policies), prompts, seeds, range(rollouts)
         )
     ]
 
@@ -73,48 +100,63 @@ def record(
     todo: Sequence[Job],
     out: Path,
     format: Format = "parquet",  # noqa: A002 - the word of the command line
-    progress: Callable[[Job, float], None] | None = None,
+    jobs: int = 1,
+    done: Callable[[int], None] | None = None,
 ) -> Iterator[Outcome]:
     """Record jobs into a folder; each outcome is yielded when its episode is safely on disk.
 
     A job whose episode is there already is skipped, so that a recording can be taken up again. One
-    that fails does not stop the others.
+    that fails, or takes its process along, does not stop the others.
 
     Args:
-        todo: see ``jobs``.
+        todo: see ``plan``.
         out: a Parquet dataset, or the folder of MCAP files.
         format: which of the two.
-        progress: told the job and its simulated time (s), after each action.
+        jobs: processes.
+        done: told how many jobs are done.
 
     Raises:
         InputError: an unknown policy.
     """
     for name in {job.policy for job in todo}:
         policy_named(name)  # what is none stops the run before it begins
+    ids = [job.episode_id for job in todo]
     there = recorded_ids(out)
-    for job in todo:
-        if job.episode_id in there:
-            yield Outcome(job, skipped=True)
+    missing = [job for job, name in zip(todo, ids, strict=True) if name not in there]
+    already = len(todo) - len(missing)
+    found = run_many(
+        partial(record_one, out=out, format=format),
+        missing,
+        jobs,
+        None if done is None else lambda n: done(already + n),
+    )
+    for name in ids:
+        if name in there:
+            yield Outcome(name, skipped=True)
             continue
-        start = time.process_time()
-        try:
-            writer = roll_out(
-                job.setting,
-                policy_named(job.policy, job.setting.draw),
-                None if progress is None else lambda t, job=job: progress(job, t),  # type: ignore[misc]
-            )
-            writer.attachments |= _attachments(job.setting.task)
-            out.mkdir(parents=True, exist_ok=True)
-            writer.close(out / f"{job.episode_id}.mcap" if format == "mcap" else out)
-        except (InputError, ValueError) as error:
-            yield Outcome(job, problem=str(error))
-            continue
-        yield Outcome(
-            job,
-            success_time=writer.header.success_time,
-            simulated=len(writer) / FRAME_RATE,
-            taken=time.process_time() - start,
+        outcome = next(found)
+        yield Outcome(name, problem=outcome.reason) if isinstance(outcome, Died) else outcome
+
+
+def record_one(job: Job, out: Path, format: Format = "parquet") -> Outcome:  # noqa: A002
+    """Roll out and write one episode; what goes wrong with it is told, not raised."""
+    start = time.process_time()
+    try:
+        writer = roll_out(job.setting, policy_named(job.policy, job.setting.draw))
+        writer.attachments |= _attachments(job.setting.task)
+        out.mkdir(parents=True, exist_ok=True)
+        writer.close(out / f"{job.episode_id}.mcap" if format == "mcap" else out)
+    except Exception as error:  # noqa: BLE001 - a policy may raise anything; the others go on
+        known = isinstance(error, InputError | ValueError)
+        return Outcome(
+            job.episode_id, problem=str(error) if known else f"{type(error).__name__}: {error}"
         )
+    return Outcome(
+        job.episode_id,
+        success_time=writer.header.success_time,
+        simulated=len(writer) / FRAME_RATE,
+        taken=time.process_time() - start,
+    )
 
 
 def recorded_ids(folder: Path) -> set[str]:
@@ -126,6 +168,23 @@ def recorded_ids(folder: Path) -> set[str]:
     except TraceError:
         return set()
     return {ref.episode_id for ref in refs if ref.episode_id and ref.problem is None}
+
+
+def _grade(policy: str) -> str:
+    """The grade of which a policy's name asks all values; empty if it does not."""
+    kind, _, rest = policy.partition(":")
+    return rest if kind == "reference" and rest not in KINDS and "=" not in rest else ""
+
+
+def _of_task(task: Task, policies: Sequence[str]) -> list[str]:
+    out = []
+    for policy in policies:
+        grade = _grade(policy)
+        if not grade:
+            out.append(policy)
+        elif grade in task.grades:
+            out += [f"{policy}={value:g}" for value in task.grades[grade].values]
+    return out
 
 
 def _attachments(task: Task) -> dict[str, bytes]:

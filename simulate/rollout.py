@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import re
 import zlib
-from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -58,7 +57,8 @@ class Setting:
 
         What departs from the task's own setting (a horizon, another arm model) is part of it.
         """
-        parts = [self.task.id, re.sub(r"[^\w.]+", "-", policy), self.prompt]
+        said = policy.replace("=-", "=minus")
+        parts = [self.task.id, re.sub(r"[^\w.]+", "-", said), self.prompt]
         parts += [f"s{self.seed}", f"r{self.rollout}"]
         if self.horizon is not None and self.horizon != self.task.horizon:
             parts.append(f"h{self.horizon:g}")
@@ -67,9 +67,7 @@ class Setting:
         return ".".join(parts)
 
 
-def roll_out(
-    setting: Setting, policy: Policy, progress: Callable[[float], None] | None = None
-) -> TraceWriter:
+def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
     """Run one episode to its end.
 
     Success is the task's goal, judged as the evaluator judges it: live, on the frames recorded so
@@ -79,7 +77,6 @@ def roll_out(
     Args:
         setting: task, seed, prompt.
         policy: what acts.
-        progress: told the simulated time (s) after each action.
 
     Returns:
         A writer that holds all frames, ready to be closed to a file.
@@ -122,8 +119,6 @@ def roll_out(
         if success is None:
             success = _watch(monitor, writer)
             frozen = np.append(world.arm_position, action[7])
-        if progress is not None:
-            progress(now)
     writer.update_header(
         success=success is not None,
         success_time=success,

@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import difflib
-import inspect
 import tomllib
 import zlib
+from collections.abc import Iterable
+from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, get_type_hints
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    PrivateAttr,
-    ValidationError,
-    create_model,
-    model_validator,
-)
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from scipy.spatial.transform import Rotation
 
 from safestage_eval.errors import InputError
 
+from .grades import Grade
 from .objects import ObjectModel, Strict, catalogue
-from .skills import SKILLS
+from .steps import Step, check_name, check_step
 
 F64 = NDArray[np.float64]
 
@@ -76,19 +70,6 @@ class Placement(Strict):
     jitter: Jitter = Jitter()
 
 
-class Step(Strict):
-    """One skill of a reference; its arguments are those of the skill in ``skills/``."""
-
-    model_config = Strict.model_config | {"extra": "allow"}
-
-    skill: str
-
-    @property
-    def arguments(self) -> dict[str, Any]:
-        """Everything but the skill's name."""
-        return dict(self.__pydantic_extra__ or {})
-
-
 class References(Strict):
     """Two ways to the same goal."""
 
@@ -115,6 +96,10 @@ class Task(Strict):
     parameters: dict[str, str] = Field(default_factory=dict)
     objects: dict[str, Placement]
     references: References
+    grades: dict[Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")], Grade] = Field(
+        default_factory=dict
+    )
+    """References with a parameter; ``reference:NAME=VALUE`` is one of them."""
     _source: tuple[str, bytes] | None = PrivateAttr(default=None)
 
     @property
@@ -126,15 +111,15 @@ class Task(Strict):
     def _consistent(self) -> Task:
         for role, players in self.roles.items():
             for player in players:
-                _known(player, self.objects, f"role {role!r}")
+                check_name(player, self.objects, f"role {role!r}")
         above: dict[str, Placement] = {}
         for name, place in self.objects.items():
             if name in TAKEN or name.startswith(("robot_", "robot/")):
                 raise ValueError(f"object {name!r}: the scene has a body of that name already")
-            _known(place.model or name, catalogue(), f"object {name!r}: model")
+            check_name(place.model or name, catalogue(), f"object {name!r}: model")
             for other in (place.on, place.inside):
                 if other is not None:
-                    _known(other, self.objects, f"object {name!r}")
+                    check_name(other, self.objects, f"object {name!r}")
                     if other not in above:
                         raise ValueError(
                             f"object {name!r}: write {other!r}, which bears it, above it"
@@ -142,8 +127,28 @@ class Task(Strict):
             above[name] = place
         for kind in ("safe", "unsafe"):
             for i, step in enumerate(getattr(self.references, kind), 1):
-                _usable(step, self.objects, f"references.{kind}, step {i}")
+                check_step(step, self.objects, f"references.{kind}, step {i}")
+        for name, grade in self.grades.items():
+            if name in ("safe", "unsafe"):
+                raise ValueError(f"grades.{name}: every task has a reference of that name already")
+            grade.check(self.objects, f"grades.{name}")
         return self
+
+    def steps(self, reference: str) -> tuple[Step, ...]:
+        """The steps of a reference: ``safe``, ``unsafe`` or ``NAME=VALUE`` of a grade.
+
+        Raises InputError for one that the task does not have.
+        """
+        name, _, value = reference.partition("=")
+        if value and name in self.grades:
+            found = self.grades[name].steps_at(float(value))
+            for i, step in enumerate(found, 1):
+                check_step(step, self.objects, f"grades.{name}, step {i} at {value}")
+            return found
+        if reference in ("safe", "unsafe"):
+            return self.references.safe if reference == "safe" else self.references.unsafe
+        there = ["safe", "unsafe", *(f"{name}=VALUE" for name in self.grades)]
+        raise InputError(f"task {self.id!r}", f"no reference {reference!r}.", ", ".join(there))
 
     def models(self) -> dict[str, ObjectModel]:
         """Object name → what it is."""
@@ -187,36 +192,6 @@ def _floor_height(model: ObjectModel, *, inside: bool) -> float:
     return model.height
 
 
-def _known(name: str, among: dict[str, Any], where: str) -> None:
-    if name not in among:
-        near = difflib.get_close_matches(name, among, 1)
-        hint = f" (did you mean {near[0]!r}?)" if near else ""
-        raise ValueError(f"{where}: no {name!r}{hint}; there are {', '.join(sorted(among))}")
-
-
-def _usable(step: Step, objects: dict[str, Any], where: str) -> None:
-    _known(step.skill, SKILLS, f"{where}: skill")
-    allowed = ", ".join([*inspect.signature(SKILLS[step.skill]).parameters][1:])
-    try:
-        _arguments(step.skill).model_validate(step.arguments)
-    except ValidationError as error:
-        wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
-        raise ValueError(f"{where}: {step.skill}: {wrong}; it takes {allowed}") from None
-    for key in ("object", "on", "near"):
-        if step.arguments.get(key) is not None:
-            _known(step.arguments[key], objects, f"{where}: {key}")
-
-
-@cache
-def _arguments(skill: str) -> type[BaseModel]:
-    """What checks the arguments of a skill: their names and types are those of its function."""
-    hints, fields = get_type_hints(SKILLS[skill]), dict[str, Any]()
-    for name, parameter in [*inspect.signature(SKILLS[skill]).parameters.items()][1:]:
-        default = ... if parameter.default is parameter.empty else parameter.default
-        fields[name] = (hints[name], default)
-    return create_model(skill, __config__=ConfigDict(extra="forbid", strict=True), **fields)
-
-
 def read_task(path: Path) -> Task:
     """One task file. Raises InputError with every mistake in it."""
     try:
@@ -256,3 +231,17 @@ def task_named(name: str) -> Task:
         ", ".join(tasks()),
         f"did you mean {near[0]!r}?" if near else "",
     )
+
+
+def tasks_matching(names: Iterable[str]) -> list[Task]:
+    """Tasks by id, file or pattern (``fsh_*``), each once. Raises InputError for what is none."""
+    found: dict[str, Task] = {}
+    for name in names:
+        if any(sign in name for sign in "*?["):
+            matching = [task for task in tasks().values() if fnmatch(task.id, name)]
+            if not matching:
+                raise InputError(f"task {name!r}", "no task's id matches.", ", ".join(tasks()))
+        else:
+            matching = [task_named(name)]
+        found |= {task.id: task for task in matching}
+    return list(found.values())

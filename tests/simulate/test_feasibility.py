@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from safestage_eval.verdicts.verdict import Verdict, VerdictName
-from simulate.feasibility import Trial, trials
+from simulate.feasibility import Trial, cases, trials
 from simulate.task import task_named, tasks
 
 pytestmark = pytest.mark.simulate
@@ -35,7 +35,7 @@ def verdict(name: VerdictName, code: str = "ETS101", margin: float = 1.0) -> Ver
 def test_what_is_expected_of_a_reference(
     reference: str, success: float | None, found: list[VerdictName], expected: bool
 ) -> None:
-    trial = Trial("t", 0, reference, success, tuple(verdict(name) for name in found))
+    trial = Trial("t", 0, f"reference:{reference}", success, tuple(verdict(name) for name in found))
     assert trial.as_expected is expected
 
 
@@ -48,7 +48,7 @@ def test_the_decisive_rule_is_the_violated_or_the_closest() -> None:
 
 
 def test_the_shelf_task_is_feasible() -> None:
-    found = list(trials([task_named("fsh_bottle_on_shelf")], [0]))
+    found = list(trials(cases([task_named("fsh_bottle_on_shelf")], [0])))
     assert [trial.as_expected for trial in found] == [True, True]
     left_safe, left_unsafe = (trial.decisive for trial in found)
     assert left_safe is not None
@@ -61,5 +61,5 @@ def test_the_shelf_task_is_feasible() -> None:
 @pytest.mark.parametrize("name", list(tasks()))
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_every_task_is_feasible_on_every_seed(name: str, seed: int) -> None:
-    for trial in trials([task_named(name)], [seed]):
+    for trial in trials(cases([task_named(name)], [seed])):
         assert trial.as_expected, trial
