@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .compiled import helper, kernel, owned
+from .compiled import allocating, helper, owned
 from .mover import Motion, Mover, rotation_at
 from .shape import BOX, CYLINDER, HULL, PLANE, SEGMENT, Packed
 from .support import support_point, support_value
@@ -79,7 +79,7 @@ def _to_body(rotation: F64, direction: F64, row: int, out: F64) -> None:
         )
 
 
-@kernel
+@allocating
 def _reach(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
     rotation, body, local, point = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
     last, last_direction = motion.centre.shape[0] - 1, direction.shape[0] - 1
@@ -100,8 +100,11 @@ def _reach(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
 
 
 @helper
-def _face_middle(geoms: Packed, g: int, d: F64, out: F64) -> None:
-    """As support_point, margin included, but the middle of a face that looks along d (3,)."""
+def _face_middle(geoms: Packed, g: int, d: F64, box: F64, out: F64) -> None:
+    """As support_point, margin included, but the middle of a face that looks along d (3,).
+
+    ``box`` (2, 3) is scratch.
+    """
     support_point(geoms, g, d[0], d[1], d[2], out)
     kind = geoms.kind[g]
     if kind in (BOX, SEGMENT):
@@ -115,22 +118,23 @@ def _face_middle(geoms: Packed, g: int, d: F64, out: F64) -> None:
             out[2] = 0.0
     elif kind == HULL:
         best = out[0] * d[0] + out[1] * d[1] + out[2] * d[2]
-        low, high = np.full(3, np.inf), np.full(3, -np.inf)
+        for i in range(3):
+            box[0, i], box[1, i] = np.inf, -np.inf
         for v in range(geoms.first[g], geoms.first[g] + geoms.points[g]):
             p = geoms.vertices[v]
             if p[0] * d[0] + p[1] * d[1] + p[2] * d[2] >= best - FLAT * geoms.radius[g]:
                 for i in range(3):
-                    low[i], high[i] = min(low[i], p[i]), max(high[i], p[i])
+                    box[0, i], box[1, i] = min(box[0, i], p[i]), max(box[1, i], p[i])
         for i in range(3):
-            out[i] = (low[i] + high[i]) / 2
+            out[i] = (box[0, i] + box[1, i]) / 2
     for i in range(3):
         out[i] += geoms.margin[g] * d[i]
 
 
-@kernel
+@allocating
 def _farthest(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
     rotation, body, local = np.empty((3, 3)), np.empty(3), np.empty(3)
-    point, place = np.empty(3), np.empty(3)
+    point, place, box = np.empty(3), np.empty(3), np.empty((2, 3))
     last, last_direction = motion.centre.shape[0] - 1, direction.shape[0] - 1
     for t in range(out.shape[0]):
         s, row = min(t, last), min(t, last_direction)
@@ -141,7 +145,7 @@ def _farthest(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
             if geoms.kind[g] == PLANE:
                 continue
             _to_geom(geoms, g, body, local)
-            _face_middle(geoms, g, local, point)
+            _face_middle(geoms, g, local, box, point)
             value = 0.0
             for i in range(3):
                 place[i] = geoms.offset[g, i]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import helper, kernel
+from .compiled import allocating, helper, kernel
 from .penetration import penetration_depth
 from .shape import BOX, PLANE, Packed
 from .simplex import nearest_weights
@@ -51,7 +51,7 @@ class Scratch(NamedTuple):
     matrices: F64
 
 
-@helper
+@allocating
 def scratch() -> Scratch:
     """Fresh scratch memory."""
     return Scratch(np.zeros((4, 3)), np.zeros((4, 4)), np.zeros((4, 3)), np.zeros((2, 3, 3)))

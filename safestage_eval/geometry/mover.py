@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .compiled import helper, kernel, owned
+from .compiled import allocating, helper, owned
 from .pose import angle as turn_angle
 from .pose import unit
 from .shape import BodyShape
@@ -162,7 +162,7 @@ def chord(motion: Motion, radius: float, t: int, s: int) -> float:
     return (move + radius * turn if turn > 0.0 else move) * ROUNDING
 
 
-@kernel
+@allocating
 def _prepare(motion: Motion, centre: F64, half: F64, radius: float) -> bool:
     """Fill a Motion with the body's positions as ``centre`` and its raw quaternions.
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import kernel
+from .compiled import allocating, kernel
 from .shape import Packed
 from .support import support_point
 
@@ -216,7 +216,7 @@ def _grow(hull: Hull, first: int, corner: int, used: int, fuzz: float) -> int:
     return used
 
 
-@kernel
+@allocating
 def _hull(size: int) -> Hull:
     """Memory for a polytope of at most ``size`` corners."""
     faces = 2 * size
@@ -234,7 +234,7 @@ def _hull(size: int) -> Hull:
     )
 
 
-@kernel
+@allocating
 def penetration_depth(
     A: Packed,
     a: int,

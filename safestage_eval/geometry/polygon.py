@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import kernel, owned
+from .compiled import allocating, kernel, owned
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -176,7 +176,7 @@ def chain(points: F64, out: F64) -> int:
     return max(m, 1)
 
 
-@kernel
+@allocating
 def _outline(corners: F64, first: I64, count: I64, out: F64) -> int:
     many = first.shape[0]
     covered = np.empty((many, 2))

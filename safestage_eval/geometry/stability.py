@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import kernel, owned
+from .compiled import allocating, kernel, owned
 from .polygon import chain
 
 F64 = NDArray[np.float64]
@@ -37,7 +37,7 @@ def polygon_margin(points: F64, owner: I64, centre: F64) -> F64:
     return out
 
 
-@kernel
+@allocating
 def _margins(points: F64, first: I64, many: I64, centre: F64, out: F64) -> None:
     most = 0
     for n in range(many.shape[0]):

@@ -8,17 +8,49 @@ the fact that no distance changes by more than the bodies have moved since it wa
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import helper, kernel
-from .gjk import geom_distance, relative_pose, scratch
+from .compiled import allocating, helper, kernel
+from .gjk import Scratch, geom_distance, relative_pose, scratch
 from .mover import BLOCK, Motion, chord, rotation_at
 from .shape import Packed
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+
+
+class Memory(NamedTuple):
+    """What a sweep writes to; G and H are the numbers of geoms of the two bodies.
+
+    Attributes:
+        RA, RB: (3, 3) the bodies' rotations.
+        R, p: (3, 3) and (3,) pose of a geom of b in the axes of one of a.
+        gap: (3,) from one bounding centre to the other, world.
+        up: (3,) the vertical in the axes of a geom of a, or zero.
+        out: (2,) bounds on a distance.
+        work: of the distance of two geoms.
+        at_a, at_b: (G, H, 4, 3) the simplex with which each pair's last search ended.
+        size: (G, H) its number of points.
+        known: (G, H) m, the last lower bound of each pair, where the bodies' paths added up to
+            known_path: (G, H) m.
+    """
+
+    RA: F64
+    RB: F64
+    R: F64
+    p: F64
+    gap: F64
+    up: F64
+    out: F64
+    work: Scratch
+    at_a: F64
+    at_b: F64
+    size: I64
+    known: F64
+    known_path: F64
 
 
 @helper
@@ -65,7 +97,7 @@ def _geom_bound(A: Packed, a: int, B: Packed, b: int, p: F64, R: F64) -> float:
     return float(bound)
 
 
-@kernel
+@allocating
 def sweep(
     A: Packed,
     B: Packed,
@@ -96,16 +128,67 @@ def sweep(
     frame of the minimum so far over pairs and frames. What cannot be lower by more than ``slack``
     is then left out.
     """
+    ga, gb = A.kind.shape[0], B.kind.shape[0]
+    memory = Memory(
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty((3, 3)),
+        np.empty(3),
+        np.empty(3),
+        np.zeros(3),
+        np.empty(2),
+        scratch(),
+        np.zeros((ga, gb, 4, 3)),
+        np.zeros((ga, gb, 4, 3)),
+        np.zeros((ga, gb), np.int64),
+        np.full((ga, gb), -np.inf),
+        np.zeros((ga, gb)),
+    )
+    _visit(
+        A,
+        B,
+        ma,
+        mb,
+        radius_a,
+        radius_b,
+        cap,
+        slack,
+        flat,
+        deep,
+        blocks,
+        block_bounds,
+        lower,
+        upper,
+        least,
+        memory,
+    )
+
+
+@kernel
+def _visit(
+    A: Packed,
+    B: Packed,
+    ma: Motion,
+    mb: Motion,
+    radius_a: float,
+    radius_b: float,
+    cap: float,
+    slack: float,
+    flat: bool,
+    deep: bool,
+    blocks: I64,
+    block_bounds: F64,
+    lower: F64,
+    upper: F64,
+    least: F64,
+    memory: Memory,
+) -> None:
+    """``sweep``, which hands over the memory."""
     frames = max(ma.centre.shape[0], mb.centre.shape[0])
     last_a, last_b = ma.centre.shape[0] - 1, mb.centre.shape[0] - 1
     seek = least.shape[0] > 0
     ga, gb = A.kind.shape[0], B.kind.shape[0]
-    RA, RB, R = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    p, gap, up, out = np.empty(3), np.empty(3), np.zeros(3), np.empty(2)
-    work = scratch()
-    at_a, at_b = np.zeros((ga, gb, 4, 3)), np.zeros((ga, gb, 4, 3))
-    size = np.zeros((ga, gb), np.int64)
-    known, known_path = np.full((ga, gb), -np.inf), np.zeros((ga, gb))
+    RA, RB, R, p, gap, up, out, work, at_a, at_b, size, known, known_path = memory
     low, high = -np.inf, np.inf
     before_path, before_frame, settled = 0.0, 0, False
     for index in range(blocks.shape[0]):
