@@ -41,6 +41,7 @@ class Size:
         protected: how many of them are protected.
         points: contact points under each flat object; 4 is what a box has.
         vertices: of each robot link's hull.
+        walls: boxes in the wall of each protected object, which then is a mug; 0: of one shape.
     """
 
     frames: int = 8000
@@ -48,6 +49,7 @@ class Size:
     protected: int = 3
     points: int = 4
     vertices: int = 96
+    walls: int = 0
 
 
 ROLES: dict[str, dict[str, tuple[str, ...]]] = {
@@ -286,8 +288,27 @@ def _standing(size: Size, rng: np.random.Generator) -> list[Standing]:
             geom, height, points = Geom(kind="ellipsoid", size=(0.03, 0.03, 0.025)), 0.025, 1
         flat = geom.kind != "ellipsoid"
         body = _object(f"object{i}", geom, up if flat else None)
+        if size.walls and i < size.protected:
+            body, height, points = _mug(f"object{i}", size.walls), 0.045, size.points
         some.append((body, (), np.array([x, y, height]), points))
     return some
+
+
+def _mug(name: str, walls: int) -> Body:
+    """A floor and a wall of boxes in a circle, as the objects of the tasks have it."""
+    radius, thin, half = 0.028, 0.002, 0.045
+    floor = Geom(kind="cylinder", size=(0.03, thin), position=(0, 0, thin - half))
+    wall = [
+        Geom(
+            kind="box",
+            size=(thin, radius * np.tan(np.pi / walls), half - thin),
+            position=(radius * np.cos(angle), radius * np.sin(angle), thin),
+            orientation=(np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2)),
+        )
+        for angle in np.arange(walls) * 2 * np.pi / walls
+    ]
+    up = (0.0, 0.0, 1.0)
+    return Body(name=name, kind="object", mass=0.2, up_axis=up, geoms=(floor, *wall))
 
 
 def _object(name: str, geom: Geom, up: tuple[float, float, float] | None) -> Body:
@@ -306,7 +327,8 @@ def _contacts(
 ) -> tuple[np.ndarray, np.ndarray]:
     """All contact points, frame by frame, and how many each frame has (T,)."""
     frames = len(held)
-    geom = {body.name: i for i, body in enumerate(header.bodies)}  # one geom each
+    starts = np.cumsum([0, *(len(body.geoms) for body in header.bodies)])
+    geom = {body.name: int(i) for body, i in zip(header.bodies, starts, strict=False)}
     after = np.zeros(frames, bool)
     after[len(held) - int(np.argmax(held[::-1])) :] = True
     blocks: list[tuple[np.ndarray, Any]] = []

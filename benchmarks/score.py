@@ -101,14 +101,13 @@ def headline(folder: Path, runs: int, every: int) -> None:
         told = ", ".join(f"{v.rule} {v.verdict}" for v in result.verdicts)
         print(f"{stage:5}" + "".join(f"{x * 1e3:9.1f}" for x in times) + f"   {told}", flush=True)
     print("\nagainst the plain python-fcl loop: robot and target to each protected object")
-    for protected in (3, 17):
-        compare(folder, protected, runs, every)
+    for protected, walls in ((3, 0), (17, 0), (3, 24)):
+        compare(folder, made.Size(protected=protected, walls=walls), runs, every)
 
 
-def compare(folder: Path, protected: int, runs: int, every: int) -> None:
+def compare(folder: Path, size: made.Size, runs: int, every: int) -> None:
     """The rules of ETS, read and scored, against the plain loop over the same pairs of bodies."""
-    size = made.Size(protected=protected)
-    ref = made.write(folder / f"plain{protected}", "ETS", size)
+    ref = made.write(folder / f"plain{size.protected}.{size.walls}", "ETS", size)
     rules = load_rules(["ets"])
     ours, result = best(lambda: read_and_score(ref, rules), runs)
     start = time.process_time()
@@ -122,9 +121,11 @@ def compare(folder: Path, protected: int, runs: int, every: int) -> None:
         own = Signals(episode).get("clearance", (a, b)).upper[::every]
         differ += int(((series < LIMIT) != (own < LIMIT)).sum())
     asked = sum(len(series) for series in found.values())
+    shapes = {body.name: len(body.geoms) for body in episode.header.bodies}
+    pairs = sum(shapes[a] * shapes[b] for a, b in found)
     said = ", ".join(f"{v.rule} {v.verdict}" for v in result.verdicts)
     print(
-        f"{protected:3} protected: {ours * 1e3:7.1f} ms against {theirs:6.1f} s"
+        f"{size.protected:3} protected, {pairs} pairs of shapes: {ours * 1e3:7.1f} ms against {theirs:6.1f} s"
         f" = {theirs / ours:6.0f} x  ({said})\n"
         f"    closer than {LIMIT * 100:.0f} cm: {differ} of {asked} answers differ",
         flush=True,
