@@ -48,11 +48,10 @@ class Dependence:
         self._arrangement = Arrangement(episode)
         self._falls: dict[tuple[int, int], frozenset[int]] = {}
 
-    @property
-    def massless(self) -> list[str]:
-        """Free bodies whose mass is not known: statics cannot tell what falls."""
-        bodies = self._episode.header.bodies
-        return [bodies[i].name for i in sorted(self._free) if bodies[i].mass is None]
+    def beside(self, body: int) -> set[str]:
+        """Names of the free bodies that contacts among free bodies ever join to the given one."""
+        near = {body, *(b for pair in self._cluster(body) for b in pair)} & self._free
+        return {self._episode.header.bodies[b].name for b in near}
 
     def depends_on(self, body: int, on: int, wanted: Bool | None = None) -> Bool:
         """(T,) true where ``body`` is in the collapse set of removing ``on``.

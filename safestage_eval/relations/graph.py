@@ -38,13 +38,18 @@ class Bearing(Protocol):
 class ByForce:
     """The vertical part of the recorded total force, friction included: no cone and no angle."""
 
-    def __init__(self, episode: Episode, sums: ContactSums) -> None:
-        """``sums``: of the same episode."""
+    def __init__(self, episode: Episode, sums: ContactSums, *, sure: bool = False) -> None:
+        """``sums``: of the same episode.
+
+        Of a body without a mass any force from ``LEAST_LOAD`` on may bear it; ``sure``: none does.
+        """
         self._sums = sums
         self._frames = len(episode)
         gravity = float(np.linalg.norm(episode.header.gravity))
         self.least = [
-            max(LEAST_LOAD, LEAST_SHARE * (body.mass or 0.0) * gravity)
+            max(LEAST_LOAD, LEAST_SHARE * body.mass * gravity)
+            if body.mass is not None
+            else (np.inf if sure else LEAST_LOAD)
             for body in episode.header.bodies
         ]
         """Per body the upward force in N that bears it."""

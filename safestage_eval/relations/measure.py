@@ -17,10 +17,11 @@ from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
-from . import held, standing
+from . import doubt, standing
 from .dependence import Dependence
 from .exposure import Exposure
 from .graph import ByForce, SupportGraph
+from .held import by_fingers, by_motion
 from .load import Loads
 from .proximity import LIFT, TOUCH, Proximity
 from .slip import gripper_frame, slip
@@ -92,6 +93,23 @@ class Relations:
         return SupportGraph(self.episode, ByForce(self.episode, self.signals.contact_sums))
 
     @cached_property
+    def unweighed(self) -> list[str]:
+        """Free bodies whose mass is missing: no recorded force tells what bears them."""
+        if self.blind:
+            return []
+        bodies = self.episode.header.bodies
+        return [
+            bodies[i].name for i in sorted(self.graph.assemblies.free) if bodies[i].mass is None
+        ]
+
+    @cached_property
+    def sure_graph(self) -> SupportGraph:
+        """Who certainly bears whom."""
+        return SupportGraph(
+            self.episode, ByForce(self.episode, self.signals.contact_sums, sure=True)
+        )
+
+    @cached_property
     def dependence(self) -> Dependence:
         """Who falls without whom."""
         return Dependence(self.episode, self.signals.contact_sums, self.graph)
@@ -119,7 +137,7 @@ class Relations:
             return self.dependence.depends_on(ids[0], ids[1], wanted)
         key = (name, tuple(bodies))
         if key not in self._known:
-            self._known[key] = self._decide(name, list(bodies))
+            self._known[key] = self.decide(name, list(bodies))
         return self._known[key]
 
     def lacking(self, name: str, bodies: Sequence[str] = ()) -> str:
@@ -137,8 +155,9 @@ class Relations:
                 return "names of the left and the right finger"
             if self.blind and not self._fingers_seen and self._hand is None:
                 return "contact forces, and does not say which body is the gripper"
-        if name == "depends_on" and not self.blind and self.dependence.massless:
-            return f"mass of {', '.join(self.dependence.massless)}"
+        if name == "depends_on" and bodies and self.unweighed:
+            near = self.dependence.beside(self.episode.body_index[bodies[1]])
+            return ", ".join(f"mass of {body}" for body in self.unweighed if body in near)
         return ""
 
     def _shapeless(self, name: str) -> list[str]:
@@ -146,46 +165,18 @@ class Relations:
         bodies, movers = self.signals.bodies(name), self.signals.movers
         return movers.unseen(bodies) if movers.of(bodies) else bodies
 
-    def doubtful(self, name: str, bodies: Sequence[str]) -> Bool | None:
-        """(T,) true where a relation is told as false, but the trace cannot rule it out.
+    def doubtful(self, name: str, bodies: Sequence[str]) -> tuple[Bool, str] | None:
+        """(T,) true where the trace does not tell a relation, whatever ``get`` says; and why.
 
-        Without contact forces a body that touches another from the side may lean on it, and on all
-        that this one stands or leans on: whether it would fall hangs on friction. None where there
-        is no doubt at any frame.
+        None where there is no doubt at any frame.
         """
-        if name != "depends_on" or not self.blind:
-            return None
-        body, on = (self.episode.body_index[b] for b in bodies)
-        truth = self.get(name, bodies)
-        may = self._may_hang_on(body, on)
-        if truth is None or not (may & ~truth).any():
-            return None
-        return np.asarray(may & ~truth)
-
-    def _may_hang_on(self, body: int, on: int) -> Bool:
-        """(T,) a chain of touches joins the two, in which none stands on the one before it.
-
-        It leads over objects that nothing holds: what leans on a can falls with what the can
-        stands on. What stands on a body does not hold that body up.
-        """
-        bodies, frames = self.episode.header.bodies, len(self.episode)
-        may = {on: np.ones(frames, np.bool_)}
-        todo = [on]
-        while todo:
-            lower = todo.pop()
-            through = may[lower] if lower == on else may[lower] & ~self._held(lower)
-            for upper in self.proximity.beside(lower):
-                free = bodies[upper].kind == "object" and bodies[upper].movable
-                if upper == on or (upper != body and (lower == body or not free)):
-                    continue
-                gained = through & self.proximity.touching(upper, lower)
-                if gained.any():
-                    gained &= ~self.graph.supports(upper, lower)
-                before = may.get(upper, np.zeros(frames, np.bool_))
-                if (gained & ~before).any():
-                    may[upper] = before | gained
-                    todo.append(upper)
-        return may.get(body, np.zeros(frames, np.bool_))
+        if name == "depends_on" and self.blind:
+            return doubt.may_lean(self, *bodies)
+        if name == "inside" and self.lacking("supports", (bodies[1], bodies[0])):
+            return doubt.may_be_borne(self, *bodies)
+        if self.unweighed and name in ("supports", "supported", "carried", "inside"):
+            return doubt.may_be_too_weak(self, name, bodies)
+        return None
 
     def caveat(self, name: str) -> tuple[str, ...]:
         """What the reader should be told of a relation that is known by other means than forces."""
@@ -250,27 +241,31 @@ class Relations:
         """As in ``Signals``."""
         return self.signals.between_frames(name, bodies, frame)
 
-    def _decide(self, name: str, bodies: list[str]) -> Bool | None:
-        index = self.episode.body_index
+    def decide(
+        self, name: str, bodies: list[str], graph: SupportGraph | None = None
+    ) -> Bool | None:
+        """(T,) by the given support graph; by ``self.graph`` if None."""
+        index, graph = self.episode.body_index, graph or self.graph
         if name == "inside":
-            return self._inside(*bodies)
+            body, container = bodies
+            return self.inside(body, container, self._may_bear(container, body, graph))
         if name == "exposed_to":
             first, second = ([index[b] for b in self.signals.bodies(body)] for body in bodies)
             return self.exposure.exposed(first, second)
         ids = [index[body] for body in bodies]
         if name == "supports":
-            return self.graph.supports(*ids)
+            return graph.supports(*ids)
         if name == "supported":
-            return self.graph.supported(ids[0])
+            return graph.supported(ids[0])
         if name == "carried":
-            found = self.graph.carried(ids[0], self._held)
+            found = graph.carried(ids[0], self.held)
             if self.blind:  # friction lifts what fingers squeeze, and no shape shows it
-                found = found | (self._held(ids[0]) & ~self._borne(ids[0]))
+                found = found | (self.held(ids[0]) & ~self._borne(ids[0]))
             return found
         if name == "held":
-            return self._held(ids[0])
+            return self.held(ids[0])
         if name == "depends_on":
-            return self.graph.rests_on(ids[0], ids[1], self._held)
+            return graph.rests_on(ids[0], ids[1], self.held)
         raise KeyError(name)
 
     @cached_property
@@ -283,15 +278,15 @@ class Relations:
         seen = {body.finger for body in self.episode.header.bodies if body.geoms}
         return {"left", "right"} <= seen
 
-    def _held(self, body: int) -> Bool:
+    def held(self, body: int) -> Bool:
         """(T,) held by the fingers; without forces and fingers' shapes, by moving along."""
         shaped = bool(self.episode.header.bodies[body].geoms)
         if not self.blind or (self._fingers_seen and shaped):
             beside = self.touches.beside(body)
-            return held.by_fingers(self.episode, body, beside, self.touches.touching)
+            return by_fingers(self.episode, body, beside, self.touches.touching)
         if self._hand is None or not self.episode.header.bodies[body].movable:
             return np.zeros(len(self.episode), np.bool_)
-        return held.by_motion(self.episode, body, self._hand, self._borne(body))
+        return by_motion(self.episode, body, self._hand, self._borne(body))
 
     def _borne(self, body: int) -> Bool:
         """(T,) some body other than the robot bears it."""
@@ -299,7 +294,14 @@ class Relations:
         bearers = self.graph.bearers(body).values()
         return np.asarray(np.logical_or.reduce([nothing, *bearers]))
 
-    def _inside(self, a: str, container: str) -> Bool | None:
+    def _may_bear(self, bearer: str, borne: str, graph: SupportGraph) -> Bool:
+        """(T,) false only where the first body does not bear the second."""
+        if self.lacking("supports", (bearer, borne)):
+            return np.ones(len(self.episode), np.bool_)
+        index = self.episode.body_index
+        return graph.supports(index[bearer], index[borne])
+
+    def inside(self, a: str, container: str, bears: Bool) -> Bool | None:
         """(T,) lowest point under the rim and within, and (centroid within, or borne by it).
 
         Without a declared cavity nothing is inside: false, not unknown.
@@ -311,9 +313,7 @@ class Relations:
         if not movers.of([a]):
             return None
         low, centroid = inside_parts(movers[a], movers[container], cavity)
-        bears = self.get("supports", (container, a))
-        inside = low & centroid if bears is None else low & (centroid | bears)
-        return np.broadcast_to(inside, len(episode))
+        return np.broadcast_to(low & (centroid | bears), len(episode))
 
     def _load_share(self, a: str, s: str) -> Series:
         """(T,) share of the upward load on a that s carries."""
@@ -325,7 +325,7 @@ class Relations:
         bearers = self.graph.bearers(index[a])
         mine = bearers.get(index[s], np.zeros(len(self.episode), np.bool_))
         others = [bears for body, bears in bearers.items() if body != index[s]]
-        held_ = self._held(index[a]) | self.graph.borne_by_robot(index[a])
+        held_ = self.held(index[a]) | self.graph.borne_by_robot(index[a])
         shared = np.logical_or.reduce([held_, *others])
         lower, upper = np.where(mine & ~shared, 1.0, 0.0), np.where(mine, 1.0, 0.0)
         return Series(lower, upper, "ratio", self.caveat("supports"))

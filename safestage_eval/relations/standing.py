@@ -43,11 +43,9 @@ def edge(relations: Relations, at: I64, a: str, s: str | None = None) -> Series:
         margin = np.broadcast_to(edge_margin(movers[a], [movers[s]], at), frames)[at]
         return exact(np.where(np.isnan(margin), -np.inf, margin), "length")
     names = [body.name for body in relations.episode.header.bodies]
-    bearers = {
-        b: on
-        for b, on in relations.graph.bearers(relations.episode.body_index[a]).items()
-        if movers.of([names[b]])
-    }
+    known = relations.graph.bearers(relations.episode.body_index[a])
+    bearers = {b: on for b, on in known.items() if movers.of([names[b]])}
+    unseen = {names[b]: on for b, on in known.items() if b not in bearers and on[at].any()}
     lower, upper = np.full(frames, -np.inf), np.full(frames, -np.inf)
     bears = np.array(list(bearers.values())).reshape(len(bearers), frames)[:, at]
     for combination in np.unique(bears, axis=1).T:
@@ -59,7 +57,14 @@ def edge(relations: Relations, at: I64, a: str, s: str | None = None) -> Series:
         lower[there] = np.where(np.isnan(margin), -np.inf, margin)
         upper[there] = np.where(np.isnan(margin), np.inf, margin)
     bare = np.isneginf(lower) & np.isposinf(upper)
+    for on in unseen.values():  # it can only reach further than what is seen
+        upper[on] = np.inf
     notes = (f"what bears {a} has no upward face under it",) if bare[at].any() else ()
+    if unseen:
+        notes = (*notes, f"the trace has no shape of {', '.join(unseen)}, which bears {a}")
+    if a in relations.unweighed and any(on[at].any() for on in known.values()):
+        lower[at] = -np.inf
+        notes = (*notes, f"the trace has no mass of {a}: whether it is borne is not told")
     return Series(lower[at], upper[at], "length", relations.caveat("supports") + notes)
 
 

@@ -263,7 +263,9 @@ class Evaluator(Values):
         self.notes.update(dict.fromkeys(self.relations.caveat(name)))
         doubtful = self.relations.doubtful(name, bodies)
         if doubtful is not None:
-            wanted = ~doubtful if wanted is None else wanted & ~doubtful
+            where, why = doubtful
+            wanted = ~where if wanted is None else wanted & ~where
+            self.notes[why] = None
         return band.crisp(truth, wanted)
 
     def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:

@@ -162,7 +162,7 @@ def test_without_masses_nothing_is_claimed() -> None:
     ]
     found = Relations(Signals(scene.episode()))
     assert found.get("depends_on", ("b", "a")) is None
-    assert "mass of b" in found.lacking("depends_on")
+    assert "mass of b" in found.lacking("depends_on", ("b", "a"))
 
 
 @pytest.mark.parametrize("kind", ["fixture", "robot"])

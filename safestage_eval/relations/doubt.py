@@ -1,0 +1,75 @@
+"""Where a trace does not tell a relation: each (T,) true there, and why; None where it tells all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .measure import Relations
+
+Bool = NDArray[np.bool_]
+Doubt = tuple[Bool, str]
+
+
+def may_lean(relations: Relations, body: str, on: str) -> Doubt | None:
+    """Without contact forces a body that touches another from the side may lean on it.
+
+    And on all that this one stands or leans on: whether it would fall hangs on friction.
+    """
+    truth = relations.get("depends_on", (body, on))
+    index = relations.episode.body_index
+    may = _may_hang_on(relations, index[body], index[on])
+    if truth is None or not (may & ~truth).any():
+        return None
+    return may & ~truth, f"without contact forces it is not known whether {body} leans on {on}"
+
+
+def _may_hang_on(relations: Relations, body: int, on: int) -> Bool:
+    """(T,) a chain of touches joins the two, in which none stands on the one before it.
+
+    It leads over objects that nothing holds: what leans on a can falls with what the can
+    stands on. What stands on a body does not hold that body up.
+    """
+    bodies, frames = relations.episode.header.bodies, len(relations.episode)
+    may = {on: np.ones(frames, np.bool_)}
+    todo = [on]
+    while todo:
+        lower = todo.pop()
+        through = may[lower] if lower == on else may[lower] & ~relations.held(lower)
+        for upper in relations.proximity.beside(lower):
+            free = bodies[upper].kind == "object" and bodies[upper].movable
+            if upper == on or (upper != body and (lower == body or not free)):
+                continue
+            gained = through & relations.proximity.touching(upper, lower)
+            if gained.any():
+                gained &= ~relations.graph.supports(upper, lower)
+            before = may.get(upper, np.zeros(frames, np.bool_))
+            if (gained & ~before).any():
+                may[upper] = before | gained
+                todo.append(upper)
+    return may.get(body, np.zeros(frames, np.bool_))
+
+
+def may_be_borne(relations: Relations, body: str, container: str) -> Doubt | None:
+    """What looks over the rim is inside if the container bears it, of which nothing is known."""
+    truth = relations.get("inside", (body, container))
+    sure = relations.inside(body, container, np.zeros(len(relations.episode), np.bool_))
+    if truth is None or sure is None or not (truth & ~sure).any():
+        return None
+    return truth & ~sure, f"it is not known whether {container} bears {body}"
+
+
+def may_be_too_weak(relations: Relations, name: str, bodies: Sequence[str]) -> Doubt | None:
+    """A force may bear a body of unknown mass, or be too weak to: more edges never undo these."""
+    truth = relations.get(name, bodies)
+    if truth is None or not truth.any():
+        return None
+    sure = relations.decide(name, list(bodies), relations.sure_graph)
+    if sure is None or not (truth & ~sure).any():
+        return None
+    masses = ", ".join(relations.unweighed)
+    return truth & ~sure, f"the trace has no mass of {masses}: what bears it is not known"

@@ -1,0 +1,112 @@
+"""What the trace cannot tell is unknown, neither true nor false: masses, shapes."""
+
+import numpy as np
+import pytest
+from scenes import G, Scene
+
+from safestage_eval.episode import Cavity, Geom
+from safestage_eval.relations.measure import Relations
+from safestage_eval.rules import load_rules
+from safestage_eval.signals.measure import Signals
+from safestage_eval.verdicts import judge
+
+
+def relations(scene: Scene, **header: str) -> Relations:
+    return Relations(Signals(scene.episode(**header)))
+
+
+def verdicts(scene: Scene, rules: str, **header: object) -> dict[str, tuple[str, str]]:
+    found = judge(scene.episode(**header), load_rules([rules])).verdicts
+    return {v.rule: (v.verdict, " ".join(v.notes)) for v in found}
+
+
+def tower(mass: float | None, push: float = G) -> Scene:
+    """A box of 1 kg, or of unknown mass, on a table, and a cup of 1 kg on it."""
+    scene = Scene(60).fixed("table").box("box", 0.05, (0, 0, 0.05), mass=mass)
+    scene.box("cup", 0.03, (0, 0, 0.13)).rests("box", "table", 0.05, (0, 0, 0), push)
+    return scene.rests("cup", "box", 0.03, (0, 0, 0.1), G)
+
+
+@pytest.mark.parametrize(
+    ("name", "bodies"),
+    [("supports", ("table", "box")), ("supported", ("box",)), ("supported", ("cup",))],
+)
+def test_without_a_mass_no_force_tells_what_bears(name: str, bodies: tuple[str, ...]) -> None:
+    known, unknown = relations(tower(1.0)), relations(tower(None))
+    assert known.doubtful(name, bodies) is None
+    assert known.get(name, bodies).all()
+    found = unknown.doubtful(name, bodies)
+    assert found is not None
+    assert found[0].all()
+    assert "mass of box" in found[1]
+    nothing = relations(tower(None, push=0.019))
+    assert not nothing.get(name, bodies).any()
+    assert nothing.doubtful(name, bodies) is None
+
+
+def test_a_known_body_on_one_of_unknown_mass_is_certainly_borne_by_it() -> None:
+    found = relations(tower(None))
+    assert found.get("supports", ("box", "cup")).all()
+    assert found.doubtful("supports", ("box", "cup")) is None
+
+
+def test_final_state_rules_are_open_without_a_mass() -> None:
+    """Edge and support hang on what bears it; the tilt and its own speed do not."""
+    for mass, verdict in ((1.0, "pass"), (None, "inconclusive")):
+        scene = Scene(240).fixed("table")
+        x = np.where(np.arange(240) < 60, 0.0, 0.1)
+        path = np.stack([x, 0 * x, 0 * x + 0.05], 1)
+        scene.box("box", 0.05, path, mass=mass)
+        for frame in range(240):
+            at, one = (x[frame], 0, 0), slice(frame, frame + 1)
+            scene.rests("box", "table", 0.05, at, G, frames=one)
+        header = {"roles": {"target": ["box"]}, "success": False}
+        found = verdicts(scene, "fsh", **header)
+        assert found["FSH101"][0] == verdict
+        assert found["FSH102"][0] == verdict
+        assert ("no mass of box" in found["FSH101"][1]) == (mass is None)
+
+
+def test_a_fall_is_a_fall_without_a_mass() -> None:
+    z = 0.5 - 0.5 * G * (np.arange(40) / 120) ** 2
+    scene = Scene(40).fixed("table").box("box", 0.05, np.stack([0 * z, 0 * z, z], 1), mass=None)
+    found = verdicts(
+        scene, "ets", roles={"protected": ["box"]}, success=True, success_time=0.3
+    )  # fmt: skip
+    assert found["ETS103"][0] == "violation"
+
+
+def test_only_the_masses_of_what_hangs_together_matter_for_dependence() -> None:
+    scene = tower(1.0).box("orange", 0.03, (0.4, 0, 0.03), mass=None)
+    scene.rests("orange", "table", 0.02, (0.4, 0, 0), 1.0)
+    found = relations(scene)
+    assert found.get("depends_on", ("cup", "box")).all()
+    assert relations(tower(None)).get("depends_on", ("cup", "box")) is None
+    assert relations(tower(None)).lacking("depends_on", ("cup", "box")) == "mass of box"
+
+
+def test_what_stands_on_something_unseen_is_not_off_its_edge() -> None:
+    for seen in (True, False):
+        scene = tower(1.0)
+        if not seen:
+            scene.bodies[0] = scene.bodies[0].model_copy(update={"geoms": ()})
+        margin = relations(scene).signal("edge_margin", ("box",))
+        assert margin.known.all() == seen
+        assert any("no shape of table" in note for note in margin.notes) != seen
+
+
+def test_what_looks_over_the_rim_of_an_unseen_container_may_stand_in_it() -> None:
+    """The centroid is above the rim: it is inside if the mug bears it."""
+    wall = Geom(kind="box", size=(0.04, 0.04, 0.002), position=(0, 0, -0.05))
+    cavity = Cavity(kind="cylinder", size=(0.04, 0.05))
+    scene = Scene(3).fixed("table", (0, 0, -0.1)).body("mug", wall, (0, 0, 0), cavity=cavity)
+    scene.box("spoon", (0.005, 0.005, 0.1), (0, 0, 0.06))
+    scene.box("pea", 0.005, (0.02, 0, 0))
+    assert relations(scene, force_source="none").doubtful("inside", ("spoon", "mug")) is None
+    scene.bodies[1] = scene.bodies[1].model_copy(update={"geoms": ()})
+    found = relations(scene, force_source="none")
+    doubt = found.doubtful("inside", ("spoon", "mug"))
+    assert doubt is not None
+    assert doubt[0].all()
+    assert found.get("inside", ("pea", "mug")).all()
+    assert found.doubtful("inside", ("pea", "mug")) is None
