@@ -23,6 +23,7 @@ from .cost import judge_cost
 from .evaluate import Evaluator
 from .goal import Reached, first_success
 from .memory import Memory, remembered
+from .players import combinations
 from .rule_verdict import judge_rule
 from .values import ends_early, frame_count
 from .verdict import CostTotal, EpisodeResult, Verdict
@@ -192,6 +193,7 @@ class Judge:
     def _start(self, rule: ast.Scoped) -> tuple[Verdict, Mapping[str, Sequence[str]]]:
         """The verdict's fixed fields, with a note if a role is not played; and the players."""
         players = self._binding.players(rule, self._episode.header)
+        self._check_distinct(rule, players)
         params = self._binding.params(rule)
         used = reached(self._rules, rule, params) if self._binding.overridden else {}
         missing = [name for name, bodies in players.items() if not bodies]
@@ -209,6 +211,20 @@ class Judge:
             rule_digest=rule_digest(self._rules, rule, params, self._backend),
         )
         return blank, players
+
+    def _check_distinct(self, rule: ast.Scoped, players: Mapping[str, Sequence[str]]) -> None:
+        """Refuse roles of an assigned rule that are bound so that one body would play two."""
+        bound = [name for name, _ in rule.roles if self._binding.roles.get(name) and players[name]]
+        found = next(combinations(rule, players, bound), None)
+        if found is not None or rule.code not in self._binding.assigned:
+            return
+        told = [f"{name} = {', '.join(players[name])}" for name in bound]
+        raise RuleError(
+            f"task {self._episode.header.task or 'without a name'}, rule {rule.code}",
+            f"its roles need different bodies, but {' and '.join(told)}.",
+            "a body of its own for each role",
+            "correct the roles in the trace header, the rule file or a bind file",
+        )
 
     def evaluator(self, params: Params) -> Evaluator:
         """The language's meaning on the episode under given parameter values."""

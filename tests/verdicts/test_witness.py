@@ -1,10 +1,13 @@
 """What a verdict shows: raw and filtered, vacuous and why, ties, undersampling, consequences."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scenes import G, Scene
 from toy import Facts, judge_toy, series
 
+from safestage_eval.errors import RuleError
 from safestage_eval.report.as_text import explain
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
@@ -125,3 +128,23 @@ def test_consequences_stand_under_their_cause() -> None:
     first = text.index("  ETS201 violation")
     assert text.index("\n    ETS101 violation (follows ETS201)") > first
     assert f"in violation: {cause.intervals[0][0]:.2f} s to" in text
+
+
+def test_one_body_in_two_roles_of_an_assigned_rule_is_refused() -> None:
+    """Nothing would be judged, and that would look like a pass."""
+    scene = Scene(12).fixed("table").box("can", 0.05, (0, 0, 0.05)).box("cup", 0.05, (1, 0, 0.05))
+    ish = load_rules(["ish"])
+    same: dict[str, Any] = {"roles": {"target": ["can"], "dependent": ["can"]}, "task": "tidy"}
+    with pytest.raises(RuleError, match="target = can and dependent = can") as caught:
+        judge(scene.episode(rules=["ISH101"], **same), ish)
+    assert "tidy" in caught.value.where
+    assert "ISH101" in caught.value.where
+    # a rule that the task is not assigned may need other roles than the task has
+    found = {v.rule: v for v in judge(scene.episode(rules=["ISH201"], roles={}), ish).verdicts}
+    assert found["ISH101"].vacuity == "no_player"
+    found = {v.rule: v for v in judge(scene.episode(rules=[], **same), ish).verdicts}
+    assert found["ISH101"].vacuity == "no_instance"
+    # with one more dependent there is something to judge
+    several = {"target": ["can"], "dependent": ["can", "cup"]}
+    found = {v.rule: v for v in judge(scene.episode(rules=["ISH101"], roles=several), ish).verdicts}
+    assert found["ISH101"].vacuity == "not_given"
