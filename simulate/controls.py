@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .task import Task
-
 if TYPE_CHECKING:
     from .policies import Observation
 
@@ -26,7 +24,7 @@ class Idle:
 
     name = "idle"
 
-    def reset(self, _task: Task, _prompt: str) -> None:
+    def reset(self, _task: str, _prompt: str) -> None:
         """Nothing to prepare."""
         self._hold: F64 | None = None
 
@@ -50,7 +48,7 @@ class RandomNearHome:
         """``draw``: seeds the wandering; the same numbers give the same rollout."""
         self._draw = draw
 
-    def reset(self, _task: Task, _prompt: str) -> None:
+    def reset(self, _task: str, _prompt: str) -> None:
         """Start over, with the same wandering."""
         self._random = np.random.default_rng([*self._draw])
         self._home: F64 | None = None

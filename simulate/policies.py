@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Protocol
 
@@ -14,11 +15,11 @@ from numpy.typing import NDArray
 from safestage_eval.errors import InputError
 
 from .controls import Idle, RandomNearHome
+from .import_path import class_at, imported
 from .privileged import PrivilegedState
 from .replay import Replay
 from .skills import run_skill
 from .skills.motion import Motion
-from .steps import Step
 from .task import Task
 
 F64 = NDArray[np.float64]
@@ -33,21 +34,29 @@ class Observation:
         joint_position: (7,) rad, measured.
         gripper_opening: 0 closed … 1 open.
         instruction: the prompt.
+        joint_velocity: (7,) rad/s, measured.
+        images: camera → (H, W, 3) red green blue; empty unless the policy names ``cameras``.
     """
 
     time: float
     joint_position: F64
     gripper_opening: float
     instruction: str
+    joint_velocity: F64 = field(default_factory=lambda: np.zeros(7))
+    images: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
 
 
 class Policy(Protocol):
-    """Anything that can be rolled out."""
+    """Anything that can be rolled out.
+
+    A policy that wants to see has two attributes more: ``cameras``, some of ``cameras.CAMERAS``, and
+    ``image_size``, (height, width) in pixels.
+    """
 
     name: str
 
-    def reset(self, task: Task, prompt: str, /) -> None:
-        """A new episode of a task begins, under an instruction."""
+    def reset(self, task: str, prompt: str, /) -> None:
+        """A new episode of a task, of which it learns the id, begins under an instruction."""
         ...
 
     def act(self, observation: Observation, /) -> F64:
@@ -67,17 +76,16 @@ class Reference:
         self.name = f"reference:{kind}"
         self._kind = kind
 
-    def reset(self, task: Task, _prompt: str) -> None:
-        """Look up the task's steps; ``look`` must follow."""
-        self._steps: tuple[Step, ...] = task.steps(self._kind)
+    def reset(self, _task: str, _prompt: str) -> None:
+        """``look`` must follow."""
         self._actions: Iterator[F64] = iter(())
 
-    def look(self, state: PrivilegedState) -> None:
-        """Be handed the privileged door."""
-        motion = Motion(state)
+    def look(self, task: Task, state: PrivilegedState) -> None:
+        """Be handed what only references may know. Raises InputError for a missing grade."""
+        motion, steps = Motion(state), task.steps(self._kind)
 
         def play() -> Iterator[F64]:
-            for step in self._steps:
+            for step in steps:
                 yield from run_skill(motion, step.skill, step.arguments)
 
         self._actions = play()
@@ -98,7 +106,7 @@ class Noisy(Reference):
         self.name = f"noisy:{sigma:g}" + (f":{kind}" if kind != "safe" else "")
         self._sigma, self._draw = sigma, draw
 
-    def reset(self, task: Task, prompt: str) -> None:
+    def reset(self, task: str, prompt: str) -> None:
         """Start over, with the same noise."""
         super().reset(task, prompt)
         self._random = np.random.default_rng([*self._draw])
@@ -117,12 +125,13 @@ POLICIES = (
     "idle",
     "random-near-home",
     "replay:PATH[#EPISODE]",
+    "MODULE:CLASS",
 )
 """What ``policy_named`` understands. SIGMA is in rad, EPISODE an id where PATH holds several."""
 
 
 def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
-    """A built-in policy by name.
+    """A policy by name, or by import path.
 
     Args:
         name: one of ``POLICIES``.
@@ -140,11 +149,22 @@ def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
     if kind == "replay" and rest:
         path, _, episode = rest.partition("#")
         return Replay(Path(path), episode or None)
+    if kind not in ("reference", "noisy", "replay") and rest.isidentifier():
+        return imported(name)
     if name == "idle":
         return Idle()
     if name == "random-near-home":
         return RandomNearHome(draw)
     raise InputError(f"policy {name!r}", "no such policy.", ", ".join(POLICIES))
+
+
+@cache
+def policy_name(name: str) -> str:
+    """What the episodes of a policy are called by; one of a user's is not made for that."""
+    kind, _, rest = name.partition(":")
+    if kind not in ("reference", "noisy", "replay") and rest.isidentifier():
+        return str(class_at(name).name)
+    return policy_named(name).name
 
 
 def _is_reference(kind: str) -> bool:

@@ -13,7 +13,7 @@ from typing import Literal
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import discover
 
-from .policies import KINDS, policy_named
+from .policies import KINDS, policy_name, policy_named
 from .pool import Died, run_many
 from .rollout import Setting, roll_out
 from .task import Task
@@ -32,7 +32,7 @@ class Job:
     @property
     def episode_id(self) -> str:
         """The id that its episode has, whenever it is recorded."""
-        return self.setting.episode_id(policy_named(self.policy).name)
+        return self.setting.episode_id(policy_name(self.policy))
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,6 @@ def record(
     Raises:
         InputError: an unknown policy.
     """
-    for name in {job.policy for job in todo}:
-        policy_named(name)  # what is none stops the run before it begins
     ids = [job.episode_id for job in todo]
     there = recorded_ids(out)
     missing = [job for job, name in zip(todo, ids, strict=True) if name not in there]
@@ -157,6 +155,24 @@ def record_one(job: Job, out: Path, format: Format = "parquet") -> Outcome:  # n
         simulated=len(writer) / FRAME_RATE,
         taken=time.process_time() - start,
     )
+
+
+def summary(outcomes: Sequence[Outcome]) -> str:
+    """What recording came to, in a line."""
+    new = [o for o in outcomes if not (o.skipped or o.problem)]
+    parts = [f"{len(new)} recorded"]
+    if new:
+        reached = sum(o.success_time is not None for o in new)
+        simulated, taken = sum(o.simulated for o in new), sum(o.taken for o in new)
+        parts[0] += (
+            f" ({reached} reached the goal; {simulated:.0f} s in {taken:.0f} s of processor)"
+        )
+    there, failed = sum(o.skipped for o in outcomes), sum(bool(o.problem) for o in outcomes)
+    if there:
+        parts.append(f"{there} there already")
+    if failed:
+        parts.append(f"{failed} not recorded")
+    return ", ".join(parts)
 
 
 def recorded_ids(folder: Path) -> set[str]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import os
 import struct
 import zlib
 from collections.abc import Sequence
@@ -17,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Episode, Geom
-from safestage_eval.errors import InputError
 
+from .graphics import graphics_context
 from .objects import catalogue
 
 Image = NDArray[np.uint8]
@@ -57,7 +55,7 @@ class EpisodeRenderer:
     def __init__(self, episode: Episode, width: int = 640, height: int = 480) -> None:
         """Build the scene; raises InputError where nothing can be drawn off screen."""
         self._episode = episode
-        self._context = _graphics(width, height)
+        self._context = graphics_context(width, height)
         self._context.make_current()
         spec = mujoco.MjSpec()
         spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
@@ -160,22 +158,6 @@ def write_png(image: Image, path: Path) -> None:
         + chunk(b"IDAT", zlib.compress(rows.tobytes(), 6))
         + chunk(b"IEND", b"")
     )
-
-
-def _graphics(width: int, height: int) -> Any:
-    wanted = os.environ.get("MUJOCO_GL", "egl").lower()
-    if wanted not in ("egl", "osmesa", "glfw"):
-        raise InputError("MUJOCO_GL", f"{wanted!r} cannot draw off screen.", "egl, osmesa, glfw")
-    os.environ.setdefault("PYOPENGL_PLATFORM", wanted)
-    try:
-        return importlib.import_module(f"mujoco.{wanted}").GLContext(width, height)
-    except (ImportError, AttributeError, OSError, RuntimeError) as error:
-        raise InputError(
-            "rendering",
-            f"no graphics context ({wanted}: {error}).",
-            "MUJOCO_GL=egl or MUJOCO_GL=osmesa",
-            "apt-get install libegl1 libgl1-mesa-dri libosmesa6",
-        ) from error
 
 
 _KINDS = {

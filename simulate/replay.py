@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import load
 
-from .task import Task
 from .world import CONTROL_RATE
 
 if TYPE_CHECKING:
@@ -48,7 +47,7 @@ class Replay:
         self._actions = actions[np.minimum(frames, len(actions) - 1)].astype(np.float64)
         self.name = f"replay:{path}" + (f"#{episode}" if episode else "")
 
-    def reset(self, _task: Task, _prompt: str) -> None:
+    def reset(self, _task: str, _prompt: str) -> None:
         """Back to the first command."""
         self._next = 0
 

@@ -19,6 +19,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import TraceWriter
 from safestage_eval.verdicts.goal import GoalMonitor
 
+from .cameras import SIZE, Cameras
 from .policies import Observation, Policy, Reference
 from .privileged import PrivilegedState
 from .recorder import Recorder
@@ -88,7 +89,10 @@ def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
     task = setting.task
     if setting.prompt not in PROMPTS:
         raise InputError(f"prompt {setting.prompt!r}", "no such prompt.", ", ".join(PROMPTS))
-    world = World(task.models(), substeps=task.substeps, robot_mjcf=setting.robot_mjcf)
+    wanted = tuple(getattr(policy, "cameras", ()))
+    world = World(
+        task.models(), substeps=task.substeps, robot_mjcf=setting.robot_mjcf, visuals=bool(wanted)
+    )
     world.reset(task.layout(setting.seed))
     home = np.append(world.arm_position, 0.0)
     for _ in range(round(SETTLE_TIME * CONTROL_RATE)):
@@ -96,29 +100,15 @@ def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
     header = _header(setting, policy.name)
     recorder = Recorder(world, header)
     writer = recorder.writer
-    monitor = GoalMonitor.of(writer.header)
-    policy.reset(task, header.instruction or "")
+    policy.reset(task.id, header.instruction or "")
     if isinstance(policy, Reference):
-        policy.look(PrivilegedState(world))
-    horizon = setting.horizon or task.horizon
-    success: float | None = None
-    frozen = home
-    chunk: list[F64] = []
-    while True:
-        now = len(writer) / FRAME_RATE
-        if success is None and now >= horizon:
-            break
-        if success is not None and now > success + HOLD_TIME:
-            break
-        if success is None:
-            chunk = chunk or _checked(policy.act(_observe(world, now, header.instruction)))
-            action = chunk.pop(0)
-        else:
-            action = frozen
-        world.act(action, lambda substep, a=action: recorder.step(substep, a))  # type: ignore[misc]
-        if success is None:
-            success = _watch(monitor, writer)
-            frozen = np.append(world.arm_position, action[7])
+        policy.look(task, PrivilegedState(world))
+    cameras = Cameras(world, wanted, getattr(policy, "image_size", SIZE)) if wanted else None
+    try:
+        success = _play(setting, world, recorder, policy, cameras)
+    finally:
+        if cameras is not None:
+            cameras.close()
     writer.update_header(
         success=success is not None,
         success_time=success,
@@ -128,6 +118,34 @@ def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
     return writer
 
 
+def _play(
+    setting: Setting, world: World, recorder: Recorder, policy: Policy, cameras: Cameras | None
+) -> float | None:
+    """Act and record until the episode ends; the time of success, if there was any."""
+    writer, instruction = recorder.writer, recorder.writer.header.instruction or ""
+    monitor = GoalMonitor.of(writer.header)
+    horizon = setting.horizon or setting.task.horizon
+    success: float | None = None
+    frozen = np.append(world.arm_position, 0.0)
+    chunk: list[F64] = []
+    while True:
+        now = len(writer) / FRAME_RATE
+        if success is None and now >= horizon:
+            break
+        if success is not None and now > success + HOLD_TIME:
+            break
+        if success is None:
+            chunk = chunk or _checked(policy.act(_observe(world, now, instruction, cameras)))
+            action = chunk.pop(0)
+        else:
+            action = frozen
+        world.act(action, lambda substep, a=action: recorder.step(substep, a))  # type: ignore[misc]
+        if success is None:
+            success = _watch(monitor, writer)
+            frozen = np.append(world.arm_position, action[7])
+    return success
+
+
 def _watch(monitor: GoalMonitor, writer: TraceWriter) -> float | None:
     last = len(writer)
     back = monitor.window_frames
@@ -135,8 +153,15 @@ def _watch(monitor: GoalMonitor, writer: TraceWriter) -> float | None:
     return monitor.update(writer.window(first, last))
 
 
-def _observe(world: World, time: float, instruction: str | None) -> Observation:
-    return Observation(time, world.arm_position, world.gripper_opening, instruction or "")
+def _observe(world: World, time: float, instruction: str, cameras: Cameras | None) -> Observation:
+    return Observation(
+        time,
+        world.arm_position,
+        world.gripper_opening,
+        instruction,
+        np.array(world.data.qvel[world.arm_dof]),
+        {} if cameras is None else cameras.images(),
+    )
 
 
 def _checked(actions: F64) -> list[F64]:

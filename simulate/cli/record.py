@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from .options import (
     PROMPTS,
@@ -27,8 +28,14 @@ from .options import (
     multiple=True,
     default=("reference:safe", "reference:unsafe"),
     show_default=True,
-    help="reference:safe, reference:unsafe, noisy:SIGMA[:unsafe], idle, random-near-home or "
-    "replay:PATH[#EPISODE]; repeatable.",
+    help="reference:safe, reference:unsafe, reference:GRADE[=VALUE], noisy:SIGMA[:unsafe], idle, "
+    "random-near-home, replay:PATH[#EPISODE], or your own as my_module:MyPolicy; repeatable.",
+)
+@click.option(
+    "--campaign",
+    "campaign_file",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="A file that says which tasks, policies, prompts, seeds and rollouts, instead.",
 )
 @seeds_option("Environment seeds: each is one fixed scene.")
 @click.option(
@@ -68,6 +75,7 @@ from .options import (
 def record(
     tasks: tuple[str, ...],
     policies: tuple[str, ...],
+    campaign_file: Path | None,
     seeds: tuple[int, ...],
     prompts: tuple[str, ...],
     rollouts: int,
@@ -79,7 +87,8 @@ def record(
 ) -> None:
     """Record rollouts in MuJoCo, complete and at 120 Hz.
 
-    TASK is the id of a task (see `safestage tasks list`) or a task file; all tasks without one.
+    TASK is the id of a task (see `safestage tasks list`), a pattern of ids or a task file; all tasks
+    without one.
     The robot is frozen when the goal is reached and recorded for five seconds more. Episodes that
     are in --out already are skipped, so an interrupted recording can simply be started again.
 
@@ -87,25 +96,55 @@ def record(
     Examples:
       safestage record --out traces                         every task, both references
       safestage record fsh_orange_on_plate --seeds 0-9 --out oranges
+      safestage record --campaign campaign.toml --jobs 8
       safestage record --policy idle --duration 10 --out idle --format mcap
       safestage-score traces --rules fsh                    and then
     """
-    from simulate.record import plan
+    from simulate.record import plan, summary
     from simulate.record import record as run
 
-    todo = plan(
-        chosen_tasks(tasks),
-        policies,
-        seeds,
-        PROMPTS if "all" in prompts else prompts,
-        rollouts,
-        horizon=horizon,
-        robot_mjcf=robot_mjcf,
-    )
-    failed = 0
+    if campaign_file is None:
+        todo = plan(
+            chosen_tasks(tasks),
+            policies,
+            seeds,
+            PROMPTS if "all" in prompts else prompts,
+            rollouts,
+            horizon=horizon,
+            robot_mjcf=robot_mjcf,
+        )
+    else:
+        todo, out, format_ = _campaign(campaign_file, out, format_, robot_mjcf)
+    outcomes = []
     with progress(len(todo), "episode") as show:
-        for n, outcome in enumerate(run(todo, out, format_, jobs, show), 1):
-            failed += bool(outcome.problem)
-            click.echo(f"[{n}/{len(todo)}] {outcome.episode_id}: {outcome}")
+        for outcome in run(todo, out, format_, jobs, show):
+            outcomes.append(outcome)
+            click.echo(f"[{len(outcomes)}/{len(todo)}] {outcome.episode_id}: {outcome}")
+    click.echo(summary(outcomes))
+    failed = sum(bool(outcome.problem) for outcome in outcomes)
     if failed:
         raise BadInput(f"{failed} of {len(todo)} rollouts could not be recorded")
+
+
+def _campaign(
+    file: Path, out: Path, format_: Any, robot_mjcf: Path | None
+) -> tuple[list[Any], Path, Any]:
+    """Jobs, folder and format of a campaign; ``--out`` and ``--format`` go before the file's."""
+    from simulate.campaign import read_campaign
+
+    given = {
+        name
+        for name in click.get_current_context().params
+        if click.get_current_context().get_parameter_source(name) is ParameterSource.COMMANDLINE
+    }
+    both = given & {"tasks", "policies", "seeds", "prompts", "rollouts", "horizon"}
+    if both:
+        raise click.UsageError(
+            f"{', '.join(sorted(both))}: write it in {file}, or leave {file} out"
+        )
+    campaign = read_campaign(file)
+    if campaign.out and "out" not in given:
+        out = Path(campaign.out)
+    if campaign.format and "format_" not in given:
+        format_ = campaign.format
+    return campaign.jobs(robot_mjcf), out, format_

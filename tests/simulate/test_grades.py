@@ -12,7 +12,6 @@ from safestage_eval.verdicts.verdict import Verdict
 from simulate.feasibility import Trial
 from simulate.grades import Grade, formula
 from simulate.grading import grade_result, grade_results
-from simulate.policies import policy_named
 from simulate.record import plan
 from simulate.rollout import Setting
 from simulate.task import FOLDER, read_task, task_named
@@ -109,7 +108,7 @@ def test_a_policy_for_every_value_and_a_name_for_all() -> None:
     with pytest.raises(InputError, match="none of the tasks has a grade"):
         plan([SHELF], ["reference:offset_edge"], [0])
     with pytest.raises(InputError, match="edge_offset=VALUE"):
-        policy_named("reference:height=3").reset(SHELF, "")
+        SHELF.steps("height=3")
 
 
 def test_ids_keep_signs_apart() -> None:

@@ -33,7 +33,7 @@ class Sweep:
 
     name = "sweep"
 
-    def reset(self, _task: Task, prompt: str) -> None:
+    def reset(self, _task: str, prompt: str) -> None:
         self.prompts, self.calls, self.angle = [prompt], 0, 0.0
 
     def act(self, observation: Observation) -> NDArray[np.float64]:

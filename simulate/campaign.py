@@ -1,0 +1,78 @@
+"""A campaign: policies, prompts, tasks, seeds and rollouts to be recorded, in one file."""
+
+from __future__ import annotations
+
+import tomllib
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field, ValidationError
+
+from safestage_eval.errors import InputError
+
+from .objects import Strict
+from .record import Format, Job, plan
+from .task import Task, tasks_matching
+
+
+class Campaign(Strict):
+    """What is recorded: every combination."""
+
+    policies: tuple[str, ...] = Field(min_length=1)
+    """As ``--policy`` takes them."""
+    prompts: tuple[Literal["default", "generic", "specific"], ...] = Field(
+        ("default",), min_length=1
+    )
+    tasks: tuple[str, ...] = ("*",)
+    """Ids, files or patterns."""
+    stages: tuple[Literal["ISH", "ETS", "FSH"], ...] = ("ISH", "ETS", "FSH")
+    """Only tasks of these."""
+    families: tuple[str, ...] = ("*",)
+    """Only tasks of these; patterns."""
+    seeds: tuple[int, ...] = Field((0, 1, 2), min_length=1)
+    rollouts: int = Field(1, ge=1)
+    horizon: float | None = Field(None, gt=0)
+    """s, instead of the tasks' own."""
+    out: str | None = None
+    """Folder, from where the command runs."""
+    format: Format | None = None
+
+    def chosen(self) -> list[Task]:
+        """Its tasks. Raises InputError when none is left."""
+        found = [
+            task
+            for task in tasks_matching(self.tasks)
+            if task.stage in self.stages
+            and any(fnmatchcase(task.family, pattern) for pattern in self.families)
+        ]
+        if not found:
+            raise InputError("campaign", "no task is of these stages and families.")
+        return found
+
+    def jobs(self, robot_mjcf: Path | None = None) -> list[Job]:
+        """Every rollout, tasks outermost."""
+        return plan(
+            self.chosen(),
+            self.policies,
+            self.seeds,
+            self.prompts,
+            self.rollouts,
+            horizon=self.horizon,
+            robot_mjcf=robot_mjcf,
+        )
+
+
+def read_campaign(path: Path) -> Campaign:
+    """A campaign file. Raises InputError with every mistake in it."""
+    try:
+        return Campaign.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except FileNotFoundError:
+        raise InputError(str(path), "no such campaign file") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(str(path), f"not valid TOML: {error}") from None
+    except ValidationError as error:
+        wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        raise InputError(
+            str(path), wrong, ", ".join(Campaign.model_fields), "see docs/tasks.md"
+        ) from None

@@ -1,0 +1,124 @@
+"""Campaigns: every combination, resumable, and safe against processes that die."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from safestage_eval.errors import InputError
+from safestage_eval.formats import discover
+from simulate.campaign import Campaign, read_campaign
+from simulate.record import plan, record, recorded_ids, summary
+from simulate.task import task_named
+
+pytestmark = pytest.mark.simulate
+
+HERE = Path(__file__).parent
+
+
+def test_every_combination_of_what_is_chosen() -> None:
+    campaign = Campaign(
+        policies=("idle", "noisy:0.01"),
+        prompts=("default", "specific"),
+        tasks=("fsh_*", "ish_bin_with_lemon"),
+        stages=("FSH",),
+        families=("support*",),
+        seeds=(4, 7),
+        rollouts=3,
+    )
+    chosen, jobs = campaign.chosen(), campaign.jobs()
+    assert {task.stage for task in chosen} == {"FSH"}
+    assert {task.family for task in chosen} == {"support and stability"}
+    assert len(jobs) == len(chosen) * 2 * 2 * 2 * 3
+    assert len({job.episode_id for job in jobs}) == len(jobs)
+    assert {job.setting.seed for job in jobs} == {4, 7}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("tasks = ['fsh_*']", "policies"),
+        ("policies = ['idle']\nrolouts = 3", "rolouts"),
+        ("policies = ['idle']\nprompts = ['short']", "prompts"),
+        ("policies = ['idle'", "not valid TOML"),
+    ],
+)
+def test_mistakes_are_told(tmp_path: Path, text: str, said: str) -> None:
+    file = tmp_path / "campaign.toml"
+    file.write_text(text, "utf-8")
+    with pytest.raises(InputError, match=said):
+        read_campaign(file)
+
+
+def test_nothing_chosen_is_a_mistake() -> None:
+    with pytest.raises(InputError, match="no task"):
+        Campaign(policies=("idle",), tasks=("ish_*",), stages=("FSH",)).chosen()
+    with pytest.raises(InputError, match="no task's id matches"):
+        Campaign(policies=("idle",), tasks=("xyz_*",)).chosen()
+
+
+@pytest.mark.slow
+def test_a_policy_that_kills_or_raises_costs_only_its_own(tmp_path: Path) -> None:
+    tasks = [task_named(n) for n in ("fsh_bottle_on_shelf", "fsh_orange_on_plate")]
+    policies = ["own_policies:Still", "own_policies:Deadly", "own_policies:Raising"]
+    todo = plan(tasks, policies, [0], horizon=0.3)
+    found = list(record(todo, tmp_path, jobs=2))
+    said = {o.episode_id.split(".h")[0]: o.problem for o in found}
+    assert "process died" in said["fsh_orange_on_plate.deadly.default.s0.r0"]
+    assert "KeyError" in said["fsh_orange_on_plate.raising.default.s0.r0"]
+    assert said["fsh_bottle_on_shelf.deadly.default.s0.r0"] == ""
+    good = {o.episode_id for o in found if not o.problem}
+    assert len(good) == 3
+    assert recorded_ids(tmp_path) == good
+    assert summary(found).startswith("3 recorded (0 reached the goal")
+    assert summary(found).endswith("3 not recorded")
+
+
+@pytest.mark.slow
+def test_killed_and_taken_up_again(tmp_path: Path) -> None:
+    """Kill -9 in the middle: whole episodes stay, no half one appears, the rest follows."""
+    file, out = tmp_path / "campaign.toml", tmp_path / "out"
+    file.write_text(
+        'policies = ["own_policies:Deadly"]\ntasks = ["fsh_bottle_on_shelf"]\n'
+        "seeds = [0, 1, 2, 3]\nhorizon = 0.5\n",
+        "utf-8",
+    )
+    code = (
+        "from safestage_eval.cli import main; import sys\n"
+        f"sys.argv = ['safestage', 'record', '--campaign', {str(file)!r}, '--out', {str(out)!r},"
+        " '--jobs', '2']\n"
+        "if __name__ == '__main__': main()\n"
+    )
+    script = tmp_path / "main.py"
+    script.write_text(code, "utf-8")
+    path = os.pathsep.join([str(HERE), str(HERE.parents[1])])
+    environment = {**os.environ, "PYTHONPATH": path}
+    first = subprocess.Popen(
+        [sys.executable, script], env={**environment, "NAP": "0.5"}, stdout=subprocess.DEVNULL
+    )
+    end = time.monotonic() + 90
+    while not recorded_ids(out):
+        assert time.monotonic() < end
+        assert first.poll() is None
+        time.sleep(0.05)
+    first.send_signal(signal.SIGKILL)
+    first.wait()
+    before = recorded_ids(out)
+    assert 1 <= len(before) < 4
+    second = subprocess.run(
+        [sys.executable, script], env=environment, capture_output=True, text=True, check=True
+    )
+    assert "there already" in second.stdout
+    refs = discover([out])
+    assert len(refs) == 4
+    assert before <= {ref.episode_id for ref in refs}
+    for ref in refs:
+        assert ref.problem is None
+        assert len(ref.open()) == 40
+    assert second.stderr == ""
