@@ -57,10 +57,13 @@ class Description:
         known = world.objects.get(raw)
         fixed = bool(model.body_weldid[i] == 0)
         kind = "fixture" if fixed else "object"
+        region = known is not None and known.region
+        if region:
+            kind = "region"
         if robot:
             kind = "gripper" if _is_gripper(model, i) else "robot"
         side = raw.removeprefix(arm.PREFIX).partition("_")[0]
-        parent, geoms = int(model.body_parentid[i]), self._geoms(model, i)
+        parent, geoms = int(model.body_parentid[i]), self._geoms(model, i, region)
         return Body.model_validate(
             {
                 "name": name,
@@ -70,7 +73,9 @@ class Description:
                 "com": _floats(model.body_ipos[i]),
                 "inertia": _floats(model.body_inertia[i]),
                 "inertia_orientation": _floats(model.body_iquat[i]),
-                "up_axis": (0.0, 0.0, 1.0) if known is not None and known.up else None,
+                "up_axis": (0.0, 0.0, 1.0)
+                if known is not None and known.up and not region
+                else None,
                 "finger": side if robot and side in ("left", "right") else None,
                 "tcp": self._tcp(world, i),
                 "material": known.material if known is not None else None,
@@ -82,11 +87,11 @@ class Description:
             }
         )
 
-    def _geoms(self, model: mujoco.MjModel, body: int) -> tuple[Geom, ...]:
+    def _geoms(self, model: mujoco.MjModel, body: int, region: bool) -> tuple[Geom, ...]:
         out = []
         start = int(model.body_geomadr[body])
         for g in range(start, start + int(model.body_geomnum[body])):
-            if not (model.geom_contype[g] or model.geom_conaffinity[g]):
+            if not (region or model.geom_contype[g] or model.geom_conaffinity[g]):
                 continue
             kind, sizes = _KINDS[mujoco.mjtGeom(int(model.geom_type[g]))]
             mesh = self._hull(model, int(model.geom_dataid[g])) if kind == "convex_mesh" else None

@@ -23,6 +23,10 @@ KINDS = {
 }
 
 
+REGION_ALPHA = 0.25
+"""A region is seen through."""
+
+
 class Strict(BaseModel):
     """Base of everything read from TOML here: immutable, and no key goes unread."""
 
@@ -61,8 +65,8 @@ class Ring(Strict):
 class ObjectModel(Strict):
     """What an object is: shapes, mass, friction, how it stands, what it holds."""
 
-    mass: float = Field(gt=0)
-    """kg."""
+    mass: float = Field(default=0.0, ge=0)
+    """kg; a region has none."""
     shapes: tuple[Shape, ...] = ()
     ring: Ring | None = None
     friction: tuple[float, float, float] = (1.0, 0.02, 0.001)
@@ -71,6 +75,8 @@ class ObjectModel(Strict):
     """It has an up axis (+z of its frame); False for what may lie any way, like fruit."""
     fixed: bool = False
     """It does not move: a shelf."""
+    region: bool = False
+    """A room and no thing: nothing can touch it, rules can forbid it. Always fixed."""
     material: str | None = None
     tags: tuple[str, ...] = ()
     cavity: Cavity | None = None
@@ -84,6 +90,10 @@ class ObjectModel(Strict):
     def _has_shape(self) -> ObjectModel:
         if not self.shapes and self.ring is None:
             raise ValueError("an object needs shapes or a ring")
+        if self.region and not self.fixed:
+            raise ValueError("a region does not move: add fixed = true")
+        if self.region == (self.mass > 0):
+            raise ValueError("a thing has a mass above 0, a region has none")
         return self
 
     def parts(self) -> list[Shape]:
@@ -126,7 +136,9 @@ class ObjectModel(Strict):
                 friction=self.friction,
                 condim=6,
                 solref=self.solref,
-                rgba=[*(part.color or self.color), 1.0],
+                rgba=[*(part.color or self.color), REGION_ALPHA if self.region else 1.0],
+                contype=0 if self.region else 1,
+                conaffinity=0 if self.region else 1,
             )
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Body, Episode, Geom
 
 from .graphics import graphics_context
-from .objects import catalogue
+from .objects import REGION_ALPHA, catalogue
 
 Image = NDArray[np.uint8]
 """(H, W, 3), red green blue."""
@@ -73,7 +73,9 @@ class EpisodeRenderer:
         for i, body in enumerate(episode.header.bodies):
             node = spec.worldbody.add_body(name=body.name, mocap=True)
             for geom in body.geoms:
-                _add_geom(node, geom, _color(body, i))
+                _add_geom(
+                    node, geom, _color(body, i), REGION_ALPHA if body.kind == "region" else 1.0
+                )
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._scene = mujoco.MjvScene(self._model, maxgeom=4000)
@@ -172,7 +174,7 @@ _KINDS = {
 }
 
 
-def _add_geom(body: Any, geom: Geom, color: tuple[float, float, float]) -> None:
+def _add_geom(body: Any, geom: Geom, color: tuple[float, float, float], alpha: float) -> None:
     plane = geom.kind == "plane"
     fields: dict[str, Any] = {
         "type": _KINDS[geom.kind],
@@ -180,7 +182,7 @@ def _add_geom(body: Any, geom: Geom, color: tuple[float, float, float]) -> None:
         "quat": geom.orientation,
         "contype": 0,
         "conaffinity": 0,
-        "rgba": [*((0.35, 0.37, 0.4) if plane else color), 1.0],
+        "rgba": [*((0.35, 0.37, 0.4) if plane else color), alpha],
     }
     if geom.mesh is not None:
         fields["meshname"] = geom.mesh

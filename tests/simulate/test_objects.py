@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
-from worlds import put, recorder_of, world_of
+from worlds import put, recorder_of, recording, world_of
 
 from safestage_eval.episode import Body, Cavity
 from safestage_eval.geometry.extent import highest, lowest
@@ -29,7 +29,8 @@ every_object = pytest.mark.parametrize("name", list(catalogue()))
 
 @every_object
 def test_mass_is_that_of_the_row(name: str, bodies: dict[str, Body]) -> None:
-    assert bodies[name].mass == pytest.approx(catalogue()[name].mass)
+    row = catalogue()[name]
+    assert bodies[name].mass == (None if row.region else pytest.approx(row.mass))
     assert bodies[name].movable is not catalogue()[name].fixed
 
 
@@ -80,6 +81,22 @@ def _points_in(cavity: Cavity) -> np.ndarray:
     return grid * half + np.asarray(cavity.position)
 
 
+def test_a_region_is_described_and_touches_nothing() -> None:
+    room = ObjectModel(
+        height=0.2,
+        fixed=True,
+        region=True,
+        shapes=(Shape(kind="box", size=(0.1, 0.1, 0.1), position=(0, 0, 0.1)),),
+    )
+    world = world_of("rubiks_cube", more={"room": room})
+    put(world, rubiks_cube=[0.5, 0.2, 0.15], room=[0.5, 0.2, 0])
+    episode = recording(world, actions=15)
+    body = next(body for body in episode.header.bodies if body.name == "room")
+    assert (body.kind, body.movable, body.up_axis) == ("region", False, None)
+    assert [geom.size for geom in body.geoms] == [(0.1, 0.1, 0.1)]
+    assert world.data.body("rubiks_cube").xpos[2] == pytest.approx(0, abs=1e-3)  # it fell through
+
+
 def test_a_ring_closes() -> None:
     ring = Ring(count=24, radius=0.1, thickness=0.006, height=0.01, z=0.02)
     parts = ObjectModel(mass=1, height=0.025, ring=ring).parts()
@@ -99,7 +116,14 @@ def _covers(part: Shape, point: np.ndarray) -> bool:
 
 @pytest.mark.parametrize(
     "fields",
-    [{"mass": 0}, {"heigth": 1.0}, {"shapes": ()}, {"shapes": [{"kind": "cone", "size": [1]}]}],
+    [
+        {"region": True, "fixed": True},
+        {"region": True, "mass": 0},
+        {"mass": 0},
+        {"heigth": 1.0},
+        {"shapes": ()},
+        {"shapes": [{"kind": "cone", "size": [1]}]},
+    ],
 )
 def test_a_row_that_makes_no_sense_is_refused(fields: dict[str, object]) -> None:
     good = {"mass": 1, "height": 0.1, "shapes": [{"kind": "sphere", "size": [0.05]}]}
