@@ -79,6 +79,7 @@ class _StoredEpisode:
         self.index: int = row["episode_index"]
         self.length: int = row["length"]
         self.where = f"{file} ({row['episode_id']})"
+        self._in_order: set[str] = set()
         layout.check_version(row.get("schema_version") or "1.0", self.where)
 
     def episode(self) -> Episode:
@@ -156,15 +157,19 @@ class _StoredEpisode:
         source = self.bodies_table
         axes = {c: ("w", *XYZ) if c == "orientation" else XYZ for c in columns}
         names = [f"{column}.{axis}" for column in columns for axis in axes[column]]
-        table = source.rows(("frame_index", *names), self.index, body)
+        if body not in self._in_order:
+            names.insert(0, "frame_index")
+        table = source.rows(names, self.index, body)
         rows = len(table)
         if rows == 0:
             raise TraceError(self.where, f"body {body!r} has no poses in {source.path}")
-        self.in_order(
-            source.numbers(table, "frame_index", np.int32),
-            f"body {body!r}",
-            1 if rows == 1 else self.length,
-        )
+        if body not in self._in_order:
+            self.in_order(
+                source.numbers(table, "frame_index", np.int32),
+                f"body {body!r}",
+                1 if rows == 1 else self.length,
+            )
+            self._in_order.add(body)
         loaded = {}
         for column in columns:
             values = np.empty((rows, len(axes[column])), np.float32)

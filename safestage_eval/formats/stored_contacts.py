@@ -88,7 +88,7 @@ class StoredContacts(StoredColumns, ContactTable):
 
 
 class _ByPair:
-    """Columns of one pair at a time, each read once."""
+    """Columns of one pair at a time, and components of vectors, each read once."""
 
     def __init__(self, source: Source) -> None:
         self._source = source
@@ -129,38 +129,44 @@ class _ByPair:
         return [(pair, slice(*cuts[i : i + 2])) for i, pair in enumerate(pairs)]
 
     def columns(self, pair: Pair, names: tuple[str, ...]) -> tuple[NDArray[Any], ...]:
-        missing = [name for name in names if (pair, name) not in self._known]
+        wanted = dict.fromkeys(column for name in names for column in _stored_names(name))
+        missing = [column for column in wanted if (pair, column) not in self._known]
         if missing:
             self._load(pair, missing)
-        return tuple(self._known[pair, name] for name in names)
+        return tuple(self._whole(pair, name) for name in names)
 
-    def _load(self, pair: Pair, names: list[str]) -> None:
+    def _whole(self, pair: Pair, name: str) -> NDArray[Any]:
+        """A column of the table; a vector is put together from its components once."""
+        stored = _stored_names(name)
+        if len(stored) == 1:
+            return self._known[pair, stored[0]]
+        if (pair, name) not in self._known:
+            self._known[pair, name] = np.stack([self._known[pair, axis] for axis in stored], 1)
+        return self._known[pair, name]
+
+    def _load(self, pair: Pair, columns: list[str]) -> None:
         source, places = self._source, (self.places or {}).get(pair, [])
-        stored = {name: _stored_names(name) for name in names}
-        wanted = list(dict.fromkeys(n for columns in stored.values() for n in columns))
-        parts: dict[str, list[NDArray[Any]]] = {name: [] for name in names}
+        parts: dict[str, list[NDArray[Any]]] = {column: [] for column in columns}
         for number, part in places:
-            rows = source.table.read([number], wanted)
-            for name, columns in stored.items():
-                parts[name].append(_column(source.table, rows, name, columns)[part])
-        for name, some in parts.items():
-            values = some[0] if len(some) == 1 else _joined(some, name)
-            if name == "frame":
+            rows = source.table.read([number], columns)
+            for column, some in parts.items():
+                some.append(source.table.numbers(rows, column, _dtype(column))[part])
+        for column, some in parts.items():
+            values = some[0] if len(some) == 1 else _joined(some, column)
+            if column == "frame_index":
                 source.demand(check_frame_range(values, source.frames, source.where))
-            elif name in GEOMS:
-                side = name[-1]
+            elif column in GEOMS:
+                side = column[-1]
                 body = pair[int(side) - 1]
                 source.demand(check_geom_owner(side, values, body, source.geom_owner, source.where))
             else:
+                name = column.partition(".")[0]
                 source.demand(check_finite(values, f"contact {name}", source.where))
-            self._known[pair, name] = values
+            self._known[pair, column] = values
 
 
-def _joined(parts: list[NDArray[Any]], name: str) -> NDArray[Any]:
-    if parts:
-        return np.concatenate(parts)
-    shape = (0, 3) if name in CONTACT_VECTORS else (0,)
-    return np.zeros(shape, _dtype(name))
+def _joined(parts: list[NDArray[Any]], column: str) -> NDArray[Any]:
+    return np.concatenate(parts) if parts else np.zeros(0, _dtype(column))
 
 
 def _stored_names(name: str) -> list[str]:
@@ -170,12 +176,12 @@ def _stored_names(name: str) -> list[str]:
     return [f"{name}.{axis}" for axis in XYZ] if name in CONTACT_VECTORS else [name]
 
 
-def _dtype(name: str) -> Any:
-    return np.int32 if name == "frame" else np.uint16 if name in GEOMS else np.float32
+def _dtype(column: str) -> Any:
+    return np.int32 if column == "frame_index" else np.uint16 if column in GEOMS else np.float32
 
 
-def _column(table: StoredTable, rows: Any, name: str, columns: list[str]) -> NDArray[Any]:
-    parts = [table.numbers(rows, column, _dtype(name)) for column in columns]
+def _column(table: StoredTable, rows: Any, columns: list[str]) -> NDArray[Any]:
+    parts = [table.numbers(rows, column, _dtype(column)) for column in columns]
     return np.stack(parts, 1) if len(parts) > 1 else parts[0]
 
 
@@ -219,7 +225,7 @@ class _ByFrame:
         table, stored = self._source.table, _stored_names(name)
         rows = table.rows(stored, self._source.episode_index)
         # five times faster than values[order]
-        return _column(table, rows, name, stored).take(self._keys[1], axis=0)
+        return _column(table, rows, stored).take(self._keys[1], axis=0)
 
 
 def _frame_order(
