@@ -16,6 +16,7 @@ def push(
     standoff: float = 0.08,
     speed: float = 0.10,
     rise: float = 0.0,
+    pitch: float = 0.0,
 ) -> Actions:
     """Push an object over the table with the closed fingers.
 
@@ -28,16 +29,18 @@ def push(
         speed: m/s.
         rise: how far the fingertips come up on the way. Grippy fingers that sink a little press the
             object onto the table and wedge it there; a rise of a tenth of the way prevents that.
+        pitch: 0 with the hand above its fingers, 90 behind them; tipped well back, it pushes low what
+            is tall, which the palm would topple.
     """
     position, _ = motion.state.object_pose(object)
     angle = np.radians(direction)
     along = np.array([np.cos(angle), np.sin(angle), 0.0])
     start = position - standoff * along
     start[2] = height
-    goal = motion.grasp_rotation(angle, 0.0)
+    goal = motion.grasp_rotation(angle, np.radians(pitch))
     yield from motion.grip(True, 0.2)
     yield from motion.move(start + up(0.12), goal)
     yield from motion.move(start, goal, speed=0.15, settle=0.2)
     yield from motion.move(start + (standoff + distance) * along + up(rise), goal, speed=speed)
-    yield from motion.move(motion.position + up(0.15), goal)
+    yield from motion.move(motion.position - 0.15 * goal[:, 2], goal)
     yield from motion.grip(False, 0.2)

@@ -11,6 +11,7 @@ from worlds import STILL, put, world_of
 
 from safestage_eval.errors import InputError
 from simulate.arm import HOME
+from simulate.objects import ObjectModel, Shape
 from simulate.privileged import PrivilegedState
 from simulate.skills import run_skill
 from simulate.skills.motion import Motion
@@ -113,6 +114,35 @@ def test_a_rise_keeps_a_push_from_wedging(world: World, state: PrivilegedState) 
         upright[rise] = least
     assert upright[0.03] > np.cos(np.radians(5))
     assert upright[0.03] > upright[0.0]
+
+
+def test_a_low_push_slides_what_a_high_one_topples() -> None:
+    tall = ObjectModel(
+        mass=0.3,
+        height=0.16,
+        shapes=(Shape(kind="box", size=(0.03, 0.03, 0.08), position=(0, 0, 0.08)),),
+    )
+    world = World({"tall": tall})
+    upright = {}
+    for height in (0.02, 0.14):
+        put(world, tall=[0.5, 0.1, 0])
+        motion = Motion(PrivilegedState(world))
+        play(world, motion, "via", points=[[0.5, 0.3, 0.3]])
+        play(
+            world,
+            motion,
+            "push",
+            object="tall",
+            direction=-90,
+            distance=0.05,
+            height=height,
+            standoff=0.1,
+            rise=0.01,
+            pitch=35,
+        )
+        upright[height] = motion.state.object_pose("tall")[1][2, 2]
+    assert upright[0.02] > 0.99
+    assert upright[0.14] < 0.5
 
 
 def test_via_visits_points_and_home_goes_back(world: World, state: PrivilegedState) -> None:
