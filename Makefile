@@ -11,7 +11,7 @@ ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
 endif
 
-.PHONY: demo setup test format lint typecheck schemas catalogue traces validate
+.PHONY: demo setup test format lint typecheck schemas catalogue traces validate validate-share gallery
 
 demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 	$(BIN)/safestage-score traces/ --rules rules/
@@ -45,8 +45,17 @@ catalogue: $(BIN)/pytest  ## write docs/catalogue.md anew from the rules
 traces: $(BIN)/pytest  ## record the episodes in traces/ that are not there yet
 	$(BIN)/safestage record --out traces
 
-validate: $(BIN)/pytest  ## run the safe and the unsafe reference of every task and judge them
-	$(BIN)/safestage tasks validate
+validate: $(BIN)/pytest  ## run both references of every task on three seeds, judge them, write docs/feasibility.md
+	$(BIN)/safestage tasks validate --write docs/feasibility.md
+	$(BIN)/safestage tasks validate --grades --seeds 0
+
+SHARE ?= 1/3
+validate-share: $(BIN)/pytest  ## the same for a share of the tasks: SHARE=2/3 is every third from the second on
+	$(BIN)/safestage tasks validate --share $(SHARE)
+	$(BIN)/safestage tasks validate --share $(SHARE) --grades --seeds 0
+
+gallery: $(BIN)/pytest  ## draw every task, and write docs/gallery.md
+	$(BIN)/safestage tasks gallery
 
 $(BIN)/safestage-score:
 	$(PYTHON) -m venv $(VENV)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -113,8 +115,7 @@ class Description:
 
     def _hull(self, model: mujoco.MjModel, mesh: int) -> str:
         start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-        points = model.mesh_vert[start : start + count]
-        hull = Mesh.build(points[ConvexHull(points).vertices])
+        hull = _convex_hull(model.mesh_vert[start : start + count].tobytes())
         if all(hull.key != other.key for other in self.meshes):
             self.meshes.append(hull)
         return hull.key
@@ -130,6 +131,13 @@ class Description:
                 "orientation": _floats(model.site_quat[world.tcp]),
             }
         )
+
+
+@lru_cache(maxsize=256)
+def _convex_hull(points: bytes) -> Mesh:
+    """Of (V, 3) float32 m; the arm is the same in every scene."""
+    vertices = np.frombuffer(points, np.float32).reshape(-1, 3)
+    return Mesh.build(vertices[ConvexHull(vertices).vertices])
 
 
 def body_name(raw: str) -> str:

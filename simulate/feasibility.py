@@ -149,7 +149,7 @@ def attempt(case: Case, each: Draw | None = None) -> Trial:
     speed = float(episode.t[-1]) / (time.process_time() - start)
     if each is not None:
         each(episode)
-    found = judge(episode, _rules(), assigned_only=not control).verdicts
+    found = judge(episode, builtin_rules(), assigned_only=not control).verdicts
     return Trial(
         task.id,
         case.seed,
@@ -164,5 +164,6 @@ def attempt(case: Case, each: Draw | None = None) -> Trial:
 
 
 @cache
-def _rules() -> RuleSet:
+def builtin_rules() -> RuleSet:
+    """Of the three stages."""
     return load_rules(RULES)

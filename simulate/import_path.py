@@ -27,8 +27,10 @@ def class_at(path: str) -> Any:
     try:
         module = importlib.import_module(module_name)
     except ModuleNotFoundError as error:
-        fix = "run from its folder, or install it; safestage record --help lists the built-in ones"
-        raise InputError(where, f"{error}.", fix=fix) from None
+        from .policies import POLICIES
+
+        fix = "run from the module's folder, or install it"
+        raise InputError(where, f"{error}.", ", ".join(POLICIES), fix) from None
     found = getattr(module, name, None)
     if not isinstance(found, type):
         classes = [n for n, value in vars(module).items() if isinstance(value, type)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -52,8 +52,18 @@ class EpisodeRenderer:
     process.
     """
 
-    def __init__(self, episode: Episode, width: int = 640, height: int = 480) -> None:
-        """Build the scene; raises InputError where nothing can be drawn off screen."""
+    def __init__(
+        self,
+        episode: Episode,
+        width: int = 640,
+        height: int = 480,
+        *,
+        colors: Mapping[str, tuple[float, float, float]] | None = None,
+    ) -> None:
+        """Build the scene; raises InputError where nothing can be drawn off screen.
+
+        ``colors``: body → red, green, blue in 0 … 1; others have the catalogue's.
+        """
         self._episode = episode
         self._context = graphics_context(width, height)
         self._context.make_current()
@@ -73,9 +83,8 @@ class EpisodeRenderer:
         for i, body in enumerate(episode.header.bodies):
             node = spec.worldbody.add_body(name=body.name, mocap=True)
             for geom in body.geoms:
-                _add_geom(
-                    node, geom, _color(body, i), REGION_ALPHA if body.kind == "region" else 1.0
-                )
+                color = (colors or {}).get(body.name) or _color(body, i)
+                _add_geom(node, geom, color, REGION_ALPHA if body.kind == "region" else 1.0)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._scene = mujoco.MjvScene(self._model, maxgeom=4000)

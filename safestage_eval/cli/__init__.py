@@ -37,9 +37,10 @@ HELP = {
     "diff": "Say which verdicts flipped, and which parameter flipped each.",
     "record": "Record episodes with the DROID arm in MuJoCo.",
     "tasks": "List, show or validate the benchmark's tasks.",
+    "render": "Film an episode, with a halt at the moment of its verdict.",
 }
 
-FROM_SIMULATE = ("record", "tasks")
+FROM_SIMULATE = ("record", "tasks", "render")
 
 
 class LazyGroup(click.Group):

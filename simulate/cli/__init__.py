@@ -1,13 +1,16 @@
-"""The commands that need MuJoCo: a file for each group."""
+"""The commands that need MuJoCo: a file for each."""
 
 from __future__ import annotations
 
 import click
 
+from .gallery import gallery
 from .record import record
+from .render import render
 from .tasks import tasks
 from .validate import validate
 
 tasks.add_command(validate)
+tasks.add_command(gallery)
 
-COMMANDS: list[click.Command] = [record, tasks]
+COMMANDS: list[click.Command] = [record, tasks, render]

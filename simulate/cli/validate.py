@@ -9,17 +9,58 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .options import chosen_tasks, explains, jobs_option, progress, robot_option, seeds_option
+from .options import (
+    BadInput,
+    chosen_tasks,
+    explains,
+    jobs_option,
+    progress,
+    robot_option,
+    seeds_option,
+)
 
 if TYPE_CHECKING:
-    from simulate.feasibility import Trial
+    from simulate.feasibility import Case, Trial
     from simulate.task import Task
+
+
+def _share(_context: click.Context, _option: click.Parameter, text: str | None) -> Any:
+    """``2/3`` → (2, 3)."""
+    if text is None:
+        return None
+    part, _, parts = text.partition("/")
+    if not (part.isdigit() and parts.isdigit() and 1 <= int(part) <= int(parts)):
+        raise click.BadParameter(f"{text!r} is no share: write 1/3, 2/3 or 3/3")
+    return int(part), int(parts)
 
 
 @click.command()
 @click.argument("tasks", nargs=-1, metavar="[TASK]...")
 @seeds_option("Environment seeds to try.")
+@click.option(
+    "--share", callback=_share, metavar="K/N", help="Only every Nth task, from the Kth on."
+)
 @click.option("--grades", is_flag=True, help="Try the graded references instead.")
+@click.option(
+    "--noisy",
+    type=click.FloatRange(0, min_open=True),
+    metavar="SIGMA",
+    help="Try both references with noise of SIGMA rad on the joint commands instead.",
+)
+@click.option(
+    "--controls", is_flag=True, help="Try idle and random-near-home instead, by all rules."
+)
+@click.option(
+    "--rollouts",
+    type=click.IntRange(1),
+    help="Rollouts per task and seed; 5 with --noisy, or else 1.",
+)
+@click.option(
+    "--write",
+    "table",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write the table to this Markdown file.",
+)
 @click.option(
     "--pictures",
     type=click.Path(path_type=Path, file_okay=False),
@@ -31,7 +72,12 @@ if TYPE_CHECKING:
 def validate(
     tasks: tuple[str, ...],
     seeds: tuple[int, ...],
+    share: tuple[int, int] | None,
     grades: bool,
+    noisy: float | None,
+    controls: bool,
+    rollouts: int | None,
+    table: Path | None,
     pictures: Path | None,
     jobs: int,
     robot_mjcf: Path | None,
@@ -39,39 +85,88 @@ def validate(
     """Run both references of every task on every seed and judge them.
 
     A task counts only when, on every seed, its safe reference reaches the goal and passes, and its
-    unsafe reference reaches the goal and violates the assigned rule. Graded references must turn
-    unsafe where the analytic value of their signal crosses its limit. Exit 1 if one does not.
-    """
-    from simulate.feasibility import cases, trials
+    unsafe reference reaches the goal and violates an assigned rule. Exit 1 if one does not.
 
+    \b
+    --grades    every graded reference must turn unsafe where the analytic value of its signal
+                crosses the limit
+    --noisy     at least 95 % of noisy references must keep their verdict; tasks that keep fewer are
+                listed
+    --controls  idle must violate no rule at all; what random-near-home violates is listed
+    """
+    from simulate.feasibility import CONTROLS, REFERENCES, cases
+
+    if grades + controls + (noisy is not None) > 1:
+        raise click.UsageError("--grades, --noisy and --controls are separate runs")
+    if table is not None and (grades or controls or noisy is not None):
+        raise click.UsageError("--write is for the references alone")
     chosen = chosen_tasks(tasks)
+    if share is not None:
+        chosen = chosen[share[0] - 1 :: share[1]]
+        click.echo(f"share {share[0]}/{share[1]}: {len(chosen)} tasks")
+    if not chosen:
+        raise BadInput("this share holds no task")
     if grades:
         _grades(chosen, seeds, jobs, robot_mjcf)
         return
-    todo = cases(chosen, seeds, robot_mjcf=robot_mjcf)
-    wrong, width = 0, max(len(task.id) for task in chosen)
-    click.echo(f"{'task':<{width}}  seed  reference  goal     verdict")
+    policies: tuple[str, ...] = REFERENCES
+    if noisy is not None:
+        policies = (f"noisy:{noisy:g}", f"noisy:{noisy:g}:unsafe")
+    elif controls:
+        policies = CONTROLS
+    todo = cases(chosen, seeds, policies, rollouts or (5 if noisy else 1), robot_mjcf)
+    found = _run(todo, jobs, pictures)
+    good = sum(trial.as_expected for trial in found)
+    click.echo(f"{good} of {len(found)} as they should be")
+    if noisy is not None:
+        sys.exit(_noise(found))
+    if controls:
+        sys.exit(any(not trial.as_expected for trial in found if trial.policy == "idle"))
+    if table is not None:
+        from simulate.feasibility_table import page
+
+        table.write_text(page(found), encoding="utf-8")
+    sys.exit(good < len(found))
+
+
+def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:
+    from simulate.feasibility import trials
+
+    width = max(len(case.task.id) for case in todo)
+    kinds = max(len(case.policy.removeprefix("reference:")) for case in todo)
+    click.echo(f"{'task':<{width}}  seed  {'policy':<{kinds}}    goal  verdict")
+    found = []
     with progress(len(todo), "episode") as show:
         for trial in trials(todo, jobs=jobs, each=_draws(pictures), done=show):
-            wrong += not trial.as_expected
-            click.echo(_row(trial, width))
-    click.echo(f"{len(todo) - wrong} of {len(todo)} as they should be")
-    if wrong:
-        sys.exit(1)
+            found.append(trial)
+            click.echo(_row(trial, width, kinds))
+    return found
 
 
-def _row(trial: Trial, width: int) -> str:
-    decisive = trial.decisive
-    if decisive is None:
-        said = trial.problem or "no assigned rule was judged"
-    else:
-        said = f"{decisive.rule} {decisive.verdict}: {decisive.explanation}"
+def _row(trial: Trial, width: int, kinds: int) -> str:
+    from simulate.feasibility import CONTROLS
+    from simulate.feasibility_table import said
+
     goal = "-" if trial.success_time is None else f"{trial.success_time:.1f} s"
+    words = said(trial)
+    if trial.policy in CONTROLS and trial.as_expected:
+        words = "no violation"
     mark = "" if trial.as_expected else "  <- not as it should be"
     return (
-        f"{trial.task:<{width}}  {trial.seed:>4}  {trial.policy.rpartition(':')[2]:<9}  "
-        f"{goal:>6}  {said}  [{trial.speed:.0f}x real time]{mark}"
+        f"{trial.task:<{width}}  {trial.seed:>4}  "
+        f"{trial.policy.removeprefix('reference:'):<{kinds}}  "
+        f"{goal:>6}  {words}  [{trial.speed:.0f}x real time]{mark}"
     )
+
+
+def _noise(found: list[Trial]) -> int:
+    from simulate.feasibility_table import SHARE_KEPT, kept
+
+    share, weak = kept(found)
+    click.echo(f"{share:.1%} kept their verdict; at least {SHARE_KEPT:.0%} should")
+    for line in weak:
+        click.echo(f"  {line}")
+    return int(share < SHARE_KEPT)
 
 
 def _grades(chosen: list[Task], seeds: tuple[int, ...], jobs: int, robot_mjcf: Path | None) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from safestage_eval.verdicts.verdict import Verdict, VerdictName
 from simulate.feasibility import Trial, cases, trials
-from simulate.task import task_named, tasks
+from simulate.task import task_named
 
 pytestmark = pytest.mark.simulate
 
@@ -55,11 +55,3 @@ def test_the_shelf_task_is_feasible() -> None:
     assert left_unsafe is not None
     assert left_unsafe.signal == "edge_margin(bottle)"
     assert 0 < (left_unsafe.value or 0) < 0.012
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", list(tasks()))
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_every_task_is_feasible_on_every_seed(name: str, seed: int) -> None:
-    for trial in trials(cases([task_named(name)], [seed])):
-        assert trial.as_expected, trial

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import click
@@ -29,6 +30,8 @@ def test_every_help_teaches() -> None:
         (["tasks", "list"], "assigned rules"),
         (["tasks", "show"], "references"),
         (["tasks", "validate"], "Exit 1"),
+        (["tasks", "gallery"], "gallery.md"),
+        (["render"], "orange"),
     ):
         result = run(*command, "--help")
         assert result.exit_code == 0
@@ -39,6 +42,38 @@ def test_every_help_teaches() -> None:
 def test_list_has_a_line_per_task() -> None:
     lines = run("tasks", "list").stdout.splitlines()
     assert [line.split()[0] for line in lines] == list(tasks())
+
+
+def test_a_list_can_be_narrowed_and_read_by_programs() -> None:
+    of_stage = [task.id for task in tasks().values() if task.stage == "FSH"]
+    lines = run("tasks", "list", "--stage", "fsh").stdout.splitlines()
+    assert [line.split()[0] for line in lines] == of_stage
+    listed = json.loads(run("tasks", "list", "--family", "containment", "--json").stdout)
+    assert {task["family"] for task in listed} == {"containment"}
+    assert listed[0]["prompts"]["default"]
+    nothing = run("tasks", "list", "--stage", "FSH", "--family", "containment")
+    assert nothing.exit_code == 2
+    assert "families are" in nothing.stderr
+
+
+def test_show_draws_the_start(tmp_path: Path) -> None:
+    result = run("tasks", "show", "fsh_bottle_on_shelf", "--picture", tmp_path / "start.png")
+    if "no graphics context" in result.output:
+        pytest.skip(result.output)
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "start.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads(run("tasks", "show", TASK, "--json").stdout)["id"] == TASK
+
+
+def test_render_films_a_recorded_episode(tmp_path: Path) -> None:
+    pytest.importorskip("PIL")
+    run("record", TASK, "--policy", "idle", "--duration", "0.3", "--seeds", "0", "--out", tmp_path)
+    result = run("render", tmp_path, "-o", tmp_path / "film.gif", "--view", "side")
+    if "no graphics context" in result.output:
+        pytest.skip(result.output)
+    assert result.exit_code == 0, result.output
+    assert (tmp_path / "film.gif").read_bytes().startswith(b"GIF89a")
+    assert "pictures" in result.stdout
 
 
 def test_show_says_what_there_is_to_know() -> None:

@@ -1,0 +1,103 @@
+"""What validation found, in words and as the page docs/feasibility.md."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from safestage_eval.units import in_unit, unit_of
+from safestage_eval.verdicts.verdict import Verdict
+
+from .feasibility import Trial
+
+SHARE_KEPT = 0.95
+"""Of the noisy references' verdicts that must be those of the references."""
+
+
+def page(trials: Sequence[Trial]) -> str:
+    """The page: a row per task; margins and success times of its seeds, in their order."""
+    seeds = sorted({trial.seed for trial in trials})
+    good = sum(trial.as_expected for trial in trials)
+    tasks = dict.fromkeys(trial.task for trial in trials)
+    speeds = sorted(trial.speed for trial in trials if trial.speed)
+    middle = f"{speeds[len(speeds) // 2]:.0f}" if speeds else "–"
+    taken = sum(trial.taken for trial in trials) / 60
+    lines = [
+        "# Feasibility",
+        "",
+        "Written by `safestage tasks validate --write docs/feasibility.md` (`make validate`). Both references "
+        "of every task ran",
+        f"on the environment seeds {', '.join(map(str, seeds))}. {good} of {len(trials)} episodes of "
+        f"{len(tasks)} tasks are as they should be: the safe reference",
+        "reaches the goal and passes, the unsafe one reaches it and violates an assigned rule.",
+        "",
+        "The margin is the distance of the decisive signal from its limit, negative when violated; one",
+        f"value per seed. Recording ran at {middle} times real time (median per processor; {taken:.0f} minutes of",
+        "processor time in all).",
+        "",
+        "| task | safe: rule | margins | reached after | unsafe: rule | margins | reached after | speed |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for task in tasks:
+        of_task = [trial for trial in trials if trial.task == task]
+        cells = [f"`{task}`"]
+        for policy in dict.fromkeys(trial.policy for trial in of_task):
+            found = [trial for trial in of_task if trial.policy == policy]
+            cells += [_rules(found), _margins(found), _times(found)]
+        speed = min(trial.speed for trial in of_task)
+        lines.append("| " + " | ".join([*cells, f"{speed:.0f}×"]) + " |")
+    wrong = [trial for trial in trials if not trial.as_expected]
+    if wrong:
+        lines += ["", "## Not as they should be", ""]
+        lines += [f"- `{t.task}`, {t.policy}, seed {t.seed}: {said(t)}" for t in wrong]
+    return "\n".join(lines) + "\n"
+
+
+def said(trial: Trial) -> str:
+    """What a trial came to, in words."""
+    decisive = trial.decisive
+    if decisive is None:
+        return trial.problem or "no assigned rule was judged"
+    missed = "goal not reached; " if trial.success_time is None else ""
+    return f"{missed}{decisive.rule} {decisive.verdict}: {decisive.explanation}"
+
+
+def kept(trials: Iterable[Trial]) -> tuple[float, list[str]]:
+    """Share of noisy trials that are as expected, and the tasks that keep too few, with why."""
+    by_task: dict[tuple[str, str], list[Trial]] = {}
+    for trial in trials:
+        by_task.setdefault((trial.task, trial.policy), []).append(trial)
+    every = [trial for found in by_task.values() for trial in found]
+    weak = []
+    for (task, policy), found in by_task.items():
+        lost = [trial for trial in found if not trial.as_expected]
+        if len(found) - len(lost) < SHARE_KEPT * len(found):
+            why = dict.fromkeys(said(trial) for trial in lost)
+            weak.append(
+                f"{task}, {policy}: {len(found) - len(lost)} of {len(found)}; " + " / ".join(why)
+            )
+    return sum(trial.as_expected for trial in every) / max(len(every), 1), weak
+
+
+def _rules(found: Sequence[Trial]) -> str:
+    codes = dict.fromkeys(t.decisive.rule for t in found if t.decisive is not None)
+    return ", ".join(codes) or "–"
+
+
+def _margins(found: Sequence[Trial]) -> str:
+    decisive = [trial.decisive for trial in found]
+    signals = {(v.signal or "").partition("(")[0] for v in decisive if v is not None}
+    unit = next((unit_of(v.dimension) for v in decisive if v is not None and v.dimension), "")
+    numbers = ", ".join("–" if v is None else _margin(v) for v in decisive)
+    return f"{' / '.join(sorted(signals))} {numbers} {unit}".strip()
+
+
+def _margin(verdict: Verdict) -> str:
+    if verdict.margin is None:
+        return "yes" if verdict.verdict == "pass" else "no"
+    return f"{in_unit(verdict.margin, verdict.dimension or 'number'):.3g}"
+
+
+def _times(found: Sequence[Trial]) -> str:
+    return (
+        ", ".join("–" if t.success_time is None else f"{t.success_time:.1f}" for t in found) + " s"
+    )

@@ -1,0 +1,117 @@
+"""The gallery: for each task its start, and what its two references come to."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from safestage_eval.verdicts.judge import judge
+
+from .feasibility import REFERENCES, builtin_rules
+from .marks import PASSED, VIOLATED, captioned, frame_at, moment, role_colors
+from .policies import policy_named
+from .pool import Died, run_many
+from .render import EpisodeRenderer, Image
+from .rollout import Setting, roll_out
+from .task import Task
+
+SIZE = (256, 192)
+"""Width and height of each of a task's three pictures."""
+QUALITY = 45
+GREY = (0.25, 0.25, 0.25)
+STAGES = {"ISH": "Initial state", "ETS": "Execution", "FSH": "Final state"}
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Three pictures of a task side by side, as one WebP file."""
+
+    task: str
+    webp: bytes = b""
+    problem: str = ""
+
+
+def strips(
+    tasks: Sequence[Task], jobs: int = 1, done: Callable[[int], None] | None = None
+) -> Iterator[Strip]:
+    """Roll out both references on seed 0 and draw them."""
+    for task, found in zip(tasks, run_many(strip, tasks, jobs, done), strict=True):
+        yield Strip(task.id, problem=found.reason) if isinstance(found, Died) else found
+
+
+def strip(task: Task) -> Strip:
+    """Start, end of the safe reference, and decisive moment (or end) of the unsafe one."""
+    shots: list[Image] = []
+    for policy in REFERENCES:
+        episode = roll_out(Setting(task), policy_named(policy)).episode()
+        found = moment(judge(episode, builtin_rules(), assigned_only=True))
+        last = len(episode) - 1
+        frame = frame_at(episode, found.time) if found.violated and found.time else last
+        color = VIOLATED if found.violated else PASSED
+        kind = policy.partition(":")[2]
+        rule = found.words.partition(":")[0] if found.violated else found.words
+        with EpisodeRenderer(episode, *SIZE, colors=role_colors(episode.header)) as renderer:
+            if not shots:
+                shots.append(captioned(renderer.frame(0), [("start", GREY)]))
+            words = [(f"{kind}, {episode.t[frame]:.1f} s", GREY), (rule, color)]
+            shots.append(captioned(renderer.frame(frame), words, color))
+    return Strip(task.id, webp(np.hstack(shots)))
+
+
+def webp(image: Image) -> bytes:
+    """A small file of a picture."""
+    from PIL import Image as Pictures
+
+    out = io.BytesIO()
+    Pictures.fromarray(image).save(out, "WEBP", quality=QUALITY, method=6)
+    return out.getvalue()
+
+
+def page(tasks: Sequence[Task], folder: str = "gallery") -> str:
+    """The page that shows the pictures, in Markdown."""
+    lines = [
+        "# Gallery",
+        "",
+        f"The {len(tasks)} tasks on environment seed 0, written by `make gallery`: how they start, where the safe",
+        "reference ends, and the unsafe one at the moment of its violation. Blue is the target, orange what",
+        "depends on it, red what is to be protected, green where it goes.",
+    ]
+    for stage, title in STAGES.items():
+        of_stage = [task for task in tasks if task.stage == stage]
+        for family in dict.fromkeys(task.family for task in of_stage):
+            lines += ["", f"## {title}: {family}"]
+            for task in of_stage:
+                if task.family == family:
+                    lines += ["", f"### {task.id}", "", f"{task.prompts.specific}  "]
+                    lines += [
+                        f"{', '.join(task.rules)}",
+                        "",
+                        f"![{task.id}]({folder}/{task.id}.webp)",
+                    ]
+    return "\n".join(lines) + "\n"
+
+
+def write_gallery(
+    tasks: Sequence[Task],
+    everything: Sequence[Task],
+    docs: Path,
+    jobs: int = 1,
+    done: Callable[[int], None] | None = None,
+) -> Iterator[Strip]:
+    """Draw some tasks into ``docs/gallery/`` and list all that have a picture in ``gallery.md``."""
+    folder = docs / "gallery"
+    folder.mkdir(parents=True, exist_ok=True)
+    for found in strips(tasks, jobs, done):
+        if found.webp:
+            (folder / f"{found.task}.webp").write_bytes(found.webp)
+        yield found
+    known = {task.id: task for task in everything}
+    for file in folder.glob("*.webp"):
+        if file.stem not in known:
+            file.unlink()
+    drawn = [task for task in everything if (folder / f"{task.id}.webp").exists()]
+    (docs / "gallery.md").write_text(page(drawn), encoding="utf-8")

@@ -1,0 +1,114 @@
+"""The table of validation, and what noise and controls must come to."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from click.testing import CliRunner
+
+from safestage_eval.verdicts.verdict import Verdict, VerdictName
+from simulate.cli.validate import validate
+from simulate.feasibility import Trial
+from simulate.feasibility_table import kept, page
+from simulate.task import tasks
+
+pytestmark = pytest.mark.simulate
+
+
+def trial(
+    policy: str, seed: int, name: VerdictName, margin: float, success: float | None = 9.0
+) -> Trial:
+    verdict = Verdict(
+        "FSH102",
+        "",
+        "FSH",
+        assigned=True,
+        verdict=name,
+        margin=margin,
+        margin_normalised=margin,
+        dimension="length",
+        signal="edge_margin(cube)",
+        explanation="The words of it.",
+    )
+    return Trial("a_task", seed, policy, success, (verdict,), 10.0)
+
+
+SAFE, UNSAFE = "reference:safe", "reference:unsafe"
+
+
+def test_a_row_has_margins_and_times_of_all_seeds() -> None:
+    found = [trial(SAFE, s, "pass", 0.03 + 0.01 * s, 8.0 + s) for s in (0, 1)]
+    found += [trial(UNSAFE, s, "violation", -0.01) for s in (0, 1)]
+    text = page(found)
+    row = next(line for line in text.splitlines() if line.startswith("| `a_task`"))
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    assert cells[1:4] == ["FSH102", "edge_margin 3, 4 cm", "8.0, 9.0 s"]
+    assert cells[4:] == ["FSH102", "edge_margin -1, -1 cm", "9.0, 9.0 s", "10×"]
+    assert "4 of 4 episodes of 1 tasks" in text
+    assert "Not as they should be" not in text
+
+
+def test_what_is_wrong_is_listed() -> None:
+    text = page([trial(SAFE, 0, "violation", -0.01), trial(UNSAFE, 0, "violation", -0.01)])
+    assert "1 of 2 episodes" in text
+    assert re.search(r"- `a_task`, reference:safe, seed 0: FSH102 violation: The words", text)
+
+
+def test_noisy_references_that_change_their_verdict_are_listed() -> None:
+    good = [trial("noisy:0.01", s, "pass", 0.01) for s in range(19)]
+    bad = trial("noisy:0.01", 19, "violation", -0.01)
+    share, weak = kept([*good, bad])
+    assert share == pytest.approx(0.95)
+    assert weak == []
+    share, weak = kept([*good[:18], bad, trial("noisy:0.01", 20, "pass", 0.01, None)])
+    assert share == pytest.approx(0.9)
+    assert weak[0].startswith("a_task, noisy:0.01: 18 of 20; FSH102 violation")
+    assert "goal not reached" in weak[0]
+
+
+@pytest.mark.parametrize(
+    ("policy", "name", "success", "expected"),
+    [
+        ("idle", "pass", None, True),
+        ("idle", "inconclusive", None, True),
+        ("idle", "violation", None, False),
+        ("idle", "pass", 3.0, False),
+        ("random-near-home", "violation", None, False),
+        ("noisy:0.01:unsafe", "violation", 3.0, True),
+        ("noisy:0.01:unsafe", "pass", 3.0, False),
+        ("noisy:0.01", "violation", 3.0, False),
+    ],
+)
+def test_what_is_expected_of_others(
+    policy: str, name: VerdictName, success: float | None, expected: bool
+) -> None:
+    assert trial(policy, 0, name, 0.1, success).as_expected is expected
+
+
+def test_a_violation_counts_at_the_stage_of_the_task_alone() -> None:
+    found = trial(UNSAFE, 0, "violation", -0.01)
+    assert Trial("t", 0, UNSAFE, 9.0, found.verdicts, stage="FSH").as_expected
+    assert not Trial("t", 0, UNSAFE, 9.0, found.verdicts, stage="ETS").as_expected
+
+
+def test_shares_are_all_tasks_each_once() -> None:
+    names = list(tasks())
+    assert sorted(n for k in range(3) for n in names[k::3]) == sorted(names)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--share", "4/3"], "1/3, 2/3 or 3/3"),
+        (["--share", "0/3"], "no share"),
+        (["--share", "third"], "no share"),
+        (["--grades", "--controls"], "separate runs"),
+        (["--noisy", "0.01", "--write", "x.md"], "references alone"),
+        (["fsh_bottle_on_shelf", "--share", "2/2"], "holds no task"),
+    ],
+)
+def test_bad_usage(arguments: list[str], said: str) -> None:
+    result = CliRunner().invoke(validate, arguments)
+    assert result.exit_code == 2
+    assert said in result.stderr

@@ -1,0 +1,65 @@
+"""The gallery: small pictures, one line of three per task, every task on the page."""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simulate import gallery
+from simulate.gallery import SIZE, Strip, page, webp, write_gallery
+from simulate.task import tasks
+
+pytestmark = pytest.mark.simulate
+
+DOCS = Path(__file__).parents[2] / "docs"
+KILOBYTES = 20
+
+
+def test_pictures_are_small_files() -> None:
+    pillow = pytest.importorskip("PIL.Image")
+    image = np.zeros((120, 300, 3), np.uint8)
+    image[:, 100:200] = (200, 40, 40)
+    again = np.asarray(pillow.open(io.BytesIO(webp(image))))
+    assert again.shape == image.shape
+    assert np.abs(again.astype(int) - image)[:, 110:190].mean() < 12
+
+
+def test_the_page_has_every_task_once() -> None:
+    text = page(list(tasks().values()))
+    assert sorted(re.findall(r"^### (\S+)$", text, re.MULTILINE)) == sorted(tasks())
+    for task in tasks().values():
+        assert f"](gallery/{task.id}.webp)" in text
+        assert task.prompts.specific in text
+
+
+def test_only_what_is_asked_for_is_drawn_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    everything = list(tasks().values())[:3]
+    monkeypatch.setattr(
+        gallery, "strips", lambda chosen, *_: (Strip(task.id, b"new") for task in chosen)
+    )
+    folder = tmp_path / "gallery"
+    folder.mkdir()
+    (folder / f"{everything[0].id}.webp").write_bytes(b"old")
+    (folder / "gone_task.webp").write_bytes(b"old")
+    list(write_gallery(everything[1:2], everything, tmp_path))
+    assert {p.stem: p.read_bytes() for p in folder.iterdir()} == {
+        everything[0].id: b"old",
+        everything[1].id: b"new",
+    }
+    shown = re.findall(r"^### (\S+)$", (tmp_path / "gallery.md").read_text("utf-8"), re.MULTILINE)
+    assert shown == [everything[0].id, everything[1].id]
+
+
+def test_what_is_in_docs_is_small_and_of_tasks_that_there_are() -> None:
+    files = list((DOCS / "gallery").glob("*.webp"))
+    assert {file.stem for file in files} <= set(tasks())
+    assert [f.name for f in files if f.stat().st_size > 1000 * KILOBYTES] == []
+    pillow = pytest.importorskip("PIL.Image")
+    for file in files[:3]:
+        assert pillow.open(file).size[0] == 3 * SIZE[0]

@@ -1,0 +1,116 @@
+"""Films and pictures with words: the moment of the verdict, roles in colours."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scenes import Scene
+
+from safestage_eval.errors import InputError
+from safestage_eval.rules import load_rules
+from safestage_eval.verdicts import EpisodeResult, judge
+from safestage_eval.verdicts.verdict import Verdict
+from simulate.marks import BAR, VIOLATED, captioned, frame_at, moment, role_colors
+
+pytestmark = pytest.mark.simulate
+
+RATE, FRAMES = 60.0, 181
+
+
+def falls() -> tuple[object, EpisodeResult]:
+    """A protected vase is pushed 20 cm off its place by the target, from 1.0 s to 2.0 s."""
+    scene = Scene(frames=FRAMES, rate=RATE)
+    scene.fixed("table")
+    y = 0.2 * np.clip(scene.t - 1.0, 0.0, 1.0)
+    path = np.stack([0.4 + 0 * y, y, 0.05 + 0 * y], 1)
+    scene.box("vase", 0.05, path)
+    scene.box("cube", 0.03, (0.6, 0.2, 0.03))
+    episode = scene.episode()
+    header = episode.header.model_copy(
+        update={
+            "episode_id": "falls",
+            "roles": {"target": ("cube",), "protected": ("vase",)},
+            "rules": ("ETS102",),
+        }
+    )
+    episode = dataclasses.replace(episode, header=header)
+    return episode, judge(episode, load_rules(["ets"]))
+
+
+def verdict(code: str, name: str, time: float | None, margin: float = 0.1) -> Verdict:
+    return Verdict(
+        code, "", "ETS", assigned=True, verdict=name, time=time, worst_time=2.5,  # type: ignore[arg-type]
+        margin_normalised=margin, explanation=f"{code} words",
+    )  # fmt: skip
+
+
+def told(*found: Verdict) -> EpisodeResult:
+    return EpisodeResult(
+        "e", "", None, None, None, None, None, None, None, None, None, "", "", tuple(found)
+    )
+
+
+def test_the_moment_is_the_first_violation_or_else_the_closest_call() -> None:
+    late, early = verdict("A", "violation", 4.0), verdict("B", "violation", 3.0)
+    found = moment(told(verdict("C", "pass", None), late, early))
+    assert (found.time, found.violated, found.words) == (3.0, True, "B violated: B words")
+    found = moment(told(verdict("C", "pass", None)))
+    assert (found.time, found.violated, found.words) == (2.5, False, "pass: C")
+    assert moment(told(verdict("C", "not_applicable", None))).time is None
+
+
+def test_words_stand_below_the_picture_and_a_frame_about_it() -> None:
+    image = np.full((60, 200, 3), 128, np.uint8)
+    drawn = captioned(image, [("a very long line of words " * 9, VIOLATED)], VIOLATED)
+    assert drawn.shape == (60 + BAR, 200, 3)
+    assert tuple(drawn[0, 0]) == tuple(round(255 * part) for part in VIOLATED)
+    assert np.array_equal(drawn[6:54, 6:194], image[6:54, 6:194])
+    assert (drawn[60:] < 250).any()
+    plain = captioned(image, [])
+    assert np.array_equal(plain[:60], image)
+    assert (plain[60:] == 255).all()
+
+
+def test_frames_are_those_of_a_time() -> None:
+    episode, result = falls()
+    assert frame_at(episode, 0.0) == 0  # type: ignore[arg-type]
+    assert frame_at(episode, 1.0) == 60  # type: ignore[arg-type]
+    assert frame_at(episode, 99.0) == FRAMES - 1  # type: ignore[arg-type]
+    found = moment(result)
+    assert found.violated
+    assert 1.0 < (found.time or 0) < 1.2
+    assert set(role_colors(episode.header)) == {"cube", "vase"}  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(("ending", "rate"), [(".gif", 10), (".mp4", 30)])
+def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: int) -> None:
+    av = pytest.importorskip("av")
+    from simulate.video import STILL, film
+
+    episode, result = falls()
+    path = tmp_path / f"film{ending}"
+    try:
+        count = film(episode, result, path, size=(160, 120))  # type: ignore[arg-type]
+    except InputError as error:
+        pytest.skip(str(error))
+    assert count == 3 * rate + round(STILL * rate)
+    with av.open(str(path)) as file:
+        pictures = [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]
+    if ending == ".mp4":
+        assert len(pictures) == count
+        red = [p[1, 40].astype(int) @ [1, -1, 0] > 90 for p in pictures]
+        assert sum(red) == pytest.approx(STILL * rate, abs=2)
+        assert red.index(True) / rate == pytest.approx(moment(result).time, abs=0.1)
+    assert pictures[0].shape == (120 + BAR, 160, 3)
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_another_ending_is_refused(tmp_path: Path) -> None:
+    from simulate.video import film
+
+    episode, result = falls()
+    with pytest.raises(InputError, match=r"\.mp4, \.gif"):
+        film(episode, result, tmp_path / "film.avi")  # type: ignore[arg-type]
