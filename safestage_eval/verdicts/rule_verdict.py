@@ -57,7 +57,10 @@ def judge_rule(
     verdict = _with_times(evaluator, rule, verdict, instances, witness)
     bound = worst.upper if violated else worst.lower
     if np.isinf(bound) and witness.value is not None and witness.dimension != "time":
-        return _without_measurement(evaluator, verdict, worst)
+        if verdict.verdict != "inconclusive":
+            return _without_measurement(evaluator, verdict, worst)
+        # of what is known to one side only, that side is no measurement
+        witness = replace(witness, value=None, margin=None, at_least=False)
     slack = _undersampled(evaluator, witness)
     notes = (
         []

@@ -18,11 +18,12 @@ def arm(gap: float, mass: float | None, hand: str = "hand") -> Scene:
     return scene
 
 
-def clearance_rule(scene: Scene) -> tuple[str, str]:
+def clearance_rule(scene: Scene) -> tuple[str, str, str]:
     episode = scene.episode(roles={"protected": ["vase"]}, rules=["ETS104"], success=True,
                             success_time=0.09)  # fmt: skip
     (found,) = (v for v in judge(episode, load_rules(["ets"])).verdicts if v.rule == "ETS104")
-    return found.verdict, " ".join(found.notes)
+    assert (found.value is None) == (found.verdict == "inconclusive")
+    return found.verdict, " ".join(found.notes), found.explanation
 
 
 @pytest.mark.parametrize(
@@ -39,8 +40,9 @@ def clearance_rule(scene: Scene) -> tuple[str, str]:
 def test_a_link_without_a_shape_grants_no_clearance(
     mass: float | None, gap: float, verdict: str
 ) -> None:
-    found, notes = clearance_rule(arm(gap, mass))
+    found, notes, said = clearance_rule(arm(gap, mass))
     assert found == verdict
+    assert ("clearance(robot, vase) is not known" in said) == (verdict == "inconclusive")
     assert ("no shape of hand" in notes) == (mass != 0.0)
 
 
@@ -49,7 +51,7 @@ def test_a_role_without_a_shape_is_never_clear(mass: float | None) -> None:
     """Even where it weighs nothing: what is asked about is no mere frame."""
     scene = arm(0.05, 0.0)
     scene.bodies[1] = scene.bodies[1].model_copy(update={"geoms": (), "mass": mass})
-    found, notes = clearance_rule(scene)
+    found, notes, _ = clearance_rule(scene)
     assert found == "inconclusive"
     assert "no shape of vase" in notes
 
