@@ -51,7 +51,7 @@ def test_a_cavity_is_inside_and_open_at_the_top(name: str, bodies: dict[str, Bod
         return
     rim = body.cavity.position[2] + body.cavity.size[-1]
     floor = body.cavity.position[2] - body.cavity.size[-1]
-    assert rim == pytest.approx(catalogue()[name].height)
+    assert rim <= catalogue()[name].height + 1e-9  # a basket's handle is higher
     assert floor > 0
     points = _points_in(body.cavity)
     for geom in body.geoms:  # no wall reaches into it
