@@ -8,7 +8,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .compiled import owned
+from .turns import angles, turn_all
+
 F64 = NDArray[np.float64]
+
+
+_NO_TURN = "a quaternion has norm 0 or is not finite"
 
 
 def unit(orientation: ArrayLike) -> F64:
@@ -16,7 +22,7 @@ def unit(orientation: ArrayLike) -> F64:
     q = np.asarray(orientation, np.float64)
     norm = np.sqrt(np.einsum("...i,...i->...", q, q))[..., None]  # faster than a short sum
     if not (np.isfinite(norm).all() and (norm > 0).all()):
-        raise ValueError("a quaternion has norm 0 or is not finite")
+        raise ValueError(_NO_TURN)
     return np.asarray(q / norm)
 
 
@@ -51,7 +57,15 @@ def conjugate(orientation: ArrayLike) -> F64:
 
 
 def rotate(orientation: ArrayLike, vector: ArrayLike) -> F64:
-    """(…, 3) vectors (…, 3) turned by quaternions (…, 4)."""
+    """(…, 3) vectors (…, 3) turned by quaternions (…, 4).
+
+    Raises ValueError where a quaternion has norm 0 or is not finite.
+    """
+    if np.ndim(orientation) == 2 and np.ndim(vector) == 1:
+        out = np.empty((len(np.asarray(orientation)), 3))
+        if not turn_all(owned(orientation), owned(vector), out):
+            raise ValueError(_NO_TURN)
+        return out
     return np.asarray((matrix(orientation) @ np.asarray(vector, np.float64)[..., None])[..., 0])
 
 
@@ -97,6 +111,14 @@ def angle(orientation_a: ArrayLike, orientation_b: ArrayLike) -> F64:
     Of ‖q∓q′‖ = 2 sin(θ/4) rather than from the dot product's arc cosine: equal quaternions give
     exactly 0, and small angles keep their digits (Huynh 2009, "Metrics for 3D rotations").
     """
+    first, second = np.ndim(orientation_a), np.ndim(orientation_b)
+    if first == 2 and second in (1, 2):
+        p, q = owned(orientation_a), np.atleast_2d(owned(orientation_b))
+        if len(q) in (1, len(p)):
+            out = np.empty(len(p))
+            if not angles(p, q, out):
+                raise ValueError(_NO_TURN)
+            return out
     p, q = unit(orientation_a), unit(orientation_b)
     minus, plus = (np.einsum("...i,...i->...", x, x) for x in (p - q, p + q))
     half = np.minimum(np.sqrt(np.minimum(minus, plus)) / 2, np.sin(np.pi / 4))

@@ -68,6 +68,18 @@ def reached(
     return dict(rules.digests[key])
 
 
+def parameters_read(rules: ast.RuleSet, node: object, params: Params) -> frozenset[str]:
+    """Names of the parameters that a part of a rule reads, directly or not, whatever their values."""
+    key = ("reads", id(node))  # whose node is kept beside the answer, and so stays what it is
+    known = rules.digests.get(key)
+    if known is None or known[0] is not node:
+        used = (name.partition(".") for name in reached(rules, node, params))
+        found = frozenset(name for kind, _, name in used if kind == "param")
+        known = rules.digests[key] = node, found
+    names: frozenset[str] = known[1]
+    return names
+
+
 def _digest(rules: ast.RuleSet, node: object, params: Params, backend: str) -> str:
     uses = reached(rules, node, params)
     body = [

@@ -14,6 +14,11 @@ from .series import Series, exact
 F64 = NDArray[np.float64]
 
 
+def _size(vectors: F64) -> F64:
+    """(T,) Euclidean norm of each of (T, k) vectors."""
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
+
+
 def com_position(episode: Episode, name: str) -> F64:
     """(T, 3) m, centre of mass, world."""
     track = episode.track(name)
@@ -58,7 +63,7 @@ def angular_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]
     first, last, seconds = _neighbours(episode.t)
     turned = product(unit(track.orientation[last]), conjugate(unit(track.orientation[first])))
     turned = np.where(turned[:, :1] < 0, -turned, turned)  # the shorter way round
-    sine = np.linalg.norm(turned[:, 1:], axis=1)
+    sine = _size(turned[:, 1:])
     size = 2 * np.arctan2(sine, turned[:, 0])
     scale = np.divide(size, sine, out=np.zeros_like(sine), where=sine > 0)
     return turned[:, 1:] * (scale / seconds)[:, None], _derived(name)
@@ -96,15 +101,20 @@ def displacement(query: Query) -> Series:
     com, reference = com_position(query.episode, query.bodies[0]), query.reference
     moved = com - reference.of(com, reference.baseline.position(com))
     axes = 2 if query.name.endswith("xy") else 3
-    order = {"l1": 1, "max": np.inf}.get(str(query.option("norm")), 2)
-    return exact(np.linalg.norm(moved[:, :axes], order, axis=1), query.dimension)
+    order = {"l1": 1, "max": np.inf}.get(str(query.option("norm")))
+    some = moved[:, :axes]
+    return exact(
+        _size(some) if order is None else np.linalg.norm(some, order, axis=1), query.dimension
+    )
 
 
 def turn(query: Query) -> Series:
     """rad, geodesic angle from the reference orientation."""
     orientation = query.episode.track(query.bodies[0]).orientation.astype(np.float64)
-    initial = query.reference.baseline.orientation(orientation)
-    return exact(angle(orientation, query.reference.of(orientation, initial)), query.dimension)
+    reference, initial = query.reference, query.reference.baseline.orientation(orientation)
+    if reference.since is None:
+        return exact(angle(orientation, initial), query.dimension)
+    return exact(angle(orientation, reference.of(orientation, initial)), query.dimension)
 
 
 def tilt(query: Query) -> Series:
@@ -118,13 +128,13 @@ def tilt(query: Query) -> Series:
         note = f"{name} has no up axis: its tilt is not judged"
         return exact(np.full(len(query.episode), -np.inf), query.dimension, (note,))
     up = rotate(query.episode.track(name).orientation, np.asarray(axis, np.float64))
-    return exact(np.arctan2(np.hypot(up[:, 0], up[:, 1]), up[:, 2]), query.dimension)
+    return exact(np.arctan2(_size(up[:, :2]), up[:, 2]), query.dimension)
 
 
 def speed(query: Query) -> Series:
     """m/s of the COM."""
     velocity, notes = com_velocity(query.episode, query.bodies[0])
-    return exact(np.linalg.norm(velocity, axis=1), query.dimension, notes)
+    return exact(_size(velocity), query.dimension, notes)
 
 
 def vertical_speed(query: Query) -> Series:
@@ -136,12 +146,12 @@ def vertical_speed(query: Query) -> Series:
 def angular_speed(query: Query) -> Series:
     """rad/s."""
     velocity, notes = angular_velocity(query.episode, query.bodies[0])
-    return exact(np.linalg.norm(velocity, axis=1), query.dimension, notes)
+    return exact(_size(velocity), query.dimension, notes)
 
 
 def relative_speed(query: Query) -> Series:
     """m/s between the COMs; over unions, the fastest pair."""
     first, second = ([com_velocity(query.episode, n) for n in names] for names in query.groups)
-    pairs = [np.linalg.norm(a - b, axis=1) for a, _ in first for b, _ in second]
+    pairs = [_size(a - b) for a, _ in first for b, _ in second]
     notes = tuple(dict.fromkeys(note for _, told in first + second for note in told))
     return exact(np.maximum.reduce(pairs), query.dimension, notes)

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
-_TINY = float(np.nextafter(0.0, 1.0))
+TINY = float(np.nextafter(0.0, 1.0))
+"""The least size of a margin: just true, or negated just false."""
 
 
 class Band(NamedTuple):
@@ -55,22 +56,18 @@ class Band(NamedTuple):
 
 def each(function: Callable[..., F64], *bands: Band) -> Band:
     """A function of margins applied to the lower ends, and to the upper ends if they differ."""
-    lower = function(*(b.lower for b in bands))
-    if all(b.exact for b in bands):
-        return Band(lower, lower)
-    return Band(lower, function(*(b.upper for b in bands)))
+    lower = function(*[b.lower for b in bands])
+    for b in bands:
+        if b.lower is not b.upper:
+            return Band(lower, function(*[b.upper for b in bands]))
+    return Band(lower, lower)
 
 
 def negated(margin: F64) -> F64:
     """The margin of the opposite: where it was exactly 0 (true), the opposite is just false."""
     opposite = np.asarray(-margin)
-    opposite[margin == 0] = -_TINY
+    opposite[margin == 0] = -TINY
     return opposite
-
-
-def strict(margin: F64) -> F64:
-    """The margin of a strict comparison: 0 is not enough."""
-    return np.where(margin == 0, -_TINY, margin)
 
 
 def crisp(truth: Bool, known: Bool | None = None) -> Band:
@@ -85,6 +82,8 @@ def both(bands: Sequence[Band], frames: int) -> Band:
     """All hold; over no bands at all, true."""
     if not bands:
         return crisp(np.ones(frames, np.bool_))
+    if len(bands) == 1:
+        return bands[0]
     return each(lambda *margins: reduce(np.minimum, margins), *bands)
 
 
@@ -92,6 +91,8 @@ def either(bands: Sequence[Band], frames: int) -> Band:
     """At least one holds; over no bands at all, false."""
     if not bands:
         return crisp(np.zeros(frames, np.bool_))
+    if len(bands) == 1:
+        return bands[0]
     return each(lambda *margins: reduce(np.maximum, margins), *bands)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.digest import reached
+from safestage_eval.rules.digest import parameters_read
 from safestage_eval.signals.reference import Reference, latest
 from safestage_eval.signals.series import Series
 from safestage_eval.states import band, moment, persistence
@@ -68,7 +68,7 @@ class Evaluator(Values):
         self._lazy: dict[int, tuple[ast.Condition, bool]] = {}
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
-        """The same episode under other values; states that these cannot change are shared."""
+        """The same episode under other values; states and limits that they cannot change are shared."""
         found = Evaluator(
             self.relations,
             self.rules,
@@ -80,10 +80,15 @@ class Evaluator(Values):
         )
         found.players = self.players
         changed = {name for name, value in params.items() if self.params.get(name) != value}
-        for key, state in self._states.items():
-            uses = reached(self.rules, ast.Call(*key), params)
-            if not any(f"param.{name}" in uses for name in changed):
-                found._states[key] = state
+
+        def same(node: object) -> bool:
+            return changed.isdisjoint(parameters_read(self.rules, node, params))
+
+        for call, state in self._states.items():
+            declared = self.rules.states.get(call[0])
+            if declared is None or same(declared):
+                found._states[call] = state
+        found._limits = {key: known for key, known in self._limits.items() if same(known[0])}
         return found
 
     @contextmanager
@@ -135,11 +140,14 @@ class Evaluator(Values):
         if not self._is_lazy(condition):
             return band.both([self.atom(atom, env) for atom in condition.atoms], self.frames)
         mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
-        bands = []
+        bands: list[Band] = []
+        decided = 0  # how many of them the mask knows of
         for atom in sorted(condition.atoms, key=_is_costly):
-            found = self.atom(atom, env, mask)
-            bands.append(found)
-            mask = mask & ~np.isneginf(found.upper)
+            if self._asks_costly(atom):
+                for found in bands[decided:]:
+                    mask = mask & ~np.isneginf(found.upper)
+                decided = len(bands)
+            bands.append(self.atom(atom, env, mask))
         return band.both(bands, self.frames)
 
     def _is_lazy(self, condition: ast.Condition) -> bool:

@@ -24,7 +24,7 @@ from .evaluate import Evaluator
 from .goal import Reached, first_success
 from .memory import Memory, remembered
 from .players import combinations
-from .rule_verdict import judge_rule
+from .rule_verdict import judge_rule, violates
 from .values import ends_early, frame_count
 from .verdict import CostTotal, EpisodeResult, Verdict
 
@@ -159,12 +159,12 @@ class Judge:
         self, rule: ast.Rule, blank: Verdict, players: Mapping[str, Sequence[str]]
     ) -> Verdict:
         params = self._binding.params(rule)
-        found = judge_rule(self.evaluator(params), rule, players, blank)
+        evaluator = self.evaluator(params)
+        found = judge_rule(evaluator, rule, players, blank)
         if found.verdict != "violation":
             return found
         for level, values in rule.severity:
-            stricter = self.evaluator({**params, **dict(values)})
-            if judge_rule(stricter, rule, players, blank).verdict == "violation":
+            if violates(evaluator.under({**params, **dict(values)}), rule, players):
                 found = replace(found, severity=level)
         return found
 
@@ -184,7 +184,7 @@ class Judge:
         if found is None or found.verdict != "violation":
             return total, found
         for level, values in cost.severity:
-            stricter = self.evaluator({**params, **dict(values)})
+            stricter = evaluator.under({**params, **dict(values)})
             verdict = judge_cost(stricter, cost, players, blank)[1]
             if verdict is not None and verdict.verdict == "violation":
                 found = replace(found, severity=level)

@@ -99,6 +99,16 @@ def judge_rule(
     return replace(verdict, explanation=sentence(evaluator, rule, worst, witness, verdict))
 
 
+def violates(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> bool:
+    """Whether the verdict would be a violation; arguments as ``judge_rule``."""
+    evaluator.players, evaluator.notes = players, {}
+    return any(
+        instance.violated
+        for env in combinations(rule, players)
+        for instance in judge_instance(evaluator, rule, env) or ()
+    )
+
+
 def _without_measurement(evaluator: Evaluator, verdict: Verdict, worst: Instance) -> Verdict:
     """No frame decided: the scope is empty, or shorter than what it asks for."""
     empty = worst.scope.first == worst.scope.stop

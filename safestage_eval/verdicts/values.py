@@ -12,7 +12,7 @@ from safestage_eval.signals.options import Options, OptionValue
 from safestage_eval.signals.series import Series
 from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states import band
-from safestage_eval.states.band import Band
+from safestage_eval.states.band import F64, TINY, Band
 
 Env = Mapping[str, str]
 """Role or formal argument → name of the body or union that plays it."""
@@ -102,10 +102,13 @@ def limit_margin(series: Series, op: str, limit: float, scale: float) -> Band:
         limit: SI.
         scale: SI size that counts as one when the limit is 0.
     """
-    size = abs(limit) or scale
-    both_ends = Band(series.lower, series.upper)
-    if op[0] == ">":
-        found = band.each(lambda value: (value - limit) / size, both_ends)
-    else:
-        found = band.each(lambda value: (limit - value) / size, Band(*both_ends[::-1]))
-    return band.each(band.strict, found) if len(op) == 1 else found
+    size, up = abs(limit) or scale, op[0] == ">"
+
+    def margin(value: F64) -> F64:
+        found = value - limit if up else limit - value
+        found /= size
+        if len(op) == 1:
+            found[found == 0] = -TINY
+        return found
+
+    return band.each(margin, Band(*((series.lower, series.upper)[:: 1 if up else -1])))
