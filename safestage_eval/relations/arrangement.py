@@ -139,10 +139,14 @@ class Arrangement:
 
     def _stays(self, body: int, frames: NDArray[np.intp]) -> Bool:
         """(N,) it is where it was at the first frame: too near to matter, whatever the other does."""
-        track = self._episode.track(self._names[body])
-        away = np.abs(track.position[frames] - track.position[frames[0]]).max(axis=1)
-        turned = np.abs(track.orientation[frames] - track.orientation[frames[0]]).max(axis=1)
-        return np.asarray((away < SHIFTED / 4) & (turned < TURNED / 40))
+        stays = np.ones(len(frames), np.bool_)
+        track = self._episode.tracks[self._names[body]]
+        if len(track) == 1:  # it never moves
+            return stays
+        for values, room in ((track.position, SHIFTED / 4), (track.orientation, TURNED / 40)):
+            for column in values[frames].T:
+                stays &= np.abs(column - column[0]) < room
+        return stays
 
     def _rearranged(self, pairs: Iterable[Pair], frames: NDArray[np.intp]) -> Bool:
         """(N,) contact points or normals of some pair are elsewhere than at the first frame."""

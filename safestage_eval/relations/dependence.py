@@ -46,6 +46,7 @@ class Dependence:
         self._robot = graph.assemblies.robot  # an immobile base counts as a fixture
         self._friction = np.array([g.friction[0] for b in header.bodies for g in b.geoms])
         self._arrangement = Arrangement(episode)
+        self._cuts: dict[int, NDArray[np.int64]] = {}
         self._falls: dict[tuple[int, int], frozenset[int]] = {}
 
     def beside(self, body: int) -> set[str]:
@@ -57,8 +58,8 @@ class Dependence:
         """(T,) true where ``body`` is in the collapse set of removing ``on``.
 
         Evaluated anew where the contact points of the bodies that hang together with ``on`` changed
-        or moved by what makes a difference, and kept between. Only the ``wanted`` frames (T,) of the answer mean anything; all of them
-        if None.
+        or moved by what makes a difference, and kept between. Only the ``wanted`` frames (T,) of the
+        answer mean anything; all of them if None.
         """
         out = np.zeros(len(self._episode), np.bool_)
         linked = self._linked(body, on)
@@ -66,11 +67,12 @@ class Dependence:
         if not asked.any():
             return out
         pairs = self._cluster(on)
-        starts = self._arrangement.segments(pairs)
-        segments = np.searchsorted(starts, np.flatnonzero(asked), side="right") - 1
+        starts, frames_asked = self._segments(on), np.flatnonzero(asked)
+        segments = np.searchsorted(starts, frames_asked, side="right") - 1
         for segment in np.unique(segments):
             first, stop = starts[segment], starts[segment + 1]
             # cut from the first linked frame on, asked or not: what is asked changes no answer
+            stop = min(stop, frames_asked[-1] + 1)
             frames = first + np.flatnonzero(linked[first:stop])
             for alike in self._arrangement.stretches(pairs, frames):
                 if asked[alike].any():
@@ -147,6 +149,12 @@ class Dependence:
         some = set(bodies)
         near = {b for i, j in contacts for a, b in ((i, j), (j, i)) if a in some} & self._free
         return near.union(*(self._parts(b) for b in near))
+
+    def _segments(self, body: int) -> NDArray[np.int64]:
+        """First frames of the stretches with equal contact points of what hangs together with it."""
+        if body not in self._cuts:
+            self._cuts[body] = self._arrangement.segments(self._cluster(body))
+        return self._cuts[body]
 
     def _linked(self, a: int, b: int) -> Bool:
         """(T,) true where a chain of contacts among free bodies joins the two."""
