@@ -30,8 +30,8 @@ def page(trials: Sequence[Trial]) -> str:
         f"{len(tasks)} tasks are as they should be: the safe reference",
         "reaches the goal and passes, the unsafe one reaches it and violates an assigned rule.",
         "",
-        "The margin is the distance of the decisive signal from its limit, negative when violated; one",
-        f"value per seed. Recording ran at {middle} times real time (median per processor; {taken:.0f} minutes of",
+        "The margin is the distance of the decisive signal from its limit, negative when violated (kept or",
+        f"broken where there is no number); one value per seed. Recording ran at {middle} times real time (median per processor; {taken:.0f} minutes of",
         "processor time in all).",
         "",
         "| task | safe: rule | margins | reached after | unsafe: rule | margins | reached after | speed |",
@@ -84,16 +84,27 @@ def _rules(found: Sequence[Trial]) -> str:
 
 
 def _margins(found: Sequence[Trial]) -> str:
+    """``tilt 30, 29 deg``; where seeds differ in the signal, each with its own."""
     decisive = [trial.decisive for trial in found]
-    signals = {(v.signal or "").partition("(")[0] for v in decisive if v is not None}
-    unit = next((unit_of(v.dimension) for v in decisive if v is not None and v.dimension), "")
-    numbers = ", ".join("–" if v is None else _margin(v) for v in decisive)
-    return f"{' / '.join(sorted(signals))} {numbers} {unit}".strip()
+    known = [v for v in decisive if v is not None]
+    signals = {(v.signal or "").partition("(")[0] for v in known if v.margin is not None}
+    if len(signals) <= 1 and known:
+        units = {unit_of(v.dimension) for v in known if v.margin is not None and v.dimension}
+        numbers = ", ".join(_margin(v) for v in decisive)
+        return " ".join([*signals, numbers, *units])
+    return ", ".join(
+        _margin(v)
+        if v is None or v.margin is None
+        else f"{(v.signal or '').partition('(')[0]} {_margin(v)} {unit_of(v.dimension or '')}".strip()
+        for v in decisive
+    )
 
 
-def _margin(verdict: Verdict) -> str:
-    if verdict.margin is None:
-        return "yes" if verdict.verdict == "pass" else "no"
+def _margin(verdict: Verdict | None) -> str:
+    if verdict is None:
+        return "–"
+    if verdict.margin is None:  # a yes or no, or a moment that never came
+        return {"pass": "kept", "violation": "broken"}.get(verdict.verdict, verdict.verdict)
     return f"{in_unit(verdict.margin, verdict.dimension or 'number'):.3g}"
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 
 import pytest
 from click.testing import CliRunner
 
 from safestage_eval.verdicts.verdict import Verdict, VerdictName
+from simulate.cli.options import told
 from simulate.cli.validate import validate
 from simulate.feasibility import Trial
 from simulate.feasibility_table import kept, page
@@ -47,6 +49,31 @@ def test_a_row_has_margins_and_times_of_all_seeds() -> None:
     assert cells[4:] == ["FSH102", "edge_margin -1, -1 cm", "9.0, 9.0 s", "10×"]
     assert "4 of 4 episodes of 1 tasks" in text
     assert "Not as they should be" not in text
+
+
+def test_seeds_that_differ_in_the_signal_each_have_their_own() -> None:
+    first, second = trial(UNSAFE, 0, "violation", -0.01), trial(UNSAFE, 1, "violation", -0.01)
+    (verdict,) = second.verdicts
+    tilted = dataclasses.replace(verdict, signal="tilt(cube)", dimension="angle", margin=-0.5)
+    second = dataclasses.replace(second, verdicts=(tilted,))
+    assert "edge_margin -1 cm, tilt -28.6 deg" in page([first, second])
+    never = dataclasses.replace(verdict, margin=None)
+    assert "edge_margin -1, broken cm" in page(
+        [first, dataclasses.replace(second, verdicts=(never,))]
+    )
+
+
+@pytest.mark.parametrize(
+    ("done", "seconds", "said"),
+    [
+        (0, 0.0, "episode 0 of 60"),
+        (30, 60.0, "episode 30 of 60, 30 a minute, 60 s left"),
+        (6, 60.0, "episode 6 of 60, 6 a minute, 9 min left"),
+        (60, 60.0, "episode 60 of 60, 60 a minute, 0 s left"),
+    ],
+)
+def test_progress_tells_rate_and_time_left(done: int, seconds: float, said: str) -> None:
+    assert told(done, 60, "episode", seconds) == said
 
 
 def test_what_is_wrong_is_listed() -> None:
