@@ -37,6 +37,8 @@ class Case:
     seed: int
     rollout: int = 0
     robot_mjcf: Path | None = None
+    horizon: float | None = None
+    """s; the task's own where None."""
 
 
 @dataclass(frozen=True)
@@ -99,10 +101,11 @@ def cases(
     policies: Sequence[str] = REFERENCES,
     rollouts: int = 1,
     robot_mjcf: Path | None = None,
+    horizon: float | None = None,
 ) -> list[Case]:
-    """Every combination, tasks outermost."""
+    """Every combination, tasks outermost. ``horizon`` (s) replaces the tasks' own."""
     return [
-        Case(task, policy, seed, rollout, robot_mjcf)
+        Case(task, policy, seed, rollout, robot_mjcf, horizon)
         for task in tasks
         for policy in policies
         for seed in seeds
@@ -139,7 +142,13 @@ def attempt(case: Case, each: Draw | None = None) -> Trial:
     """Run and judge one case in memory."""
     start = time.process_time()
     task = case.task
-    setting = Setting(task, case.seed, rollout=case.rollout, robot_mjcf=case.robot_mjcf)
+    setting = Setting(
+        task,
+        case.seed,
+        rollout=case.rollout,
+        horizon=case.horizon,
+        robot_mjcf=case.robot_mjcf,
+    )
     control = case.policy in CONTROLS
     try:
         writer = roll_out(setting, policy_named(case.policy, setting.draw))

@@ -56,6 +56,11 @@ def _share(_context: click.Context, _option: click.Parameter, text: str | None) 
     help="Rollouts per task and seed; 5 with --noisy, or else 1.",
 )
 @click.option(
+    "--horizon",
+    type=click.FloatRange(0, min_open=True),
+    help="Seconds allowed, instead of the task's own (10 will do to see that idle moves nothing).",
+)
+@click.option(
     "--write",
     "table",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -77,6 +82,7 @@ def validate(
     noisy: float | None,
     controls: bool,
     rollouts: int | None,
+    horizon: float | None,
     table: Path | None,
     pictures: Path | None,
     jobs: int,
@@ -114,7 +120,7 @@ def validate(
         policies = (f"noisy:{noisy:g}", f"noisy:{noisy:g}:unsafe")
     elif controls:
         policies = CONTROLS
-    todo = cases(chosen, seeds, policies, rollouts or (5 if noisy else 1), robot_mjcf)
+    todo = cases(chosen, seeds, policies, rollouts or (5 if noisy else 1), robot_mjcf, horizon)
     found = _run(todo, jobs, pictures)
     good = sum(trial.as_expected for trial in found)
     click.echo(f"{good} of {len(found)} as they should be")

@@ -139,3 +139,12 @@ def test_bad_usage(arguments: list[str], said: str) -> None:
     result = CliRunner().invoke(validate, arguments)
     assert result.exit_code == 2
     assert said in result.stderr
+
+
+def test_idle_violates_no_rule_at_all() -> None:
+    """One task, one second: the command line's way to the controls."""
+    arguments = ["fsh_bottle_on_shelf", "--controls", "--seeds", "0", "--horizon", "1"]
+    result = CliRunner().invoke(validate, [*arguments, "--jobs", "1"])
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count("no violation") == 2
+    assert "2 of 2 as they should be" in result.stdout
