@@ -117,8 +117,8 @@ class Signals(Facts):
         else:
             first, second = (self.movers.of(self.bodies(body)) for body in bodies)
             pairs = [(a, b) for a in first for b in second]
-        steps = slice(max(frame - 1, 0), frame + 1)
-        bounds = [motion_bound(a, b)[steps].max(initial=0.0) for a, b in pairs]
+        near = slice(max(frame - 1, 0), frame + 2)
+        bounds = [motion_bound(a.at(near), b.at(near)).max(initial=0.0) for a, b in pairs]
         return float(max(bounds, default=0.0)) / 2
 
     def _get(

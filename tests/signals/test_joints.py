@@ -6,6 +6,7 @@ from scenes import Scene
 from transforms import rebuilt
 
 from safestage_eval.episode import Episode, Geom, Joint, RobotFrames
+from safestage_eval.geometry.clearance import motion_bound
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.series import Series
 
@@ -145,3 +146,23 @@ def test_self_clearance_between_frames() -> None:
     """The hand moves 0.1 m per frame: half of that may be missed."""
     slack = Signals(robot().episode()).between_frames("self_clearance", (), 4)
     assert slack == pytest.approx(0.05, rel=1e-5)
+
+
+def test_between_frames_is_half_of_what_the_neighbours_steps_allow() -> None:
+    """Measured from three frames alone, and as bounds over the whole episode: the same."""
+    signals = Signals(speeding_up())
+    first, second = (signals.movers[name] for name in ("cup", "tray"))
+    steps = motion_bound(first, second)
+    for frame in range(len(T)):
+        most = steps[max(frame - 1, 0) : frame + 1].max()
+        assert signals.between_frames("clearance", ("cup", "tray"), frame) == pytest.approx(
+            most / 2, rel=1e-12
+        )
+
+
+def speeding_up() -> Episode:
+    """A cup and a tray that speed up, each its own way."""
+    scene = Scene(len(T), 100.0).fixed("table")
+    for name, way in (("cup", (1.0, 0.0, 0.3)), ("tray", (0.0, -2.0, 0.0))):
+        scene.box(name, 0.05, np.outer(T**2, way) + np.array([0.0, 0.0, 1.0]))
+    return scene.episode()
