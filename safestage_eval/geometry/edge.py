@@ -80,9 +80,8 @@ def edge_margin(
     total = max(total, int(wanted.max(initial=-1)) + 1)  # nothing moves, yet later frames are meant
     margin = np.full(total, np.nan)
     contact = np.broadcast_to(lowest(a) if height is None else height, total)
-    for start, stop in still_runs((a, *supports), wanted, STILL_DISTANCE, STILL_ANGLE):
-        frame = int(wanted[start])
-        margin[wanted[start:stop]] = _margin_at(a, supports, frame, float(contact[frame]))
+    for frame, alike in still_runs((a, *supports), wanted, STILL_DISTANCE, STILL_ANGLE):
+        margin[alike] = _margin_at(a, supports, frame, float(contact[frame]))
     return margin
 
 

@@ -44,9 +44,9 @@ def overlap_xy(a: Mover, b: Mover, frames: I64 | None = None) -> F64:
     wanted = np.arange(total) if frames is None else frames
     total = max(total, int(wanted.max(initial=-1)) + 1)  # nothing moves, yet later frames are meant
     share = np.full(total, np.nan)
-    for start, stop in still_runs((a, b), wanted, STILL_DISTANCE, STILL_ANGLE):
-        over, under = footprint(a, int(wanted[start])), footprint(b, int(wanted[start]))
-        share[wanted[start:stop]] = (
+    for frame, alike in still_runs((a, b), wanted, STILL_DISTANCE, STILL_ANGLE):
+        over, under = footprint(a, frame), footprint(b, frame)
+        share[alike] = (
             1.0 if any(part is None for part in b.shape.polytopes) else _share(over, under)
         )
     return share

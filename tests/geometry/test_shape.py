@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.geometry import compiled, pose
 from safestage_eval.geometry.edge import edge_margin
-from safestage_eval.geometry.mover import BLOCK, still_runs
+from safestage_eval.geometry.mover import BLOCK, Mover, still_runs
 
 few = settings(derandomize=True, deadline=None, max_examples=10)
 
@@ -90,9 +90,14 @@ def test_runs_end_where_something_moved() -> None:
     p = np.zeros((8, 3))
     p[3:, 0], p[6:, 0] = 1e-3, 1e-3 + 1e-6
     mover = put(sphere(0.1), p, np.tile([1.0, 0, 0, 0], (8, 1)))
-    assert list(still_runs((mover,), np.arange(8), 1e-5, 1e-4)) == [(0, 3), (3, 8)]
-    assert list(still_runs((mover,), np.array([1, 2, 7]), 1e-5, 1e-4)) == [(0, 2), (2, 3)]
-    assert list(still_runs((put(sphere(0.1), (0, 0, 0)),), np.arange(4), 1e-5, 1e-4)) == [(0, 4)]
+    asked = np.array([1, 2, 7])
+
+    def runs(body: Mover, frames: np.ndarray) -> list[tuple[int, list[int]]]:
+        return [(at, alike.tolist()) for at, alike in still_runs((body,), frames, 1e-5, 1e-4)]
+
+    assert runs(mover, np.arange(8)) == [(0, [0, 1, 2]), (3, [3, 4, 5, 6, 7])]
+    assert runs(mover, asked) == [(0, [1, 2]), (3, [7])], "whoever asks, a run begins where it does"
+    assert runs(put(sphere(0.1), (0, 0, 0)), np.arange(4)) == [(0, [0, 1, 2, 3])]
 
 
 def test_later_frames_of_what_never_moves_may_be_asked_for() -> None:

@@ -120,5 +120,5 @@ def test_killed_and_taken_up_again(tmp_path: Path) -> None:
     assert before <= {ref.episode_id for ref in refs}
     for ref in refs:
         assert ref.problem is None
-        assert len(ref.open()) == 40
+        assert len(ref.open()) == 64  # eight actions of 1/15 s are the first that last for 0.5 s
     assert second.stderr == ""

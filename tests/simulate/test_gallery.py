@@ -62,4 +62,5 @@ def test_what_is_in_docs_is_small_and_of_tasks_that_there_are() -> None:
     assert [f.name for f in files if f.stat().st_size > 1000 * KILOBYTES] == []
     pillow = pytest.importorskip("PIL.Image")
     for file in files[:3]:
-        assert pillow.open(file).size[0] == 3 * SIZE[0]
+        with pillow.open(file) as picture:
+            assert picture.size[0] == 3 * SIZE[0]
