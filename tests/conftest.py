@@ -2,6 +2,7 @@
 
 import os
 
+from browser import browser, tab  # noqa: F401 (fixtures)
 from hypothesis import settings
 
 os.environ.pop("COLUMNS", None)  # what a parallel run sets is no wish for narrow tables

@@ -24,6 +24,7 @@ ROOMS = [
     {"scoring"},  # the verdicts of many episodes
     {"metrics"},
     {"whatif"},  # the same traces under other values and other rules
+    {"replay"},  # an episode for the eye, drawn in a browser
     {"pages"},  # the look of everything that is shown in a browser
     {"report"},
     {"api"},

@@ -1,0 +1,149 @@
+"""A film holds what the trace holds, to a fraction of a millimetre, and nothing that was judged."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+from scenes import Scene
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from safestage_eval.episode import Geom, Mesh
+from safestage_eval.formats import discover
+from safestage_eval.replay import film, look_at, outer
+
+
+def unpack(data):
+    """Header, and body → (N, 7) position and w x y z: as the file's description says."""
+    (length,) = struct.unpack_from("<I", data)
+    head, rest = json.loads(data[4 : 4 + length]), data[4 + length :]
+    poses = {}
+    for body in head["bodies"]:
+        if "pose" in body:
+            poses[body["name"]] = np.array([body["pose"]])
+            continue
+        n = head["frames"]
+        steps = np.frombuffer(rest, "<u2", 7 * n, body["track"]).reshape(7, n).astype(np.int64)
+        columns = np.cumsum(steps, axis=1) % 65536
+        position = np.array(body["low"])[:, None] + body["step"] * columns[:3]
+        turn = np.where(columns[3:] > 32767, columns[3:] - 65536, columns[3:]) / 32767
+        poses[body["name"]] = np.concatenate([position, turn]).T
+    return head, np.frombuffer(rest, "<f4", head["frames"], head["times"]), poses, rest
+
+
+def spinning(frames=241, rate=120.0):
+    t = np.arange(frames) / rate
+    turn = Rotation.from_rotvec(np.outer(4 * t, [0.3, -0.5, 0.8])).as_quat()[:, [3, 0, 1, 2]]
+    turn[::7] *= -1  # the same orientation, written the other way
+    path = np.stack([0.4 * t, np.sin(3 * t), 0.2 + 0 * t], -1)
+    cube = Geom(kind="box", size=(0.02, 0.03, 0.04))
+    scene = Scene(frames, rate).fixed("table").body("cube", cube, path, turn)
+    return scene.box("lies", 0.05, (1, 2, 0.05)), t, path, turn
+
+
+def test_poses_are_the_traces_own():
+    scene, t, path, turn = spinning()
+    head, times, poses, _ = unpack(film(scene.episode()))
+    rows = np.searchsorted(t, times.astype(float) - 1e-6)
+    assert times == pytest.approx(t[rows], abs=1e-6)
+    assert poses["cube"][:, :3] == pytest.approx(path[rows], abs=3e-5)
+    there = Rotation.from_quat(turn[rows][:, [1, 2, 3, 0]])
+    found = Rotation.from_quat(poses["cube"][:, [4, 5, 6, 3]])
+    assert (there.inv() * found).magnitude().max() < 1e-4
+    assert (np.einsum("ij,ij->i", poses["cube"][1:, 3:], poses["cube"][:-1, 3:]) > 0).all()
+    assert poses["table"].tolist() == [[0, 0, 0, 1, 0, 0, 0]]
+    assert poses["lies"] == pytest.approx(np.array([[1, 2, 0.05, 1, 0, 0, 0]]))
+    assert [body["kind"] for body in head["bodies"]] == ["fixture", "object", "object"]
+
+
+@pytest.mark.parametrize(("frames", "rate"), [(1, 120), (2, 120), (50, 10), (1000, 240)])
+def test_the_beat_is_even_and_both_ends_are_there(frames, rate):
+    episode = Scene(frames, rate).box("a", 0.05, (0, 0, 0.05)).episode()
+    _, times, _, _ = unpack(film(episode))
+    assert times[0] == 0
+    assert times[-1] == pytest.approx(episode.t[-1])
+    gaps = np.diff(times)
+    assert (gaps > 0).all()
+    assert gaps.max(initial=0) <= max(1 / 15 + 1 / rate, 1 / rate) + 1e-6
+    assert len(times) <= np.ceil(15 * episode.t[-1]) + 2
+
+
+def test_far_flights_are_rounded_to_their_range():
+    path = np.linspace([0, 0, 0], [0, 0, -400], 60)
+    _, _, poses, _ = unpack(film(Scene(60).box("a", 0.1, path).episode(), rate=120))
+    assert poses["a"][:, :3] == pytest.approx(path, abs=400 / 65535)
+
+
+def test_roles_are_told_and_policies_are_not():
+    scene, *_ = spinning()
+    episode = scene.episode(
+        episode_id="SECRET-1", policy="SECRET-2", notes=("SECRET-3",), rules=("ETS101",),
+        roles={"target": ("cube",), "protected": ("cube", "lies")}, success_time=1.25,
+    )  # fmt: skip
+    data = film(episode)
+    head, *_ = unpack(data)
+    assert head["bodies"][1]["roles"] == ["target", "protected"]
+    assert head["success"] == 1.25
+    assert b"SECRET" not in data
+    assert b"ETS101" not in data
+
+
+def blob(count, seed=3):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, 3))
+    return points / np.linalg.norm(points, axis=1)[:, None] * [0.05, 0.08, 0.03]
+
+
+@pytest.mark.parametrize("count", [8, 60, 3000])
+def test_a_point_set_is_drawn_as_its_hull_turned_outward(count):
+    points = blob(count)
+    vertices, faces = outer(Mesh.build(points))
+    corners = vertices.astype(float)[faces]
+    volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    true = ConvexHull(points).volume
+    assert 0.93 * true <= volume <= true * 1.0001
+    middle = corners.mean(1) - vertices.mean(0)
+    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (np.einsum("ij,ij->i", middle, outward) > 0).all()
+    assert len(faces) < 500
+
+
+def test_flat_points_have_no_hull_and_faces_stay_as_they_are():
+    flat = Mesh.build([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    assert len(outer(flat)[1]) == 0
+    tent = Mesh.build([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2], [0, 3, 1]])
+    assert outer(tent)[1].tolist() == [[0, 1, 2], [0, 3, 1]]
+
+
+def test_a_mesh_is_stored_once_however_many_geoms_have_it():
+    mesh = Mesh.build(blob(40))
+    geom = Geom(kind="convex_mesh", mesh=mesh.key)
+    scene = Scene(2).body("a", geom, (0, 0, 0)).body("b", geom, (1, 0, 0))
+    episode = scene.episode()
+    object.__setattr__(episode, "meshes", {mesh.key: mesh})
+    head, _, _, rest = unpack(film(episode))
+    (stored,) = head["meshes"]
+    steps = np.frombuffer(rest, "<u2", 3 * stored["points"], stored["vertices"]).reshape(-1, 3)
+    found = np.array(stored["low"]) + stored["step"] * steps
+    assert found == pytest.approx(outer(mesh)[0], abs=3e-5)
+    assert [body["geoms"][0]["mesh"] for body in head["bodies"]] == [0, 0]
+
+
+def test_the_eye_is_on_what_has_a_role():
+    scene = Scene(5).fixed("table").box("cup", 0.05, (0.5, 0.1, 0.05)).box("far", 0.05, (9, 9, 9))
+    look = look_at(scene.episode(roles={"target": ("cup",)}))
+    assert look.at[:2] == (0.5, 0.1)
+    assert 0.3 < look.distance < 2
+    assert look_at(scene.episode()).distance > look.distance
+    assert np.isfinite(look_at(Scene(1).episode()).at).all()
+
+
+def test_recorded_episodes_are_small():
+    """Twenty seconds of an arm and its table: well below a picture's size."""
+    import gzip
+    from pathlib import Path
+
+    traces = Path(__file__).resolve().parents[2] / "traces"
+    ref = next(r for r in discover(traces) if "orange_on_plate.reference-unsafe" in r.episode_id)
+    assert len(gzip.compress(film(ref.open()))) < 120_000
