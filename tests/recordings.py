@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from safestage_eval.episode import Body, Cavity, Geom, Header, Joint, Mesh, Source, Tcp
+from safestage_eval.episode import Body, Cavity, Geom, Header, Joint, Mesh, Remark, Source, Tcp
 from safestage_eval.formats import TraceWriter
 
 STILL = (1.0, 0.0, 0.0, 0.0)
@@ -107,7 +107,13 @@ def everything(episode_id="everything", frames=8):
         rules=("FSH101",),
         parameters={"edge": "3 cm"},
         force_source="recorded",
-        source=Source(simulator="arithmetic", licence="Apache-2.0"),
+        source=Source(
+            simulator="arithmetic",
+            licence="Apache-2.0",
+            episode="numbers.h5:demo_0",
+            fingerprint="0123456789abcdef",
+            account=(Remark(kind="missing", what="forces", how="é", cost="all", remedy="--dt"),),
+        ),
         notes=("made up",),
         bodies=(floor, Body(name="arm", kind="robot"), finger, mug),
         joints=(Joint(name="lift", kind="prismatic", body="arm", limits=(0, 1)),),

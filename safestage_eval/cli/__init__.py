@@ -7,7 +7,6 @@ Data goes to stdout, progress and warnings to stderr. Nothing ever prompts.
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from difflib import get_close_matches
 
 import click
@@ -21,6 +20,7 @@ COMMANDS = {
     "validate": "validate",
     "convert": "convert",
     "pack": "pack",
+    "import": "import_",
     "rules": "rules",
     "sweep": "sweep",
     "diff": "diff",
@@ -34,6 +34,7 @@ HELP = {
     "validate": "Check trace files, and list everything that is wrong with them.",
     "convert": "Copy an episode into another format, losslessly.",
     "pack": "Merge episodes into few large files, ready to be published.",
+    "import": "Take over other people's recordings, with an account of what they lack.",
     "rules": "Check, explain, compare and test rule files.",
     "sweep": "Show how the rates move with a threshold.",
     "diff": "Say which verdicts flipped, and which parameter flipped each.",
@@ -77,7 +78,9 @@ class LazyGroup(click.Group):
 
 
 def _from_simulate(name: str) -> click.Command:
-    missing = _why_not_simulate()
+    from safestage_eval import simulator
+
+    missing = simulator.why_not()
     if missing is None:
         commands: list[click.Command] = importlib.import_module("simulate.cli").COMMANDS
         return next(command for command in commands if command.name == name)
@@ -88,20 +91,6 @@ def _from_simulate(name: str) -> click.Command:
         raise click.UsageError(f"{name!r} needs the simulator: {missing}")
 
     return refuse
-
-
-def _why_not_simulate() -> str | None:
-    spec = importlib.util.find_spec("simulate")
-    if spec is None:
-        return "pip install 'safestage[simulate]'"
-    if not getattr(importlib.import_module("simulate"), "SAFESTAGE", False):
-        return (
-            f"another package named 'simulate' is in its place ({spec.origin}); uninstall it, "
-            "then pip install --force-reinstall 'safestage[simulate]'"
-        )
-    if importlib.util.find_spec("mujoco") is None:
-        return "MuJoCo is not installed: pip install 'safestage[simulate]'"
-    return None
 
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -82,11 +81,10 @@ def _hashes(folder: Path) -> dict[str, str | None]:
 
 
 def _file_for(name: str, out: Path) -> Path:
-    """The MCAP file of an episode; what file names cannot hold everywhere becomes ``_``."""
-    if out.suffix == ".mcap":
-        return out
-    plain = re.sub(r"[^\w.+=@-]", "_", name).lstrip(".")
-    return out / f"{plain or '_'}.mcap"
+    """The MCAP file of an episode."""
+    from safestage_eval.formats.save import mcap_name
+
+    return out if out.suffix == ".mcap" else out / mcap_name(name)
 
 
 def _may_write(target: Path, source: Path, written: set[Path], *, force: bool) -> None:

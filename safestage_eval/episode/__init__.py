@@ -4,7 +4,7 @@ from .body import Body, Cavity, Geom, Joint, Quat, Record, Tcp, Vec3
 from .contacts import ContactTable
 from .episode import Episode
 from .frames import RobotFrames
-from .header import SCHEMA_VERSION, Header, Source
+from .header import SCHEMA_VERSION, Header, Remark, Source
 from .invariants import (
     check,
     check_contact_frames,
@@ -35,6 +35,7 @@ __all__ = [
     "Mesh",
     "Quat",
     "Record",
+    "Remark",
     "RobotFrames",
     "Source",
     "Tcp",

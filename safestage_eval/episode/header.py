@@ -8,11 +8,32 @@ from pydantic import Field
 
 from .body import Body, Joint, Record, Vec3
 
-SCHEMA_VERSION = "1.0"
+SCHEMA_VERSION = "1.1"
 
 Stage = Literal["ISH", "ETS", "FSH"]
 Termination = Literal["success", "horizon", "policy", "error", "truncated"]
 ForceSource = Literal["recorded", "recomputed", "none"]
+
+
+class Remark(Record):
+    """One thing that an importer could not take over as it was."""
+
+    kind: Literal["missing", "recomputed", "guessed"]
+    what: str
+    """``contact forces``, ``shapes of 3 bodies``, …"""
+    how: str = ""
+    """What stands in its place, and where that comes from."""
+    cost: str = ""
+    """Which signals, relations or rules become inconclusive or less exact."""
+    remedy: str = ""
+    """The flag, file or request to the publisher that supplies it."""
+
+    def __str__(self) -> str:
+        """``missing: contact forces; costs: …; remedy: …`` in one line."""
+        parts = [f"{self.kind}: {self.what}", self.how]
+        parts += [f"costs: {self.cost}"] if self.cost else []
+        parts += [f"remedy: {self.remedy}"] if self.remedy else []
+        return "; ".join(part for part in parts if part)
 
 
 class Source(Record):
@@ -24,6 +45,12 @@ class Source(Record):
     """Recorder or importer."""
     recorder_version: str | None = None
     licence: str | None = None
+    episode: str | None = None
+    """Of an imported episode: its file and its name there. Since 1.1."""
+    fingerprint: str | None = None
+    """Of an imported episode: tells other data, and other settings of the import. Since 1.1."""
+    account: tuple[Remark, ...] = ()
+    """Of an imported episode: what was missing, recomputed or guessed. Since 1.1."""
 
 
 class Header(Record):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from safestage_eval.episode import Episode, check
@@ -43,3 +44,9 @@ def save(episode: Episode, path: str | Path, format: Format | None = None) -> Ep
     except OSError as error:
         raise TraceError(str(target), f"cannot be written: {error.strerror or error}") from error
     raise TraceError(str(target), f"there is no format {kind!r}.", "parquet, mcap")
+
+
+def mcap_name(episode_id: str) -> str:
+    """Name of an episode's MCAP file; what file names cannot hold everywhere becomes ``_``."""
+    plain = re.sub(r"[^\w.+=@-]", "_", episode_id).lstrip(".")
+    return f"{plain or '_'}.mcap"

@@ -128,6 +128,7 @@ def describe(episode: Episode) -> str:
     lines.append("  timeline")
     lines += [f"    {time:7.2f} s  {what}" for time, what in _timeline(episode)]
     lines += [f"  note: {note}" for note in header.notes]
+    lines += [f"  {remark}" for remark in header.source.account]
     return "\n".join(lines) + "\n"
 
 

@@ -21,6 +21,7 @@ GOLDEN = Path(__file__).parent / "golden"
 
 HASHES = {
     "1.0": "04994aa5b19f2644279753e2e58a54a929517a4d0c6668025b3cf022d93191aa",
+    "1.1": "04994aa5b19f2644279753e2e58a54a929517a4d0c6668025b3cf022d93191aa",
 }
 
 

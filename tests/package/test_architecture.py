@@ -10,7 +10,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 EVALUATOR, SIMULATOR = "safestage_eval", "simulate"
 
 ROOMS = [
-    {"errors", "units"},
+    {"errors", "units", "simulator"},
     {"episode"},
     {"formats"},
     {"geometry"},
@@ -19,6 +19,7 @@ ROOMS = [
     {"states"},
     {"rules"},
     {"sketch"},  # example scenes of the rules
+    {"importers"},  # other people's files
     {"verdicts"},
     {"cache"},  # what was measured and judged before
     {"scoring"},  # the verdicts of many episodes

@@ -1,0 +1,87 @@
+"""What each foreign format does: recognise its files, list their episodes, read one."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar, Literal
+
+from safestage_eval.episode import Episode
+from safestage_eval.errors import InputError
+
+from .account import Account
+from .map_tables import MapFile
+
+QuaternionOrder = Literal["wxyz", "xyzw"]
+
+
+class SourceError(InputError):
+    """A source that lacks what no trace can do without; ``fix`` names the flag or file that has it."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the user adds to a source. Small and picklable.
+
+    Attributes:
+        map: what the map file says (docs/import/map.md).
+        quaternion: order of the source's quaternions, where it does not tell.
+        dt: s between the source's rows, where it does not tell.
+    """
+
+    map: MapFile = field(default_factory=MapFile)
+    quaternion: QuaternionOrder | None = None
+    dt: float | None = None
+
+
+class Importer(ABC):
+    """One source: a file or folder of one format, open for reading.
+
+    Subclasses are made in worker processes as well, from the same arguments.
+    """
+
+    name: ClassVar[str]
+    """As ``--from`` says it."""
+    title: ClassVar[str]
+    """As messages say it."""
+
+    def __init__(self, path: Path, settings: Settings) -> None:
+        """Open the source.
+
+        Raises:
+            InputError: it cannot be read, or ``SourceError``: it lacks what no trace can do without.
+        """
+        self.path, self.settings = path, settings
+
+    @classmethod
+    @abstractmethod
+    def recognise(cls, path: Path) -> str | None:
+        """By what a file or folder is told to be of this format; None if it is not.
+
+        Looks at content, never at names alone; quick, and raises nothing.
+        """
+
+    @abstractmethod
+    def episodes(self) -> Sequence[str]:
+        """Names of the source's episodes in order, found without reading their data."""
+
+    @abstractmethod
+    def fingerprint(self, name: str) -> str:
+        """A short text that changes with the episode's data, found without reading all of it."""
+
+    @abstractmethod
+    def read(self, name: str, account: Account) -> Episode:
+        """The episode, with everything that it lacks said to ``account``.
+
+        The header's ``episode_id`` and ``source.episode``, ``.fingerprint``, ``.account`` and
+        ``.recorder`` are filled in by the caller, as are the map file's ``[every]`` and
+        ``[episode.NAME]``. What the map says of bodies is for the importer to use.
+
+        Raises:
+            InputError: this episode cannot be imported; the others may.
+        """
+
+    def close(self) -> None:  # noqa: B027 — most have nothing to close
+        """Let go of open files."""

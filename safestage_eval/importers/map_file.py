@@ -1,0 +1,149 @@
+"""Map files: what a source does not say of its bodies and episodes (docs/import/map.md).
+
+::
+
+    [source]                             # the source itself
+    dt = "50 ms"
+    quaternion = "xyzw"
+
+    [every]                              # header fields of every episode …
+    policy = "pi0"
+    roles = { target = "mug", protected = ["vase"] }
+
+    [task.pour]                          # … of those of a task …
+    rules = ["ETS201"]
+
+    [episode.demo_3]                     # … and of one; it wins
+    success = true
+
+    [body.mug]                           # a body by its name in the source, or a pattern: "cube_*"
+    mass = 0.3
+    up = [0, 0, 1]
+    tags = ["fragile"]
+    shapes = [{ kind = "cylinder", size = ["4 cm", "5 cm"] }]
+
+    [body.table]                         # one that the source does not have: it needs a position
+    kind = "fixture"
+    position = [0, 0, "-2 cm"]
+    shapes = [{ kind = "box", size = [0.5, 0.5, 0.02] }]
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+
+from safestage_eval.errors import InputError
+from safestage_eval.rules.diagnostic import Diagnostic
+from safestage_eval.rules.files import not_toml
+from safestage_eval.rules.locate import Locations
+from safestage_eval.rules.names import nearest
+
+from .map_tables import (
+    BodyColumns,
+    BodyTable,
+    CavityTable,
+    ColumnsTable,
+    HeaderTable,
+    MapFile,
+    ShapeTable,
+    SourceTable,
+    TcpTable,
+)
+
+
+class MapErrors(InputError):  # noqa: N818 — it holds many
+    """A map file that cannot be used, with everything that is wrong with it."""
+
+    def __init__(self, diagnostics: list[Diagnostic]) -> None:
+        """Collect; they are sorted."""
+        self.diagnostics = sorted(diagnostics)
+        count = len(diagnostics)
+        super().__init__(
+            where=self.diagnostics[0].path,
+            what=f"{count} problem{'s' if count != 1 else ''} in the map file.",
+            fix="see docs/import/map.md",
+        )
+        self.args = (self.diagnostics,)
+
+    def __str__(self) -> str:
+        """Every diagnostic as rendered, then their number."""
+        return "\n\n".join([*(d.render() for d in self.diagnostics), super().__str__()])
+
+
+def load_map(path: str | Path) -> MapFile:
+    """Read and check a map file.
+
+    Raises:
+        MapErrors: with every problem at once, each with its line.
+        InputError: it cannot be opened.
+    """
+    shown = str(path)
+    try:
+        text = Path(path).read_text("utf-8")
+        tables = tomllib.loads(text)
+    except OSError as error:
+        raise InputError(shown, f"cannot be read: {error.strerror}.") from None
+    except UnicodeDecodeError as error:
+        what = f"not UTF-8 text: {error.reason} at byte {error.start}"
+        raise MapErrors([Diagnostic(shown, 1, 1, "M101", what)]) from None
+    except tomllib.TOMLDecodeError as error:
+        raise MapErrors([not_toml(shown, text, str(error))]) from None
+    try:
+        if "path" in tables:
+            tables["path "] = tables.pop("path")  # no table of the file
+        return MapFile.model_validate({**tables, "path": shown})
+    except ValidationError as error:
+        where = Locations(text)
+        raise MapErrors([_told(problem, shown, where) for problem in error.errors()]) from None
+
+
+def _told(problem: Any, path: str, where: Locations) -> Diagnostic:
+    """A problem that pydantic found, at its place in the file."""
+    keys = tuple(part for part in problem["loc"] if isinstance(part, str | int))
+    unknown = problem["type"] == "extra_forbidden"
+    spot = where.key(keys) if unknown else where.value(keys)
+    if unknown:
+        allowed = _allowed(keys[:-1])
+        table = ".".join(map(str, keys[:-1])) or "a map file"
+        what = f'"{str(keys[-1]).strip()}" is no entry of {table}'
+        fix = nearest(str(keys[-1]), allowed)
+        return _diagnostic(path, where, spot, "M201", what, ", ".join(allowed), fix)
+    what = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    if what != problem["msg"] and not problem["msg"].startswith("Value error"):
+        what = f"should be {what}"
+    return _diagnostic(path, where, spot, "M202", f"{keys[-1]}: {what}")
+
+
+def _diagnostic(
+    path: str, where: Locations, spot: Any, code: str, what: str, allowed: str = "", fix: str = ""
+) -> Diagnostic:
+    line = where.line(spot.line)
+    return Diagnostic(path, spot.line, spot.column, code, what, allowed, fix, line, spot.length)
+
+
+_TABLES: dict[str, type[BaseModel]] = {
+    "source": SourceTable,
+    "every": HeaderTable,
+    "task": HeaderTable,
+    "episode": HeaderTable,
+    "body": BodyTable,
+    "columns": ColumnsTable,
+    "shapes": ShapeTable,
+    "cavity": CavityTable,
+    "tcp": TcpTable,
+}
+
+
+def _allowed(keys: tuple[str | int, ...]) -> list[str]:
+    """Entries of the table at a path of keys."""
+    if not keys:
+        return [name for name in MapFile.model_fields if name != "path"]
+    inner = [key for key in keys[2:] if key in _TABLES]
+    table = _TABLES[str(inner[-1])] if inner else _TABLES[str(keys[0])]
+    if keys[:2] == ("columns", "body"):
+        table = BodyColumns
+    return list(table.model_fields)

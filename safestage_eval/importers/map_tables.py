@@ -1,0 +1,202 @@
+"""What may stand in a map file: its tables, their entries and units."""
+
+from __future__ import annotations
+
+import fnmatch
+import re
+from collections.abc import Callable
+from hashlib import sha256
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from safestage_eval.episode import Header, Quat
+from safestage_eval.episode.body import BodyKind, GeomKind
+from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION, in_si
+
+_NUMBER = re.compile(r"\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*")
+
+
+def _quantity(dimension: str) -> Callable[[Any], Any]:
+    """Reads ``"4 cm"`` as 0.04; plain numbers are in SI already."""
+
+    def read(value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        match = _NUMBER.fullmatch(value)
+        if match is None or UNIT_DIMENSION.get(match[2]) != dimension:
+            units = ", ".join(DIMENSIONS[dimension])
+            raise ValueError(f"{value!r} is no {dimension}: a number with one of {units}")
+        return in_si(float(match[1]), match[2])
+
+    return read
+
+
+Length = Annotated[float, BeforeValidator(_quantity("length"))]
+Seconds = Annotated[float, BeforeValidator(_quantity("time")), Field(gt=0)]
+Place = tuple[Length, Length, Length]
+Names = Annotated[tuple[str, ...], BeforeValidator(lambda v: (v,) if isinstance(v, str) else v)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class SourceTable(_Table):
+    """``[source]``."""
+
+    quaternion: Literal["wxyz", "xyzw"] | None = None
+    """Order in which the source writes quaternions."""
+    dt: Seconds | None = None
+    """s between its rows."""
+    physics_dt: Seconds | None = None
+    """s, integration step."""
+    control_dt: Seconds | None = None
+    """s between actions."""
+
+
+class HeaderTable(_Table):
+    """``[every]``, ``[task.NAME]``, ``[episode.NAME]``: header fields, as docs/traces.md has them."""
+
+    task: str | None = None
+    stage: Literal["ISH", "ETS", "FSH"] | None = None
+    family: str | None = None
+    instruction: str | None = None
+    prompt: str | None = None
+    policy: str | None = None
+    seed: int | None = None
+    rollout: int | None = None
+    success: bool | None = None
+    success_time: Seconds | None = None
+    termination: Literal["success", "horizon", "policy", "error", "truncated"] | None = None
+    horizon: Seconds | None = None
+    post_success_hold: Seconds | None = None
+    roles: dict[str, Names] = Field(default_factory=dict)
+    goal: str | dict[str, Any] | None = None
+    rules: Names = ()
+    parameters: dict[str, str] = Field(default_factory=dict)
+    simulator: str | None = None
+    simulator_version: str | None = None
+    licence: str | None = None
+
+    def onto(self, header: Header) -> Header:
+        """The header with what is said here."""
+        said = self.model_dump(exclude_unset=True)
+        source = {k: said.pop(k) for k in tuple(said) if k not in Header.model_fields}
+        for merged in ("roles", "parameters"):
+            if merged in said:
+                said[merged] = {**getattr(header, merged), **said[merged]}
+        if source:
+            said["source"] = header.source.model_copy(update=source)
+        return header.model_copy(update=said)
+
+
+class ShapeTable(_Table):
+    """One of a body's ``shapes``; sizes are half extents and radii, as in docs/traces.md."""
+
+    kind: GeomKind
+    size: tuple[Length, ...] = ()
+    position: Place = (0.0, 0.0, 0.0)
+    orientation: Quat = (1.0, 0.0, 0.0, 0.0)
+    friction: tuple[float, float, float] | None = None
+    file: str | None = None
+    """Of a mesh: an OBJ, STL or PLY file, relative to the map file."""
+    scale: Annotated[float, Field(gt=0)] = 1.0
+    """Of a mesh: metres per unit of the file."""
+
+
+class CavityTable(_Table):
+    """A container's ``cavity``."""
+
+    kind: Literal["box", "cylinder"]
+    size: tuple[Length, ...]
+    position: Place = (0.0, 0.0, 0.0)
+    orientation: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+class TcpTable(_Table):
+    """A gripper body's ``tcp``."""
+
+    position: Place
+    orientation: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+class BodyTable(_Table):
+    """``[body.NAME]``. What is left out stays as the source has it."""
+
+    kind: BodyKind | None = None
+    movable: bool | None = None
+    mass: Annotated[float, Field(ge=0)] | None = None
+    com: Place | None = None
+    inertia: tuple[float, float, float] | None = None
+    up: tuple[float, float, float] | Literal[False] | None = None
+    """Up axis in the body frame; false: it has none (an orange)."""
+    finger: Literal["left", "right"] | None = None
+    tcp: TcpTable | None = None
+    material: str | None = None
+    tags: Names = ()
+    parent: str | None = None
+    excluded: Names = ()
+    shapes: tuple[ShapeTable, ...] = ()
+    cavity: CavityTable | None = None
+    position: Place | None = None
+    """m, world: of a fixed body that the source does not have."""
+    orientation: Quat = (1.0, 0.0, 0.0, 0.0)
+
+
+class BodyColumns(_Table):
+    """``[columns.body.NAME]``: columns of a table, or slices of them: ``"state[3:7]"``."""
+
+    position: str
+    orientation: str
+    linear_velocity: str | None = None
+    angular_velocity: str | None = None
+
+
+class ColumnsTable(_Table):
+    """``[columns]``: which columns of a table hold what (LeRobot)."""
+
+    body: dict[str, BodyColumns] = Field(default_factory=dict)
+    joint_position: str | None = None
+    joint_velocity: str | None = None
+    joint_torque: str | None = None
+    action: str | None = None
+    gripper: str | None = None
+    success: str | None = None
+
+
+class MapFile(_Table):
+    """A checked map file; without arguments an empty one."""
+
+    source: SourceTable = SourceTable()
+    every: HeaderTable = HeaderTable()
+    task: dict[str, HeaderTable] = Field(default_factory=dict)
+    episode: dict[str, HeaderTable] = Field(default_factory=dict)
+    body: dict[str, BodyTable] = Field(default_factory=dict)
+    columns: ColumnsTable | None = None
+    path: str = Field(default="", exclude=True)
+    """Where it is; not a table of the file."""
+
+    def of_body(self, name: str) -> BodyTable | None:
+        """What it says of a body: by patterns, in their order, then by its name; None if nothing."""
+        said: dict[str, Any] = {}
+        found = False
+        for key in sorted(self.body, key=lambda key: key == name):  # stable: the name itself last
+            if key == name or fnmatch.fnmatchcase(name, key):
+                table = self.body[key]
+                said |= {field: getattr(table, field) for field in table.model_fields_set}
+                found = True
+        return BodyTable.model_construct(**said) if found else None
+
+    def header(self, header: Header, episode: str) -> Header:
+        """The header with what is said of every episode, of its task and of itself (by source name)."""
+        header = self.every.onto(header)
+        if header.task in self.task:
+            header = self.task[header.task].onto(header)
+        return self.episode[episode].onto(header) if episode in self.episode else header
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 (hex) of what it says, 12 characters; "" of an empty one."""
+        said = self.model_dump_json(exclude_unset=True)
+        return "" if said == "{}" else sha256(said.encode()).hexdigest()[:12]

@@ -1,0 +1,95 @@
+"""Which importers there are, and whose a file is. None is loaded before a file is looked at."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from safestage_eval import simulator
+
+from .importer import Importer, SourceError
+
+OWN: dict[str, str] = {}
+"""Format → file in this folder, in the order in which they are asked."""
+
+FROM_SIMULATE = ("mujoco",)
+"""Formats that need MuJoCo: ``simulate.importers.NAME`` has a class ``IMPORTER``."""
+
+TITLES = {"mujoco": "MuJoCo states (robosuite, robomimic, LIBERO, MimicGen, RoboCasa)"}
+"""Of the formats whose file may be out of reach."""
+
+
+def importers() -> dict[str, type[Importer] | str]:
+    """Format → its importer, or why it cannot be used here."""
+    found: dict[str, type[Importer] | str] = {}
+    for name in (*OWN, *FROM_SIMULATE):
+        try:
+            found[name] = importer(name)
+        except SourceError as error:
+            found[name] = str(error)
+    return found
+
+
+def importer(name: str) -> type[Importer]:
+    """The importer of a format.
+
+    Raises:
+        SourceError: there is none of this name, or what it needs is not installed.
+    """
+    if name in OWN:
+        own: type[Importer] = importlib.import_module(f"{__package__}.{OWN[name]}").IMPORTER
+        return own
+    if name not in FROM_SIMULATE:
+        raise SourceError(f"--from {name}", "no such format.", ", ".join((*OWN, *FROM_SIMULATE)))
+    missing = simulator.why_not()
+    if missing is not None:
+        raise SourceError(TITLES[name], "needs the simulator.", fix=missing)
+    theirs: type[Importer] = importlib.import_module(f"{simulator.NAME}.importers.{name}").IMPORTER
+    return theirs
+
+
+def recognised(source: Path, only: str | None = None) -> list[tuple[Path, type[Importer], str]]:
+    """Each file or folder under a path that an importer takes, with that importer and its reason.
+
+    ``only`` asks one importer alone.
+
+    Raises:
+        SourceError: there is none, with what was looked for; or a format that cannot be used.
+    """
+    if not source.exists():
+        raise SourceError(str(source), "no such file or folder", fix="check the spelling")
+    asked = {only: importer(only)} if only is not None else importers()
+    usable = [kind for kind in asked.values() if not isinstance(kind, str)]
+    found = list(_walk(source, usable))
+    if found:
+        return found
+    titles = [kind.title for kind in usable]
+    out_of_reach = [f"{reason}" for reason in asked.values() if isinstance(reason, str)]
+    raise SourceError(
+        str(source),
+        "nothing in here is of a known format.",
+        "; ".join(titles),
+        "name it with --from" if only is None else "leave out --from"
+        if not out_of_reach else "; ".join(out_of_reach),
+    )  # fmt: skip
+
+
+def _walk(source: Path, asked: list[type[Importer]]) -> Iterator[tuple[Path, type[Importer], str]]:
+    claimed = _claim(source, asked)
+    if claimed is not None:
+        yield claimed
+        return
+    if source.is_file():
+        return
+    for path in sorted(source.iterdir()):
+        if not path.name.startswith("."):
+            yield from _walk(path, asked)
+
+
+def _claim(path: Path, asked: list[type[Importer]]) -> tuple[Path, type[Importer], str] | None:
+    for kind in asked:
+        reason = kind.recognise(path)
+        if reason is not None:
+            return path, kind, reason
+    return None

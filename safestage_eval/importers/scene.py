@@ -1,0 +1,117 @@
+"""Bodies as the source has them, with what the map file adds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from safestage_eval.episode import Body, Cavity, Geom, Mesh, Tcp, Track, still_track
+from safestage_eval.errors import InputError
+
+from .importer import SourceError
+from .map_tables import BodyTable, MapFile, ShapeTable
+
+Meshes = dict[str, Mesh]
+
+
+def dressed(body: Body, map_: MapFile, meshes: Meshes) -> Body:
+    """The body with what the map says of it; meshes of its shapes are added to ``meshes``.
+
+    Raises:
+        InputError: a mesh file that cannot be read, an axis of no length.
+    """
+    said = map_.of_body(body.name)
+    return body if said is None else body.model_copy(update=_fields(body.name, said, map_, meshes))
+
+
+def added(names: set[str], map_: MapFile, meshes: Meshes) -> tuple[list[Body], dict[str, Track]]:
+    """Fixed bodies that only the map has: those with a position, whose name is not in ``names``.
+
+    Raises:
+        InputError: as ``dressed``.
+    """
+    bodies, tracks = [], {}
+    for name, said in map_.body.items():
+        if name in names or said.position is None:
+            continue
+        fields = {"kind": "fixture", **_fields(name, said, map_, meshes), "movable": False}
+        bodies.append(Body(name=name, **fields))
+        tracks[name] = still_track(said.position, _unit(said.orientation, name))
+    return bodies, tracks
+
+
+def need_shapes(bodies: list[Body], where: str, *, among: str) -> None:
+    """Refuse a scene in which no object has a shape.
+
+    ``among``: where the source would have had shapes.
+
+    Raises:
+        SourceError: naming the objects, and the entries of a map file that give them shapes.
+    """
+    objects = [body.name for body in bodies if body.kind == "object"]
+    if not objects or any(body.geoms for body in bodies if body.kind == "object"):
+        return
+    raise SourceError(
+        where,
+        f"no object has a shape ({', '.join(objects[:6])}{', …' if len(objects) > 6 else ''}): "
+        f"{among}. Without shapes there is no contact, clearance or support.",
+        fix=f'--map FILE with [body.{objects[0]}] shapes = [{{ kind = "box", size = [half x, '
+        "half y, half z] }], and so on (docs/import/map.md)",
+    )
+
+
+def _fields(name: str, said: BodyTable, map_: MapFile, meshes: Meshes) -> dict[str, Any]:
+    given = {field: getattr(said, field) for field in said.model_fields_set}
+    out: dict[str, Any] = {
+        field: given[field]
+        for field in (
+            "kind", "movable", "mass", "com", "inertia", "finger", "material", "tags", "parent",
+            "excluded",
+        )
+        if field in given
+    }  # fmt: skip
+    if "up" in given:
+        out["up_axis"] = _unit(given["up"], name) if given["up"] else None
+    if given.get("tcp") is not None:
+        out["tcp"] = Tcp(**given["tcp"].model_dump())
+    if given.get("cavity") is not None:
+        out["cavity"] = Cavity(**given["cavity"].model_dump())
+    if given.get("shapes"):
+        out["geoms"] = tuple(_geom(name, shape, map_, meshes) for shape in given["shapes"])
+    return out
+
+
+def _geom(body: str, shape: ShapeTable, map_: MapFile, meshes: Meshes) -> Geom:
+    fields = shape.model_dump(exclude={"file", "scale", "friction"})
+    fields["orientation"] = _unit(shape.orientation, body)
+    if shape.friction is not None:
+        fields["friction"] = shape.friction
+    if shape.kind in ("mesh", "convex_mesh"):
+        mesh = _mesh(Path(map_.path).parent, shape, f"{map_.path}: body.{body}")
+        meshes[mesh.key] = mesh
+        fields["mesh"] = mesh.key
+    return Geom(**fields)
+
+
+def _mesh(folder: Path, shape: ShapeTable, where: str) -> Mesh:
+    import trimesh
+
+    if shape.file is None:
+        raise InputError(where, f"a {shape.kind} without a file.", fix='file = "mug.obj"')
+    path = folder / shape.file
+    try:
+        loaded = trimesh.load(path, force="mesh")
+    except Exception as error:  # noqa: BLE001 — its loaders raise anything
+        raise InputError(where, f"{path}: no mesh could be read: {error}.") from None
+    vertices = np.asarray(loaded.vertices) * shape.scale
+    return Mesh.build(vertices, loaded.faces if shape.kind == "mesh" else ())
+
+
+def _unit(vector: Any, body: str) -> Any:
+    v = np.asarray(vector, np.float64)
+    length = float(np.linalg.norm(v))
+    if not length > 0:
+        raise InputError(f"body.{body}", f"{tuple(vector)} has no direction.")
+    return tuple(float(x) for x in v / length)
