@@ -121,12 +121,18 @@ def test_a_broken_episode_does_not_stop_the_others(source, tmp_path):
 
 
 def test_an_import_that_is_killed_leaves_no_half_episode(source, tmp_path, monkeypatch):
-    def killed(*_):
-        raise KeyboardInterrupt
+    from safestage_eval.formats import dataset_writer
+
+    written = dataset_writer._write_table
+
+    def killed(path, table, groups):
+        if table == "frames":  # the bodies are on disk by then
+            raise KeyboardInterrupt
+        written(path, table, groups)
 
     take(source, tmp_path / "data", "--dt", "0.01", "--limit", "1")
     with monkeypatch.context() as patch:
-        patch.setattr("safestage_eval.formats.dataset_writer._frames", killed)
+        patch.setattr(dataset_writer, "_write_table", killed)
         assert take(source, tmp_path / "data", "--dt", "0.01").code == 130
     assert [ref.episode_id for ref in discover(tmp_path / "data")] == ["toys/a"]
     assert take(source, tmp_path / "data", "--dt", "0.01").code == 0
