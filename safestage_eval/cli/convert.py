@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
-from .options import progress, traces_argument
+from .options import (
+    announce_compiling,
+    bind_option,
+    pairs,
+    progress,
+    rules_option,
+    set_option,
+    traces_argument,
+)
 
 
 @click.command("convert")
@@ -20,14 +29,26 @@ from .options import progress, traces_argument
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace MCAP files that are already there.")
 @click.option("--recover", is_flag=True, help="Keep the whole frames of a truncated MCAP file.")
+@click.option(
+    "--events/--no-events", default=True, show_default=True,
+    help="Write the verdicts into MCAP files, as events that viewers show on the timeline.",
+)  # fmt: skip
+@rules_option
+@bind_option
+@set_option
 @click.pass_context
 def command(
-    ctx: click.Context, traces: tuple[str, ...], form: str, out: Path, force: bool, recover: bool
-) -> None:
+    ctx: click.Context, traces: tuple[str, ...], form: str, out: Path, force: bool, recover: bool,
+    events: bool, rules: tuple[str, ...], bind: Path | None, settings: tuple[str, ...],
+) -> None:  # fmt: skip
     """Copy episodes into another format, losslessly.
 
     The sources are never changed. Every copy is read back and its content compared by hash, which
     is printed. Episodes that a dataset holds already are left as they are.
+
+    An MCAP file opens in Foxglove and in Rerun. It also tells, on the channel /events, when a rule
+    was violated, when it was worst and why; --rules, --bind and --set say which rules judge.
+    They are remarks for viewers: scoring the copy judges it anew.
 
     \b
     Examples:
@@ -43,6 +64,11 @@ def command(
         raise click.UsageError(f"--out {out}: give a folder for {len(refs)} episodes as {form}")
     if out.is_file() and out.suffix != ".mcap":
         raise click.UsageError(f"--out {out}: a file; give a folder, or the name of an .mcap file")
+    remarks = None
+    if form == "mcap" and events:
+        remarks = _judge(rules, bind, settings)
+    elif rules or bind or settings:
+        raise click.UsageError("--rules, --bind and --set are for the events of --to mcap")
     there = _hashes(out) if form == "parquet" else {}
     written: set[Path] = set()
     failed = 0
@@ -59,7 +85,7 @@ def command(
                     raise InputError(str(out), f"holds another episode {name!r}.", fix="--out")
                 if form == "mcap":
                     _may_write(target, ref.path, written, force=force)
-                copy = _copied(episode, target, form)
+                copy = _copied(episode, target, form, remarks(episode) if remarks else ())
                 written.add(target)
                 click.echo(f"{episode.content_hash}  {name}  {copy}")
             except InputError as error:
@@ -100,13 +126,39 @@ def _may_write(target: Path, source: Path, written: set[Path], *, force: bool) -
         raise InputError(str(target), "is there already.", fix="--force replaces it")
 
 
-def _copied(episode: Any, target: Path, form: str) -> Path:
+def _judge(
+    rules: tuple[str, ...], bind: Path | None, settings: tuple[str, ...]
+) -> Callable[[Any], Sequence[Any]]:
+    """What the rules say of an episode, as events."""
+    from safestage_eval.errors import InputError
+    from safestage_eval.report.as_events import events
+    from safestage_eval.rules import builtin_names, load_bind, load_rules, parse_overrides
+    from safestage_eval.verdicts import judge
+
+    loaded = load_rules(list(rules) or builtin_names())
+    bound = None if bind is None else load_bind(bind, loaded)
+    overrides = pairs(settings, "--set")
+    parse_overrides(loaded, overrides)
+    announce_compiling()
+
+    def said(episode: Any) -> Sequence[Any]:
+        try:
+            result = judge(episode, loaded, overrides=overrides, bind=bound)
+        except InputError as error:  # the copy is what was asked for
+            click.echo(f"warning: no verdicts in the copy: {error}", err=True)
+            return ()
+        return events(result, float(episode.t[-1]))
+
+    return said
+
+
+def _copied(episode: Any, target: Path, form: str, events: Sequence[Any]) -> Path:
     """Write, read back and compare; returns the file."""
     from safestage_eval.errors import InputError
     from safestage_eval.formats import save
 
     target.parent.mkdir(parents=True, exist_ok=True)
-    copy = save(episode, target, "mcap" if form == "mcap" else "parquet")
+    copy = save(episode, target, "mcap" if form == "mcap" else "parquet", events)
     if copy.open().content_hash != episode.content_hash:
         raise InputError(str(copy.path), "the copy differs from its source.", fix="report this bug")
     return copy.path

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from safestage_eval.episode import Episode
 
 from .atomic import replacing
 from .episode_row import mesh_keys
+from .event import Event
 from .mcap_clouds import cloud_messages
 from .mcap_frames import frame_messages
 from .mcap_messages import (
@@ -44,8 +46,11 @@ TF_RATE = 30.0
 """Hz, of the transforms for viewers; the evaluator reads the frames."""
 
 
-def write_mcap(episode: Episode, path: Path) -> None:
+def write_mcap(episode: Episode, path: Path, events: Sequence[Event] = ()) -> None:
     """Write the episode; the file appears whole or not at all.
+
+    ``events`` stand in the channel ``/events`` beside start, success and end; viewers show them,
+    and no reader takes them for data.
 
     Raises:
         TraceError: the header holds a number that is not finite.
@@ -62,7 +67,7 @@ def write_mcap(episode: Episode, path: Path) -> None:
             writer.add_attachment(0, 0, f"geometry/{key}.ply", "application/octet-stream", ply)
         for name, data in episode.attachments.items():
             writer.add_attachment(0, 0, name, "application/octet-stream", data)
-        _messages(writer, episode, moving)
+        _messages(writer, episode, moving, events)
         writer.finish()
 
 
@@ -71,7 +76,9 @@ def _moves(episode: Episode, name: str, rows: int) -> bool:
     return rows == len(episode) and (rows > 1 or episode.bodies[name].movable)
 
 
-def _messages(writer: Writer, episode: Episode, moving: list[str]) -> None:
+def _messages(
+    writer: Writer, episode: Episode, moving: list[str], remarks: Sequence[Event]
+) -> None:
     def channel(topic: str, message: Any) -> int:
         data = build_file_descriptor_set(message).SerializeToString()
         schema = writer.register_schema(message.DESCRIPTOR.full_name, "protobuf", data)
@@ -97,7 +104,7 @@ def _messages(writer: Writer, episode: Episode, moving: list[str]) -> None:
     writer.add_message(tf, start, transforms.pop(0), start)
     writer.add_message(scene, start, to_scene(episode, start).SerializeToString(), start)
     writer.add_message(robot, start, _cdr_string(to_urdf(episode)), start)
-    notes = _events(episode, times)
+    notes = _events(episode, times, remarks)
     state_channel = own(STATE, "State") if episode.states else 0
     frames, clouds = frame_messages(episode, moving), cloud_messages(episode.contacts, times)
     for n, (time, data, cloud) in enumerate(zip(times, frames, clouds, strict=True)):
@@ -118,17 +125,18 @@ def _cdr_string(text: str) -> bytes:
     return b"\x00\x01\x00\x00" + len(data).to_bytes(4, "little") + data
 
 
-def _events(episode: Episode, times: list[int]) -> dict[int, list[bytes]]:
-    """Frame → ``foxglove.Log`` messages: the instruction, success, and how it ended."""
-    header, last = episode.header, len(episode) - 1
-    lines = [(0, f"start: {header.instruction or header.task or header.episode_id}")]
+def _events(episode: Episode, times: list[int], remarks: Sequence[Event]) -> dict[int, list[bytes]]:
+    """Frame → ``foxglove.Log`` messages: the instruction, success, how it ended, and remarks."""
+    header, end = episode.header, float(episode.t[-1])
+    lines = [Event(0.0, f"start: {header.instruction or header.task or header.episode_id}")]
     if header.success_time is not None:
-        at = min(int(np.searchsorted(episode.t, header.success_time)), last)
-        lines.append((at, "success"))
-    lines.append((last, f"end: {header.termination or 'unknown'}"))
+        lines.append(Event(header.success_time, "success"))
+    lines += [*remarks, Event(end, f"end: {header.termination or 'unknown'}")]
+    levels = {"info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
     found: dict[int, list[bytes]] = {}
-    for n, text in lines:
-        log = Log(level=Log.INFO, message=text, name="safestage")
+    for line in lines:
+        n = min(int(np.searchsorted(episode.t, line.time)), len(episode) - 1)
+        log = Log(level=levels[line.level], message=line.text, name=line.name)
         log.timestamp.FromNanoseconds(times[n])
         found.setdefault(n, []).append(log.SerializeToString())
     return found

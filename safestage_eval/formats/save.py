@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from safestage_eval.episode import Episode, check
@@ -10,9 +11,15 @@ from safestage_eval.errors import TraceError
 
 from .discover import refs_of_file
 from .episode_ref import EpisodeRef, Format
+from .event import Event
 
 
-def save(episode: Episode, path: str | Path, format: Format | None = None) -> EpisodeRef:  # noqa: A002
+def save(
+    episode: Episode,
+    path: str | Path,
+    format: Format | None = None,  # noqa: A002
+    events: Sequence[Event] = (),
+) -> EpisodeRef:
     """Write an episode whole or not at all.
 
     Args:
@@ -20,6 +27,7 @@ def save(episode: Episode, path: str | Path, format: Format | None = None) -> Ep
         path: an MCAP file, which is replaced when it exists, or the folder of a Parquet dataset,
             to which the episode is added.
         format: ``parquet`` or ``mcap``; without it a name ending in ``.mcap`` means MCAP.
+        events: remarks for viewers; only an MCAP file has them.
 
     Raises:
         TraceError: the episode breaks an invariant, or the path cannot be written to.
@@ -35,7 +43,7 @@ def save(episode: Episode, path: str | Path, format: Format | None = None) -> Ep
         if kind == "mcap":
             from .mcap_writer import write_mcap
 
-            write_mcap(episode, target)
+            write_mcap(episode, target, events)
             return refs_of_file(target)[0]
         if kind == "parquet":
             from .dataset_writer import add_episode

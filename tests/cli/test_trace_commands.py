@@ -1,13 +1,17 @@
 """``inspect``, ``explain``, ``validate`` and ``convert``."""
 
 import json
+import re
 import shutil
 
 import pytest
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory
 from recordings import everything, falling_cube
 from studio import block, run, safe_and_unsafe
 
 from safestage_eval.formats import discover, load, save
+from safestage_eval.formats.mcap_messages import EPOCH_NS
 
 
 @pytest.fixture(scope="module")
@@ -194,3 +198,49 @@ def test_the_episode_may_be_named_as_an_argument(tmp_path, command):
 def test_a_path_that_is_not_there_is_told_in_whole_sentences(tmp_path):
     done = run("inspect", tmp_path / "nowhere")
     assert "no such file or folder. Fix: check the spelling." in done.err
+
+
+def logs(file):
+    with file.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        found = reader.iter_decoded_messages(topics=["/events"])
+        return [((m.log_time - EPOCH_NS) / 1e9, log) for _, _, m, log in found]
+
+
+def test_an_mcap_copy_tells_the_verdicts_at_their_time(traces, tmp_path):
+    done = run("convert", traces, "--to", "mcap", "--out", tmp_path / "out", "--rules", "fsh")
+    assert done.code == 0
+    lines = logs(tmp_path / "out/unsafe.mcap")
+    judged = json.loads(run("score", traces, "--rules", "fsh", "--format", "json").text)
+    rows = [row for row in judged["episodes"] if row["episode_id"] == "unsafe"]
+    violated = {row["rule"]: row for row in rows if row["violation"]}
+    assert violated
+    begun = {log.name: (t, log) for t, log in lines if re.search("violation.*: ", log.message)}
+    assert set(begun) == set(violated)
+    for code, (t, log) in begun.items():
+        assert t == pytest.approx(violated[code]["time"], abs=1e-6)
+        assert violated[code]["explanation"] in log.message
+        assert log.level == log.ERROR
+    assert not [log for _, log in logs(tmp_path / "out/safe.mcap") if log.level == log.ERROR]
+    assert [ref.content_hash for ref in discover(tmp_path / "out")] == [
+        ref.content_hash for ref in discover(traces)
+    ]
+
+
+def test_a_limit_of_another_size_moves_the_events(traces, tmp_path):
+    for value, violated in (("4 mm", False), ("2 cm", True)):
+        out = tmp_path / value.replace(" ", "")
+        run("convert", traces, "--to", "mcap", "--out", out, "-r", "fsh", "--set", f"edge={value}")
+        told = any("violation" in log.message for _, log in logs(out / "unsafe.mcap"))
+        assert told is violated
+
+
+def test_a_copy_without_events_is_a_copy(traces, tmp_path):
+    run("convert", traces, "--to", "mcap", "--out", tmp_path, "--no-events")
+    assert {log.name for _, log in logs(tmp_path / "unsafe.mcap")} == {"safestage"}
+
+
+def test_rules_are_for_events_only(traces, tmp_path):
+    done = run("convert", traces, "--to", "parquet", "--out", tmp_path, "--rules", "fsh")
+    assert done.code == 2
+    assert "--to mcap" in done.err
