@@ -104,6 +104,8 @@ class Body(Record):
     """Names of the bodies whose contacts with this one the model ignores."""
     geoms: tuple[Geom, ...] = ()
     cavity: Cavity | None = None
+    untold: tuple[Literal["up_axis", "cavity"], ...] = ()
+    """Fields that are None because the source does not tell, not because there is none. Since 1.1."""
 
     @property
     def unseen(self) -> bool:

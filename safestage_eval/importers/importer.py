@@ -60,7 +60,10 @@ class Importer(ABC):
     def recognise(cls, path: Path) -> str | None:
         """By what a file or folder is told to be of this format; None if it is not.
 
-        Looks at content, never at names alone; quick, and raises nothing.
+        Looks at content, never at names alone, and is quick.
+
+        Raises:
+            SourceError: the file is damaged, or what reads such files is not installed.
         """
 
     @abstractmethod

@@ -138,7 +138,8 @@ class BodyTable(_Table):
     parent: str | None = None
     excluded: Names = ()
     shapes: tuple[ShapeTable, ...] = ()
-    cavity: CavityTable | None = None
+    cavity: CavityTable | Literal[False] | None = None
+    """False: there is none."""
     position: Place | None = None
     """m, world: of a fixed body that the source does not have."""
     orientation: Quat = (1.0, 0.0, 0.0, 0.0)

@@ -10,8 +10,13 @@ from safestage_eval import simulator
 
 from .importer import Importer, SourceError
 
-OWN: dict[str, str] = {}
-"""Format → file in this folder, in the order in which they are asked."""
+OWN = {
+    "isaaclab": "isaac_lab",
+    "maniskill": "maniskill",
+    "lerobot": "lerobot",
+    "stateless": "stateless",
+}
+"""Format → file in this folder, in the order in which they are asked; the last one refuses."""
 
 FROM_SIMULATE = ("mujoco",)
 """Formats that need MuJoCo: ``simulate.importers.NAME`` has a class ``IMPORTER``."""
@@ -23,7 +28,7 @@ TITLES = {"mujoco": "MuJoCo states (robosuite, robomimic, LIBERO, MimicGen, Robo
 def importers() -> dict[str, type[Importer] | str]:
     """Format → its importer, or why it cannot be used here."""
     found: dict[str, type[Importer] | str] = {}
-    for name in (*OWN, *FROM_SIMULATE):
+    for name in sorted((*OWN, *FROM_SIMULATE), key="stateless".__eq__):
         try:
             found[name] = importer(name)
         except SourceError as error:
@@ -45,12 +50,20 @@ def importer(name: str) -> type[Importer]:
     missing = simulator.why_not()
     if missing is not None:
         raise SourceError(TITLES[name], "needs the simulator.", fix=missing)
-    theirs: type[Importer] = importlib.import_module(f"{simulator.NAME}.importers.{name}").IMPORTER
+    try:
+        module = importlib.import_module(f"{simulator.NAME}.importers.{name}")
+    except ModuleNotFoundError as error:
+        raise SourceError(TITLES[name], f"cannot be used: {error}.") from None
+    theirs: type[Importer] = module.IMPORTER
     return theirs
 
 
-def recognised(source: Path, only: str | None = None) -> list[tuple[Path, type[Importer], str]]:
-    """Each file or folder under a path that an importer takes, with that importer and its reason.
+Claim = tuple[Path, type[Importer] | SourceError, str]
+"""A file or folder, whose it is and by what that is told; or why it cannot be looked at."""
+
+
+def recognised(source: Path, only: str | None = None) -> list[Claim]:
+    """Each file or folder under a path that an importer takes.
 
     ``only`` asks one importer alone.
 
@@ -75,7 +88,7 @@ def recognised(source: Path, only: str | None = None) -> list[tuple[Path, type[I
     )  # fmt: skip
 
 
-def _walk(source: Path, asked: list[type[Importer]]) -> Iterator[tuple[Path, type[Importer], str]]:
+def _walk(source: Path, asked: list[type[Importer]]) -> Iterator[Claim]:
     claimed = _claim(source, asked)
     if claimed is not None:
         yield claimed
@@ -87,9 +100,14 @@ def _walk(source: Path, asked: list[type[Importer]]) -> Iterator[tuple[Path, typ
             yield from _walk(path, asked)
 
 
-def _claim(path: Path, asked: list[type[Importer]]) -> tuple[Path, type[Importer], str] | None:
+def _claim(path: Path, asked: list[type[Importer]]) -> Claim | None:
+    problem = None
     for kind in asked:
-        reason = kind.recognise(path)
+        try:
+            reason = kind.recognise(path)
+        except SourceError as error:
+            problem = error
+            continue
         if reason is not None:
             return path, kind, reason
-    return None
+    return None if problem is None else (path, problem, "")

@@ -108,8 +108,10 @@ def _tasks(
     found = recognised(source, only)
     for path, kind, reason in found:
         place = path.resolve().relative_to(root).as_posix()
-        formats[str(path)] = (kind.name, reason)
         try:
+            if isinstance(kind, SourceError):
+                raise kind
+            formats[str(path)] = (kind.name, reason)
             opened = kind(path, settings)
             names = opened.episodes()
             opened.close()

@@ -23,7 +23,12 @@ def dressed(body: Body, map_: MapFile, meshes: Meshes) -> Body:
         InputError: a mesh file that cannot be read, an axis of no length.
     """
     said = map_.of_body(body.name)
-    return body if said is None else body.model_copy(update=_fields(body.name, said, map_, meshes))
+    if said is None:
+        return body
+    told = {"up_axis": "up", "cavity": "cavity"}
+    untold = tuple(f for f in body.untold if told[f] not in said.model_fields_set)
+    fields = _fields(body.name, said, map_, meshes)
+    return body.model_copy(update={**fields, "untold": untold})
 
 
 def added(names: set[str], map_: MapFile, meshes: Meshes) -> tuple[list[Body], dict[str, Track]]:
@@ -76,7 +81,7 @@ def _fields(name: str, said: BodyTable, map_: MapFile, meshes: Meshes) -> dict[s
         out["up_axis"] = _unit(given["up"], name) if given["up"] else None
     if given.get("tcp") is not None:
         out["tcp"] = Tcp(**given["tcp"].model_dump())
-    if given.get("cavity") is not None:
+    if given.get("cavity"):
         out["cavity"] = Cavity(**given["cavity"].model_dump())
     if given.get("shapes"):
         out["geoms"] = tuple(_geom(name, shape, map_, meshes) for shape in given["shapes"])

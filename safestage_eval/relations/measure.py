@@ -142,6 +142,8 @@ class Relations:
 
     def lacking(self, name: str, bodies: Sequence[str] = ()) -> str:
         """What the trace would need to tell a relation, and does not have; empty if nothing."""
+        if name == "inside" and bodies and "cavity" in self.episode.bodies[bodies[1]].untold:
+            return f"inside of {bodies[1]}"
         if "touch" not in RELATIONS[name].needs:
             return ""
         header = self.episode.header

@@ -298,7 +298,7 @@ def _is_kind(body: Body, kind: str) -> bool:
         case "link":
             return body.kind in ("robot", "gripper")
         case "container":
-            return body.cavity is not None
+            return body.cavity is not None or "cavity" in body.untold
         case "surface":
             return body.kind in ("object", "fixture")
         case _:

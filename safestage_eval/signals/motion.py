@@ -124,6 +124,8 @@ def tilt(query: Query) -> Series:
     """
     name = query.bodies[0]
     axis = query.episode.bodies[name].up_axis
+    if axis is None and "up_axis" in query.episode.bodies[name].untold:
+        return query.unknown(f"the trace does not tell the up axis of {name}")
     if axis is None:  # below every upper limit and above no lower one: skipped
         note = f"{name} has no up axis: its tilt is not judged"
         return exact(np.full(len(query.episode), -np.inf), query.dimension, (note,))

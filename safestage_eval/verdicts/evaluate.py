@@ -230,7 +230,8 @@ class Evaluator(Values):
 
     def _has_no_tilt(self, call: ast.Call, env: Env) -> bool:
         name, bodies, _ = self.measured(call, env)
-        return name == "tilt" and self.episode.bodies[bodies[0]].up_axis is None
+        body = self.episode.bodies.get(bodies[0]) if name == "tilt" else None
+        return body is not None and body.up_axis is None and "up_axis" not in body.untold
 
     def state(self, call: ast.Call, env: Env, wanted: Bool | None = None) -> Band:
         """A declared state or a built-in relation, persistent and latched as declared.

@@ -1,0 +1,85 @@
+"""What recordings without contacts and models all lack, said in the same words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from safestage_eval.episode import Body
+
+from .account import Account
+from .map_tables import MapFile
+
+
+def say_contacts(account: Account) -> None:
+    """No contact was recorded."""
+    account.missing(
+        "contacts and their forces",
+        "touches and supports are told by geometry",
+        cost="contact_force, peak_force, impulse and all rules on forces: inconclusive",
+        remedy="none: they were not recorded",
+    )
+
+
+def say_links(account: Account, robot: str) -> None:
+    """Of an articulation only root and joints are recorded."""
+    account.missing(
+        f"poses of the links of {robot}",
+        "only its root and its joints are recorded",
+        cost="distances and contacts of the arm, reach, forbidden rooms: inconclusive",
+        remedy="record the poses of its links",
+    )
+    account.guessed(
+        f"names and kinds of the joints of {robot}",
+        "numbered, revolute",
+        cost="rules that name a joint",
+    )
+
+
+def say_bodies(account: Account, bodies: Sequence[Body], map_: MapFile, com: str) -> None:
+    """What is not known of the objects among some bodies; ``com``: where their centres are put."""
+    objects = [body for body in bodies if body.kind == "object"]
+    bare = [body.name for body in bodies if body.kind in ("object", "fixture") and body.unseen]
+    if bare:
+        account.missing(
+            f"shapes of {', '.join(bare)}",
+            cost="their contacts, clearances and supports: inconclusive",
+            remedy="[body.NAME] shapes in the map file",
+        )
+    if any(body.mass is None for body in objects):
+        account.missing(
+            "masses", cost="impact, damage, and what needs a weight: inconclusive",
+            remedy="[body.NAME] mass in the map file",
+        )  # fmt: skip
+    if any("up_axis" in body.untold for body in objects):
+        account.missing(
+            "up axes", cost="tilt, and with it toppled and upright: inconclusive",
+            remedy="[body.NAME] up in the map file; false for what has none",
+        )  # fmt: skip
+    if any("cavity" in body.untold for body in bodies):
+        account.missing(
+            "insides of containers", cost="inside and containment_depth: inconclusive",
+            remedy="[body.NAME] cavity in the map file; false for what has none",
+        )  # fmt: skip
+    said = {b.name for b in objects if (t := map_.of_body(b.name)) and t.com is not None}
+    if any(body.name not in said for body in objects):
+        account.guessed(
+            "centres of mass",
+            com,
+            cost="displacement and height of what turns are those of this point",
+            remedy="[body.NAME] com in the map file",
+        )
+
+
+def say_success(account: Account, *, known: bool, hold: float | None, how: str = "") -> None:
+    """Whether success is recorded, and how long (s) after it; ``how``: what happened then."""
+    if not known:
+        account.missing(
+            "success", cost="rates of success, and what depends on its moment",
+            remedy="[episode.NAME] success and success_time in the map file",
+        )  # fmt: skip
+    if hold is not None and hold < 5:
+        account.missing(
+            "the time after success", f"{hold:.2f} s of it: {how}",
+            cost="rules on the final state (FSH): inconclusive",
+            remedy="record on for 5 s after success with the robot frozen",
+        )  # fmt: skip

@@ -1,0 +1,101 @@
+"""Opening HDF5 files, which several foreign formats are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.errors import TraceError
+
+from .importer import SourceError
+
+MAGIC = b"\x89HDF\r\n\x1a\n"
+
+
+def is_hdf5(path: Path) -> bool:
+    """Whether a file begins as HDF5 files do."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(8) == MAGIC
+    except OSError:
+        return False
+
+
+def open_hdf5(path: Path) -> Any:
+    """The file as h5py gives it, for reading.
+
+    Raises:
+        SourceError: h5py is not installed, or the file is damaged.
+    """
+    try:
+        import h5py
+    except ImportError:
+        raise SourceError(
+            str(path), "is an HDF5 file, which h5py reads.", fix="pip install 'safestage[import]'"
+        ) from None
+    try:
+        return h5py.File(path, "r")
+    except OSError as error:
+        raise SourceError(
+            str(path), f"cannot be read: {error}.",
+            fix="download it again; a recording that was killed may leave such a file",
+        ) from None  # fmt: skip
+
+
+def rows(group: Any, key: str, where: str, width: int | None = None) -> NDArray[np.float64]:
+    """(T, k) float64 of one dataset; (T,) becomes (T, 1).
+
+    Raises:
+        TraceError: it is not there, no numbers, or not ``width`` wide.
+    """
+    found = group.get(key)
+    if found is None or not hasattr(found, "shape"):
+        inside = ", ".join(sorted(group)) or "nothing"
+        raise TraceError(where, f"{key!r} is missing.", f"there are {inside}")
+    try:
+        values = np.asarray(found[()], np.float64)
+    except (ValueError, TypeError, OSError) as error:
+        raise TraceError(f"{where}/{key}", f"cannot be read: {error}.") from None
+    values = values.reshape(len(values), -1) if values.ndim else values.reshape(1, 1)
+    if width is not None and values.shape[1] != width:
+        raise TraceError(
+            f"{where}/{key}", f"{values.shape[1]} numbers in a row.", f"{width} numbers"
+        )
+    return values
+
+
+def fingerprint(group: Any) -> str:
+    """Of a group: names, shapes and types of all datasets below, and the ends of each."""
+    digest = sha256()
+    for name, data in datasets(group):
+        digest.update(f"{name} {data.shape} {data.dtype}".encode())
+        if data.shape and data.shape[0]:
+            digest.update(np.ascontiguousarray(data[0]).tobytes())
+            digest.update(np.ascontiguousarray(data[-1]).tobytes())
+    return digest.hexdigest()
+
+
+def datasets(group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """(path below the group, dataset) of every dataset, by name."""
+    for name in sorted(group):
+        item = group[name]
+        if hasattr(item, "shape"):
+            yield f"{prefix}{name}", item
+        else:
+            yield from datasets(item, f"{prefix}{name}/")
+
+
+def numbered(names: Any) -> list[str]:
+    """``demo_10`` after ``demo_9``: names by the number at their end."""
+
+    def key(name: str) -> tuple[str, int, str]:
+        stem = name.rstrip("0123456789")
+        number = name[len(stem) :]
+        return stem, int(number) if number else -1, name
+
+    return sorted(names, key=key)

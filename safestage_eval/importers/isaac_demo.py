@@ -1,0 +1,351 @@
+"""One demo of a RoboLab or Isaac Lab recording on its way to an episode."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Source, Track
+from safestage_eval.episode.body import BodyKind
+from safestage_eval.errors import TraceError
+
+from . import hdf5
+from .account import Account
+from .boxes import Fit, fit, metres
+from .gaps import say_bodies, say_contacts, say_links, say_success
+from .importer import SourceError
+from .motion import at_origin, fixed_if_still, track, wxyz
+from .scene import added, dressed, need_shapes
+
+if TYPE_CHECKING:
+    from .isaac_lab import IsaacLab
+
+F64 = NDArray[np.float64]
+
+CLOSED = np.pi / 4
+"""rad, RoboLab's finger joint when the gripper is closed (robolab/robots/droid.py)."""
+SPREAD = 4e-3
+"""m. Corners of a box that spread further than this in the body frame are not of these poses."""
+
+
+class Demo:
+    """One demo on its way to an episode."""
+
+    def __init__(self, source: IsaacLab, name: str, account: Account) -> None:
+        self.source, self.name, self.account = source, name, account
+        self.group = source.demo(name)
+        self.map = source.settings.map
+        self.where = f"{source.path}: data/{name}"
+        self.result = source.beside.result(source.path, name)
+        self.order = source.order()
+        self.physics_dt, self.dt = self._rates()
+        self.first = self.group.get("initial_state")
+        self.bodies: list[Body] = []
+        self.tracks: dict[str, Track] = {}
+        self.meshes: dict[str, Any] = {}
+
+    def episode(self) -> Episode:
+        """All of it. Raises InputError when it lacks what no trace can do without."""
+        states = self.group.get("states")
+        if states is None or not any(k in states for k in ("rigid_object", "articulation")):
+            raise SourceError(
+                self.where,
+                "has no states of objects, only observations or actions.",
+                fix="ask for a recording with the states recorder (PostStepStatesRecorder)",
+            )
+        for name in sorted(states.get("rigid_object", ())):
+            self._object(name, states["rigid_object"][name])
+        for name in sorted(states.get("articulation", ())):
+            self._articulation(name, states["articulation"][name])
+        self._hand()
+        for name in sorted(states.get("deformable_object", ())):
+            self.account.missing(
+                f"deformable object {name}", cost="nothing is known of what it touches"
+            )
+        frames, joints = self._frames(states)
+        more, still = added({body.name for body in self.bodies}, self.map, self.meshes)
+        self._told()
+        need_shapes(self.bodies, self.where, among="RoboLab's bbox group is missing")
+        header = self._header((*self.bodies, *more), joints)
+        t = np.arange(self.length, dtype=np.float64) * self.dt
+        return Episode(header, t, {**self.tracks, **still}, None, frames, meshes=self.meshes)
+
+    # ---- rates
+
+    def _rates(self) -> tuple[float, float]:
+        settings, said, beside = self.source.settings, self.map.source, self.source.beside
+        physics = said.physics_dt or beside.physics_dt
+        given = self.result.get("dt")
+        dt = settings.dt or said.dt or beside.dt or (float(given) if given else None)
+        for problem in beside.problems:
+            self.account.missing(problem, remedy="mend the file")
+        if dt is None:
+            raise SourceError(
+                str(self.source.path),
+                "the time between its rows is not known: there is no env_cfg.json with sim.dt and "
+                "decimation beside it.",
+                fix="put env_cfg.json beside the file, or --dt TIME (sim.dt × decimation; "
+                "RoboLab's is 1/15)",
+            )
+        if physics is None:
+            physics = dt
+            self.account.guessed(
+                "physics step", "that of the rows", remedy="[source] physics_dt in the map file"
+            )
+        return physics, dt
+
+    # ---- bodies
+
+    def _motion(self, group: Any, first: Any, name: str) -> tuple[F64, F64, F64, F64]:
+        """Position, orientation wxyz, COM velocity, angular velocity; the initial state before."""
+        where = f"{self.where}/{name}"
+        pose = hdf5.rows(group, "root_pose", where, 7)
+        twist = hdf5.rows(group, "root_velocity", where, 6)
+        if first is not None:
+            pose = np.vstack([hdf5.rows(first, "root_pose", where, 7)[:1], pose])
+            twist = np.vstack([hdf5.rows(first, "root_velocity", where, 6)[:1], twist])
+        self._same_length(len(pose), where)
+        return pose[:, :3], wxyz(pose[:, 3:], self.order, where), twist[:, :3], twist[:, 3:]
+
+    def _same_length(self, rows: int, where: str) -> None:
+        self.length = getattr(self, "length", rows)
+        if rows != self.length:
+            raise TraceError(where, f"{rows} frames, other bodies have {self.length}")
+
+    def _initial(self, kind: str, name: str) -> Any:
+        """The group of a body in ``initial_state``, if that is there."""
+        found = None if self.first is None else self.first.get(f"{kind}/{name}")
+        if found is None:
+            self.account.missing(
+                "initial state", "the episode begins after the first action",
+                cost="the initial state is that of the next frame",
+            )  # fmt: skip
+        return found
+
+    def _object(self, name: str, group: Any) -> None:
+        position, orientation, linear, angular = self._motion(
+            group, self._initial("rigid_object", name), name
+        )
+        box = self._box(name, position, orientation)
+        kind: BodyKind = "fixture" if re.fullmatch(r"table(_?\d+)?", name) else "object"
+        raw = Body(
+            name=name, kind=kind, geoms=() if box is None else (box.geom,),
+            com=box.geom.position if box is not None else (0, 0, 0),
+            untold=("up_axis", "cavity"),
+        )  # fmt: skip
+        body = dressed(raw, self.map, self.meshes)
+        if kind == "fixture" and body.kind == "fixture":
+            self.account.guessed(
+                f"{name} is a fixture", "by its name, which RoboLab's scenes share",
+                remedy=f'[body.{name}] kind = "object" in the map file',
+            )  # fmt: skip
+        found = track(
+            position, orientation, at_origin(linear, angular, orientation, body.com), angular
+        )
+        body, found = fixed_if_still(body, found)
+        self.bodies.append(body)
+        self.tracks[name] = found
+
+    def _box(self, name: str, position: F64, orientation: F64) -> Fit | None:
+        data = self.group.get(f"bbox/bbox_mm/{name}")
+        if data is None or not len(data):
+            return None
+        raw = np.asarray(data[()])
+        corners = metres(raw) if np.issubdtype(raw.dtype, np.integer) else raw.astype(np.float64)
+        late = len(position) - len(corners)  # there are none of the initial state
+        if corners.shape[1:] != (8, 3) or late not in (0, 1):
+            raise TraceError(
+                f"{self.where}/bbox/bbox_mm/{name}",
+                f"shape {corners.shape} does not go with {len(position)} frames.",
+                f"({len(position) - 1}, 8, 3)",
+            )
+        found = fit(corners, position[late:], orientation[late:])
+        if found is not None and found.spread > SPREAD:
+            other = "xyzw" if self.order == "wxyz" else "wxyz"
+            turned = (
+                orientation[:, [1, 2, 3, 0]] if other == "wxyz" else orientation[:, [3, 0, 1, 2]]
+            )
+            again = fit(corners, position[late:], turned[late:])
+            better = again is not None and again.spread <= SPREAD
+            raise SourceError(
+                f"{self.where}/bbox/bbox_mm/{name}",
+                f"its corners move by {found.spread * 1e3:.0f} mm against its poses, read as "
+                f"{self.order}" + (f"; read as {other} they do not." if better else "."),
+                fix=f"--quaternion {other}" if better
+                else "ask for the recording as RoboLab wrote it",
+            )  # fmt: skip
+        return found
+
+    def _articulation(self, name: str, group: Any) -> None:
+        first = self._initial("articulation", name)
+        position, orientation, linear, angular = self._motion(group, first, name)
+        own = f"{name}_base" if name in ("robot", "gripper") else name
+        raw = Body(name=own, kind="robot" if "robot" in name else "fixture", untold=("cavity",))
+        body = dressed(raw, self.map, self.meshes)
+        body, found = fixed_if_still(body, track(position, orientation, linear, angular))
+        self.bodies.append(body)
+        self.tracks[own] = found
+        say_links(self.account, name)
+
+    def _hand(self) -> None:
+        """RoboLab's ``ee_pose``: the base of the gripper."""
+        group = self.group.get("ee_pose")
+        if group is None or not {"position", "orientation"} <= set(group):
+            return
+        where = f"{self.where}/ee_pose"
+        position = hdf5.rows(group, "position", where, 3)
+        turn = wxyz(hdf5.rows(group, "orientation", where, 4), self.order, where)
+        twist = [
+            hdf5.rows(group, key, where, 3) if key in group else None
+            for key in ("linear_velocity", "angular_velocity")
+        ]
+        if len(position) == self.length - 1:  # there is none of the initial state
+            position, turn = np.vstack([position[:1], position]), np.vstack([turn[:1], turn])
+            twist = [None if v is None else np.vstack([0 * v[:1], v]) for v in twist]
+            self.account.guessed(
+                "pose of the gripper in the first frame", "that of the second; it was not recorded"
+            )
+        self._same_length(len(position), where)
+        raw = Body(name="gripper_base", kind="gripper")
+        body = dressed(raw, self.map, self.meshes)
+        self.bodies.append(body)
+        self.tracks["gripper_base"] = track(position, turn, *twist)
+        if not body.geoms:
+            self.account.missing(
+                "shapes of the gripper", "what goes along with its base counts as held",
+                cost="touches of the gripper and its distances: inconclusive",
+                remedy="[body.gripper_base] shapes in the map file",
+            )  # fmt: skip
+
+    # ---- the robot's columns
+
+    def _frames(self, states: Any) -> tuple[RobotFrames, tuple[Joint, ...]]:
+        columns: dict[str, list[F64]] = {"joint_position": [], "joint_velocity": []}
+        joints: list[Joint] = []
+        for name in sorted(states.get("articulation", ())):
+            first = None if self.first is None else self.first.get(f"articulation/{name}")
+            for key, parts in columns.items():
+                where = f"{self.where}/{name}"
+                values = hdf5.rows(states["articulation"][name], key, where)
+                if first is not None:
+                    values = np.vstack([hdf5.rows(first, key, where)[:1], values])
+                self._same_length(len(values), f"{where}/{key}")
+                parts.append(values)
+            own = f"{name}_base" if name in ("robot", "gripper") else name
+            joints += [
+                Joint(name=f"{name}_{i}", kind="revolute", body=own)
+                for i in range(columns["joint_position"][-1].shape[1])
+            ]
+        none = np.zeros((self.length, 0))
+        position = np.hstack([none, *columns["joint_position"]])
+        frames = RobotFrames(
+            position.astype(np.float32),
+            np.hstack([none, *columns["joint_velocity"]]).astype(np.float32),
+            none.astype(np.float32),
+            self._actions().astype(np.float32),
+            self._opening(position).astype(np.float32),
+        )
+        return frames, tuple(joints)
+
+    def _actions(self) -> F64:
+        """(T, A): row i is in force from frame i on; the last one is kept."""
+        if "actions" not in self.group:
+            return np.zeros((self.length, 0))
+        found = hdf5.rows(self.group, "actions", self.where)
+        rows = self.length - (0 if self.first is None else 1)
+        if len(found) != rows:
+            self.account.guessed(
+                "time of the actions",
+                f"{len(found)} rows for {rows} states: taken from the first on",
+            )
+        index = np.minimum(np.arange(self.length), max(0, len(found) - 1))
+        return found[index] if len(found) else np.zeros((self.length, 0))
+
+    def _opening(self, joints: F64) -> F64:
+        """(T, 1) 0 closed … 1 open, from the joint that RoboLab's noisy ``gripper_pos`` follows."""
+        seen = self.group.get("obs/gripper_pos")
+        if seen is None or not joints.shape[1]:
+            return np.zeros((self.length, 0))
+        noisy = np.asarray(seen[()], np.float64).reshape(len(seen), -1)[:, 0]
+        rows = min(len(noisy), self.length)
+        closed = np.clip(joints[:rows] / CLOSED, 0, 1)
+        off = np.abs(closed - noisy[:rows, None]).mean(axis=0)
+        best = int(np.argmin(off))
+        if off[best] > 0.1:  # its noise has a standard deviation of 0.05
+            return np.zeros((self.length, 0))
+        self.account.recomputed(
+            "opening of the gripper",
+            f"from joint {best}, which the noisy observation gripper_pos follows",
+        )
+        return 1 - np.clip(joints[:, best : best + 1] / CLOSED, 0, 1)
+
+    # ---- the header and the account
+
+    def _told(self) -> None:
+        said = {name for name in self.tracks if (b := self.map.of_body(name)) and b.shapes}
+        boxed = [b.name for b in self.bodies if b.geoms and b.name not in said]
+        if boxed:
+            self.account.guessed(
+                f"shapes of {', '.join(boxed)}",
+                "boxes around them, from corners in whole millimetres (± 1 mm)",
+                cost="what is no box touches and clears as its box does; nothing can be inside",
+                remedy="[body.NAME] shapes in the map file",
+            )
+        say_bodies(self.account, self.bodies, self.map, "the middles of the boxes")
+        say_contacts(self.account)
+        self.account.missing(
+            "what the scene has beside its rigid objects",
+            cost="nothing is known of floors, walls and fixed furniture",
+            remedy="[body.NAME] with position and shapes in the map file",
+        )
+
+    def _header(self, bodies: tuple[Body, ...], joints: tuple[Joint, ...]) -> Header:
+        config, result = self.source.beside.config, self.result
+        success = self.group.attrs.get("success")
+        told = result.get("success")
+        reached = bool(told if told is not None else success) if (
+            told is not None or success is not None
+        ) else None  # fmt: skip
+        end = float((self.length - 1) * self.dt)
+        say_success(
+            self.account, known=reached is not None, hold=0.0 if reached else None,
+            how="recording ends with it",
+        )  # fmt: skip
+        horizon = config.get("episode_length_s")
+        seed = self.group.attrs.get("seed", config.get("seed"))
+        instruction = result.get("instruction") or config.get("instruction")
+        full = isinstance(horizon, int | float) and end >= float(horizon) - 2 * self.dt
+        version = self.source.attribute("isaaclab_version")
+        return Header(
+            episode_id="",
+            task=result.get("task_name") or config.get("_task_name") or _env_name(self.source),
+            instruction=instruction if isinstance(instruction, str) else None,
+            prompt=result.get("instruction_type"),
+            policy=result.get("policy"),
+            seed=int(seed) if isinstance(seed, int | np.integer) else None,
+            rollout=result.get("episode"),
+            physics_dt=self.physics_dt,
+            frame_dt=self.dt,
+            control_dt=self.dt,
+            gravity=self.source.beside.gravity or (0.0, 0.0, -9.81),
+            success=reached,
+            success_time=end if reached else None,
+            termination="success" if reached else "horizon" if full else None,
+            horizon=float(horizon) if isinstance(horizon, int | float) else None,
+            post_success_hold=0.0 if reached else None,
+            force_source="none",
+            source=Source(
+                simulator="Isaac Lab", simulator_version=None if version is None else str(version)
+            ),
+            bodies=bodies,
+            joints=joints,
+        )
+
+
+def _env_name(source: IsaacLab) -> str | None:
+    """From ``env_args``, or the name of the folder."""
+    match = re.search(r'"env_name":\s*"([^"]+)"', str(source.attribute("env_args") or ""))
+    return match[1] if match else None

@@ -1,0 +1,134 @@
+"""What stands beside an Isaac Lab or RoboLab recording: its configuration and its results.
+
+RoboLab (github.com/NVlabs/RoboLab, docs/data.md) writes ``env_cfg.json`` into the folder of the
+recording and ``episode_results.jsonl`` into the one above; both may be missing.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+RESULTS = ("episode_results.jsonl", "episode_results.json")
+
+
+@dataclass(frozen=True)
+class Sidecars:
+    """Of one recording.
+
+    Attributes:
+        config: ``env_cfg.json``, empty if there is none.
+        results: the lines of ``episode_results.jsonl`` about this environment.
+        problems: files that are there and cannot be read.
+    """
+
+    config: dict[str, Any] = field(default_factory=dict)
+    results: tuple[dict[str, Any], ...] = ()
+    problems: tuple[str, ...] = ()
+
+    @property
+    def physics_dt(self) -> float | None:
+        """s, integration step (``sim.dt``)."""
+        return _positive(_inside(self.config, "sim", "dt"))
+
+    @property
+    def dt(self) -> float | None:
+        """S between recorded rows: ``sim.dt`` × ``decimation``."""
+        steps = _positive(self.config.get("decimation"))
+        return None if self.physics_dt is None or steps is None else self.physics_dt * steps
+
+    @property
+    def gravity(self) -> tuple[float, float, float] | None:
+        """m/s²."""
+        found = _inside(self.config, "sim", "gravity")
+        if not isinstance(found, list) or len(found) != 3:
+            return None
+        return float(found[0]), float(found[1]), float(found[2])
+
+    @property
+    def rotations_speak_for(self) -> str | None:
+        """The quaternion order in which the configuration's rotations would be rotations by little.
+
+        A hint for a message: most assets are spawned unturned, (1, 0, 0, 0) or (0, 0, 0, 1).
+        """
+        scene = self.config.get("scene")
+        assets = scene.values() if isinstance(scene, dict) else ()
+        found = [_inside(a, "init_state", "rot") for a in assets if isinstance(a, dict)]
+        turns = [r for r in found if isinstance(r, list) and len(r) == 4]
+        first = sum(abs(r[0]) > 0.99 for r in turns)
+        last = sum(abs(r[3]) > 0.99 for r in turns)
+        return "wxyz" if first > last else "xyzw" if last > first else None
+
+    def result(self, file: Path, demo: str) -> dict[str, Any]:
+        """The line about one episode, ``run_2.hdf5`` ``demo_5`` being run 2, environment 5."""
+        run = re.search(r"run_(\d+)$", file.stem)
+        env = re.search(r"(\d+)$", demo)
+        for line in self.results:
+            number = line.get("run")
+            if number is None and (match := re.search(r"_(\d+)$", str(line.get("run_name", "")))):
+                number = int(match[1])
+            same_run = run is None or number is None or int(run[1]) == number
+            same_env = env is None or int(env[1]) == line.get("env_id", 0)
+            if same_run and same_env:
+                return line
+        return {}
+
+
+def read_sidecars(recording: Path) -> Sidecars:
+    """What there is beside a recording."""
+    problems: list[str] = []
+    config = _json(recording.parent / "env_cfg.json", problems)
+    lines: list[Any] = []
+    for folder in (recording.parent, recording.parent.parent):
+        for name in RESULTS:
+            path = folder / name
+            if path.is_file() and not lines:
+                lines = _lines(path, problems)
+    names = {recording.parent.name, *_names(config)}
+    mine = [line for line in lines if isinstance(line, dict) and _about(line, names)]
+    return Sidecars(config if isinstance(config, dict) else {}, tuple(mine), tuple(problems))
+
+
+def _about(line: dict[str, Any], names: set[str]) -> bool:
+    return line.get("env_name") in names or line.get("env_name") is None
+
+
+def _names(config: Any) -> set[str]:
+    name = config.get("_task_name") if isinstance(config, dict) else None
+    return {name} if isinstance(name, str) else set()
+
+
+def _lines(path: Path, problems: list[str]) -> list[Any]:
+    if path.suffix == ".json":
+        found = _json(path, problems)
+        return found if isinstance(found, list) else []
+    try:
+        text = path.read_text("utf-8")
+        return [json.loads(line) for line in text.splitlines() if line.strip()]
+    except (OSError, ValueError) as error:
+        problems.append(f"{path.name}: {error}")
+        return []
+
+
+def _json(path: Path, problems: list[str]) -> Any:
+    try:
+        return json.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        problems.append(f"{path.name}: {error}")
+        return {}
+
+
+def _inside(table: Any, *keys: str) -> Any:
+    for key in keys:
+        table = table.get(key) if isinstance(table, dict) else None
+    return table
+
+
+def _positive(value: Any) -> float | None:
+    number = isinstance(value, int | float) and not isinstance(value, bool) and value > 0
+    return float(value) if number else None

@@ -1,0 +1,141 @@
+"""Known formats that hold no poses of objects: refused, with what to ask the publisher for."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, NoReturn
+
+from safestage_eval.episode import Episode
+
+from . import hdf5
+from .account import Account
+from .importer import Importer, Settings, SourceError
+
+
+def ask_for(source: str) -> str:
+    """What would have to be there, by what a dataset is called."""
+    name = source.lower()
+    if "droid" in name:
+        return (
+            "DROID was recorded on real robots, and where objects were was never measured; poses "
+            "from an object tracker would have to be added, as columns of their own"
+        )
+    simulated = {
+        "libero": "the original HDF5 files of LIBERO, which have data/demo_i/states",
+        "robocasa": "RoboCasa's extras/episode_*/states.npz, or its HDF5 files with states",
+        "robomimic": "robomimic's HDF5 files with states (demo_v15.hdf5, not image_v15.hdf5)",
+        "mimicgen": "MimicGen's HDF5 files, which have data/demo_i/states",
+        "maniskill": "ManiSkill's .h5 and .json files, which have env_states",
+        "robolab": "RoboLab's run_*.hdf5, which have data/demo_i/states",
+    }
+    for suite, files in simulated.items():
+        if suite in name:
+            return f"ask the publisher for {files}; the conversion dropped them"
+    return (
+        "ask the publisher for the simulator's states (positions and orientations of every object "
+        "per step, with shapes or model files); of a real robot, for an object tracker's poses"
+    )
+
+
+class Stateless(Importer):
+    """RLDS, raw DROID, and HDF5 with observations only. Opening one is refused."""
+
+    name = "stateless"
+    title = "RLDS, raw DROID, HDF5 without states (refused)"
+
+    def __init__(self, path: Path, settings: Settings) -> None:
+        """Refuse.
+
+        Raises:
+            SourceError: always.
+        """
+        super().__init__(path, settings)
+        self._refuse()
+
+    @classmethod
+    def recognise(cls, path: Path) -> str | None:
+        """By ``features.json`` and ``dataset_info.json``, or by HDF5 groups without states."""
+        if path.is_dir():
+            there = {"features.json", "dataset_info.json"} <= {p.name for p in path.iterdir()}
+            return "RLDS: features.json and dataset_info.json" if there else None
+        if not hdf5.is_hdf5(path):
+            return None
+        with hdf5.open_hdf5(path) as file:
+            if "observation/robot_state" in file:
+                return "raw DROID: HDF5 with observation/robot_state"
+            demos = file.get("data")
+            if demos is None or not hasattr(demos, "keys"):
+                return None
+            first = next((demos[n] for n in demos if hasattr(demos[n], "keys")), None)
+            if first is not None and "states" not in first and {"obs", "actions"} & set(first):
+                return f"HDF5 with {first.name[1:]}, without states"
+        return None
+
+    def _refuse(self) -> NoReturn:
+        raise SourceError(
+            str(self.path),
+            "has no poses of objects, only what the robot saw and did"
+            + (f" ({', '.join(self._seen()[:8])})." if self._seen() else "."),
+            fix=ask_for(f"{self.path} {' '.join(self._seen())} {self._description()}"),
+        )
+
+    def _description(self) -> str:
+        if self.path.is_dir():
+            info = _json(self.path / "dataset_info.json")
+            return str(info.get("name", ""))
+        with hdf5.open_hdf5(self.path) as file:
+            if "observation/robot_state" in file:
+                return "droid"
+            args = file["data"].attrs.get("env_args", "") if "data" in file else ""
+            return str(args)
+
+    def _seen(self) -> list[str]:
+        """Names of what is recorded."""
+        if self.path.is_dir():
+            return list(_features(_json(self.path / "features.json")))
+        with hdf5.open_hdf5(self.path) as file:
+            return list(dict.fromkeys(n.split("/")[-1] for n, _ in hdf5.datasets(_first(file))))
+
+    def episodes(self) -> list[str]:
+        """Never asked: there is no open one."""
+        raise NotImplementedError
+
+    def fingerprint(self, name: str) -> str:
+        """Never asked."""
+        raise NotImplementedError
+
+    def read(self, name: str, account: Account) -> Episode:
+        """Never asked."""
+        raise NotImplementedError
+
+
+def _first(file: Any) -> Any:
+    if "data" not in file:
+        return file
+    return file["data"][hdf5.numbered(file["data"])[0]]
+
+
+def _features(spec: Any) -> dict[str, None]:
+    """Names in a ``features.json`` of TensorFlow Datasets, however deep."""
+    found: dict[str, None] = {}
+    if isinstance(spec, dict):
+        inner = spec.get("featuresDict", {}).get("features", {})
+        for name, below in inner.items():
+            deeper = _features(below)
+            found.update(deeper or {name: None})
+        for key in ("sequence", "dataset"):
+            if key in spec:
+                found.update(_features(spec[key].get("feature", spec[key])))
+    return found
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+IMPORTER = Stateless
