@@ -24,6 +24,7 @@ COMMANDS = {
     "rules": "rules",
     "sweep": "sweep",
     "diff": "diff",
+    "aggregate": "aggregate",
 }
 """Command → file in this folder; loaded only when it is called, so that ``--help`` is fast."""
 
@@ -38,6 +39,7 @@ HELP = {
     "rules": "Check, explain, compare and test rule files.",
     "sweep": "Show how the rates move with a threshold.",
     "diff": "Say which verdicts flipped, and which parameter flipped each.",
+    "aggregate": "Make the result tables of a campaign, as mean ± deviation over seeds.",
     "record": "Record episodes with the DROID arm in MuJoCo.",
     "tasks": "List, show or validate the benchmark's tasks.",
     "render": "Film an episode, with a halt at the moment of its verdict.",

@@ -1,6 +1,23 @@
 """Rates over judged episodes, with their counts."""
 
+from .aggregate import Aggregate, aggregate
 from .outcome import Outcome, outcomes
+from .outcome_rows import outcomes_of, read_outcomes
 from .rates import METRICS, Rates, by_policy_stage, metrics, rates
+from .seeds import Group, Rate
 
-__all__ = ["METRICS", "Outcome", "Rates", "by_policy_stage", "metrics", "outcomes", "rates"]
+__all__ = [
+    "METRICS",
+    "Aggregate",
+    "Group",
+    "Outcome",
+    "Rate",
+    "Rates",
+    "aggregate",
+    "by_policy_stage",
+    "metrics",
+    "outcomes",
+    "outcomes_of",
+    "rates",
+    "read_outcomes",
+]

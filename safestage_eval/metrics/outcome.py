@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 from safestage_eval.verdicts import EpisodeResult
 
+OPEN = "–"
+"""Shown where a header leaves a name open."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -21,6 +24,15 @@ class Outcome:
     """V; None if it could not be decided."""
     judged: bool
     """False when its assigned rules, or those that V hangs on, were not loaded."""
+    task: str | None = None
+    family: str | None = None
+    seed: int | str | None = None
+    """The environment seed."""
+    rollout: int | str | None = None
+    """Which repetition under that seed."""
+    episode_id: str | None = None
+    where: str = ""
+    """The place it was read from, for messages: ``results.csv, row 12``."""
 
     @property
     def decided(self) -> bool:
@@ -32,12 +44,18 @@ def outcomes(results: Iterable[EpisodeResult]) -> list[Outcome]:
     """The outcomes of judged episodes; what a header leaves open is shown as ``–``."""
     return [
         Outcome(
-            policy=r.policy or "–",
-            prompt=r.prompt or "–",
-            stage=r.stage or "–",
+            policy=r.policy or OPEN,
+            prompt=r.prompt or OPEN,
+            stage=r.stage or OPEN,
             success=r.success,
             violation=r.violation,
             judged=bool(r.assigned) and (r.violation is True or not r.not_loaded),
+            task=r.task,
+            family=r.family,
+            seed=r.seed,
+            rollout=r.rollout,
+            episode_id=r.episode_id,
+            where=r.path,
         )
         for r in results
     ]

@@ -58,6 +58,21 @@ class Rates:
         count = self.counts[metric]
         return (count + self.surely[metric]) / total, (count + self.maybe[metric]) / total
 
+    def __add__(self, other: Rates) -> Rates:
+        """Both cells as one."""
+
+        def both(a: Mapping[str, int], b: Mapping[str, int]) -> dict[str, int]:
+            return {name: a[name] + b[name] for name in a}
+
+        return Rates(
+            self.n + other.n,
+            both(self.counts, other.counts),
+            both(self.surely, other.surely),
+            both(self.maybe, other.maybe),
+            self.inconclusive + other.inconclusive,
+            self.not_judged + other.not_judged,
+        )
+
     @property
     def violation_given_success(self) -> float | None:
         """USR / SR: the unsafe share of the successes; None without successes."""

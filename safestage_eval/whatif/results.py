@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from safestage_eval.metrics import METRICS, Outcome, by_policy_stage
+from safestage_eval.metrics import METRICS, by_policy_stage, outcomes_of
 
 Row = Mapping[str, Any]
 """A result row (docs/results.md); only the columns that are used must be there."""
@@ -120,28 +120,6 @@ def difference(
     )
 
 
-def outcomes_of(rows: Iterable[Row]) -> list[Outcome]:
-    """What each episode counts as, from its rows; as ``metrics.outcomes`` of the results."""
-    episodes: dict[str, list[Row]] = {}
-    for row in rows:
-        episodes.setdefault(str(row["episode_id"]), []).append(row)
-    found = []
-    for group in episodes.values():
-        own = [_violation(row["verdict"]) for row in group if row["assigned"]]
-        head = group[0]
-        found.append(
-            Outcome(
-                policy=head.get("policy") or "–",
-                prompt=head.get("prompt") or "–",
-                stage=head.get("stage") or "–",
-                success=head["success"],
-                violation=True if True in own else None if not own or None in own else False,
-                judged=bool(own),
-            )
-        )
-    return found
-
-
 def _keyed(rows: Iterable[Row]) -> dict[tuple[str, str], Row]:
     found: dict[tuple[str, str], Row] = {}
     for row in rows:
@@ -196,7 +174,3 @@ def _rates(old: Sequence[Row], new: Sequence[Row]) -> Iterable[RateChange]:
                 yield RateChange(
                     policy, prompt, stage, metric, a.value(metric), b.value(metric), counts
                 )
-
-
-def _violation(verdict: str) -> bool | None:
-    return None if verdict == "inconclusive" else verdict == "violation"

@@ -8,13 +8,13 @@ import pytest
 from studio import block, run
 
 from safestage_eval.formats import discover, save
-from safestage_eval.metrics import by_policy_stage, outcomes
+from safestage_eval.metrics import by_policy_stage, outcomes, outcomes_of
 from safestage_eval.report import render
 from safestage_eval.report.rows import rows
 from safestage_eval.scoring import score_paths
 from safestage_eval.whatif.diff import diff
 from safestage_eval.whatif.read_results import read_results
-from safestage_eval.whatif.results import difference, outcomes_of
+from safestage_eval.whatif.results import difference
 
 OLD = """
 [ruleset]
@@ -260,12 +260,12 @@ def test_mistakes_of_use(shelf, arguments, said):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"episode_id,rule\nx,y\n", "lacks the columns assigned, verdict, success"),
+        (b"episode_id,rule\nx,y\n", "row 1: lacks assigned, verdict, success"),
         (b'{"episode_id": "x"}\n{broken\n', "line 2"),
         (b'{"episodes": [{"rule": "x"}]}', "row 1: lacks episode_id"),
         (b"[1, 2]", "JSON, but no results"),
         (b"PAR1 and then nothing", "a broken Parquet file"),
-        (b"\xff\xfe", "not a result file"),
+        (b"\xff\xfe", "not a table"),
     ],
 )
 def test_files_that_are_no_results(tmp_path, content, said):
