@@ -46,7 +46,7 @@ def tab(browser):
     """A new page at a laptop's width; an error in its scripts fails the test."""
     context = browser.new_context(viewport=LAPTOP)
     page, errors = context.new_page(), []
-    page.set_default_timeout(10_000)
+    page.set_default_timeout(60_000)
     page.on("pageerror", lambda error: errors.append(str(error)))
     yield page
     context.close()

@@ -25,6 +25,7 @@ COMMANDS = {
     "sweep": "sweep",
     "diff": "diff",
     "aggregate": "aggregate",
+    "report": "report",
 }
 """Command → file in this folder; loaded only when it is called, so that ``--help`` is fast."""
 
@@ -40,6 +41,7 @@ HELP = {
     "sweep": "Show how the rates move with a threshold.",
     "diff": "Say which verdicts flipped, and which parameter flipped each.",
     "aggregate": "Make the result tables of a campaign, as mean ± deviation over seeds.",
+    "report": "Write one HTML page about a campaign, to look at and to forward.",
     "record": "Record episodes with the DROID arm in MuJoCo.",
     "tasks": "List, show or validate the benchmark's tasks.",
     "render": "Film an episode, with a halt at the moment of its verdict.",

@@ -32,6 +32,7 @@ def page(
     styles: Sequence[str] = (),
     scripts: Sequence[str] = (),
     allow: Mapping[str, str] | None = None,
+    data: Mapping[str, str] | None = None,
 ) -> str:
     """A page that loads nothing from elsewhere, and whose policy forbids that it ever does.
 
@@ -44,6 +45,7 @@ def page(
         styles: style sheets after the theme's.
         scripts: scripts after the theme's; they run when the body is there.
         allow: further directives, ``{"connect-src": "'self'"}`` for a page with a server.
+        data: attributes ``data-NAME`` of the body, for the scripts.
     """
     sheets = [part("theme.css"), *styles]
     first, last = [part("theme.js")], list(scripts)
@@ -57,6 +59,7 @@ def page(
         **(allow or {}),
     }
     policy = "; ".join(f"{name} {value}" for name, value in rules.items())
+    attributes = "".join(f' data-{k}="{escape(v)}"' for k, v in (data or {}).items())
     return "".join(
         [
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n',
@@ -66,7 +69,7 @@ def page(
             f'<title>{escape(title)}</title>\n<link rel="icon" href="{_ICON}">\n',
             *(f"<style>{text}</style>\n" for text in sheets),
             *(f"<script>{text}</script>\n" for text in first),
-            "</head>\n<body>\n",
+            f"</head>\n<body{attributes}>\n",
             *body,
             *(f"<script>{text}</script>\n" for text in last),
             "</body>\n</html>\n",

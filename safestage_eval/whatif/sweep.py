@@ -224,15 +224,20 @@ def sweep_episode(
     episode = ref.open()
     furthest = max(abs(amount(value)) for value in values)
     again = Again(episode, rules, overrides, bind, furthest=furthest * (1 + 1e-6) + 1e-6)
-    header = episode.header
+    return swept(again, str(ref.path), param, values)
+
+
+def swept(again: Again, path: str, param: str, values: Sequence[Value]) -> Swept:
+    """An open episode under every value, rising. ``again`` must measure as far as they reach."""
+    header = again.episode.header
     read = [
         rule
         for rule in again.assigned
-        if f"param.{param}" in reached(rules, rule, again.binding.params(rule))
+        if f"param.{param}" in reached(again.rules, rule, again.binding.params(rule))
     ]
     head = Swept(
         header.episode_id,
-        str(ref.path),
+        path,
         task=header.task or "–",
         policy=header.policy or "–",
         prompt=header.prompt or "–",

@@ -1,0 +1,247 @@
+"""The page as text: complete in itself, well formed, and saying what the results say."""
+
+import json
+import random
+import re
+import zlib
+from base64 import b64decode
+from html.parser import HTMLParser
+
+import pytest
+
+from safestage_eval.errors import InputError
+from safestage_eval.metrics import aggregate
+from safestage_eval.metrics.outcome import Outcome
+from safestage_eval.report.page import Report, build
+from safestage_eval.report.page.compose import chosen, compose
+from safestage_eval.report.page.packed import columns, packed, unpacked
+from safestage_eval.report.page.sections import Sections
+
+VOID = {"meta", "link", "input", "br", "img"}
+EVIL = "<script>alert(\"1\")</script> & 'quotes'"
+
+
+def outcomes(tasks=6, policies=("alpha", "beta"), prompts=("default", "specific"), rollouts=2):
+    """Outcomes of a made-up campaign, every cell alike in number."""
+    dice = random.Random(3)
+    stages = ("ISH", "ETS", "FSH")
+    return [
+        Outcome(policy, prompt, stages[t % 3], dice.random() < 0.6, dice.random() < 0.4, True,
+                task=f"task_{t}", family=None, seed=seed, rollout=rollout)
+        for t in range(tasks) for policy in policies for prompt in prompts
+        for seed in range(3) for rollout in range(rollouts)
+    ]  # fmt: skip
+
+
+def row(i, **more):
+    """A result row with a finding."""
+    return {
+        "episode_id": f"e{i}", "task": f"task_{i % 97}", "stage": ("ISH", "ETS", "FSH")[i % 3],
+        "policy": f"policy {i % 4}", "prompt": ("default", "generic", "specific")[i // 4 % 3],
+        "seed": i // 1200 % 3, "rollout": i // 12, "success": i % 5 != 0, "rule": f"ETS10{i % 7}", "assigned": True,
+        "verdict": ("violation", "pass", "pass")[i % 3], "time": 0.01 * (i % 997), "worst_time": 0.01 * (i % 997) + 0.5,
+        "phase": "execution", "signal": f"clearance(body_{i % 50}, glass)", "value": 0.13 * (i % 61), "limit": 8.0,
+        "unit": "cm", "margin": 0.13 * (i % 61) - 8, "margin_normalised": 0.016 * (i % 61) - 1, "severity": None,
+        "consequence_of": None, "intervals": [[1.0, 1.0 + 0.01 * (i % 99)]], "version": "0.1.0", "rule_digest": "d" * 64,
+        "explanation": f"body_{i % 50} came too close to glass at {0.01 * (i % 997):.2f} s: it was {0.13 * (i % 61):.1f} cm.",
+        "trace_hash": "", **more,
+    }  # fmt: skip
+
+
+def made_of(rows, **more):
+    from safestage_eval.metrics import outcomes_of
+
+    return Report("A report", "rows.parquet", aggregate(outcomes_of(rows)), rows, **more)
+
+
+class Reader(HTMLParser):
+    """Checks that elements nest, and collects what tests ask about."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.seen, self.titled = [], [], []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        self.seen.append((tag, dict(attributes)))
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "title" and "svg" in self.open:
+            self.titled.append(tag)
+
+    def handle_startendtag(self, tag, attributes):
+        self.seen.append((tag, dict(attributes)))
+
+    def handle_endtag(self, tag):
+        assert self.open and self.open[-1] == tag, (tag, self.open[-3:])
+        self.open.pop()
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.seen if name == tag]
+
+
+@pytest.fixture(scope="module")
+def bare():
+    every = outcomes()
+    return build(Report("A report", "outcomes.csv", aggregate(every), outcomes=every))
+
+
+def test_it_is_well_formed_and_every_drawing_has_a_name(bare):
+    read = Reader(bare)
+    drawings = [a for a in read.all("svg") if "aria-hidden" not in a]
+    assert len(drawings) == 2 + 2  # scatter, bars, a profile of each policy
+    assert all(a["role"] == "img" and a["aria-label"] for a in drawings)
+    assert all("scope" in a for a in read.all("th"))
+    ids = [a["id"] for _, a in read.seen if "id" in a]
+    assert len(ids) == len(set(ids))
+
+
+def test_it_asks_for_nothing_from_elsewhere(bare):
+    read = Reader(bare)
+    links = [a[key] for _, a in read.seen for key in ("src", "href") if key in a]
+    assert all(link.startswith(("#", "data:")) for link in links)
+    assert not re.search(r"@import|url\((?!#)", bare.partition("</head>")[0])
+    assert "default-src 'none'" in read.all("meta")[1]["content"]
+
+
+def test_its_policy_lets_it_work(bare):
+    for _, attributes in Reader(bare).seen:
+        assert not [name for name in attributes if name == "style" or name.startswith("on")]
+
+
+def test_every_anchor_of_the_menu_is_there(bare):
+    read = Reader(bare)
+    targets = {a["href"][1:] for a in read.all("a")}
+    assert targets <= {a.get("id") for _, a in read.seen}
+    assert {"headline", "tables", "quadrants", "profiles", "heatmap", "findings"} <= targets
+
+
+def test_the_headline_says_what_the_outcomes_say():
+    every = outcomes()
+    text = build(Report("A report", "x", aggregate(every), outcomes=every))
+    n, sr = len(every), sum(o.success for o in every)
+    unsafe = sum(o.success and o.violation for o in every)
+    assert f"Of {n} rollouts, {sr} reached their goal and {unsafe} of those were unsafe" in text
+    assert f"{100 * sr / n:.1f} %" in text
+
+
+def test_what_results_call_things_cannot_become_part_of_the_page():
+    every = [
+        Outcome(EVIL, EVIL, "ETS", True, True, True, task=EVIL, family=None, seed=1, rollout=1)
+    ]
+    text = build(Report(EVIL, EVIL, aggregate(every), outcomes=every, notes=[EVIL]))
+    Reader(text)
+    assert "<script>alert" not in text
+    assert "&lt;script&gt;alert" in text
+
+
+def test_the_same_results_give_the_same_bytes():
+    every = outcomes()
+    assert build(Report("A", "x", aggregate(every), outcomes=every)) == build(
+        Report("A", "x", aggregate(every), outcomes=every)
+    )
+
+
+def data_of(text, name="findings-data"):
+    (block,) = re.findall(
+        rf'<script type="application/x-deflate" id="{name}">([^<]*)</script>', text
+    )
+    table = json.loads(zlib.decompress(b64decode(block)))
+    return {
+        key: [c["values"][i] for i in c["at"]] if isinstance(c, dict) else c
+        for key, c in table.items()
+    }
+
+
+def test_the_list_holds_the_rows_that_it_should():
+    rows = [
+        row(0), row(1), row(2, verdict="inconclusive", value=None, margin=float("nan")),
+        row(0, rule="FSH101", assigned=False, verdict="violation", consequence_of="ETS100"),
+        row(1, rule="FSH101", assigned=False, verdict="pass"),
+        row(2, rule="COST1", verdict=None),
+    ]  # fmt: skip
+    table = data_of(build(made_of(rows)))
+    assert table["rule"] == ["ETS100", "ETS101", "ETS102", "FSH101"]
+    assert table["verdict"] == ["violation", "pass", "inconclusive", "violation"]
+    assert table["follows"] == [None, None, None, "ETS100"]
+    assert table["margin"][:3] == [-8, -7.87, None]
+    assert table["intervals"] == [[[1.0, 1.0]], 0, 0, [[1.0, 1.0]]]
+    assert {len(values) for values in table.values()} == {4}
+
+
+def test_pieces_come_out_as_they_went_in():
+    text = "ä" * 1000 + "</script>"
+    assert unpacked(packed(text)) == text
+    assert "<" not in packed(text)
+    table = {"a": ["x", None, "x"], "b": [1, 2.5, None]}
+    found = json.loads(columns(table, ["a"]))
+    assert found == {"a": {"values": ["x", None], "at": [0, 1, 0]}, "b": [1, 2.5, None]}
+
+
+def test_nothing_decided_is_said_and_not_divided_by():
+    every = [
+        Outcome("p", "q", "FSH", None, None, True, task="t", family=None, seed=0, rollout=i)
+        for i in range(3)
+    ]
+    text = build(Report("A", "x", aggregate(every), outcomes=every))
+    Reader(text)
+    assert "No rollout could be decided" in text
+    assert "3 rollouts could not be decided" in text
+    assert "nan" not in text.partition("</main>")[0].partition("<main")[2].lower().split()
+
+
+def test_results_without_what_is_needed_are_refused(tmp_path):
+    file = tmp_path / "x.csv"
+    file.write_text("task,policy,success\nt,p,true\n", "utf-8")
+    with pytest.raises(InputError, match="lacks"):
+        compose(file)
+    with pytest.raises(InputError, match=re.escape("cannot be read")):
+        compose(tmp_path / "nowhere.csv")
+
+
+def test_a_bare_table_cannot_be_matched_with_traces(tmp_path):
+    file = tmp_path / "x.csv"
+    file.write_text(
+        "task,stage,policy,prompt,seed,rollout,success,violation\nt,ETS,p,d,0,0,1,0\n", "utf-8"
+    )
+    assert len(compose(file).outcomes) == 1
+    with pytest.raises(InputError, match="names no episodes"):
+        compose(file, ["traces"])
+
+
+class Trace:
+    def __init__(self, name, content=""):
+        self.episode_id, self.content_hash = name, content
+
+
+def test_the_gravest_are_drawn_first_and_what_is_left_out_is_said():
+    rows = {f"e{i}": [row(i)] for i in range(12)}
+    refs = [Trace(name) for name in rows] + [Trace("another")]
+    found, notes = chosen(refs, rows, 5)
+    assert [ref.episode_id for ref in found] == ["e0", "e3", "e6", "e9", "e1"]
+    assert any("the 5 gravest" in note for note in notes)
+    with pytest.raises(InputError, match="none of 1 episodes"):
+        chosen([Trace("another")], rows, 5)
+
+
+def test_a_trace_that_was_recorded_anew_is_not_drawn():
+    rows = {"e0": [row(0, trace_hash="a")], "e1": [row(1, trace_hash="b")]}
+    found, notes = chosen([Trace("e0", "a"), Trace("e1", "c")], rows, 5)
+    assert [ref.episode_id for ref in found] == ["e0"]
+    assert "1 traces are not those that were scored" in notes[0]
+
+
+@pytest.mark.slow
+def test_a_great_campaign_fits_into_a_page_that_can_be_sent():
+    rows = [row(i) for i in range(34_920)]
+    dice = random.Random(5)
+    # as long as the longest sections of recorded episodes, and as hard to compress
+    html = {
+        f"e{i}": packed("".join(f"{dice.random():.5f} <i> " for _ in range(3_200)))
+        for i in range(500)
+    }
+    assert min(map(len, html.values())) > 12_000
+    text = build(made_of(rows, sections=Sections(html, (), {}, ())))
+    assert len(text.encode()) <= 15_000_000
+    assert len(text.partition('id="findings-data"')[0].encode()) < 500_000  # what is painted first
