@@ -26,9 +26,9 @@ ACTION_SIZE = 8
 
 GRIP_FORCE = 10.0
 """N, range of the gripper's tendon actuator: about 200 N between the pads (50 gives 1,000 N)."""
-GRIP_BEYOND = 0.1
-"""rad of the driver joint that a closing gripper aims beyond closed, so that it presses as hard on a
-4 mm wall as on a can. (The servo of the model gives way over the last 10 mm.)"""
+GRIP_BEYOND = 0.05
+"""rad of the driver joint that a closing gripper aims beyond closed: it presses with all its force on
+what is wider than 5 mm, and with half of it at 0. (The model's own servo gives way from 10 mm on.)"""
 PAD_FRICTION = (1.0, 0.02, 0.0001)
 
 
