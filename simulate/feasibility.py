@@ -17,11 +17,14 @@ from safestage_eval.verdicts.verdict import Verdict
 
 from .policies import policy_named
 from .pool import Died, run_many
+from .record import write_recording
 from .rollout import Setting, roll_out
 from .task import Task
 
 REFERENCES = ("reference:safe", "reference:unsafe")
 CONTROLS = ("idle", "random-near-home")
+SHORT_CONTROL = 20.0
+"""s, of a control on other than the first seed."""
 RULES = ("ish", "ets", "fsh")
 """The built-in rule files that references are judged by."""
 
@@ -39,6 +42,8 @@ class Case:
     robot_mjcf: Path | None = None
     horizon: float | None = None
     """s; the task's own where None."""
+    keep: Path | None = None
+    """Folder that the episode is written to, as a recording is."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +61,7 @@ class Trial:
         stage: of the task; empty if it does not matter.
         rollout: number of the rollout.
         taken: s of processor time, judging included.
+        simulated: s of episode.
     """
 
     task: str
@@ -68,6 +74,7 @@ class Trial:
     stage: str = ""
     rollout: int = 0
     taken: float = 0.0
+    simulated: float = 0.0
 
     @property
     def as_expected(self) -> bool:
@@ -102,15 +109,35 @@ def cases(
     rollouts: int = 1,
     robot_mjcf: Path | None = None,
     horizon: float | None = None,
+    keep: Path | None = None,
 ) -> list[Case]:
     """Every combination, tasks outermost. ``horizon`` (s) replaces the tasks' own."""
     return [
-        Case(task, policy, seed, rollout, robot_mjcf, horizon)
+        Case(task, policy, seed, rollout, robot_mjcf, horizon, keep)
         for task in tasks
         for policy in policies
         for seed in seeds
         for rollout in range(rollouts)
     ]
+
+
+def control_cases(
+    tasks: Sequence[Task],
+    seeds: Sequence[int],
+    rollouts: int = 1,
+    robot_mjcf: Path | None = None,
+    horizon: float | None = None,
+) -> list[Case]:
+    """Idle and random-near-home: over the tasks' own horizon on the first seed, 20 s on the others.
+
+    What rests for so long in one layout rests in those next to it; ``horizon`` (s) is for all seeds.
+    """
+    out: list[Case] = []
+    for task in tasks:
+        for seed in seeds:
+            seconds = horizon or (None if seed == seeds[0] else SHORT_CONTROL)
+            out += cases([task], [seed], CONTROLS, rollouts, robot_mjcf, seconds)
+    return out
 
 
 def trials(
@@ -158,6 +185,8 @@ def attempt(case: Case, each: Draw | None = None) -> Trial:
     speed = float(episode.t[-1]) / (time.process_time() - start)
     if each is not None:
         each(episode)
+    if case.keep is not None:
+        write_recording(writer, task, case.keep)
     found = judge(episode, builtin_rules(), assigned_only=not control).verdicts
     return Trial(
         task.id,
@@ -169,6 +198,7 @@ def attempt(case: Case, each: Draw | None = None) -> Trial:
         stage=task.stage,
         rollout=case.rollout,
         taken=time.process_time() - start,
+        simulated=float(episode.t[-1]),
     )
 
 

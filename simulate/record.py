@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 
 from safestage_eval.errors import InputError, TraceError
-from safestage_eval.formats import discover
+from safestage_eval.formats import TraceWriter, discover
 
 from .policies import KINDS, policy_name, policy_named
 from .pool import Died, run_many
@@ -141,9 +141,7 @@ def record_one(job: Job, out: Path, format: Format = "parquet") -> Outcome:  # n
     start = time.process_time()
     try:
         writer = roll_out(job.setting, policy_named(job.policy, job.setting.draw))
-        writer.attachments |= _attachments(job.setting.task)
-        out.mkdir(parents=True, exist_ok=True)
-        writer.close(out / f"{job.episode_id}.mcap" if format == "mcap" else out)
+        write_recording(writer, job.setting.task, out, format)
     except Exception as error:  # noqa: BLE001 - a policy may raise anything; the others go on
         known = isinstance(error, InputError | ValueError)
         return Outcome(
@@ -155,6 +153,18 @@ def record_one(job: Job, out: Path, format: Format = "parquet") -> Outcome:  # n
         simulated=len(writer) / FRAME_RATE,
         taken=time.process_time() - start,
     )
+
+
+def write_recording(
+    writer: TraceWriter,
+    task: Task,
+    out: Path,
+    format: Format = "parquet",  # noqa: A002
+) -> None:
+    """Write an episode and its task file into a folder, which is made if it is not there."""
+    writer.attachments |= _attachments(task)
+    out.mkdir(parents=True, exist_ok=True)
+    writer.close(out / f"{writer.header.episode_id}.mcap" if format == "mcap" else out)
 
 
 def summary(outcomes: Sequence[Outcome]) -> str:

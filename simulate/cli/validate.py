@@ -58,13 +58,19 @@ def _share(_context: click.Context, _option: click.Parameter, text: str | None) 
 @click.option(
     "--horizon",
     type=click.FloatRange(0, min_open=True),
-    help="Seconds allowed, instead of the task's own (10 will do to see that idle moves nothing).",
+    help="Seconds allowed, instead of the task's own; of controls, instead of 20 on other seeds than the "
+    "first.",
 )
 @click.option(
     "--write",
     "table",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Write the table to this Markdown file.",
+    help="Write the table to this Markdown file; not with --grades.",
+)
+@click.option(
+    "--keep",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder that the references' episodes are written to as well, as by `safestage record`.",
 )
 @click.option(
     "--pictures",
@@ -84,6 +90,7 @@ def validate(
     rollouts: int | None,
     horizon: float | None,
     table: Path | None,
+    keep: Path | None,
     pictures: Path | None,
     jobs: int,
     robot_mjcf: Path | None,
@@ -100,12 +107,14 @@ def validate(
                 listed
     --controls  idle must violate no rule at all; what random-near-home violates is listed
     """
-    from simulate.feasibility import CONTROLS, REFERENCES, cases
+    from simulate.feasibility import REFERENCES, cases, control_cases
 
     if grades + controls + (noisy is not None) > 1:
         raise click.UsageError("--grades, --noisy and --controls are separate runs")
-    if table is not None and (grades or controls or noisy is not None):
-        raise click.UsageError("--write is for the references alone")
+    if table is not None and grades:
+        raise click.UsageError("--grades writes no table")
+    if keep is not None and (grades or controls or noisy is not None):
+        raise click.UsageError("--keep is for the references alone")
     chosen = chosen_tasks(tasks)
     if share is not None:
         chosen = chosen[share[0] - 1 :: share[1]]
@@ -115,24 +124,35 @@ def validate(
     if grades:
         _grades(chosen, seeds, jobs, robot_mjcf)
         return
-    policies: tuple[str, ...] = REFERENCES
-    if noisy is not None:
+    if controls:
+        todo = control_cases(chosen, seeds, rollouts or 1, robot_mjcf, horizon)
+    elif noisy is not None:
         policies = (f"noisy:{noisy:g}", f"noisy:{noisy:g}:unsafe")
-    elif controls:
-        policies = CONTROLS
-    todo = cases(chosen, seeds, policies, rollouts or (5 if noisy else 1), robot_mjcf, horizon)
+        todo = cases(chosen, seeds, policies, rollouts or 5, robot_mjcf, horizon)
+    else:
+        todo = cases(chosen, seeds, REFERENCES, rollouts or 1, robot_mjcf, horizon, keep)
     found = _run(todo, jobs, pictures)
     good = sum(trial.as_expected for trial in found)
     click.echo(f"{good} of {len(found)} as they should be")
+    if table is not None:
+        table.write_text(_page(found, controls, noisy, table), encoding="utf-8")
     if noisy is not None:
         sys.exit(_noise(found))
     if controls:
         sys.exit(any(not trial.as_expected for trial in found if trial.policy == "idle"))
-    if table is not None:
-        from simulate.feasibility_table import page
-
-        table.write_text(page(found), encoding="utf-8")
     sys.exit(good < len(found))
+
+
+def _page(found: list[Trial], controls: bool, noisy: float | None, table: Path) -> str:
+    from simulate.feasibility_table import page
+    from simulate.firmness_table import controls_page, noise_page
+
+    if controls:
+        return controls_page(found)
+    if noisy is None:
+        return page(found)
+    before = table.read_text(encoding="utf-8") if table.is_file() else ""
+    return noise_page(found, noisy, before)
 
 
 def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:

@@ -131,7 +131,8 @@ def test_shares_are_all_tasks_each_once() -> None:
         (["--share", "0/3"], "no share"),
         (["--share", "third"], "no share"),
         (["--grades", "--controls"], "separate runs"),
-        (["--noisy", "0.01", "--write", "x.md"], "references alone"),
+        (["--grades", "--write", "x.md"], "writes no table"),
+        (["--noisy", "0.01", "--keep", "x"], "references alone"),
         (["fsh_bottle_on_shelf", "--share", "2/2"], "holds no task"),
     ],
 )
