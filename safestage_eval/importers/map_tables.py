@@ -53,6 +53,8 @@ class SourceTable(_Table):
     """s, integration step."""
     control_dt: Seconds | None = None
     """s between actions."""
+    world: str | None = None
+    """Frame that is the world, z up (transforms)."""
 
 
 class HeaderTable(_Table):

@@ -14,6 +14,7 @@ OWN = {
     "isaaclab": "isaac_lab",
     "maniskill": "maniskill",
     "lerobot": "lerobot",
+    "tf": "transforms",
     "stateless": "stateless",
 }
 """Format → file in this folder, in the order in which they are asked; the last one refuses."""

@@ -1,0 +1,142 @@
+"""The tree of coordinate frames that transforms build, sampled at common times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.errors import TraceError
+from safestage_eval.geometry.pose import compose, unit
+
+F64 = NDArray[np.float64]
+Pose = tuple[F64, F64]
+
+
+@dataclass
+class Samples:
+    """Transforms of one frame to its parent, as they came.
+
+    Attributes:
+        parent: name of the frame that it is given in.
+        time: ns, of each sample, by the clock of the recording.
+        position: (3,) m each.
+        orientation: wxyz each.
+    """
+
+    parent: str
+    time: list[int] = field(default_factory=list)
+    position: list[tuple[float, float, float]] = field(default_factory=list)
+    orientation: list[tuple[float, float, float, float]] = field(default_factory=list)
+
+
+class Edge:
+    """The motion of a frame in its parent's: sorted, of unit norm, the latest of equal times."""
+
+    def __init__(self, name: str, samples: Samples, where: str, origin: int = 0) -> None:
+        """Times become s after ``origin`` (ns), before doubles lose their last digits.
+
+        Raises TraceError for numbers that are not finite, or quaternions far from unit norm.
+        """
+        self.parent = samples.parent
+        stamps = np.asarray(samples.time, np.int64) - origin
+        order = np.argsort(stamps, kind="stable")
+        time = stamps[order] * 1e-9
+        last = np.append(np.diff(time) > 0, True)
+        self.time: F64 = time[last]
+        position = np.asarray(samples.position, np.float64)[order][last]
+        orientation = np.asarray(samples.orientation, np.float64)[order][last]
+        norm = np.linalg.norm(orientation, axis=1)
+        off = np.flatnonzero(~(np.abs(norm - 1) < 1e-2) | ~np.isfinite(position).all(axis=1))
+        if len(off):
+            raise TraceError(
+                where,
+                f"frame {name!r}: the transform at {self.time[off[0]]:.3f} s has position "
+                f"{position[off[0]].tolist()} and a quaternion of norm {norm[off[0]]:.4g}.",
+                "finite positions, unit quaternions",
+            )
+        self.position, self.orientation = position, unit(orientation)
+
+    @property
+    def moves(self) -> bool:
+        """Whether any two samples differ."""
+        return bool(np.ptp(self.position, axis=0).any() or np.ptp(self.orientation, axis=0).any())
+
+    def at(self, t: F64) -> Pose:
+        """(T, 3) m and (T, 4) wxyz at times: linear in position, slerp in orientation.
+
+        Before the first and after the last sample it stays where it was then.
+        """
+        if len(self.time) == 1:
+            return (
+                np.repeat(self.position, len(t), axis=0),
+                np.repeat(self.orientation, len(t), axis=0),
+            )
+        right = np.clip(np.searchsorted(self.time, t), 1, len(self.time) - 1)
+        left = right - 1
+        span = self.time[right] - self.time[left]
+        share = np.clip((t - self.time[left]) / span, 0.0, 1.0)[:, None]
+        position = (1 - share) * self.position[left] + share * self.position[right]
+        return position, slerp(self.orientation[left], self.orientation[right], share)
+
+
+def slerp(a: F64, b: F64, share: F64) -> F64:
+    """(T, 4) wxyz between unit quaternions along the shorter arc (Shoemake, SIGGRAPH 1985)."""
+    dot = np.sum(a * b, axis=1, keepdims=True)
+    b = np.where(dot < 0, -b, b)
+    angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
+    small = angle < 1e-6
+    sine = np.where(small, 1.0, np.sin(angle))
+    w_a = np.where(small, 1 - share, np.sin((1 - share) * angle) / sine)
+    w_b = np.where(small, share, np.sin(share * angle) / sine)
+    return unit(w_a * a + w_b * b)
+
+
+class FrameTree:
+    """All frames by name.
+
+    Attributes:
+        edges: frame → its motion in its parent.
+    """
+
+    def __init__(self, samples: dict[str, Samples], where: str) -> None:
+        """Raises TraceError for a loop, or for what ``Edge`` refuses."""
+        origin = min(min(found.time) for found in samples.values())
+        self.edges = {name: Edge(name, found, where, origin) for name, found in samples.items()}
+        self.where = where
+        for name in self.edges:
+            self.chain(name)
+
+    @property
+    def roots(self) -> list[str]:
+        """Frames that nothing places: the world, and whatever has lost its way to it."""
+        parents = dict.fromkeys(edge.parent for edge in self.edges.values())
+        return [name for name in parents if name not in self.edges]
+
+    def chain(self, name: str) -> list[str]:
+        """The frame, its parent, …, down to the one below a root."""
+        found: list[str] = []
+        while name in self.edges:
+            if name in found:
+                raise TraceError(self.where, f"frame {name!r} is its own ancestor.", "a tree")
+            found.append(name)
+            name = self.edges[name].parent
+        return found
+
+    def root(self, name: str) -> str:
+        """Where the chain of a frame ends."""
+        chain = self.chain(name)
+        return self.edges[chain[-1]].parent if chain else name
+
+    def moves(self, name: str) -> bool:
+        """Whether any transform between it and its root changes."""
+        return any(self.edges[link].moves for link in self.chain(name))
+
+    def pose(self, name: str, t: F64) -> Pose:
+        """(T, 3) m and (T, 4) wxyz of the frame in its root, at times."""
+        position, orientation = np.zeros((len(t), 3)), np.tile([1.0, 0, 0, 0], (len(t), 1))
+        for link in reversed(self.chain(name)):
+            step = self.edges[link].at(t)
+            position, orientation = compose(position, orientation, *step)
+        return position, orientation

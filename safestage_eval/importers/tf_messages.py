@@ -1,0 +1,169 @@
+"""Transforms, shapes and robot descriptions out of other people's MCAP files.
+
+Message definitions: tf2_msgs/TFMessage and geometry_msgs/TransformStamped (ROS 2), foxglove.FrameTransform,
+.FrameTransforms and .SceneUpdate (docs.foxglove.dev), in CDR, protobuf or JSON.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from safestage_eval.errors import TraceError
+
+from .frame_tree import Samples
+from .importer import SourceError
+
+TRANSFORMS = {
+    "tf2_msgs/msg/TFMessage",
+    "geometry_msgs/msg/TransformStamped",
+    "foxglove.FrameTransform",
+    "foxglove.FrameTransforms",
+    "foxglove_msgs/msg/FrameTransform",
+    "foxglove_msgs/msg/FrameTransforms",
+}
+SCENES = {"foxglove.SceneUpdate", "foxglove_msgs/msg/SceneUpdate"}
+DESCRIPTION = "std_msgs/msg/String"
+
+
+@dataclass
+class Found:
+    """What the files hold.
+
+    Attributes:
+        samples: frame → its transforms; times are those of the messages.
+        entities: of scenes, by id; a later one replaces an earlier one.
+        descriptions: URDF texts.
+        others: topics that were not looked at, with their schema.
+        disagreeing: frames that came under two parents; the first is kept.
+    """
+
+    samples: dict[str, Samples] = field(default_factory=dict)
+    entities: dict[str, Any] = field(default_factory=dict)
+    descriptions: list[str] = field(default_factory=list)
+    others: dict[str, str] = field(default_factory=dict)
+    disagreeing: set[str] = field(default_factory=set)
+
+
+def has_transforms(path: Path) -> bool:
+    """Whether the file is a whole MCAP of somebody else's with transforms in it; raises nothing."""
+    from mcap.exceptions import McapError
+    from mcap.reader import make_reader
+
+    try:
+        with path.open("rb") as stream:
+            reader = make_reader(stream)
+            if reader.get_header().profile == "safestage":
+                return False
+            summary = reader.get_summary()
+            names = {s.name for s in summary.schemas.values()} if summary is not None else set()
+            return bool(names & TRANSFORMS)
+    except (McapError, OSError, ValueError, UnicodeDecodeError):
+        return False
+
+
+def read_messages(paths: Iterable[Path]) -> Found:
+    """All transforms, scenes and descriptions of the files, which are parts of one recording.
+
+    Raises:
+        TraceError: a file is damaged.
+        SourceError: messages in an encoding that cannot be read here.
+    """
+    from mcap.exceptions import McapError
+    from mcap.reader import make_reader
+
+    found = Found()
+    for path in paths:
+        decoders: dict[int, Callable[[bytes], Any]] = {}
+        try:
+            with path.open("rb") as stream:
+                for schema, channel, message in make_reader(stream).iter_messages():
+                    take = _taker(schema.name if schema else "", channel.topic)
+                    if take is None:
+                        found.others[channel.topic] = schema.name if schema else "-"
+                        continue
+                    if channel.id not in decoders:
+                        decoders[channel.id] = _decoder(channel.message_encoding, schema, path)
+                    take(found, decoders[channel.id](message.data), message.log_time)
+        except (McapError, OSError, ValueError, AttributeError, KeyError, EOFError) as error:
+            raise TraceError(
+                str(path), f"cannot be read: {error or type(error).__name__}"
+            ) from None
+    return found
+
+
+def _taker(schema: str, topic: str) -> Callable[[Found, Any, int], None] | None:
+    if schema in TRANSFORMS:
+        return _take_transforms
+    if schema in SCENES:
+        return _take_scene
+    if schema == DESCRIPTION and topic.rstrip("/").endswith("robot_description"):
+        return lambda found, message, _: found.descriptions.append(message.data)
+    return None
+
+
+def _decoder(encoding: str, schema: Any, path: Path) -> Callable[[bytes], Any]:
+    if encoding == "json":
+        return lambda data: json.loads(data, object_hook=lambda d: SimpleNamespace(**d))
+    factory: Any
+    if encoding == "protobuf":
+        from mcap_protobuf.decoder import DecoderFactory
+
+        factory = DecoderFactory()
+    elif encoding == "cdr":
+        try:
+            from mcap_ros2.decoder import DecoderFactory as RosDecoderFactory
+        except ImportError:
+            raise SourceError(
+                str(path), "ROS 2 messages need a package.", fix="pip install 'safestage[import]'"
+            ) from None
+        factory = RosDecoderFactory()
+    else:
+        raise SourceError(
+            str(path), f"messages of {schema.name} in the encoding {encoding!r}.",
+            "cdr (ROS 2), protobuf, json", "convert the recording, e.g. with `rosbags-convert`",
+        )  # fmt: skip
+    decode = factory.decoder_for(encoding, schema)
+    if decode is None:
+        raise SourceError(
+            str(path), f"the schema of {schema.name} is written as {schema.encoding!r}.",
+            "ros2msg, protobuf, jsonschema",
+        )  # fmt: skip
+    return decode  # type: ignore[no-any-return]
+
+
+def _take_transforms(found: Found, message: Any, log_time: int) -> None:
+    several = getattr(message, "transforms", None)
+    for one in [message] if several is None else several:
+        if hasattr(one, "header"):  # ROS: TransformStamped
+            stamp, parent, child = one.header.stamp, one.header.frame_id, one.child_frame_id
+            moved, turned = one.transform.translation, one.transform.rotation
+        else:
+            stamp, parent, child = one.timestamp, one.parent_frame_id, one.child_frame_id
+            moved, turned = one.translation, one.rotation
+        parent, child = parent.strip("/"), child.strip("/")
+        samples = found.samples.setdefault(child, Samples(parent))
+        if samples.parent != parent:
+            found.disagreeing.add(child)
+            continue
+        samples.time.append(_nanoseconds(stamp) or log_time)
+        samples.position.append((float(moved.x), float(moved.y), float(moved.z)))
+        turn = (float(turned.w), float(turned.x), float(turned.y), float(turned.z))
+        samples.orientation.append(turn)
+
+
+def _nanoseconds(stamp: Any) -> int:
+    """Of a ROS, protobuf or JSON time; 0 where it was left out."""
+    whole = getattr(stamp, "sec", getattr(stamp, "seconds", 0))
+    names = ("nanosec", "nsec", "nanos")
+    part = next((getattr(stamp, name) for name in names if hasattr(stamp, name)), 0)
+    return int(whole) * 10**9 + int(part)
+
+
+def _take_scene(found: Found, message: Any, _: int) -> None:
+    for entity in getattr(message, "entities", ()):
+        found.entities[entity.id] = entity
