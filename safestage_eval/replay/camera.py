@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Body, Episode
 
 ASIDE = np.radians(140)
 """rad from the direction in which the arm reaches to the one in which the camera looks."""
@@ -37,18 +37,21 @@ def look_at(episode: Episode) -> Look:
 
     Without roles, at all objects that can move; without any, at all bodies but planes.
     """
-    points = _points(episode)
+    some = _shown(episode)
+    paths = [episode.tracks[body.name].over(len(episode)).position for body in some]
+    points = np.concatenate(paths) if paths else np.zeros((1, 3), np.float32)
     low, high = np.percentile(points, 2, axis=0), np.percentile(points, 98, axis=0)
     at = (low + high) / 2
-    radius = float(np.clip(np.linalg.norm(high - low) / 2 + 0.12, NEAR, FAR))
+    across = max((_reach(body, episode) for body in some), default=0.0)
+    radius = float(np.clip(np.linalg.norm(high - low) / 2 + across, NEAR, FAR))
     reach = at[:2] - _base(episode)
     forward = float(np.arctan2(reach[1], reach[0])) if reach @ reach > 1e-4 else 0.0
     x, y, z = (round(float(v), 4) for v in (at[0], at[1], at[2] + 0.04))
     return Look((x, y, z), round(2.6 * radius, 4), round(forward + ASIDE, 4), round(DOWN, 4))
 
 
-def _points(episode: Episode) -> NDArray[np.float32]:
-    """(N, 3) m, world: places that should be in the picture."""
+def _shown(episode: Episode) -> list[Body]:
+    """The bodies that should be in the picture."""
     header = episode.header
     named = {name for names in header.roles.values() for name in names}
     choices = (
@@ -57,9 +60,20 @@ def _points(episode: Episode) -> NDArray[np.float32]:
         [body for body in header.bodies if any(geom.kind != "plane" for geom in body.geoms)],
         list(header.bodies),
     )
-    some = next((bodies for bodies in choices if bodies), [])
-    columns = [episode.tracks[body.name].over(len(episode)).position for body in some]
-    return np.concatenate(columns) if columns else np.zeros((1, 3), np.float32)
+    return next((bodies for bodies in choices if bodies), [])
+
+
+def _reach(body: Body, episode: Episode) -> float:
+    """m, how far a body's shapes may reach from its origin, planes left out."""
+    found = [0.0]
+    for geom in body.geoms:
+        away = float(np.linalg.norm(geom.position))
+        if geom.mesh is not None:
+            away += float(np.linalg.norm(episode.meshes[geom.mesh].vertices, axis=1).max())
+        elif geom.kind != "plane":
+            away += max(geom.size) + (geom.size[0] if geom.kind == "capsule" else 0.0)
+        found.append(away)
+    return max(found)
 
 
 def _base(episode: Episode) -> NDArray[np.float64]:

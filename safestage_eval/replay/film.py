@@ -22,6 +22,7 @@ Nothing is in it that a judgement came to, nor which policy acted.
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,24 +41,28 @@ UNIT = 32767
 MOST = 65535
 
 
-def film(episode: Episode, rate: float = RATE) -> bytes:
+def film(
+    episode: Episode, rate: float = RATE, roles: Mapping[str, Sequence[str]] | None = None
+) -> bytes:
     """Shapes and poses of an episode, in the form that ``replay.js`` draws.
 
     Args:
         episode: which.
         rate: poses per second; the first and the last frame are always there.
+        roles: role → bodies that are named and coloured by it; the header's if None.
 
     Raises:
         TraceError: poses of the trace are broken.
     """
     chosen = _frames(episode.t, rate)
+    roles = episode.header.roles if roles is None else roles
     data = _Numbers()
     meshes: dict[str, int] = {}
     bodies = []
     for body in episode.header.bodies:
         geoms = [_geom(geom, meshes) for geom in body.geoms]
         motion = _motion(episode.tracks[body.name], chosen, data)
-        bodies.append({**_names(body, episode), **motion, "geoms": geoms})
+        bodies.append({**_names(body, roles), **motion, "geoms": geoms})
     text = {
         "format": 1,
         "success": episode.header.success_time,
@@ -94,9 +99,9 @@ def _frames(t: NDArray[np.float64], rate: float) -> NDArray[np.intp]:
     return np.unique(np.where(beat - t[before] < t[after] - beat, before, after))
 
 
-def _names(body: Body, episode: Episode) -> dict[str, Any]:
-    roles = [role for role, names in episode.header.roles.items() if body.name in names]
-    return {"name": body.name, "kind": body.kind, "roles": roles}
+def _names(body: Body, roles: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    own = [role for role, names in roles.items() if body.name in names]
+    return {"name": body.name, "kind": body.kind, "roles": own}
 
 
 def _geom(geom: Geom, meshes: dict[str, int]) -> dict[str, Any]:

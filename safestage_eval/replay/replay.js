@@ -2,10 +2,11 @@
    canvas with WebGL 2. No library, no network. World frame, metres, z up; quaternions w x y z. The
    canvas's background colour is the sky.
 
-     const replay = new SafestageReplay(canvas, arrayBuffer, {onTime, onState});
+     const replay = new SafestageReplay(canvas, arrayBuffer, {onTime, onState, tags});
      replay.play(); replay.pause(); replay.seek(3.2); replay.speed = 0.25; replay.look("top");
      replay.tint("cup", [r, g, b]); replay.project(replay.pose(body)); replay.dispose();
 
+   tags: an element over the canvas, of the same size, for the names of the bodies that have a role.
    Keys on the focused canvas: arrows turn the view, + and - bring it nearer and farther, 0 resets it. */
 
 const KIND = { robot: [0.86, 0.87, 0.89], gripper: [0.38, 0.4, 0.44], fixture: [0.74, 0.66, 0.55],
@@ -28,11 +29,10 @@ const FRAGMENT = `#version 300 es
   out vec4 pixel;
   void main() {
     vec3 m = normalize(n), to = normalize(eye - w);
-    float sun = max(dot(m, light), 0.0), lit = 0.0;
+    float sun = max(dot(m, light), 0.0), lit = 1.0;
     vec3 p = s.xyz * 0.5 + 0.5;
-    for (int i = 0; i < 4; i++)
-      lit += texture(shade, p + vec3(float(i % 2) - 0.5, float(i / 2) - 0.5, -2.4) / 1024.0) / 4.0;
-    if (any(lessThan(p, vec3(0.0))) || any(greaterThan(p, vec3(1.0)))) lit = 1.0;
+    if (sun > 0.0 && all(greaterThan(p, vec3(0.0))) && all(lessThan(p, vec3(1.0))))
+      lit = texture(shade, p - vec3(0.0, 0.0, 0.0025));
     float glow = 0.42 + 0.2 * max(dot(m, to), 0.0) + 0.5 * sun * lit;
     pixel = vec4(colour.rgb * glow * colour.a, colour.a); }`;
 const NOTHING = `#version 300 es
@@ -53,15 +53,30 @@ function shader(gl, fragment) {
   return { program, at };
 }
 
+let processor = null;
+
+/** Whether there is no graphics card to draw: then fewer pixels have to do. */
+function drawnByProcessor() {
+  if (processor !== null) return processor;
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const name = gl?.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL;
+  const known = name ? gl.getParameter(name) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  processor = /swiftshader|llvmpipe|software/i.test(known);
+  return processor;
+}
+
 globalThis.SafestageReplay = class SafestageReplay {
   /** Raises Error where the browser has no WebGL 2. */
-  constructor(canvas, buffer, { onTime = () => {}, onState = () => {} } = {}) {
+  constructor(canvas, buffer, { onTime = () => {}, onState = () => {}, tags = null } = {}) {
     this.canvas = canvas; this.film = read(buffer); this.onTime = onTime; this.onState = onState;
     this.start = this.film.times[0]; this.end = this.film.times.at(-1);
     this.time = this.start; this.speed = 1; this.playing = false; this.tints = {};
-    this.gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+    this.fine = drawnByProcessor() ? 0.75 : Math.min(devicePixelRatio, 2);  // pixels per CSS pixel
+    this.gl = canvas.getContext("webgl2", { antialias: this.fine >= 1 });
     if (!this.gl) throw new Error("this browser draws no 3-D pictures (WebGL 2 is off)");
     this.off = new AbortController();
+    this.tags = tags ? this.film.bodies.filter((body) => body.roles.length).map((body) => this._tag(body, tags)) : [];
     this._prepare(); this._listen(); this.look("front");
     this.resize = new ResizeObserver(() => this.draw()); this.resize.observe(canvas);
   }
@@ -107,6 +122,9 @@ globalThis.SafestageReplay = class SafestageReplay {
   /** Another colour for a body, [r, g, b] of 0 … 1; null gives it its own again. */
   tint(name, colour) { this.tints[name] = colour; this.draw(); }
 
+  /** The colour of what plays a role. */
+  static roleColour(role) { return ROLE[role] ?? KIND.object; }
+
   colour(body) {
     const role = body.roles.find((name) => ROLE[name]);
     if (this.tints?.[body.name]) return this.tints[body.name];
@@ -116,6 +134,7 @@ globalThis.SafestageReplay = class SafestageReplay {
 
   dispose() {
     this.pause(); this.off.abort(); this.resize.disconnect();
+    for (const { element } of this.tags) element.remove();
     const gl = this.gl;
     for (const { array, buffer } of this.parts) { gl.deleteVertexArray(array); gl.deleteBuffer(buffer); }
     gl.deleteTexture(this.shade); gl.deleteFramebuffer(this.dark);
@@ -209,9 +228,25 @@ globalThis.SafestageReplay = class SafestageReplay {
     return w <= 0 ? null : [(x / w + 1) / 2 * clientWidth, (1 - y / w) / 2 * clientHeight];
   }
 
+  _tag(body, layer) {
+    const element = document.createElement("span");
+    element.textContent = `${body.name.replaceAll("_", " ")} (${body.roles.join(", ")})`;
+    layer.append(element);
+    return { body, element };
+  }
+
+  _placeTags() {
+    for (const { body, element } of this.tags) {
+      const at = this.project(this.pose(body));
+      const inside = at && at[0] > 0 && at[1] > 0 && at[0] < this.canvas.clientWidth && at[1] < this.canvas.clientHeight;
+      element.hidden = !inside;
+      if (inside) element.style.transform = `translate(-50%, -50%) translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px)`;
+    }
+  }
+
   draw() {
-    const { gl, canvas, eye } = this, scale = Math.min(devicePixelRatio || 1, 2);
-    const width = Math.round(canvas.clientWidth * scale), height = Math.round(canvas.clientHeight * scale);
+    const { gl, canvas, eye, fine } = this;
+    const width = Math.round(canvas.clientWidth * fine), height = Math.round(canvas.clientHeight * fine);
     if (!width || !height || !eye || gl.isContextLost()) return;
     if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
     const flatly = Math.cos(eye.elevation);
@@ -240,5 +275,6 @@ globalThis.SafestageReplay = class SafestageReplay {
         gl.bindVertexArray(part.array); gl.drawArrays(gl.TRIANGLES, 0, part.count);
       });
     }
+    this._placeTags();
   }
 };
