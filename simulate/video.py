@@ -11,6 +11,7 @@ import numpy as np
 
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
+from safestage_eval.label.videos import VERDICT_MARK
 
 from .marks import PASSED, VIOLATED, captioned, frame_at, legend, moment, role_colors
 from .render import VIEWS, Camera, EpisodeRenderer, Image
@@ -99,6 +100,7 @@ def _mp4(pictures: Iterator[Image], path: Path, rate: int) -> int:
         raise InputError(str(path), "no PyAV.", fix="pip install 'safestage[video]'") from None
     count = 0
     with av.open(str(path), "w") as file:
+        file.metadata["comment"] = VERDICT_MARK.decode()  # such films are not for labelling
         stream = file.add_stream("libx264", rate=Fraction(rate))
         stream.pix_fmt, stream.options = "yuv420p", {"crf": "26", "preset": "veryfast"}
         for picture in pictures:

@@ -26,6 +26,8 @@ COMMANDS = {
     "diff": "diff",
     "aggregate": "aggregate",
     "report": "report",
+    "label": "label",
+    "agreement": "agreement",
 }
 """Command → file in this folder; loaded only when it is called, so that ``--help`` is fast."""
 
@@ -42,6 +44,8 @@ HELP = {
     "diff": "Say which verdicts flipped, and which parameter flipped each.",
     "aggregate": "Make the result tables of a campaign, as mean ± deviation over seeds.",
     "report": "Write one HTML page about a campaign, to look at and to forward.",
+    "label": "Let people judge rollouts in a browser, without seeing the verdicts.",
+    "agreement": "Compare verdicts with what people said: precision, recall, F1, kappa.",
     "record": "Record episodes with the DROID arm in MuJoCo.",
     "tasks": "List, show or validate the benchmark's tasks.",
     "render": "Film an episode, with a halt at the moment of its verdict.",

@@ -53,6 +53,24 @@ function shader(gl, fragment) {
   return { program, at };
 }
 
+const TOOLS = new WeakMap();  // graphics context -> shaders and shadow map, for all its replays
+
+function tools(gl) {
+  if (TOOLS.has(gl)) return TOOLS.get(gl);
+  const made = { light: shader(gl, FRAGMENT), depth: shader(gl, NOTHING), shade: gl.createTexture(), dark: gl.createFramebuffer() };
+  gl.bindTexture(gl.TEXTURE_2D, made.shade);
+  gl.texStorage2D(gl.TEXTURE_2D, 1, gl.DEPTH_COMPONENT24, 1024, 1024);
+  const set = (name, value) => gl.texParameteri(gl.TEXTURE_2D, name, value);
+  set(gl.TEXTURE_COMPARE_MODE, gl.COMPARE_REF_TO_TEXTURE);
+  set(gl.TEXTURE_MIN_FILTER, gl.LINEAR); set(gl.TEXTURE_MAG_FILTER, gl.LINEAR);
+  set(gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE); set(gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, made.dark);
+  gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, made.shade, 0);
+  gl.enable(gl.DEPTH_TEST); gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+  TOOLS.set(gl, made);
+  return made;
+}
+
 let processor = null;
 
 /** Whether there is no graphics card to draw: then fewer pixels have to do. */
@@ -137,8 +155,6 @@ globalThis.SafestageReplay = class SafestageReplay {
     for (const { element } of this.tags) element.remove();
     const gl = this.gl;
     for (const { array, buffer } of this.parts) { gl.deleteVertexArray(array); gl.deleteBuffer(buffer); }
-    gl.deleteTexture(this.shade); gl.deleteFramebuffer(this.dark);
-    for (const { program } of [this.light, this.depth]) gl.deleteProgram(program);
   }
 
   _listen() {
@@ -172,7 +188,7 @@ globalThis.SafestageReplay = class SafestageReplay {
       if (act && !e.ctrlKey && !e.metaKey && !e.altKey) { act(); e.preventDefault(); e.stopPropagation(); }
     });
     on("webglcontextlost", (e) => e.preventDefault());
-    on("webglcontextrestored", () => { this._prepare(); this.draw(); });
+    on("webglcontextrestored", () => { TOOLS.delete(this.gl); this._prepare(); this.draw(); });
   }
 
   _pan(dx, dy) {
@@ -185,7 +201,7 @@ globalThis.SafestageReplay = class SafestageReplay {
 
   _prepare() {
     const { gl } = this;
-    this.light = shader(gl, FRAGMENT); this.depth = shader(gl, NOTHING);
+    Object.assign(this, tools(gl));
     this.parts = this.film.bodies.map((body) => {
       const corners = surface(body, this.film.meshes), array = gl.createVertexArray(), buffer = gl.createBuffer();
       gl.bindVertexArray(array); gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
@@ -197,15 +213,6 @@ globalThis.SafestageReplay = class SafestageReplay {
       return { body, array, buffer, count: corners.length / 6 };
     });
     this.parts.sort((a, b) => (a.body.kind === "region") - (b.body.kind === "region"));  // what one sees through comes last
-    this.shade = gl.createTexture(); gl.bindTexture(gl.TEXTURE_2D, this.shade);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, gl.DEPTH_COMPONENT24, 1024, 1024);
-    const set = (name, value) => gl.texParameteri(gl.TEXTURE_2D, name, value);
-    set(gl.TEXTURE_COMPARE_MODE, gl.COMPARE_REF_TO_TEXTURE);
-    set(gl.TEXTURE_MIN_FILTER, gl.LINEAR); set(gl.TEXTURE_MAG_FILTER, gl.LINEAR);
-    set(gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE); set(gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
-    this.dark = gl.createFramebuffer(); gl.bindFramebuffer(gl.FRAMEBUFFER, this.dark);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.TEXTURE_2D, this.shade, 0);
-    gl.enable(gl.DEPTH_TEST); gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
   }
 
   /** [x, y, z, w, x, y, z] of a body now, between the poses on either side. */

@@ -28,6 +28,7 @@ ROOMS = [
     {"replay"},  # an episode for the eye, drawn in a browser
     {"pages"},  # the look of everything that is shown in a browser
     {"report"},
+    {"label"},  # people judge rollouts
     {"api"},
     {"cli"},
 ]

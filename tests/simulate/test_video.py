@@ -88,6 +88,7 @@ def test_frames_are_those_of_a_time() -> None:
 @pytest.mark.parametrize(("ending", "rate"), [(".gif", 10), (".mp4", 30)])
 def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: int) -> None:
     av = pytest.importorskip("av")
+    from safestage_eval.label.videos import shows_verdict
     from simulate.video import STILL, film
 
     episode, result = falls()
@@ -101,6 +102,7 @@ def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: in
         pictures = [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]
     if ending == ".mp4":
         assert len(pictures) == count
+        assert shows_verdict(path)
         red = [p[1, 40].astype(int) @ [1, -1, 0] > 90 for p in pictures]
         assert sum(red) == pytest.approx(STILL * rate, abs=2)
         assert red.index(True) / rate == pytest.approx(moment(result).time, abs=0.1)

@@ -1,0 +1,37 @@
+"""The video of a rollout, if somebody put one beside its trace."""
+
+from __future__ import annotations
+
+import mmap
+from pathlib import Path
+
+from safestage_eval.formats import EpisodeRef
+
+VERDICT_MARK = b"safestage: shows the verdict"
+"""What a film of ``safestage render`` says in its metadata: it tells the evaluator's verdict."""
+
+
+def video_of(ref: EpisodeRef, folder: Path | None = None) -> Path | None:
+    """``EPISODE_ID.mp4`` or ``TRACE.mp4`` in a folder, or else beside the trace or in ``videos``.
+
+    A film that shows the verdict does not count.
+    """
+    home = ref.path.parent if ref.format == "mcap" else ref.path.parents[2]
+    names = [f"{ref.episode_id}.mp4"]
+    if ref.format == "mcap":
+        names.append(f"{ref.path.stem}.mp4")
+    for place in [folder] if folder is not None else [home, home / "videos"]:
+        for name in names:
+            path = place / name
+            inside = path.resolve().is_relative_to(place.resolve())
+            if inside and path.is_file() and not shows_verdict(path):
+                return path
+    return None
+
+
+def shows_verdict(path: Path) -> bool:
+    """Whether a film was marked as one that tells the verdict."""
+    if not path.stat().st_size:
+        return False
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        return data.find(VERDICT_MARK) >= 0

@@ -1,0 +1,208 @@
+"""How far the evaluator and people agree, by stage, and how far people agree with each other."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+from .confusion import Confusion
+from .kappa import cohen, fleiss
+from .labels import Label, last_of_each
+from .rates import ALL, STAGES
+
+
+@dataclass(frozen=True)
+class Witness:
+    """What a verdict rests on: of an assigned rule, at its decisive moment.
+
+    Attributes:
+        rule: code.
+        verdict: of that rule.
+        time: s; None where there is no moment.
+        bodies: whom it concerns.
+        explanation: the evaluator's sentence.
+    """
+
+    rule: str
+    verdict: str = ""
+    time: float | None = None
+    bodies: tuple[str, ...] = ()
+    explanation: str = ""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What the evaluator says of an episode.
+
+    Attributes:
+        episode_id: which.
+        stage: ``–`` where it is not known.
+        violation: None if it could not be decided.
+        witnesses: what it rests on, if the results tell.
+    """
+
+    episode_id: str
+    stage: str
+    violation: bool | None
+    witnesses: tuple[Witness, ...] = ()
+
+
+@dataclass(frozen=True)
+class Disagreement:
+    """An episode on which evaluator and people differ, or reviewers with each other."""
+
+    judged: Judged
+    unsafe: bool
+    """What people say: of several reviewers, most of those who are sure."""
+    labels: tuple[Label, ...]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two reviewers on the episodes of which both are sure."""
+
+    first: str
+    second: str
+    n: int
+    alike: int
+    kappa: float | None
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Everything that comparing comes to.
+
+    Attributes:
+        stages: stage → counts of its episodes; ``All`` for all of them.
+        reviewers: reviewer → stage → counts against that reviewer alone.
+        pairs: two reviewers each.
+        fleiss: Fleiss' kappa of three or more reviewers; None if it is not defined.
+        fleiss_n: episodes of which all reviewers are sure.
+        disagreements: by stage, then id.
+        unsure: stage → episodes that no reviewer was sure of.
+        tied: stage → episodes that as many reviewers call safe as unsafe.
+        undecided: ids that people are sure of and the evaluator could not decide.
+        only_labels: ids that have a label and no result.
+        only_results: ids that have a result and no label.
+        replaced: labels that a reviewer gave anew; the last counts.
+    """
+
+    stages: Mapping[str, Confusion]
+    reviewers: Mapping[str, Mapping[str, Confusion]]
+    pairs: tuple[Pair, ...]
+    fleiss: float | None
+    fleiss_n: int
+    disagreements: tuple[Disagreement, ...]
+    unsure: Mapping[str, int]
+    tied: Mapping[str, int]
+    undecided: tuple[str, ...]
+    only_labels: tuple[str, ...]
+    only_results: tuple[str, ...]
+    replaced: int = 0
+
+    @property
+    def why_no_fleiss(self) -> str:
+        """Why it has no value; empty if it has one, or is not asked for."""
+        if self.fleiss is not None or len(self.reviewers) < 3:
+            return ""
+        if not self.fleiss_n:
+            return "there is no episode that all reviewers are sure of"
+        return "all reviewers gave one and the same answer throughout"
+
+
+@dataclass
+class _Votes:
+    """The labels of one episode."""
+
+    labels: list[Label] = field(default_factory=list)
+
+    @property
+    def unsafe(self) -> bool | None:
+        """What most of those who are sure say; None if nobody is, or as many say the opposite."""
+        counts = Counter(label.label for label in self.labels)
+        lead = counts["unsafe"] - counts["safe"]
+        return None if not lead else lead > 0
+
+    @property
+    def sure(self) -> bool:
+        return any(label.label != "unsure" for label in self.labels)
+
+
+def agreement(labels: Iterable[Label], results: Iterable[Judged]) -> Agreement:
+    """Compare by episode id.
+
+    Of several reviewers the majority of those who are sure counts; a tie counts for neither side.
+    ``unsure`` is in no count. Of several labels of one reviewer on one episode the last counts.
+    """
+    given = list(labels)
+    latest = last_of_each(given)
+    judged = {one.episode_id: one for one in results}
+    votes: dict[str, _Votes] = {}
+    for label in latest:
+        votes.setdefault(label.episode_id, _Votes()).labels.append(label)
+    both = [name for name in votes if name in judged]
+    clear = {name: said for name in both if (said := votes[name].unsafe) is not None}
+    decided = {name: judged[name].violation for name in clear}
+    pairs = {name: (found, clear[name]) for name, found in decided.items() if found is not None}
+    names = sorted({label.reviewer for label in latest})
+    matrix = {
+        name: {x.reviewer: x.label for x in votes[name].labels if x.label != "unsure"}
+        for name in votes
+    }
+    whole = [row for row in matrix.values() if len(row) == len(names)] if len(names) > 2 else []
+    counts = [[[*row.values()].count(answer) for answer in ("safe", "unsafe")] for row in whole]
+    differing = [judged[name] for name, (found, said) in pairs.items() if found != said]
+    return Agreement(
+        stages=_by_stage([(judged[name].stage, pair) for name, pair in pairs.items()]),
+        reviewers={who: _against(latest, who, judged) for who in names},
+        pairs=tuple(_pair(a, b, matrix.values()) for a, b in combinations(names, 2)),
+        fleiss=fleiss(counts),
+        fleiss_n=len(whole),
+        disagreements=tuple(
+            Disagreement(one, clear[one.episode_id], tuple(votes[one.episode_id].labels))
+            for one in sorted(differing, key=lambda one: (_order(one.stage), one.episode_id))
+        ),
+        unsure=_counted(judged[name].stage for name in both if not votes[name].sure),
+        tied=_counted(
+            judged[name].stage for name in both if votes[name].sure and name not in clear
+        ),
+        undecided=tuple(sorted(name for name, found in decided.items() if found is None)),
+        only_labels=tuple(sorted(votes.keys() - judged.keys())),
+        only_results=tuple(sorted(judged.keys() - votes.keys())),
+        replaced=len(given) - len(latest),
+    )
+
+
+def _against(
+    labels: Iterable[Label], who: str, judged: Mapping[str, Judged]
+) -> dict[str, Confusion]:
+    """Stage → counts of the evaluator against one reviewer."""
+    found = []
+    for label in labels:
+        one = judged.get(label.episode_id)
+        if label.reviewer == who and label.label != "unsure" and one and one.violation is not None:
+            found.append((one.stage, (one.violation, label.label == "unsafe")))
+    return _by_stage(found)
+
+
+def _by_stage(pairs: Sequence[tuple[str, tuple[bool, bool]]]) -> dict[str, Confusion]:
+    stages = sorted({*STAGES, *(stage for stage, _ in pairs)}, key=_order)
+    found = {stage: Confusion.of(pair for at, pair in pairs if at == stage) for stage in stages}
+    return {**found, ALL: Confusion.of(pair for _, pair in pairs)}
+
+
+def _pair(first: str, second: str, rows: Iterable[Mapping[str, str]]) -> Pair:
+    both = [(row[first], row[second]) for row in rows if first in row and second in row]
+    answers = ("safe", "unsafe")
+    table = [[both.count((a, b)) for b in answers] for a in answers]
+    return Pair(first, second, len(both), table[0][0] + table[1][1], cohen(table))
+
+
+def _counted(stages: Iterable[str]) -> dict[str, int]:
+    return dict(sorted(Counter(stages).items(), key=lambda item: _order(item[0])))
+
+
+def _order(stage: str) -> tuple[int, str]:
+    return (STAGES.index(stage) if stage in STAGES else len(STAGES), stage)

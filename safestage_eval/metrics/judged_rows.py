@@ -1,0 +1,125 @@
+"""What the evaluator says of episodes, from its result rows or any table that tells as much."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from safestage_eval.errors import InputError
+
+from .agreement import Judged, Witness
+from .read_rows import read_rows, truth
+
+Row = Mapping[str, Any]
+
+OPEN = "–"
+BARE = ("episode_id", "stage", "violation")
+RESULT = ("episode_id", "stage", "rule", "assigned", "verdict")
+TOLD = ("time", "bodies", "explanation")
+"""Columns of a witness; any of them may be missing."""
+ALLOWED = f"results of safestage score, or a table with the columns {', '.join(BARE)}"
+
+_VERDICTS = {"pass": False, "not_applicable": False, "violation": True, "inconclusive": None}
+
+
+def read_judged(paths: Sequence[str | Path]) -> list[Judged]:
+    """What files of any of our formats say of each episode.
+
+    Raises:
+        InputError: a file cannot be read or lacks a column, or an episode is in several files, or
+            twice in a table without rules.
+    """
+    found: dict[str, tuple[str, Judged]] = {}
+    for path in paths:
+        rows = read_rows(path, {*BARE, *RESULT, *TOLD}, ALLOWED)
+        for one in judged_of(rows, str(path)):
+            before = found.setdefault(one.episode_id, (str(path), one))
+            if before[1] is not one:
+                raise InputError(
+                    f"{before[0]} and {path}", f"both tell of the episode {one.episode_id!r}.",
+                    fix="name results of one scoring",
+                )  # fmt: skip
+    return [one for _, one in found.values()]
+
+
+def judged_of(rows: Sequence[Row], where: str = "results") -> list[Judged]:
+    """What rows say: several per episode with ``rule`` and ``verdict``, or one with ``violation``.
+
+    V is as in the tables: any assigned rule violated; unknown if none was, and one is inconclusive.
+    An episode without an assigned rule is not decided. ``where``: the file, for messages.
+
+    Raises:
+        InputError: a column is missing, or a cell says something that cannot be.
+    """
+    if not rows:
+        return []
+    with_rules = "rule" in rows[0] and "verdict" in rows[0]
+    episodes: dict[str, list[tuple[str, Row]]] = {}
+    for number, row in enumerate(rows, 1):
+        place = f"{where}, row {number}"
+        missing = [name for name in (RESULT if with_rules else BARE) if name not in row]
+        if missing:
+            raise InputError(place, f"lacks {', '.join(missing)}.", ALLOWED)
+        name = _text(row["episode_id"])
+        if not name:
+            raise InputError(place, "names no episode.")
+        episodes.setdefault(name, []).append((place, row))
+    make = _of_rules if with_rules else _bare
+    return [make(name, group) for name, group in episodes.items()]
+
+
+def _bare(name: str, rows: Sequence[tuple[str, Row]]) -> Judged:
+    if len(rows) > 1:
+        raise InputError(
+            f"{rows[0][0]} and {rows[1][0].rpartition(', ')[2]}",
+            f"the episode {name!r} is there twice.", fix="keep one row of each",
+        )  # fmt: skip
+    place, row = rows[0]
+    violation = truth(row["violation"], place, "violation")
+    witnesses = (_witness(row, ""),) if violation and any(row.get(x) for x in TOLD) else ()
+    return Judged(name, _text(row["stage"]) or OPEN, violation, witnesses)
+
+
+def _of_rules(name: str, rows: Sequence[tuple[str, Row]]) -> Judged:
+    own: list[tuple[bool | None, Witness]] = []
+    for place, row in rows:
+        verdict = row["verdict"]
+        if verdict is None or not truth(row["assigned"], place, "assigned"):
+            continue  # of a cost without a budget, or of another task's rule
+        if verdict not in _VERDICTS:
+            raise InputError(place, f"verdict is {verdict!r}.", ", ".join(_VERDICTS))
+        own.append((_VERDICTS[verdict], _witness(row, str(verdict))))
+    said = [violation for violation, _ in own]
+    violation = True if True in said else None if not own or None in said else False
+    witnesses = tuple(witness for found, witness in own if found == violation)
+    return Judged(name, _text(rows[0][1]["stage"]) or OPEN, violation, witnesses)
+
+
+def _witness(row: Row, verdict: str) -> Witness:
+    time = row.get("time")
+    return Witness(
+        rule=_text(row.get("rule")),
+        verdict=verdict,
+        time=None if time is None or _text(time) == "" else float(time),
+        bodies=_names(row.get("bodies")),
+        explanation=_text(row.get("explanation")),
+    )
+
+
+def _names(value: Any) -> tuple[str, ...]:
+    """Bodies as a list, or as text: JSON, or names with commas or semicolons between."""
+    if value is None:
+        return ()
+    if isinstance(value, str):
+        try:
+            value = json.loads(value)
+        except ValueError:
+            value = [part.strip() for part in value.replace(";", ",").split(",")]
+    found: Iterable[Any] = value if isinstance(value, list | tuple) else [value]
+    return tuple(str(name) for name in found if str(name))
+
+
+def _text(value: Any) -> str:
+    return "" if value is None or value != value else str(value).strip()  # noqa: PLR0124 (NaN)

@@ -1,0 +1,76 @@
+"""What people said of episodes: safe, unsafe, or that they could not tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from safestage_eval.errors import InputError
+
+from .read_rows import read_rows
+
+Answer = Literal["safe", "unsafe", "unsure"]
+ANSWERS: tuple[Answer, ...] = get_args(Answer)
+
+COLUMNS = ("episode_id", "label", "reviewer", "note", "labelled_at")
+"""Of a file of labels; the first two are needed."""
+
+ALLOWED = "a table with the columns episode_id and label, and perhaps reviewer and note"
+
+
+@dataclass(frozen=True)
+class Label:
+    """One answer of one reviewer.
+
+    Attributes:
+        episode_id: what was looked at.
+        label: the answer.
+        reviewer: whose; empty where nobody is named.
+        note: what the reviewer added.
+        where: the place it was read from, for messages: ``labels.csv, row 12``.
+    """
+
+    episode_id: str
+    label: Answer
+    reviewer: str = ""
+    note: str = ""
+    where: str = ""
+
+
+def read_labels(path: str | Path, reviewer: str = "") -> list[Label]:
+    """The labels in a CSV, Parquet, JSON or JSON lines file, row by row.
+
+    Args:
+        path: the file.
+        reviewer: whose labels they are where a row names nobody.
+
+    Raises:
+        InputError: it cannot be read, lacks a column, or a row says something else.
+    """
+    found = []
+    for number, row in enumerate(read_rows(path, COLUMNS, ALLOWED), 1):
+        where = f"{path}, row {number}"
+        missing = [name for name in COLUMNS[:2] if name not in row]
+        if missing:
+            raise InputError(where, f"lacks {', '.join(missing)}.", ALLOWED)
+        text = _text(row["label"]).lower()
+        answer = next((name for name in ANSWERS if name == text), None)
+        if answer is None:
+            raise InputError(where, f"label is {row['label']!r}.", ", ".join(ANSWERS))
+        name = _text(row["episode_id"])
+        if not name:
+            raise InputError(where, "names no episode.")
+        who = _text(row.get("reviewer")) or reviewer
+        found.append(Label(name, answer, who, _text(row.get("note")), where))
+    return found
+
+
+def last_of_each(labels: Iterable[Label]) -> list[Label]:
+    """The last label of each reviewer on each episode, in the order of the first ones."""
+    return [*{(label.reviewer, label.episode_id): label for label in labels}.values()]
+
+
+def _text(value: Any) -> str:
+    return "" if value is None or value != value else str(value).strip()  # noqa: PLR0124 (NaN)

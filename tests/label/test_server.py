@@ -1,0 +1,231 @@
+"""The server tells a browser on this machine what it needs, and nothing else to nobody else."""
+
+import gzip
+import json
+import socket
+
+import pytest
+from sitting import SECRETS, ask, record, rules, served, session
+
+from safestage_eval.errors import InputError
+from safestage_eval.formats import discover
+from safestage_eval.label import serve
+from safestage_eval.label.videos import VERDICT_MARK
+from safestage_eval.scoring import score_paths
+
+
+@pytest.fixture(scope="module")
+def traces(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("traces"))
+
+
+@pytest.fixture
+def server(traces, tmp_path):
+    with served(session(traces, tmp_path / "labels.csv")) as found:
+        yield found
+
+
+def everything(server, reviewer="ada"):
+    """All bytes, header and body, of a whole sitting."""
+    told = [ask(server, "/"), ask(server, f"/state?reviewer={reviewer}")]
+    for i in range(len(server.session.refs)):
+        told += [ask(server, f"/rollout/{i}{what}") for what in ("", "/film", "/video")]
+    for i in range(len(server.session.refs)):
+        told.append(ask(server, "/answer", {"rollout": i, "label": "safe", "reviewer": reviewer}))
+    told.append(ask(server, "/state?reviewer=somebody"))
+    bodies = []
+    for _, headers, body in told:
+        bodies.append(gzip.decompress(body) if headers.get("Content-Encoding") else body)
+        headers.pop("Date")
+        bodies.append(json.dumps(headers).encode())
+    return b"\n".join(bodies)
+
+
+def test_nothing_of_the_verdict_nor_of_the_policy_is_told(traces, server, monkeypatch, tmp_path):
+    scores = score_paths([traces], [rules(tmp_path)])
+    rows = [row for result in scores.results for row in result.rows() if row["assigned"]]
+    assert {row["verdict"] for row in rows} == {"pass", "violation"}
+
+    def judged(*_, **__):
+        raise AssertionError("the page must not judge")
+
+    monkeypatch.setattr("safestage_eval.verdicts.judge", judged)
+    monkeypatch.setattr("safestage_eval.verdicts.judge.judge", judged, raising=False)
+    told = everything(server)
+    for row in rows:
+        for name in ("explanation", "rule_digest", "trace_hash", "episode_id", "path", "policy"):
+            assert str(row[name]).encode() not in told, name
+    for secret in (*SECRETS, "SECRET-FILE"):
+        assert secret.encode() not in told
+
+
+def test_what_is_told_is_the_same_whatever_the_results_say(traces, tmp_path):
+    from safestage_eval.cli.label import _found
+
+    told = []
+    for verdict in ("pass", "violation"):
+        results = tmp_path / f"{verdict}.jsonl"
+        ids = [ref.episode_id for ref in discover(traces)][:2]
+        rows = [
+            {"episode_id": name, "verdict": verdict, "violation": verdict != "pass"} for name in ids
+        ]
+        results.write_text("\n".join(map(json.dumps, rows)))
+        refs = _found([str(traces)], (), [results])
+        assert [ref.episode_id for ref in refs] == ids
+        found = session(traces, tmp_path / f"{verdict}.csv")
+        found.refs = refs
+        with served(found) as server:
+            told.append(everything(server))
+    assert told[0] == told[1]
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:{port}", "127.0.0.1", "[::1]:{port}"]
+)
+def test_a_foreign_name_is_refused(server, host):
+    """Against DNS rebinding: a stranger's page whose name was pointed at this machine."""
+    host = host.format(port=server.server_port)
+    answer = {"rollout": 0, "label": "safe", "reviewer": "eve"}
+    for path, body in (
+        ("/", None),
+        ("/state?reviewer=ada", None),
+        ("/rollout/0", None),
+        ("/answer", answer),
+    ):
+        status, _, told = ask(server, path, body, Host=host)
+        assert status == 403
+        assert b"Slide" not in told
+    assert not server.session.ledger.path.exists()
+
+
+def test_a_foreign_page_cannot_answer(server):
+    answer = {"rollout": 0, "label": "safe", "reviewer": "eve"}
+    assert ask(server, "/answer", answer, Origin="http://evil.example")[0] == 403
+    assert ask(server, "/answer", answer, Origin="null")[0] == 403
+    plain = {"Content-Type": "text/plain"}  # what a form may send without asking first
+    assert ask(server, "/answer", answer, **plain)[0] == 415
+    assert not server.session.ledger.path.exists()
+    own = f"http://localhost:{server.server_port}"
+    assert ask(server, "/answer", answer, Origin=own, Host=own[7:])[0] == 200
+
+
+def test_it_listens_on_the_loopback_interface_alone(server):
+    assert server.server_address[0] == "127.0.0.1"
+    headers = ask(server, "/")[1]
+    assert "Access-Control-Allow-Origin" not in headers
+    assert headers["Cache-Control"] == "no-store"
+    assert headers["Content-Security-Policy"] == "frame-ancestors 'none'"
+
+
+def test_the_page_loads_nothing_from_elsewhere(server):
+    html = ask(server, "/")[2].decode()
+    assert "default-src &#x27;none&#x27;" in html
+    assert "unsafe-inline" not in html
+    assert not [word for word in ("http://", "https://", "//cdn") if f'"{word}' in html]
+
+
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [
+        ({"rollout": 99, "label": "safe", "reviewer": "a"}, 404),
+        ({"rollout": -1, "label": "safe", "reviewer": "a"}, 404),
+        ({"rollout": True, "label": "safe", "reviewer": "a"}, 404),
+        ({"rollout": 0, "label": "fine", "reviewer": "a"}, 422),
+        ({"rollout": 0, "label": "safe", "reviewer": " "}, 422),
+        ({"rollout": 0, "label": "safe", "reviewer": "a\nb\0"}, 422),
+        ({"rollout": 0, "label": "safe", "reviewer": "a", "note": "x" * 5000}, 422),
+        ([], 400),
+        (b"{", 400),
+        (b"x" * 70000, 413),
+    ],
+)  # fmt: skip
+def test_what_is_no_answer_is_refused_and_kept_nowhere(server, body, status):
+    found, _, told = ask(server, "/answer", body)
+    assert found == status
+    assert json.loads(told)["error"]
+    assert not server.session.ledger.path.exists()
+
+
+@pytest.mark.parametrize(
+    "path", ["/labels.csv", "/../labels.csv", "/rollout/3", "/rollout/x", "/film"]
+)
+def test_there_are_no_other_pages(server, path):
+    assert ask(server, path)[0] == 404
+
+
+def test_reviewers_see_their_own_answers_alone(server):
+    for who, label in (("ada", "safe"), ("bob", "unsafe")):
+        ask(server, "/answer", {"rollout": 1, "label": label, "reviewer": f" {who} ", "note": who})
+    told = json.loads(ask(server, "/state?reviewer=bob")[2])["answers"]
+    assert told == [None, {"label": "unsafe", "note": "bob"}, None]
+    assert json.loads(ask(server, "/state?reviewer=eve")[2])["answers"] == [None] * 3
+
+
+def test_a_name_given_on_the_command_line_cannot_be_changed(traces, tmp_path):
+    with served(session(traces, tmp_path / "labels.csv", reviewer="ada")) as server:
+        ask(server, "/answer", {"rollout": 0, "label": "safe", "reviewer": "eve"})
+        assert server.session.ledger.reviewers == ["ada"]
+
+
+def test_what_comes_next_is_told_at_the_end(traces, tmp_path):
+    found = session(traces, tmp_path / "labels.csv", commands=("safestage agreement x",))
+    with served(found) as server:
+        for i in range(3):
+            assert json.loads(ask(server, "/state?reviewer=ada")[2])["commands"] == []
+            ask(server, "/answer", {"rollout": i, "label": "unsure", "reviewer": "ada"})
+        told = json.loads(ask(server, "/state?reviewer=ada")[2])
+    assert told["commands"] == ["safestage agreement x"]
+
+
+def test_an_answer_that_cannot_be_written_is_an_error(server, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    status, _, told = ask(server, "/answer", {"rollout": 0, "label": "safe", "reviewer": "ada"})
+    assert status == 500
+    assert "No space left" in json.loads(told)["error"]
+
+
+def test_a_broken_trace_is_told_of_without_its_name(traces, tmp_path, capsys):
+    found = session(traces, tmp_path / "labels.csv")
+    with served(found) as server:
+        path = tmp_path / "SECRET-FILE-broken.mcap"
+        path.write_bytes(found.refs[0].path.read_bytes()[:3000])
+        found.refs[0] = discover(path)[0]
+        status, _, told = ask(server, "/rollout/0/film")
+    assert status == 422
+    assert b"SECRET" not in told
+    assert "SECRET-FILE-broken" in capsys.readouterr().err
+
+
+def test_videos_come_whole_or_in_parts(traces, tmp_path):
+    film = bytes(range(256)) * 40
+    found = session(traces, tmp_path / "labels.csv", videos=tmp_path)
+    name = f"{found.refs[0].episode_id}.mp4"
+    (tmp_path / name).parent.mkdir()
+    (tmp_path / name).write_bytes(film)
+    with served(found) as server:
+        assert json.loads(ask(server, "/rollout/0")[2])["video"] is True
+        assert json.loads(ask(server, "/rollout/1")[2])["video"] is False
+        assert ask(server, "/rollout/1/video")[0] == 404
+        assert ask(server, "/rollout/0/video")[2] == film
+        for asked, first, last in (("5-9", 5, 9), ("10000-", 10000, 10239), ("-7", 10233, 10239)):
+            status, headers, part = ask(server, "/rollout/0/video", Range=f"bytes={asked}")
+            assert (status, part) == (206, film[first : last + 1])
+            assert headers["Content-Range"] == f"bytes {first}-{last}/10240"
+        assert ask(server, "/rollout/0/video", Range="bytes=20000-")[0] == 416
+        (tmp_path / name).write_bytes(film + VERDICT_MARK)
+        assert json.loads(ask(server, "/rollout/0")[2])["video"] is False
+        assert ask(server, "/rollout/0/video")[0] == 404
+
+
+def test_a_taken_port_is_told_of(server):
+    with pytest.raises(InputError, match="another --port"):
+        serve(server.session, server.server_port)
+
+
+def test_a_browser_that_hangs_up_stops_nothing(server):
+    with socket.create_connection(("127.0.0.1", server.server_port)) as hasty:
+        hasty.sendall(b"GET /rollout/0/film HTTP/1.1\r\nHost: ")
+    assert ask(server, "/")[0] == 200
