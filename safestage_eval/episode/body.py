@@ -104,8 +104,9 @@ class Body(Record):
     """Names of the bodies whose contacts with this one the model ignores."""
     geoms: tuple[Geom, ...] = ()
     cavity: Cavity | None = None
-    untold: tuple[Literal["up_axis", "cavity"], ...] = ()
-    """Fields that are None because the source does not tell, not because there is none. Since 1.1."""
+    untold: tuple[Literal["up_axis", "cavity", "links"], ...] = ()
+    """Fields that are None because the source does not tell, not because there is none; ``links``
+    of a robot's base: the robot's other bodies are not recorded. Since 1.1."""
 
     @property
     def unseen(self) -> bool:

@@ -183,7 +183,7 @@ class Demo:
         first = self._initial("articulation", name)
         position, orientation, linear, angular = self._motion(group, first, name)
         own = f"{name}_base" if name in ("robot", "gripper") else name
-        raw = Body(name=own, kind="robot" if "robot" in name else "fixture", untold=("cavity",))
+        raw = Body(name=own, kind="robot" if "robot" in name else "fixture", untold=("links",))
         body = dressed(raw, self.map, self.meshes)
         body, found = fixed_if_still(body, track(position, orientation, linear, angular))
         self.bodies.append(body)

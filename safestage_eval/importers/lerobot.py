@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Track
+from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Track, still_track
 from safestage_eval.errors import InputError, TraceError
 
 from .account import Account
@@ -143,6 +143,10 @@ class LeRobot(Importer):
                 parts.get("angular_velocity"),
             )  # fmt: skip
         need_shapes(bodies, where, among="LeRobot tables have none")
+        if not any(body.kind in ("robot", "gripper") for body in bodies):
+            base = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
+            bodies.append(base)
+            tracks[base.name] = still_track((0, 0, 0), (1, 0, 0, 0))
         more, still = added(set(tracks), self.settings.map, meshes)
         t = self._time(columns, where)
         frames, joints = self._robot(columns, len(t), where, account)

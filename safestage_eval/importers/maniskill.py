@@ -167,7 +167,7 @@ class ManiSkill(Importer):
             robot = name in str(
                 _inside(self._about, "env_info", "env_kwargs", "robot_uids") or name
             )
-            raw = Body(name=own, kind="robot" if robot else "fixture", untold=("cavity",))
+            raw = Body(name=own, kind="robot" if robot else "fixture", untold=("links",))
             body, found = fixed_if_still(
                 dressed(raw, self.settings.map, meshes),
                 _motion(values[:, :ROOT], raw, f"{inside}/{name}"),

@@ -26,7 +26,7 @@ def dressed(body: Body, map_: MapFile, meshes: Meshes) -> Body:
     if said is None:
         return body
     told = {"up_axis": "up", "cavity": "cavity"}
-    untold = tuple(f for f in body.untold if told[f] not in said.model_fields_set)
+    untold = tuple(f for f in body.untold if told.get(f) not in said.model_fields_set)
     fields = _fields(body.name, said, map_, meshes)
     return body.model_copy(update={**fields, "untold": untold})
 

@@ -151,6 +151,8 @@ class Relations:
             shapeless = [b for body in bodies for b in self._shapeless(body)]
             if shapeless and name != "held":
                 return f"contact forces and no shape of {', '.join(shapeless)}"
+        if name in ("held", "carried") and self._hand_untold:
+            return "poses of the robot's hand"
         if name in ("held", "carried") and any(body.kind == "gripper" for body in header.bodies):
             fingers = {body.finger for body in header.bodies}
             if not self.blind and not {"left", "right"} <= fingers:
@@ -161,6 +163,13 @@ class Relations:
             near = self.dependence.beside(self.episode.body_index[bodies[1]])
             return ", ".join(f"mass of {body}" for body in self.unweighed if body in near)
         return ""
+
+    @cached_property
+    def _hand_untold(self) -> bool:
+        """The robot has a hand, and its poses are not recorded."""
+        bodies = self.episode.header.bodies
+        hands = any(body.kind == "gripper" for body in bodies)
+        return not hands and any("links" in body.untold for body in bodies)
 
     def _shapeless(self, name: str) -> list[str]:
         """Bodies of that name or union whose shape is missed; a union may have mere frames."""

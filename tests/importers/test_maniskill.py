@@ -1,0 +1,129 @@
+"""ManiSkill's layout."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+from exports import com_twist, map_text, write_maniskill
+from scenes import Scene
+from studio import run
+
+from safestage_eval.formats import load
+
+
+def scene(**header):
+    s = Scene(30, 20.0).fixed("table-workspace").box("goal_site", 0.02, (0.3, 0, 0.02))
+    s.box("cube", 0.02, np.linspace((0, 0, 0.02), (0.3, 0, 0.02), 30), com=(0.01, 0, 0))
+    s.tracks["cube"].angular_velocity[:, 2] = 1.5
+    fields = {"success": True, "success_time": 1.0, "task": "PushCube-v1", **header}
+    return s.episode(**fields)
+
+
+@pytest.fixture
+def source(tmp_path):
+    (tmp_path / "map.toml").write_text(map_text(scene()))
+    return write_maniskill(tmp_path / "in", scene())
+
+
+def take(source, to, *more):
+    return run("import", source, "--to", to, "--map", to.parent / "map.toml", *more)
+
+
+def test_what_is_read(source, tmp_path):
+    done = take(source, tmp_path / "data")
+    assert done.code == 0, done.err
+    theirs, ours = load(tmp_path / "data", "trajectory/traj_0"), scene()
+    assert np.allclose(theirs.t, ours.t)
+    for name in ("position", "angular_velocity"):
+        assert np.array_equal(
+            getattr(theirs.track("cube"), name), getattr(ours.track("cube"), name)
+        )
+    a, b = theirs.track("cube"), ours.track("cube")
+    assert np.allclose(a.linear_velocity, b.linear_velocity, atol=1e-6)
+    recorded = com_twist(ours, ours.bodies["cube"])[:, :3]
+    assert not np.allclose(recorded, b.linear_velocity, atol=1e-3)  # it was moved to the origin
+    header = theirs.header
+    assert (header.task, header.seed, header.success) == ("PushCube-v1", 4, True)
+    assert header.success_time == pytest.approx(1.0)
+    assert header.post_success_hold == pytest.approx(0.45)
+    assert header.physics_dt == pytest.approx(1 / 20)
+    assert theirs.frames.joint_position.shape == (30, 9)
+    assert not theirs.bodies["table-workspace"].movable
+    assert theirs.bodies["robot_base" if "robot_base" in theirs.bodies else "panda"].untold == (
+        "links",
+    )
+    told = done.text
+    for what in ("poses of the links of panda", "the time after success", "contacts"):
+        assert what in told
+
+
+def test_kinds_are_guessed_by_names_and_said(source, tmp_path):
+    (tmp_path / "map.toml").write_text(
+        '[body.cube]\nshapes = [{ kind = "box", size = [0.02, 0.02, 0.02] }]\n'
+    )
+    done = take(source, tmp_path / "data")
+    theirs = load(tmp_path / "data")
+    assert theirs.bodies["goal_site"].kind == "region"
+    assert theirs.bodies["table-workspace"].kind == "fixture"
+    assert "goal_site is a region, table-workspace is a fixture" in done.text
+    assert "shapes of table-workspace" in done.text
+
+
+def without(source, part):
+    with h5py.File(source, "a") as file:
+        if part == "flat":
+            del file["traj_0/env_states"]
+            file["traj_0/env_states"] = np.zeros((30, 44), np.float32)
+        else:
+            del file[part]
+
+
+@pytest.mark.parametrize(
+    ("part", "told"),
+    [
+        ("traj_0/env_states", ("objects were not recorded", "--use-env-states")),
+        ("flat", ("one flat array", "--use-env-states")),
+        ("traj_0/env_states/actors", ("has no actors", "--use-env-states")),
+    ],
+)
+def test_states_that_are_missing(source, tmp_path, part, told):
+    without(source, part)
+    done = take(source, tmp_path / "data")
+    assert done.code == 2
+    for text in told:
+        assert text in done.err
+
+
+def test_rates_and_shapes_that_are_missing(tmp_path):
+    (tmp_path / "map.toml").write_text(map_text(scene()))
+    source = write_maniskill(tmp_path / "in", scene(), rate=False)
+    assert "--dt 1/20" in take(source, tmp_path / "data").err
+    done = take(source, tmp_path / "data", "--dt", "1/20")
+    assert done.code == 0
+    assert "guessed: physics step" in done.text
+    (tmp_path / "map.toml").write_text("")
+    done = take(source, tmp_path / "bare", "--dt", "1/20")
+    assert done.code == 2
+    assert "[body.cube] shapes" in done.err
+
+
+def test_success_that_is_not_recorded(source, tmp_path):
+    with h5py.File(source, "a") as file:
+        del file["traj_0/success"]
+    done = take(source, tmp_path / "data")
+    assert "missing: success" in done.text
+    about = json.loads(source.with_suffix(".json").read_text())
+    about["episodes"][0]["success"] = False
+    source.with_suffix(".json").write_text(json.dumps(about))
+    assert take(source, tmp_path / "again").code == 0
+    assert load(tmp_path / "again").header.success is False
+
+
+def test_joints_that_do_not_add_up(source, tmp_path):
+    with h5py.File(source, "a") as file:
+        del file["traj_0/env_states/articulations/panda"]
+        file["traj_0/env_states/articulations/panda"] = np.zeros((30, 30), np.float32)
+    done = take(source, tmp_path / "data")
+    assert done.code == 2
+    assert "13 + 2 × joints" in done.err
