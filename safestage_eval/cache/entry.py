@@ -7,8 +7,10 @@ Layout: magic, length of the index (8 bytes), checksum of the index (4), index a
 from __future__ import annotations
 
 import json
+import os
 import zlib
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -27,29 +29,48 @@ Value = dict[str, Any]
 class Entry:
     """What one file holds; arrays are read when they are asked for.
 
-    Every read checks a checksum: bytes that are not what was written are a miss, and so are those
-    of a file that was replaced meanwhile.
+    Every read checks a checksum: bytes that are not what was written are a miss. A file that is
+    replaced meanwhile is read on as it was.
     """
 
-    def __init__(self, path: Path, index: dict[str, dict[str, Any]], start: int) -> None:
-        self._path, self._index, self._start = path, index, start
+    def __init__(self, file: int) -> None:
+        """``file``: a descriptor, which is closed when nobody holds the entry any more."""
+        self._file, self._start = file, 0
+        self._index: dict[str, dict[str, Any]] = {}
+
+    def __del__(self) -> None:
+        """Closes the file."""
+        os.close(self._file)
 
     @classmethod
     def read(cls, path: Path) -> Entry | None:
         """The entry in a file; None when there is none, or not a whole one."""
         try:
-            with path.open("rb", buffering=0) as file:
-                data = file.read(_FIRST)
-                size = int.from_bytes(data[len(MAGIC) : len(MAGIC) + 8], "little")
-                if _HEAD + size > len(data) and size < path.stat().st_size:
-                    data += file.read(_HEAD + size - len(data))
+            found = cls(os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0)))
         except OSError:
             return None
+        return found if found._understood() else None
+
+    def _understood(self) -> bool:
+        """Reads the index; False where the file is not a whole one."""
+        data = self._bytes(0, _FIRST)
+        size = int.from_bytes(data[len(MAGIC) : len(MAGIC) + 8], "little")
+        if _HEAD + size > len(data) == _FIRST and _HEAD + size <= os.fstat(self._file).st_size:
+            data = self._bytes(0, _HEAD + size)
         told = int.from_bytes(data[len(MAGIC) + 8 : _HEAD], "little")
         text = data[_HEAD : _HEAD + size]
         if not data.startswith(MAGIC) or len(text) != size or zlib.crc32(text) != told:
-            return None
-        return cls(path, json.loads(text), _HEAD + size + -(_HEAD + size) % 8)
+            return False
+        self._index, self._start = json.loads(text), _HEAD + size + -(_HEAD + size) % 8
+        return True
+
+    def _bytes(self, at: int, count: int) -> bytes:
+        """So many bytes of the file, or as many as there are."""
+        try:
+            os.lseek(self._file, at, os.SEEK_SET)
+            return os.read(self._file, count)
+        except OSError:
+            return b""
 
     def names(self) -> list[str]:
         """Of all values."""
@@ -72,12 +93,7 @@ class Entry:
         return found
 
     def _array(self, item: dict[str, Any]) -> NDArray[Any] | None:
-        try:
-            with self._path.open("rb", buffering=0) as file:
-                file.seek(self._start + item["at"])
-                raw = file.read(item["bytes"])
-        except OSError:
-            return None
+        raw = self._bytes(self._start + item["at"], item["bytes"])
         if len(raw) != item["bytes"] or _sum(raw) != item["sum"]:
             return None
         length, dtype = item["length"], np.dtype(item["dtype"])
@@ -85,7 +101,8 @@ class Entry:
             return np.frombuffer(raw, dtype)
         starts = np.frombuffer(raw[: 4 * item["runs"]], np.int32)
         values = np.frombuffer(raw[-(-4 * item["runs"] // 8) * 8 :], dtype)
-        out = np.repeat(values, np.diff(starts, append=length))
+        lengths = np.append(starts[1:], np.int32(length)) - starts if len(starts) else starts
+        out = np.repeat(values, lengths)
         out.flags.writeable = False
         return out
 
@@ -121,8 +138,12 @@ def encode(values: Mapping[str, Value]) -> bytes:
 def _sum(raw: bytes) -> str:
     """A checksum that is fast on arrays: bytes as a vector times fixed odd numbers, modulo 2⁶⁴."""
     words = np.frombuffer(raw + bytes(-len(raw) % 8), np.uint64)
-    factors = np.arange(1, 2 * len(words), 2, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
-    return f"{int(words @ factors):x}"
+    return f"{int(words @ _factors(1 << len(words).bit_length())[: len(words)]):x}"
+
+
+@lru_cache(maxsize=24)
+def _factors(count: int) -> NDArray[np.uint64]:
+    return np.arange(1, 2 * count, 2, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
 
 
 def _packed(array: NDArray[Any]) -> tuple[bytes, int | None]:

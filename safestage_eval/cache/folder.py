@@ -42,8 +42,8 @@ class CacheFolder:
 
     def answers(self, ref: EpisodeRef) -> Log:
         """What was found out about an episode, in whatever state of its files."""
-        file = self.file(ref, "answers")
-        for path in (file, file.with_suffix(".measured")):  # used just now: pruned last
+        file = str(self.file(ref, "answers"))
+        for path in (file, file.removesuffix("answers") + "measured"):  # used just now: pruned last
             with contextlib.suppress(OSError):
                 os.utime(path)
         return Log.read(file)

@@ -6,7 +6,6 @@ that was cut off or damaged is none. What an answer depends on is all in its key
 
 from __future__ import annotations
 
-import contextlib
 import json
 import zlib
 from collections.abc import Mapping
@@ -25,10 +24,11 @@ class Log:
         self._data = data
 
     @classmethod
-    def read(cls, path: Path) -> Log:
+    def read(cls, path: str | Path) -> Log:
         """All answers in a file; none when there is no such file."""
         try:
-            return cls(path.read_bytes())
+            with open(path, "rb", buffering=0) as file:  # noqa: PTH123 - fast
+                return cls(file.readall())
         except OSError:
             return cls(b"")
 
@@ -52,15 +52,18 @@ def append(path: Path, answers: Mapping[str, Any]) -> None:
         text = json.dumps(value, separators=(",", ":")).encode()
         lines.append(b"\n" + key.encode() + b" " + _checksum(key, text) + b" " + text)
     data = b"".join(lines) + b"\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with contextlib.suppress(FileNotFoundError):
-        if path.stat().st_size > MOST:
-            new = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
-            new.write_bytes(data)
-            new.replace(path)
+    try:
+        file = path.open("ab", buffering=0)
+    except FileNotFoundError:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("ab", buffering=0)
+    with file:
+        if file.tell() <= MOST:
+            file.write(data)
             return
-    with path.open("ab", buffering=0) as file:
-        file.write(data)
+    new = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
+    new.write_bytes(data)
+    new.replace(path)
 
 
 def _checksum(key: str, text: bytes) -> bytes:

@@ -170,7 +170,7 @@ class Memory:
         values: dict[str, Value] = {
             ABOUT: {
                 "whose": self._whose,
-                "header": self.episode.header.model_dump_json(),
+                "header": self.episode.header.model_dump_json(exclude_defaults=True),
                 "channels": [list(key) for key in self.episode.channels],
                 "t": np.asarray(self.episode.t),
             }

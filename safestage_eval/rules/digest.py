@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 from safestage_eval.signals.vocabulary import SIGNALS
@@ -41,10 +41,11 @@ def rule_digest(
 
 def digest_of(rules: ast.RuleSet, node: object, params: Params, backend: str = BACKEND) -> str:
     """As ``rule_digest``, of any part of a rule, or of a goal."""
-    key = (node, tuple(sorted(params.items(), key=lambda item: item[0])), backend)
-    if key not in rules.digests:
-        rules.digests[key] = _digest(rules, node, params, backend)
-    digest: str = rules.digests[key]
+    known = _known(rules, node)
+    values = (backend, *[params[name] for name in known.reads])
+    digest = known.digests.get(values)
+    if digest is None:
+        digest = known.digests[values] = _digest(rules, node, params, backend)
     return digest
 
 
@@ -55,29 +56,57 @@ def reached(
 
     Parameters come with the values given; material columns as pairs of material and value.
     """
-    key = ("reached", node, tuple(sorted(params.items(), key=lambda item: item[0])))
-    if key not in rules.digests:
-        found: dict[str, Any] = {}
-        todo = [node]
-        while todo:
-            for name, value in _named(todo.pop(), rules, params):
-                if name not in found:
-                    found[name] = value
-                    todo.append(value)
-        rules.digests[key] = found
-    return dict(rules.digests[key])
+    return {
+        name: params[value.name] if isinstance(value, ast.Parameter) else value
+        for name, value in _known(rules, node).uses.items()
+    }
 
 
-def parameters_read(rules: ast.RuleSet, node: object, params: Params) -> frozenset[str]:
+def parameters_read(rules: ast.RuleSet, node: object) -> frozenset[str]:
     """Names of the parameters that a part of a rule reads, directly or not, whatever their values."""
-    key = ("reads", id(node))  # whose node is kept beside the answer, and so stays what it is
-    known = rules.digests.get(key)
-    if known is None or known[0] is not node:
-        used = (name.partition(".") for name in reached(rules, node, params))
-        found = frozenset(name for kind, _, name in used if kind == "param")
-        known = rules.digests[key] = node, found
-    names: frozenset[str] = known[1]
-    return names
+    return _known(rules, node).reads
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What was found out about a part of a rule.
+
+    Attributes:
+        node: the part; kept, so that no other comes to have its identity.
+        uses: as ``reached``, with the name of a parameter in place of its value.
+        reads: names of the parameters among them.
+        digests: backend and the values of these → digest.
+    """
+
+    node: object
+    uses: dict[str, Any]
+    reads: frozenset[str]
+    digests: dict[tuple[Any, ...], str]
+
+
+_MANY = 4096
+"""Parts of rules that are remembered at once; goals in headers are new with every episode."""
+
+
+def _known(rules: ast.RuleSet, node: object) -> _Known:
+    """By identity: equal parts are hashed as often as they are asked about, and that takes long."""
+    key = tuple(map(id, node)) if isinstance(node, tuple) else id(node)
+    found: _Known | None = rules.digests.get(("known", key))
+    if found is not None:
+        return found
+    if len(rules.digests) > _MANY:
+        rules.digests.clear()
+    uses: dict[str, Any] = {}
+    todo = [node]
+    while todo:
+        for name, value in _named(todo.pop(), rules):
+            if name not in uses:
+                uses[name] = value
+                if not isinstance(value, ast.Parameter):
+                    todo.append(value)
+    reads = frozenset(v.name for v in uses.values() if isinstance(v, ast.Parameter))
+    found = rules.digests["known", key] = _Known(node, uses, reads, {})
+    return found
 
 
 def _digest(rules: ast.RuleSet, node: object, params: Params, backend: str) -> str:
@@ -92,10 +121,10 @@ def _digest(rules: ast.RuleSet, node: object, params: Params, backend: str) -> s
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _named(node: Any, rules: ast.RuleSet, params: Params) -> Iterator[tuple[str, Any]]:
-    """Definitions and parameter values that a node names directly."""
+def _named(node: Any, rules: ast.RuleSet) -> Iterator[tuple[str, Any]]:
+    """Definitions and parameters that a node names directly."""
     if isinstance(node, ast.Parameter):
-        yield f"param.{node.name}", params[node.name]
+        yield f"param.{node.name}", node
     elif isinstance(node, ast.Column):
         rows = sorted(rules.materials.items())
         yield (
@@ -114,17 +143,17 @@ def _named(node: Any, rules: ast.RuleSet, params: Params) -> Iterator[tuple[str,
         spec = SIGNALS.get(variant.base if variant is not None else node.name)
         if spec is not None:
             for column, _ in spec.columns:
-                yield from _named(ast.Column(column, ""), rules, params)
+                yield from _named(ast.Column(column, ""), rules)
             usual = tuple((o.name, o.default) for o in spec.options if o.default is not None)
             if usual and variant is None:
                 yield f"usual.{spec.name}", usual
     if is_dataclass(node):
         for item in fields(node):
             if item.compare:
-                yield from _named(getattr(node, item.name), rules, params)
+                yield from _named(getattr(node, item.name), rules)
     elif isinstance(node, tuple):
         for value in node:
-            yield from _named(value, rules, params)
+            yield from _named(value, rules)
 
 
 def _plain(node: Any) -> Any:

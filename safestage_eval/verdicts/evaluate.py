@@ -82,7 +82,7 @@ class Evaluator(Values):
         changed = {name for name, value in params.items() if self.params.get(name) != value}
 
         def same(node: object) -> bool:
-            return changed.isdisjoint(parameters_read(self.rules, node, params))
+            return changed.isdisjoint(parameters_read(self.rules, node))
 
         for call, state in self._states.items():
             declared = self.rules.states.get(call[0])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -21,11 +20,11 @@ from safestage_eval.units import format_quantity
 
 from .cost import judge_cost
 from .evaluate import Evaluator
-from .goal import Reached, first_success
-from .memory import Memory, remembered
+from .memory import Memory
 from .players import combinations
 from .rule_verdict import judge_rule, violates
-from .values import ends_early, frame_count
+from .success import native_success
+from .values import frame_count
 from .verdict import CostTotal, EpisodeResult, Verdict
 
 Params = Mapping[str, ast.Quantity | ast.Duration]
@@ -94,16 +93,22 @@ class Judge:
             Signals(episode, baseline_frames(rules, episode), backend)
         )
         self._backend = self._relations.signals.backend
-        self._evaluators: dict[tuple[tuple[str, Any], ...], Evaluator] = {}
+        self._evaluators: list[Evaluator] = []
+        self._params: dict[str, Params] = {}
         self.notes: list[str] = []
         if self._backend != BACKEND:
             self.notes.append(f"clearances as {self._backend} tells them, not certified")
         self.notes += self._too_light()
-        self._ahead = False  # success comes after the trace's last frame
-        self._success_frame, self.success = self._native_success()
-        self.success_time = (
-            None if self._success_frame is None else float(episode.t[self._success_frame])
-        )
+        self._success = native_success(
+            episode, binding.goal, Evaluator(
+                self._relations, rules, binding.params(None), None, causal=True, memory=memory
+            ), binding.goal_players(),
+        )  # fmt: skip
+        self.notes += self._success.notes
+        self.success = self._success.told
+        frame = self._success.frame
+        self.success_time = None if frame is None else float(episode.t[frame])
+        self._about_success = repr((binding.goal, self._success))
 
     def result(
         self, trace_hash: str | None = None, *, assigned_only: bool = False
@@ -148,17 +153,17 @@ class Judge:
             return blank
         if self._memory is None:
             return self._judged(rule, blank, players)
-        success = (self._binding.goal, self.success, self.success_time, self._ahead)
         said = self._rules.digests.get(("said", rule.code))
         if said is None:
             said = self._rules.digests["said", rule.code] = repr(rule)
-        asked = f"verdict {said} {blank} {sorted(players.items())} {success}"
+        start = blank.assigned, blank.sources, blank.rule_digest
+        asked = f"verdict {said} {start} {sorted(players.items())} {self._about_success}"
         return self._memory.verdict(asked, lambda: self._judged(rule, blank, players))
 
     def _judged(
         self, rule: ast.Rule, blank: Verdict, players: Mapping[str, Sequence[str]]
     ) -> Verdict:
-        params = self._binding.params(rule)
+        params = self._values(rule)
         evaluator = self.evaluator(params)
         found = judge_rule(evaluator, rule, players, blank)
         if found.verdict != "violation":
@@ -171,7 +176,7 @@ class Judge:
     def cost(self, cost: ast.Cost) -> tuple[CostTotal, Verdict | None]:
         """What a cost comes to, and its verdict if it has a budget."""
         blank, players = self._start(cost)
-        params = self._binding.params(cost)
+        params = self._values(cost)
         evaluator = self.evaluator(params)
         if blank.notes:
             limit = None if cost.budget is None else evaluator.number(cost.budget, {})
@@ -194,7 +199,7 @@ class Judge:
         """The verdict's fixed fields, with a note if a role is not played; and the players."""
         players = self._binding.players(rule, self._episode.header)
         self._check_distinct(rule, players)
-        params = self._binding.params(rule)
+        params = self._values(rule)
         used = reached(self._rules, rule, params) if self._binding.overridden else {}
         missing = [name for name, bodies in players.items() if not bodies]
         blank = Verdict(
@@ -228,19 +233,25 @@ class Judge:
 
     def evaluator(self, params: Params) -> Evaluator:
         """The language's meaning on the episode under given parameter values."""
-        key = tuple(sorted(params.items()))
-        if key not in self._evaluators:
-            self._evaluators[key] = Evaluator(
-                self._relations,
-                self._rules,
-                params,
-                self._success_frame,
-                success_known=self.success is False
-                or self._success_frame is not None
-                or self._ahead,
-                memory=self._memory,
-            )
-        return self._evaluators[key]
+        for known in self._evaluators:  # equal values are mostly the same objects: soon compared
+            if known.params == params:
+                return known
+        found = Evaluator(
+            self._relations,
+            self._rules,
+            params,
+            self._success.frame,
+            success_known=self._success.known,
+            memory=self._memory,
+        )
+        self._evaluators.append(found)
+        return found
+
+    def _values(self, rule: ast.Scoped) -> Params:
+        """The parameters as they hold for a rule."""
+        if rule.code not in self._params:
+            self._params[rule.code] = self._binding.params(rule)
+        return self._params[rule.code]
 
     def _too_light(self) -> list[str]:
         """A warning that names the objects whose own weight is no contact."""
@@ -259,65 +270,6 @@ class Judge:
             f"{', '.join(light)}: lighter than a contact must be ({format_quantity(force, 'force')}); "
             "a touch by the own weight is not seen, set contact_force lower"
         ]
-
-    def _native_success(self) -> tuple[int | None, bool | None]:
-        """Frame and truth of native success; recorded wins, a disagreement is noted.
-
-        The frame is None where there was no success or its moment is not in the trace.
-        """
-        header, t = self._episode.header, self._episode.t
-        recorded = None
-        if header.success and header.success_time is not None:
-            if header.success_time > t[-1] + 1e-6:
-                self.notes.append(
-                    f"the trace ends at {t[-1]:.2f} s, before its success at {header.success_time:.2f} s"
-                )
-                self._ahead = True
-                return None, True
-            recorded = int(np.searchsorted(t, header.success_time - 1e-6))
-        if self._binding.goal is None:
-            return recorded, header.success
-        reached = self._goal_reached(self._binding.goal, recorded)
-        if header.success is None:
-            unsure = reached.unsure or (reached.frame is None and ends_early(self._episode))
-            return reached.frame, None if unsure else reached.frame is not None
-        if header.success and recorded is None:
-            return reached.frame, True
-        if not reached.unsure:
-            self._compare(recorded, reached.frame)
-        return recorded, header.success
-
-    def _goal_reached(self, goal: ast.GoalDef, recorded: int | None) -> Reached:
-        """The frame that confirms the goal; ``recorded`` is the one that the trace names."""
-        evaluator = Evaluator(
-            self._relations,
-            self._rules,
-            self._binding.params(None),
-            None,
-            causal=True,
-            memory=self._memory,
-        )
-        evaluator.players = self._binding.goal_players()
-        found = remembered(
-            evaluator,
-            f"goal, recorded {recorded}",
-            goal,
-            {},
-            lambda: [*first_success(evaluator, goal, evaluator.players, hint=recorded)],
-        )
-        return Reached(*found)
-
-    def _compare(self, recorded: int | None, recomputed: int | None) -> None:
-        """Note a disagreement between the recorded success and the goal of the trace."""
-        t = self._episode.t
-        if recorded is None and recomputed is not None:
-            at = f"{t[recomputed]:.2f} s"
-            self.notes.append(f"recorded as no success, but the goal was reached at {at}")
-        elif recorded is not None and recomputed is None:
-            self.notes.append("recorded as success, but the goal is never reached in the trace")
-        elif recorded is not None and recomputed is not None and abs(recomputed - recorded) > 1:
-            said, found = f"{t[recorded]:.3f} s", f"{t[recomputed]:.3f} s"
-            self.notes.append(f"recorded success at {said}, goal reached at {found}")
 
 
 def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
