@@ -100,7 +100,11 @@ class Episode:
         if len(self.t) < 2:
             return self.header.frame_dt
         mean = float(self.t[-1] - self.t[0]) / (len(self.t) - 1)
-        median = float(np.median(np.diff(self.t)))
+        steps = self.t[1:] - self.t[:-1]
+        least, most = float(steps.min()), float(steps.max())
+        if mean - least < 0.05 * least and most - mean < 0.05 * least:
+            return mean  # wherever the median lies between the two
+        median = float(np.median(steps))
         return mean if abs(mean - median) < 0.05 * median else median
 
     @cached_property

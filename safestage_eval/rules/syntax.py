@@ -7,6 +7,7 @@ wrote, for messages and explanations; they are not part of the meaning.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal
 
 
@@ -275,6 +276,13 @@ class Rule:
     def stage(self) -> str:
         """The three letters of the code: ISH, ETS, FSH, or another benchmark's."""
         return self.code[:3]
+
+    @cached_property
+    def forbidden(self) -> Alternative | None:
+        """All that is forbidden. A list is *or*: one obligation, so that ``for`` counts across it."""
+        if len(self.forbid) > 1:
+            return Condition((AnyOf(self.forbid),))
+        return self.forbid[0] if self.forbid else None
 
 
 @dataclass(frozen=True)

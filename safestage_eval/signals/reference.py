@@ -54,12 +54,10 @@ class Reference:
 
     def of(self, values: F64, initial: F64) -> F64:
         """The reference value at each frame: (T, k) values and (k,) baseline value → (T, k)."""
-        if self.since is None:
+        if self.since is None or not len(self.since) or self.since[-1] < 0:  # no event at all
             return np.broadcast_to(initial, values.shape)
-        picked = values[np.maximum(self.since, 0)]
-        missing = self.since < 0
-        if missing.any():
-            picked[missing] = initial
+        picked = np.take(values, self.since, axis=0, mode="clip")
+        picked[: int(np.argmax(self.since >= 0))] = initial
         return picked
 
 

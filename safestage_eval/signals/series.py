@@ -30,6 +30,11 @@ class Series:
         """T."""
         return len(self.lower)
 
+    def at(self, frame: int) -> Series:
+        """That frame alone."""
+        here = slice(frame, frame + 1)
+        return Series(self.lower[here], self.upper[here], self.dimension, self.notes)
+
     @property
     def known(self) -> NDArray[np.bool_]:
         """(T,) false where nothing is known at all."""

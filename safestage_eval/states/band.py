@@ -65,9 +65,15 @@ def each(function: Callable[..., F64], *bands: Band) -> Band:
 
 def negated(margin: F64) -> F64:
     """The margin of the opposite: where it was exactly 0 (true), the opposite is just false."""
-    opposite = np.asarray(-margin)
-    opposite[margin == 0] = -TINY
-    return opposite
+    return strict(np.asarray(-margin))
+
+
+def strict(margin: F64) -> F64:
+    """The same array, in which a margin of exactly 0 is no longer enough."""
+    at_limit = margin == 0
+    if at_limit.any():
+        margin[at_limit] = -TINY
+    return margin
 
 
 def crisp(truth: Bool, known: Bool | None = None) -> Band:

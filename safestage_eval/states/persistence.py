@@ -86,7 +86,14 @@ def persistent(
         frames, beyond = len(band.lower), np.full(ahead, np.inf)
         longer = Band(np.append(band.lower, -beyond), np.append(band.upper, beyond))
         return persistent(longer, for_frames, gap_frames).at(0, frames)
-    return each(lambda m: without_short_runs(without_short_gaps(m, gap_frames), for_frames), band)
+    return each(lambda m: _filtered(m, for_frames, gap_frames), band)
+
+
+def _filtered(margin: F64, for_frames: int, gap_frames: int) -> F64:
+    """Gaps closed, then short runs dropped; a margin that never changes has neither."""
+    if len(margin) >= for_frames and len(margin) and bool((margin == margin[0]).all()):
+        return margin
+    return without_short_runs(without_short_gaps(margin, gap_frames), for_frames)
 
 
 def latched(band: Band, reset: Bool, perhaps: Bool | None = None) -> Band:
@@ -112,6 +119,8 @@ def _latch(margin: F64, reset: Bool) -> F64:
 
 def runs(truth: Bool) -> NDArray[np.int64]:
     """(R, 2) half-open frame intervals [first, stop) of consecutive true frames."""
+    if not truth.any():
+        return np.zeros((0, 2), np.int64)
     padded = np.zeros(len(truth) + 2, np.bool_)
     padded[1:-1] = truth
     return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)

@@ -238,8 +238,11 @@ class Evaluator(Values):
 
         ``wanted`` as in ``condition``; a state that looks at neighbouring frames has them all.
         """
-        with self.obliged(None):
+        outer, self._obligation = self._obligation, None
+        try:
             return self._state(call, env, wanted)
+        finally:
+            self._obligation = outer
 
     def _state(self, call: ast.Call, env: Env, wanted: Bool | None) -> Band:
         bodies = tuple(env.get(arg, arg) for arg in call.args)
@@ -353,4 +356,6 @@ def _is_costly(atom: ast.Atom) -> bool:
 
 def band_known(found: Band) -> bool:
     """False where nothing is known at any frame."""
+    if len(found.lower) and (found.lower[0] > -np.inf or found.upper[0] < np.inf):
+        return True
     return not (np.isneginf(found.lower).all() and np.isposinf(found.upper).all())

@@ -25,6 +25,8 @@ def too_brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance
         for call in _forbidden_states(evaluator, rule):
             bodies = tuple(instance.env.get(arg, arg) for arg in call.args)
             raw = evaluator.momentary(call.name, bodies).true[first:stop]
+            if not raw.any():
+                continue
             ignored = runs(raw & ~evaluator.state(call, instance.env).true[first:stop])
             if len(ignored):
                 longest = ignored[int(np.argmax(ignored[:, 1] - ignored[:, 0]))]

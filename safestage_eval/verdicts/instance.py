@@ -64,10 +64,8 @@ class Instance:
 def clauses(rule: ast.Rule) -> list[Clause]:
     """The rule's obligations: all of them must be met."""
     out = [Clause("require", rule.require)] if rule.require is not None else []
-    if len(rule.forbid) > 1:  # a list is or: one obligation, so that "for" counts across its items
-        out.append(Clause("forbid", ast.Condition((ast.AnyOf(rule.forbid),))))
-    else:
-        out += [Clause("forbid", what) for what in rule.forbid]
+    if rule.forbidden is not None:
+        out.append(Clause("forbid", rule.forbidden))
     return out + ([Clause("reach", rule.reach)] if rule.reach is not None else [])
 
 

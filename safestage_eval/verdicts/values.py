@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 from safestage_eval.episode import Episode
 from safestage_eval.relations.measure import Relations
@@ -12,7 +13,7 @@ from safestage_eval.signals.options import Options, OptionValue
 from safestage_eval.signals.series import Series
 from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states import band
-from safestage_eval.states.band import F64, TINY, Band
+from safestage_eval.states.band import F64, Band
 
 Env = Mapping[str, str]
 """Role or formal argument → name of the body or union that plays it."""
@@ -32,6 +33,10 @@ class Values:
         self.episode = relations.episode
         self.rules = rules
         self.params = params
+        self._measured: dict[
+            tuple[Any, ...], tuple[ast.Call, tuple[str, tuple[str, ...], Options]]
+        ] = {}
+        """By identity of a call, which is kept beside what was found, and so stays what it is."""
 
     def count(self, duration: ast.Duration | ast.Parameter, least: int = 1) -> int:
         """Number of frames a duration lasts in this episode: ⌈D / dt⌉, at least so many."""
@@ -63,6 +68,13 @@ class Values:
 
     def measured(self, call: ast.Call, env: Env) -> tuple[str, tuple[str, ...], Options]:
         """What a signal's call asks for: the built-in signal, its bodies, and all its options."""
+        key = (id(call), *env.items())
+        known = self._measured.get(key)
+        if known is None:
+            known = self._measured[key] = call, self._asked(call, env)
+        return known[1]
+
+    def _asked(self, call: ast.Call, env: Env) -> tuple[str, tuple[str, ...], Options]:
         variant = self.rules.signals.get(call.name)
         spec = SIGNALS[variant.base if variant is not None else call.name]
         given = dict(variant.options) if variant is not None else {}
@@ -107,8 +119,6 @@ def limit_margin(series: Series, op: str, limit: float, scale: float) -> Band:
     def margin(value: F64) -> F64:
         found = value - limit if up else limit - value
         found /= size
-        if len(op) == 1:
-            found[found == 0] = -TINY
-        return found
+        return band.strict(found) if len(op) == 1 else found
 
     return band.each(margin, Band(*((series.lower, series.upper)[:: 1 if up else -1])))

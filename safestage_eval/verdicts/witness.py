@@ -129,16 +129,16 @@ class Search:
 
     def _signal(self, atom: ast.SignalAtom, env: Env, frame: int) -> Witness:
         evaluator = self.evaluator
-        series = evaluator.series(atom, env, self._only(frame))
+        series = evaluator.series(atom, env, self._only(frame)).at(frame)
         limits = [evaluator.number(limit.value, env) for limit in atom.limits]
         margins = [
-            self.end(limit_margin(series, limit.op, number, 1.0), frame)
+            self.end(limit_margin(series, limit.op, number, 1.0), 0)
             for limit, number in zip(atom.limits, limits, strict=True)
         ]
         i = int(np.argmin(margins))
         name, bodies, _ = evaluator.measured(atom.call, env)
         said = tuple(env.get(arg, arg) for arg in atom.call.args)
-        value, limit = float(series.value[frame]), limits[i]
+        value, limit = float(series.value[0]), limits[i]
         direction = 1 if atom.limits[i].op[0] == ">" else -1
         since = f" since {atom.since.text}" if atom.since is not None and atom.since.text else ""
         finite = bool(np.isfinite(value))
@@ -151,7 +151,7 @@ class Search:
             self.sign * direction * (value - limit) if finite else None,
             series.dimension,
             name,
-            at_least=finite and bool(np.isposinf(series.upper[frame])),
+            at_least=finite and bool(np.isposinf(series.upper[0])),
         )
 
 
