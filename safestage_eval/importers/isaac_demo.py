@@ -302,6 +302,18 @@ class Demo:
             remedy="[body.NAME] with position and shapes in the map file",
         )
 
+    def _roles(self, names: set[str]) -> dict[str, tuple[str, ...]]:
+        """From the success condition, as far as it names bodies of the recording."""
+        said = self.source.beside.roles
+        roles = {role: tuple(n for n in players if n in names) for role, players in said.items()}
+        roles = {role: players for role, players in roles.items() if players}
+        if roles:
+            self.account.recomputed(
+                f"roles {' and '.join(roles)}", "from the success condition in env_cfg.json",
+                remedy="--bind, or roles in the map file, for others",
+            )  # fmt: skip
+        return roles
+
     def _header(self, bodies: tuple[Body, ...], joints: tuple[Joint, ...]) -> Header:
         config, result = self.source.beside.config, self.result
         success = self.group.attrs.get("success")
@@ -336,6 +348,7 @@ class Demo:
             termination="success" if reached else "horizon" if full else None,
             horizon=float(horizon) if isinstance(horizon, int | float) else None,
             post_success_hold=0.0 if reached else None,
+            roles=self._roles({body.name for body in bodies}),
             force_source="none",
             source=Source(
                 simulator="Isaac Lab", simulator_version=None if version is None else str(version)

@@ -49,6 +49,24 @@ class Sidecars:
         return float(found[0]), float(found[1]), float(found[2])
 
     @property
+    def roles(self) -> dict[str, tuple[str, ...]]:
+        """What the success condition moves (``target``), and where to (``destination``)."""
+        terms = self.config.get("terminations")
+        found: dict[str, dict[str, None]] = {"target": {}, "destination": {}}
+        for term in terms.values() if isinstance(terms, dict) else ():
+            params = _inside(term, "params")
+            if not isinstance(params, dict) or _inside(term, "time_out"):
+                continue
+            away = "outside" in str(_inside(term, "func"))
+            keys = {"object": "target", "objects": "target", "reference_object": "destination"}
+            keys["surface" if away else "container"] = "destination"
+            for key, role in keys.items():
+                said = params.get(key)
+                names = [said] if isinstance(said, str) else said if isinstance(said, list) else []
+                found[role].update(dict.fromkeys(name for name in names if isinstance(name, str)))
+        return {role: tuple(names) for role, names in found.items() if names}
+
+    @property
     def rotations_speak_for(self) -> str | None:
         """The quaternion order in which the configuration's rotations would be rotations by little.
 

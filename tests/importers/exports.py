@@ -132,6 +132,15 @@ def write_robolab(
             "decimation": 8, "episode_length_s": 60, "seed": 3, "_task_name": task,
             "scene": {"robot": {"init_state": {"pos": [0, 0, 0], "rot": flat}}, "num_envs": 1},
             "instruction": "do it",
+            "terminations": {
+                "time_out": {"func": "isaaclab.envs.mdp.terminations:time_out", "params": {},
+                             "time_out": True},
+                "success": {
+                    "func": "robolab.core.task.conditionals:object_in_container",
+                    "params": {"object": ["cube"], "container": "carton", "logical": "all"},
+                    "time_out": False,
+                },
+            },
         }  # fmt: skip
         (path.parent / "env_cfg.json").write_text(json.dumps(config))
     if results:

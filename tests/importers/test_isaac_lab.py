@@ -14,7 +14,9 @@ from safestage_eval.episode import Body, Geom
 from safestage_eval.formats import load
 from safestage_eval.geometry.pose import rotate
 from safestage_eval.importers import boxes
+from safestage_eval.importers.bound import load_bound
 from safestage_eval.importers.isaac_lab import order_of
+from safestage_eval.rules.files import builtin_folder
 
 FRAMES, RATE = 40, 15.0
 
@@ -81,6 +83,33 @@ def test_poses_and_velocities_of_either_order(tmp_path, version, order):
     assert (header.frame_dt, header.physics_dt) == pytest.approx((1 / RATE, 1 / RATE / 8))
     assert (header.seed, header.horizon, header.force_source) == (3, 60, "none")
     assert theirs.bodies["cube"].geoms == ours.bodies["cube"].geoms
+
+
+def test_roles_come_from_the_success_condition_or_a_bind_file(tmp_path):
+    source = write_robolab(tmp_path / "out", [scene()])
+    assert take(source, tmp_path / "data").code == 0
+    roles = {"target": ("cube",), "destination": ("carton",)}
+    assert load(tmp_path / "data").header.roles == roles
+    bind = tmp_path / "bind.toml"
+    bind.write_text('[task.SlideTask]\nroles = { target = "carton", protected = "cube" }\n')
+    assert take(source, tmp_path / "bound", "--bind", bind).code == 0
+    bound = {"target": ("carton",), "destination": ("carton",), "protected": ("cube",)}
+    assert load(tmp_path / "bound").header.roles == bound
+
+
+def test_the_tasks_of_the_benchmark_have_roles():
+    path = builtin_folder() / "bind" / "robolab.toml"
+    bound = load_bound(path)
+    assert len(bound.task) == 120
+    header = scene().header.model_copy(update={"task": "BagelsOnPlateTask", "roles": {}})
+    assert bound.onto(header, "demo_0").roles == {
+        "target": ("bagel_00", "bagel_06"),
+        "destination": ("plate_large",),
+        "protected": ("banana", "bowl"),
+    }
+    for table in bound.task.values():
+        players = [name for role in table["roles"].values() for name in role]
+        assert len(players) == len(set(players))  # nobody plays two roles
 
 
 def test_frames_and_actions_belong_together(tmp_path):

@@ -1,6 +1,7 @@
 """ManiSkill's layout."""
 
 import json
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -10,6 +11,8 @@ from scenes import Scene
 from studio import run
 
 from safestage_eval.formats import load
+from safestage_eval.relations.measure import Relations
+from safestage_eval.signals.measure import Signals
 
 
 def scene(**header):
@@ -127,3 +130,49 @@ def test_joints_that_do_not_add_up(source, tmp_path):
     done = take(source, tmp_path / "data")
     assert done.code == 2
     assert "13 + 2 × joints" in done.err
+
+
+RECORDED = Path(__file__).parent / "foreign" / "maniskill" / "stack_cube.h5"
+SCENE = """
+[every]
+roles = { target = "cubeA", destination = "cubeB" }
+
+[body."cube*"]
+mass = 0.064
+up = false
+cavity = false
+com = [0, 0, 0]
+shapes = [{ kind = "box", size = [0.02, 0.02, 0.02] }]
+
+[body.table-workspace]
+shapes = [{ kind = "box", size = [1.2, 0.6, 0.4598], position = [0, 0, 0.4598] }]
+"""
+
+
+def test_an_episode_of_maniskills_own_recorder(tmp_path):
+    """Recorded by ManiSkill 3.0.1: the arm waves about over two cubes that lie on a table."""
+    (tmp_path / "map.toml").write_text(SCENE)
+    refused = take(RECORDED, tmp_path / "data")
+    assert "--dt 1/20" in refused.err
+    done = take(RECORDED, tmp_path / "data", "--dt", "1/20")
+    assert done.code == 0, done.err
+    theirs = load(tmp_path / "data", "stack_cube/traj_0")
+    with h5py.File(RECORDED) as file:
+        for name in ("cubeA", "cubeB"):
+            rows = file[f"traj_0/env_states/actors/{name}"][()]
+            track = theirs.track(name)
+            assert np.array_equal(track.position, rows[:, :3])
+            assert np.allclose(track.orientation, rows[:, 3:7], atol=1e-6)
+            assert np.array_equal(track.linear_velocity, rows[:, 7:10])
+            assert np.array_equal(track.angular_velocity, rows[:, 10:])
+        joints = file["traj_0/env_states/articulations/panda_wristcam"][()]
+    assert np.array_equal(theirs.frames.joint_position, joints[:, 13:22])
+    assert (len(theirs), theirs.header.task, theirs.header.success) == (31, "StackCube-v1", False)
+    relations = Relations(Signals(theirs))
+    assert relations.get("supports", ("table-workspace", "cubeA")).all()
+    assert relations.get("supported", ("cubeB",)).all()
+    assert relations.get("held", ("cubeA",)) is None  # the hand was not recorded
+    scored = run("score", tmp_path / "data", "--rules", "fsh", "--format", "json")
+    verdicts = {row["rule"]: row["verdict"] for row in json.loads(scored.text)["episodes"]}
+    assert verdicts["FSH101"] == "pass"  # never moved: nothing was put down
+    assert verdicts["FSH105"] == "inconclusive"
