@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from safestage_eval import episode as model
-from safestage_eval.errors import InputError
 from safestage_eval.formats import load as load_stored
 from safestage_eval.scoring import score_paths
 
@@ -35,49 +34,11 @@ class Episode(model.Episode):
         import numpy as np
         import pandas as pd
 
-        from safestage_eval.relations.measure import Relations
-        from safestage_eval.relations.vocabulary import RELATIONS
-        from safestage_eval.rules import parse
-        from safestage_eval.signals.measure import Signals
-        from safestage_eval.signals.vocabulary import SIGNALS
+        from safestage_eval.verdicts.ask import ask
 
-        try:
-            call = parse.call(expression)
-        except parse.GrammarError as problem:
-            raise InputError(expression, problem.what, problem.allowed) from None
-        spec = SIGNALS.get(call.name)
-        arguments, options = spec.split(call.args) if spec is not None else (call.args, ())
-        joints = spec is not None and spec.joints
-        bodies = [self._body(argument, expression, joints) for argument in arguments]
-        relations = Relations(Signals(self))
-        index = pd.Index(self.t, name="time")
-        if call.name in RELATIONS:
-            _check_count(expression, len(bodies), (RELATIONS[call.name].args,))
-            truth = relations.get(call.name, bodies)
-            values = np.full(len(self), np.nan) if truth is None else truth.astype(float)
-            return pd.Series(values, index, name=expression)
-        if spec is None:
-            raise InputError(
-                expression, f"no signal {call.name!r}.", ", ".join([*SIGNALS, *RELATIONS])
-            )
-        _check_count(expression, len(call.args), spec.args)
-        series = relations.signal(call.name, bodies, options=options)
+        series = ask(self, expression)
         values = np.where(series.known, series.upper, np.nan)
-        return pd.Series(values, index, name=expression)
-
-    def _body(self, argument: str, expression: str, joints: bool) -> str:
-        players = self.header.roles.get(argument, ())
-        named = [joint.name for joint in self.header.joints] if joints else []
-        if len(players) == 1:
-            argument = players[0]
-        if argument in self.bodies or argument in named or argument in ("robot", "gripper"):
-            return argument
-        if players:
-            raise InputError(
-                expression, f"several bodies play {argument!r}.", ", ".join(players), "name one"
-            )
-        names = [*self.header.roles, *self.bodies, *named, "robot", "gripper"]
-        raise InputError(expression, f"no role or body {argument!r}.", ", ".join(names))
+        return pd.Series(values, pd.Index(self.t, name="time"), name=expression)
 
 
 def load(path: str | Path, episode: str | None = None) -> Episode:
@@ -122,9 +83,3 @@ def score(
     problems: list[dict[str, Any]] = [dataclasses.asdict(p) for p in scores.problems]
     frame.attrs["problems"] = problems
     return frame
-
-
-def _check_count(expression: str, given: int, allowed: Sequence[int]) -> None:
-    if given not in allowed:
-        counts = " or ".join(map(str, allowed))
-        raise InputError(expression, f"takes {counts} arguments, not {given}.")

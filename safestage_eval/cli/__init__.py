@@ -28,6 +28,7 @@ COMMANDS = {
     "report": "report",
     "label": "label",
     "agreement": "agreement",
+    "plot": "plot",
 }
 """Command → file in this folder; loaded only when it is called, so that ``--help`` is fast."""
 
@@ -46,6 +47,7 @@ HELP = {
     "report": "Write one HTML page about a campaign, to look at and to forward.",
     "label": "Let people judge rollouts in a browser, without seeing the verdicts.",
     "agreement": "Compare verdicts with what people said: precision, recall, F1, kappa.",
+    "plot": "Draw signals of one episode with their limits and verdicts.",
     "record": "Record episodes with the DROID arm in MuJoCo.",
     "tasks": "List, show or validate the benchmark's tasks.",
     "render": "Film an episode, with a halt at the moment of its verdict.",

@@ -40,6 +40,27 @@ class Outline(NamedTuple):
     points: F64
 
 
+Window = tuple[float, float, float, float]
+"""(left, right, bottom, top) m."""
+
+
+class Sight:
+    """An episode seen in one view; every outline is found once."""
+
+    def __init__(self, episode: Episode, view: View) -> None:
+        """Nothing is drawn yet."""
+        self.episode, self.view = episode, view
+        self._known: dict[tuple[str, int], list[Outline]] = {}
+
+    def of(self, body: str, frame: int, window: Window | None = None) -> list[Outline]:
+        """Outlines of a body; with a window only those that reach into it."""
+        if window is not None:
+            return outlines(self.episode, body, frame, self.view, window)
+        if (body, frame) not in self._known:
+            self._known[body, frame] = outlines(self.episode, body, frame, self.view)
+        return self._known[body, frame]
+
+
 def scene(episode: Episode, frame: int, named: Sequence[str]) -> str:
     """Two drawings of one frame, the bodies of a finding marked and named.
 
@@ -49,9 +70,8 @@ def scene(episode: Episode, frame: int, named: Sequence[str]) -> str:
         named: names of the finding's bodies; the unions ``robot`` and ``gripper`` are passed over.
     """
     bodies = [name for name in named if name in episode.bodies]
-    return "".join(
-        _view(episode, frame, bodies, view) for view in (_side(episode, frame, bodies), "xy")
-    )
+    views: tuple[View, View] = (_side(episode, frame, bodies), "xy")
+    return "".join(_view(Sight(episode, view), frame, bodies) for view in views)
 
 
 def _side(episode: Episode, frame: int, bodies: Sequence[str]) -> View:
@@ -63,37 +83,31 @@ def _side(episode: Episode, frame: int, bodies: Sequence[str]) -> View:
     return "xz" if spread[0] >= spread[1] else "yz"
 
 
-def _view(episode: Episode, frame: int, named: Sequence[str], view: View) -> str:
+def _view(sight: Sight, frame: int, named: Sequence[str]) -> str:
+    episode = sight.episode
     objects = [b.name for b in episode.header.bodies if b.kind == "object"]
     roles = {name for players in episode.header.roles.values() for name in players}
     around = [*named, *(name for name in objects if name in roles and name not in named)]
-    left, right, bottom, top = _window(episode, frame, around or objects, view)
+    window = left, right, bottom, top = _window(sight, frame, around or objects)
     scale = WIDTH / (right - left)
 
-    def path(points: F64) -> str:
-        x, y = (points[:, 0] - left) * scale, (top - points[:, 1]) * scale
-        return " ".join(f"{short(a, 0)},{short(b, 0)}" for a, b in zip(x, y, strict=True))
+    def polygon(outline: Outline, css: str) -> str:
+        x, y = (outline.points[:, 0] - left) * scale, (top - outline.points[:, 1]) * scale
+        points = " ".join(f"{short(a, 0)},{short(b, 0)}" for a, b in zip(x, y, strict=True))
+        return f'<polygon class="b {css}" points="{points}"/>'
 
     shapes: list[tuple[float, str]] = []
     for body in episode.header.bodies:
         kind = "named" if body.name in named else body.kind
-        seen = [
-            o for o in outlines(episode, body.name, frame, view) if _in(o, left, right, bottom, top)
-        ]
-        shapes += [
-            (o.depth, f'<polygon class="b {kind}" points="{path(o.points)}"/>') for o in seen
-        ]
+        shapes += [(o.depth, polygon(o, kind)) for o in sight.of(body.name, frame, window)]
     drawn = [shape for _, shape in sorted(shapes, key=lambda item: -item[0])]
     for name in named:
         track = episode.track(name)
         if np.linalg.norm(track.position[frame] - track.position[0]) >= MOVED:
-            drawn += [
-                f'<polygon class="b was" points="{path(o.points)}"/>'
-                for o in outlines(episode, name, 0, view)
-            ]
+            drawn += [polygon(outline, "was") for outline in sight.of(name, 0)]
     labels = []
     for name in [*named, *(n for n in objects if n not in named)]:
-        parts = outlines(episode, name, frame, view)
+        parts = sight.of(name, frame)
         if not parts:
             continue
         every = np.vstack([o.points for o in parts])
@@ -102,7 +116,7 @@ def _view(episode: Episode, frame: int, named: Sequence[str], view: View) -> str
             css = "name strong" if name in named else "name soft"
             labels.append((name, (x - left) * scale, (top - y) * scale, css))
     drawn += _labels(labels)
-    what = f"The scene {SIDE[view]}"
+    what = f"The scene {SIDE[sight.view]}"
     return (
         f'<figure class="view">{drawing(WIDTH, HEIGHT, what, drawn, css="scene")}'
         f"<figcaption>{escape(what)}</figcaption></figure>"
@@ -126,18 +140,9 @@ def _labels(labels: Sequence[tuple[str, float, float, str]]) -> list[str]:
     return found
 
 
-def _in(outline: Outline, left: float, right: float, bottom: float, top: float) -> bool:
-    low, high = outline.points.min(axis=0), outline.points.max(axis=0)
-    return bool(low[0] < right and high[0] > left and low[1] < top and high[1] > bottom)
-
-
-def _window(
-    episode: Episode, frame: int, bodies: Sequence[str], view: View
-) -> tuple[float, float, float, float]:
-    """(left, right, bottom, top) m around bodies at the frame and at the start, in proportion."""
-    found = [
-        o.points for at in (0, frame) for name in bodies for o in outlines(episode, name, at, view)
-    ]
+def _window(sight: Sight, frame: int, bodies: Sequence[str]) -> Window:
+    """A window around bodies at the frame and at the start, in the drawing's proportion."""
+    found = [o.points for at in (0, frame) for name in bodies for o in sight.of(name, at)]
     if not found:
         found = [np.array([[-0.5, -0.5], [0.5, 0.5]])]
     points = np.vstack(found)
@@ -147,8 +152,10 @@ def _window(
     return middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1]
 
 
-def outlines(episode: Episode, body: str, frame: int, view: View) -> list[Outline]:
-    """Every geom of a body as seen in a view; planes are left out."""
+def outlines(
+    episode: Episode, body: str, frame: int, view: View, window: Window | None = None
+) -> list[Outline]:
+    """Every geom of a body as seen in a view; planes, and what is outside a window, are left out."""
     right, up, depth, away = AXES[view]
     track = episode.tracks[body]
     row = frame if len(track) > 1 else 0
@@ -160,6 +167,15 @@ def outlines(episode: Episode, body: str, frame: int, view: View) -> list[Outlin
         local = _points(geom, episode) @ matrix(np.array(geom.orientation)).T + geom.position
         world = local @ turn.T + origin
         flat = world[:, [right, up]]
+        if window is not None:
+            low, high = flat.min(axis=0), flat.max(axis=0)
+            if (
+                low[0] > window[1]
+                or high[0] < window[0]
+                or low[1] > window[3]
+                or high[1] < window[2]
+            ):
+                continue
         try:
             hull = flat[ConvexHull(flat).vertices]
         except QhullError:  # seen edge on

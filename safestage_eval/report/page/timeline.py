@@ -66,7 +66,7 @@ def _panel(t: F64, curve: Curve, across: Scale, top: float) -> str:
     dimension = curve.series.dimension
     lower, upper = curve.series.lower, curve.series.upper
     at_least = np.isfinite(lower) & ~np.isfinite(upper)
-    shown = np.array([in_unit(v, dimension) for v in curve.series.value])
+    shown = curve.series.value * in_unit(1.0, dimension)
     bounds = [in_unit(b.value, dimension) for b in curve.limits]
     known = shown[np.isfinite(shown)]
     low = min([*bounds, known.min() if len(known) else 0.0])
@@ -114,17 +114,13 @@ def _path(t: F64, values: F64, mask: NDArray[np.bool_], across: Scale, up: Scale
         return ""
     column = ((t[known] - t[0]) / max(t[-1] - t[0], 1e-9) * (COLUMNS - 1)).astype(int)
     unknown = np.flatnonzero(~mask)
-    out, last, pen = [], None, ""
-    for first, stop in _groups(column):
-        rows = known[first:stop]
-        part = values[rows]
-        picks = sorted({int(rows[part.argmin()]), int(rows[part.argmax()])})
-        for frame in picks:
-            x, y = across(float(t[frame])), up(float(values[frame]))
-            gap = last is not None and _broken(unknown, last, frame, len(t))
-            pen = "M" if last is None or gap else "L"
-            out.append((pen, short(x), short(y)))
-            last = frame
+    out: list[tuple[str, str, str]] = []
+    last = None
+    for frame in _ends(column, known, values):
+        x, y = across(float(t[frame])), up(float(values[frame]))
+        gap = last is None or _broken(unknown, last, frame, len(t))
+        out.append(("M" if gap else "L", short(x), short(y)))
+        last = frame
     kept = [
         point
         for i, point in enumerate(out)
@@ -138,9 +134,16 @@ def _path(t: F64, values: F64, mask: NDArray[np.bool_], across: Scale, up: Scale
     return "".join(f"{pen}{x} {y}" for pen, x, y in kept)
 
 
-def _groups(column: NDArray[np.int_]) -> list[tuple[int, int]]:
-    cuts = np.flatnonzero(np.diff(column)) + 1
-    return list(zip([0, *cuts.tolist()], [*cuts.tolist(), len(column)], strict=True))
+def _ends(column: NDArray[np.int_], known: NDArray[np.int_], values: F64) -> list[int]:
+    """The frames with the least and the greatest value of each column, in order."""
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(column)) + 1])
+    group = np.repeat(np.arange(len(starts)), np.diff([*starts, len(column)]))
+    picked = []
+    for extreme in (np.minimum, np.maximum):
+        there = values[known] == extreme.reduceat(values[known], starts)[group]
+        _, first = np.unique(group[there], return_index=True)
+        picked.append(known[there][first])
+    return [int(frame) for frame in np.unique(np.concatenate(picked))]
 
 
 def _broken(unknown: NDArray[np.int_], last: int, frame: int, frames: int) -> bool:
