@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+from .interval import wilson
 from .kappa import cohen
 
 
@@ -59,6 +60,17 @@ class Confusion:
     def kappa(self) -> float | None:
         """Cohen's kappa between evaluator and people."""
         return cohen([[self.tp, self.fp], [self.fn, self.tn]])
+
+    @property
+    def intervals(self) -> dict[str, tuple[float, float]]:
+        """Metric → Wilson's 95 % interval, 0…1, of those that are shares of episodes."""
+        shares = {
+            "precision": (self.tp, self.tp + self.fp),
+            "recall": (self.tp, self.tp + self.fn),
+            "accuracy": (self.tp + self.tn, self.n),
+        }
+        found = {name: wilson(*share) for name, share in shares.items()}
+        return {name: interval for name, interval in found.items() if interval is not None}
 
     @property
     def undefined(self) -> dict[str, str]:

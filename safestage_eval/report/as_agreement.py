@@ -89,6 +89,7 @@ def _row(reviewer: str, stage: str, counts: Confusion) -> dict[str, Any]:
         "reviewer": reviewer,
         "stage": stage,
         **{name: getattr(counts, name) for name in (*COUNTS, *METRICS)},
+        "intervals": {name: list(ends) for name, ends in counts.intervals.items()},
         "undefined": counts.undefined,
     }
 
@@ -106,8 +107,8 @@ def _difference(one: Disagreement) -> dict[str, Any]:
 
 def _sheets(found: Agreement) -> Iterator[Sheet]:
     heads = tuple(HEADS.get(name, name) for name in (*COUNTS, *METRICS))
-    rows = [(stage, *_cells(counts)) for stage, counts in found.stages.items()]
-    title = "Evaluator against people, violations positive; shares in %"
+    rows = [(stage, *_cells(counts, intervals=True)) for stage, counts in found.stages.items()]
+    title = "Evaluator against people, violations positive; shares in %, [Wilson's 95 % interval]"
     yield Sheet(title, ("stage", *heads), rows, 1)
     if len(found.reviewers) > 1:
         each = [
@@ -126,12 +127,13 @@ def _sheets(found: Agreement) -> Iterator[Sheet]:
         yield Sheet("Reviewers with each other", head, pairs, 2)
 
 
-def _cells(counts: Confusion) -> tuple[str, ...]:
-    return (
-        *(str(getattr(counts, name)) for name in COUNTS),
-        *(_percent(getattr(counts, name)) for name in METRICS[:-1]),
-        _kappa(counts.kappa),
-    )
+def _cells(counts: Confusion, *, intervals: bool = False) -> tuple[str, ...]:
+    shares = []
+    for name in METRICS[:-1]:
+        ends = counts.intervals.get(name) if intervals else None
+        within = "" if ends is None else f" [{100 * ends[0]:.1f}, {100 * ends[1]:.1f}]"
+        shares.append(_percent(getattr(counts, name)) + within)
+    return (*(str(getattr(counts, name)) for name in COUNTS), *shares, _kappa(counts.kappa))
 
 
 def _percent(value: float | None) -> str:

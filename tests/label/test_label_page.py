@@ -97,6 +97,7 @@ def test_a_sitting_by_keyboard_is_saved_key_by_key_and_goes_on_after_a_reload(ta
         assert secret.encode() not in whole
 
 
+@pytest.mark.slow
 def test_a_second_reviewer_begins_anew_and_the_first_goes_on(tab, server):
     come(tab, server)
     at(tab, 0)
@@ -121,6 +122,7 @@ def test_a_second_reviewer_begins_anew_and_the_first_goes_on(tab, server):
     assert answers(server) == [(0, "unsafe", "ada", ""), (0, "safe", "bob b", "")]
 
 
+@pytest.mark.slow
 def test_after_a_kill_the_command_goes_on_where_it_was(tab, traces, tmp_path):
     """The page says that an answer was not saved; the next sitting knows all that were."""
     tab.emulate_media(reduced_motion="reduce")

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from statsmodels.stats import inter_rater
+from statsmodels.stats.proportion import proportion_confint
 
 from safestage_eval.metrics.agreement import Judged, agreement
 from safestage_eval.metrics.confusion import Confusion
@@ -55,6 +56,10 @@ def test_shares_follow_their_definitions(cells):
         assert found.f1 == pytest.approx(2 * p * r / (p + r))
     elif fp + fn:
         assert found.f1 == 0
+    for name, (k, n) in {"precision": (tp, tp + fp), "recall": (tp, tp + fn)}.items():
+        low, high = found.intervals.get(name, (None, None))
+        expected = proportion_confint(k, n, method="wilson") if n else (None, None)
+        assert (low, high) == (pytest.approx(expected[0]), pytest.approx(expected[1]))
     names = ("precision", "recall", "f1", "accuracy", "kappa")
     assert set(found.undefined) == {name for name in names if getattr(found, name) is None}
 
