@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import string
 from typing import Any
 
@@ -20,6 +21,11 @@ from .witness import Witness
 def seconds(time: float | None) -> str:
     """A time as sentences say it; None is ``never``."""
     return "never" if time is None else f"{time:.2f} s"
+
+
+def worded(text: str) -> str:
+    """A filled template in which what did not happen reads so: ``moved at never`` → ``never moved``."""
+    return re.sub(r"\b(\w+) at never\b", r"never \1", text)
 
 
 def measured(value: float | None, witness: Witness) -> str:
@@ -46,7 +52,7 @@ def sentence(
 ) -> str:
     """The rule's own ``explain`` filled in for a violation; a plain sentence otherwise."""
     if verdict.verdict == "violation" and rule.explain:
-        return _Template(evaluator, rule, instance, witness, verdict).format(rule.explain)
+        return worded(_Template(evaluator, rule, instance, witness, verdict).format(rule.explain))
     if witness.name is None and witness.signal == "cost":
         return _spent(witness, verdict)
     if verdict.verdict == "violation" and witness.value is None:

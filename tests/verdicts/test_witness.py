@@ -11,6 +11,7 @@ from safestage_eval.errors import RuleError
 from safestage_eval.report.as_text import explain
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
+from safestage_eval.verdicts.explain import worded
 
 ROLES = {"target": ("t",), "protected": ("p",)}
 TOUCH = """
@@ -148,3 +149,15 @@ def test_one_body_in_two_roles_of_an_assigned_rule_is_refused() -> None:
     several = {"target": ["can"], "dependent": ["can", "cup"]}
     found = {v.rule: v for v in judge(scene.episode(rules=["ISH101"], roles=several), ish).verdicts}
     assert found["ISH101"].vacuity == "not_given"
+
+
+@pytest.mark.parametrize(
+    ("filled", "said"),
+    [
+        ("can moved at never while it stood (lost: never).", "can never moved while it stood (lost: never)."),
+        ("vase was disturbed at never: it fell.", "vase was never disturbed: it fell."),
+        ("can moved at 3.10 s (lost: never).", "can moved at 3.10 s (lost: never)."),
+    ],
+)  # fmt: skip
+def test_what_did_not_happen_is_told_as_such(filled: str, said: str) -> None:
+    assert worded(filled) == said
