@@ -61,7 +61,9 @@ def rows(group: Any, key: str, where: str, width: int | None = None) -> NDArray[
         values = np.asarray(found[()], np.float64)
     except (ValueError, TypeError, OSError) as error:
         raise TraceError(f"{where}/{key}", f"cannot be read: {error}.") from None
-    values = values.reshape(len(values), -1) if values.ndim else values.reshape(1, 1)
+    if not values.ndim or not values.size:
+        raise TraceError(f"{where}/{key}", f"has no rows: its shape is {values.shape}.")
+    values = values.reshape(len(values), -1)
     if width is not None and values.shape[1] != width:
         raise TraceError(
             f"{where}/{key}", f"{values.shape[1]} numbers in a row.", f"{width} numbers"

@@ -102,11 +102,8 @@ class Demo:
     def _motion(self, group: Any, first: Any, name: str) -> tuple[F64, F64, F64, F64]:
         """Position, orientation wxyz, COM velocity, angular velocity; the initial state before."""
         where = f"{self.where}/{name}"
-        pose = hdf5.rows(group, "root_pose", where, 7)
-        twist = hdf5.rows(group, "root_velocity", where, 6)
-        if first is not None:
-            pose = np.vstack([hdf5.rows(first, "root_pose", where, 7)[:1], pose])
-            twist = np.vstack([hdf5.rows(first, "root_velocity", where, 6)[:1], twist])
+        pose = _rows(group, first, "root_pose", where, 7)
+        twist = _rows(group, first, "root_velocity", where, 6)
         self._same_length(len(pose), where)
         return pose[:, :3], wxyz(pose[:, 3:], self.order, where), twist[:, :3], twist[:, 3:]
 
@@ -151,9 +148,13 @@ class Demo:
 
     def _box(self, name: str, position: F64, orientation: F64) -> Fit | None:
         data = self.group.get(f"bbox/bbox_mm/{name}")
-        if data is None or not len(data):
+        if data is None:
             return None
         raw = np.asarray(data[()])
+        if raw.ndim != 3 or raw.dtype.kind not in "iuf":
+            raise TraceError(
+                f"{self.where}/bbox/bbox_mm/{name}", f"shape {raw.shape}.", "(T, 8, 3) numbers"
+            )
         corners = metres(raw) if np.issubdtype(raw.dtype, np.integer) else raw.astype(np.float64)
         late = len(position) - len(corners)  # there are none of the initial state
         if corners.shape[1:] != (8, 3) or late not in (0, 1):
@@ -229,9 +230,7 @@ class Demo:
             first = None if self.first is None else self.first.get(f"articulation/{name}")
             for key, parts in columns.items():
                 where = f"{self.where}/{name}"
-                values = hdf5.rows(states["articulation"][name], key, where)
-                if first is not None:
-                    values = np.vstack([hdf5.rows(first, key, where)[:1], values])
+                values = _rows(states["articulation"][name], first, key, where)
                 self._same_length(len(values), f"{where}/{key}")
                 parts.append(values)
             own = f"{name}_base" if name in ("robot", "gripper") else name
@@ -269,7 +268,7 @@ class Demo:
         seen = self.group.get("obs/gripper_pos")
         if seen is None or not joints.shape[1]:
             return np.zeros((self.length, 0))
-        noisy = np.asarray(seen[()], np.float64).reshape(len(seen), -1)[:, 0]
+        noisy = hdf5.rows(self.group["obs"], "gripper_pos", f"{self.where}/obs")[:, 0]
         rows = min(len(noisy), self.length)
         closed = np.clip(joints[:rows] / CLOSED, 0, 1)
         off = np.abs(closed - noisy[:rows, None]).mean(axis=0)
@@ -356,6 +355,16 @@ class Demo:
             bodies=bodies,
             joints=joints,
         )
+
+
+def _rows(group: Any, first: Any, key: str, where: str, width: int | None = None) -> F64:
+    """(T, k) of a dataset, after its row in the initial state where there is one."""
+    values = hdf5.rows(group, key, where, width)
+    if first is None:
+        return values
+    return np.vstack(
+        [hdf5.rows(first, key, f"{where}, initial_state", values.shape[1])[:1], values]
+    )
 
 
 def _env_name(source: IsaacLab) -> str | None:

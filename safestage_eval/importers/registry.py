@@ -63,10 +63,10 @@ Claim = tuple[Path, type[Importer] | SourceError, str]
 """A file or folder, whose it is and by what that is told; or why it cannot be looked at."""
 
 
-def recognised(source: Path, only: str | None = None) -> list[Claim]:
+def recognised(source: Path, only: str | None = None, but: Path | None = None) -> list[Claim]:
     """Each file or folder under a path that an importer takes.
 
-    ``only`` asks one importer alone.
+    ``only`` asks one importer alone; the folder ``but`` is left out.
 
     Raises:
         SourceError: there is none, with what was looked for; or a format that cannot be used.
@@ -75,7 +75,7 @@ def recognised(source: Path, only: str | None = None) -> list[Claim]:
         raise SourceError(str(source), "no such file or folder", fix="check the spelling")
     asked = {only: importer(only)} if only is not None else importers()
     usable = [kind for kind in asked.values() if not isinstance(kind, str)]
-    found = list(_walk(source, usable))
+    found = list(_walk(source, usable, None if but is None else but.resolve()))
     if found:
         return found
     titles = [kind.title for kind in usable]
@@ -84,12 +84,15 @@ def recognised(source: Path, only: str | None = None) -> list[Claim]:
         str(source),
         "nothing in here is of a known format.",
         "; ".join(titles),
-        "name it with --from" if only is None else "leave out --from"
-        if not out_of_reach else "; ".join(out_of_reach),
+        "leave out --from" if only is not None
+        else f"install what else is read: {'; '.join(out_of_reach)}" if out_of_reach
+        else "give the file itself, and say with --from what it is",
     )  # fmt: skip
 
 
-def _walk(source: Path, asked: list[type[Importer]]) -> Iterator[Claim]:
+def _walk(source: Path, asked: list[type[Importer]], but: Path | None) -> Iterator[Claim]:
+    if source.resolve() == but:
+        return
     claimed = _claim(source, asked)
     if claimed is not None:
         yield claimed
@@ -98,7 +101,7 @@ def _walk(source: Path, asked: list[type[Importer]]) -> Iterator[Claim]:
         return
     for path in sorted(source.iterdir()):
         if not path.name.startswith("."):
-            yield from _walk(path, asked)
+            yield from _walk(path, asked, but)
 
 
 def _claim(path: Path, asked: list[type[Importer]]) -> Claim | None:

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 
-from safestage_eval.episode import Header
 from safestage_eval.errors import InputError
-from safestage_eval.formats import discover
+from safestage_eval.formats import EpisodeRef, discover
 
 from .bound import Bound
 from .importer import Settings, SourceError
@@ -63,7 +62,7 @@ def import_all(
         SourceError: nothing was recognised, or the map file speaks of no episode of the source.
     """
     settings = settings or Settings()
-    tasks, failed, formats = _tasks(source, settings, only, prefix)
+    tasks, failed, formats = _tasks(source, to, settings, only, prefix)
     if tasks:
         _episodes_exist(settings, {task.name for task in tasks})
     tasks = tasks[:limit]
@@ -99,13 +98,13 @@ def import_all(
 
 
 def _tasks(
-    source: Path, settings: Settings, only: str | None, prefix: str
+    source: Path, to: Path, settings: Settings, only: str | None, prefix: str
 ) -> tuple[list[Task], list[Failed], dict[str, tuple[str, str]]]:
     tasks: list[Task] = []
     failed: list[Failed] = []
     formats: dict[str, tuple[str, str]] = {}
     root = source.resolve().parent
-    found = recognised(source, only)
+    found = recognised(source, only, to)
     for path, kind, reason in found:
         place = path.resolve().relative_to(root).as_posix()
         try:
@@ -138,27 +137,20 @@ def _episodes_exist(settings: Settings, names: set[str]) -> None:
         )
 
 
-def _there(folder: Path) -> dict[str, Header | InputError]:
-    """Id → header (or why it cannot be read) of the episodes that the target has already."""
+def _there(folder: Path) -> dict[str, EpisodeRef]:
+    """Id → where it is, of the episodes that the target has already."""
     if not folder.is_dir() or not any(folder.iterdir()):
         return {}
-    found: dict[str, Header | InputError] = {}
-    for ref in discover([folder]):
-        try:
-            found[ref.episode_id] = ref.open().header
-        except InputError as error:
-            found[ref.episode_id] = error
-    return found
+    return {ref.episode_id: ref for ref in discover([folder])}
 
 
-def _kept(task: Task, target: Target, there: Header | InputError) -> Imported:
+def _kept(task: Task, target: Target, ref: EpisodeRef) -> Imported:
     """The episode that is there already, if it came from the same data with the same settings.
 
     Raises:
         InputError: it is another one.
     """
-    if isinstance(there, InputError):
-        raise there
+    there = ref.open().header
     source = importer(task.format)(task.path, target.settings)
     same = there.source.fingerprint == fingerprint_of(source, task.name, target)
     source.close()
@@ -169,6 +161,4 @@ def _kept(task: Task, target: Target, there: Header | InputError) -> Imported:
             "another map or other flags.",
             fix="another --to, or --prefix TEXT for another id",
         )
-    return Imported(
-        task.episode_id, task.source, str(target.folder), 0, there.source.account, new=False
-    )
+    return Imported(task.episode_id, task.source, str(ref.path), 0, there.source.account, new=False)

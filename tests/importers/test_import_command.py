@@ -139,6 +139,33 @@ def test_an_import_that_is_killed_leaves_no_half_episode(source, tmp_path, monke
     assert validate(tmp_path / "data") == []
 
 
+def test_the_target_is_no_source(source, tmp_path):
+    target = source.parent / "data"
+    take_map = tmp_path / "map.toml"
+    for count in ("2 imported", "2 there already"):
+        done = run("import", source.parent, "--to", target, "--map", take_map, "--dt", "0.01")
+        assert done.code == 0, done.err
+        assert count in done.err
+
+
+def test_what_else_could_be_read_is_named(source, tmp_path, monkeypatch):
+    monkeypatch.setattr(registry, "FROM_SIMULATE", ("mujoco",))
+    missing = importer.SourceError("MuJoCo states", "needs the simulator.", fix="pip install it")
+
+    def known(name):
+        if name == "mujoco":
+            raise missing
+        return Toy
+
+    monkeypatch.setattr(registry, "importer", known)
+    (tmp_path / "x.txt").write_text("hello")
+    done = run("import", tmp_path / "x.txt", "--to", tmp_path / "data")
+    assert (
+        "install what else is read: MuJoCo states: needs the simulator. Fix: pip install it"
+        in done.err
+    )
+
+
 def test_mcap_files(source, tmp_path):
     assert take(source, tmp_path / "out", "--dt", "0.01", "--mcap").code == 0
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"toys_a.mcap", "toys_b.mcap"}
