@@ -11,7 +11,7 @@ from safestage_eval.errors import InputError
 
 from .evenness import Uneven, uneven
 from .outcome import Outcome
-from .rates import ALL, METRICS, STAGES, Rates, rates
+from .rates import ALL, METRICS, STAGES, Rates, rates, stage_order
 from .seeds import Group, Rate, Seed
 
 PROMPTS = ("default", "generic", "specific")
@@ -46,14 +46,19 @@ class Aggregate:
         family: str | None = None,
     ) -> Group:
         """The outcomes that have these in common; None, and the stage ``All``, is any."""
-        wanted = (policy, prompt, None if stage == ALL else stage, family)
+        part_of_all = stage in (None, ALL)
         parts: dict[tuple[str | None, Seed], Rates] = {}
         strata: dict[str | None, str] = {}
         for key, cell in self.base.items():
-            if all(want in (None, have) for want, have in zip(wanted, key, strict=False)):
-                task, seed = key[4:]
-                parts[task, seed] = parts[task, seed] + cell if (task, seed) in parts else cell
-                strata[task] = key[2]
+            if (
+                (policy is None or policy == key[0])
+                and (prompt is None or prompt == key[1])
+                and (part_of_all or stage == key[2])
+                and (family is None or family == key[3])
+            ):
+                place = key[4:]
+                parts[place] = parts[place] + cell if place in parts else cell
+                strata[key[4]] = key[2]
         return Group(policy, prompt, stage, family, parts, strata)
 
     @cached_property
@@ -90,7 +95,8 @@ class Aggregate:
     def by_family(self) -> tuple[Rate, ...]:
         """Prompt × family, over all policies: SR, SSR, USR, VR. Empty if no family is named."""
         families = sorted(
-            {(key[2], key[3]) for key in self.base if key[3] is not None}, key=_stage_order
+            {(key[2], key[3]) for key in self.base if key[3] is not None},
+            key=lambda family: (stage_order(family[0]), str(family[1])),
         )
         return tuple(
             Rate(group, name, name)
@@ -169,8 +175,3 @@ def _names(group: Group) -> dict[str, str | None]:
 
 def _prompt_order(prompt: str) -> tuple[int, str]:
     return (PROMPTS.index(prompt) if prompt in PROMPTS else len(PROMPTS), prompt)
-
-
-def _stage_order(family: tuple[str, str | None]) -> tuple[int, str, str]:
-    stage, name = family
-    return (STAGES.index(stage) if stage in STAGES else len(STAGES), stage, name or "")

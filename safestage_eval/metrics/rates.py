@@ -94,6 +94,17 @@ def rates(outcomes: Iterable[Outcome]) -> Rates:
     )
 
 
+def counted(outcome: Outcome, metric: str) -> set[bool]:
+    """Whether an outcome counts for a metric; both, if that hangs on what was not decided."""
+    return {_meets(metric, *case) for case in _possible(outcome)}
+
+
+def stage_order(stage: str) -> tuple[int, str]:
+    """To sort by: the stages in the order of an episode, then All, then others by name."""
+    names = (*STAGES, ALL)
+    return (names.index(stage) if stage in names else len(names), stage)
+
+
 def _possible(outcome: Outcome) -> set[tuple[bool, bool]]:
     """Every (S, V) that an outcome may have; a single one if it is decided."""
     return {

@@ -94,7 +94,7 @@ class Rate:
             return None
         if None in self.per_seed:
             return 100 * self.k / self.n
-        return 100 * fmean(k / n for k, n in self.per_seed.values())
+        return fmean(self._percents)
 
     @property
     def std(self) -> float | None:
@@ -104,7 +104,16 @@ class Rate:
         """
         if None in self.per_seed or self.n_seeds < 2:
             return None
-        return 100 * stdev([k / n for k, n in self.per_seed.values()])
+        return stdev(self._percents)
+
+    @property
+    def _percents(self) -> list[float]:
+        """Each seed's rate.
+
+        Percent before anything else: 100 k/n is often exact where k/n is not, so that a deviation
+        of just 0.125 is printed as what it is.
+        """
+        return [100 * k / n for k, n in self.per_seed.values()]
 
     @property
     def bounds(self) -> tuple[float, float] | None:
