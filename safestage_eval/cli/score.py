@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,7 @@ from .options import (
 )
 
 if TYPE_CHECKING:
+    from safestage_eval.report.golden import Change
     from safestage_eval.scoring import Scores
 
 FAIL_ON = ("violation", "inconclusive", "unsafe-success")
@@ -134,18 +136,29 @@ def command(
             jobs=jobs,
             progress=tell,
         )
-    _write(scores, form, output, verbose)
+    changes = None
+    if golden is not None and not update_golden:
+        from safestage_eval.report.golden import changes as changes_from
+
+        changes = changes_from(scores, golden)
+    _write(scores, form, output, verbose, changes)
     in_table = form == "table" and output is None  # there already, unless it went to another place
     if not in_table or (sys.stderr.isatty() and not sys.stdout.isatty()):
         for problem in scores.problems:
             click.echo(f"problem: {problem.message}", err=True)
     failed = _fails(scores, fail_on)
     if golden is not None:
-        failed |= _golden(scores, golden, update_golden)
+        failed |= _golden(scores, golden, changes)
     ctx.exit(2 if scores.problems else 1 if failed else 0)
 
 
-def _write(scores: Scores, form: str, output: Path | None, verbose: bool) -> None:
+def _write(
+    scores: Scores,
+    form: str,
+    output: Path | None,
+    verbose: bool,
+    changes: Sequence[Change] | None,
+) -> None:
     from safestage_eval.report import render
 
     if form == "table":
@@ -158,7 +171,7 @@ def _write(scores: Scores, form: str, output: Path | None, verbose: bool) -> Non
             everything=verbose,
         )
     else:
-        text = render(scores, form)
+        text = render(scores, form, changes)
     written(text, output)
     if output is not None:
         click.echo(f"{output}: {len(scores.results)} episodes", err=True)
@@ -176,17 +189,16 @@ def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:
     return bool(matched)
 
 
-def _golden(scores: Scores, path: Path, update: bool) -> bool:
-    from safestage_eval.report.golden import compare_golden, write_golden
+def _golden(scores: Scores, path: Path, changes: Sequence[Change] | None) -> bool:
+    if changes is None:
+        from safestage_eval.report.golden import write_golden
 
-    if update:
         write_golden(scores, path)
         click.echo(f"{path}: {len(scores.results)} episodes written", err=True)
         return False
-    differences = compare_golden(scores, path)
-    for line in differences:
-        click.echo(f"golden: {line}", err=True)
-    number = len(differences)
-    count = f"{number} difference{'s' * (number > 1)}" if differences else "all as expected"
+    for change in changes:
+        click.echo(f"golden: {change}", err=True)
+    number = len(changes)
+    count = f"{number} difference{'s' * (number > 1)}" if changes else "all as expected"
     click.echo(f"golden: {path}: {count}", err=True)
-    return bool(differences)
+    return bool(changes)

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from safestage_eval.scoring import Scores
 
+    from .golden import Change
+
 FORMATS = ("table", "json", "jsonl", "csv", "parquet", "markdown", "junit", "github")
 
 
-def render(scores: Scores, form: str) -> str | bytes:
-    """Results in one of ``FORMATS`` (the table without colours). Raises KeyError for another."""
+def render(scores: Scores, form: str, changes: Sequence[Change] | None = None) -> str | bytes:
+    """Results in one of ``FORMATS`` (the table without colours). Raises KeyError for another.
+
+    ``changes``, what is not as a golden file expects, is for build servers: junit and github.
+    """
     if form == "parquet":
         from . import as_parquet
 
@@ -24,6 +30,6 @@ def render(scores: Scores, form: str) -> str | bytes:
         "jsonl": as_json.render_lines,
         "csv": as_csv.render,
         "markdown": as_markdown.render,
-        "junit": as_ci.render_junit,
-        "github": as_ci.render_github,
+        "junit": lambda scores: as_ci.render_junit(scores, changes),
+        "github": lambda scores: as_ci.render_github(scores, changes),
     }[form](scores)

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
 from safestage_eval.scoring import Scores
+
+from .golden import Change
 
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that no XML document may hold, not even escaped (XML 1.0, section 2.2)."""
 
 
-def render_junit(scores: Scores) -> str:
-    """One test suite per task, one test case per episode and assigned rule."""
+def render_junit(scores: Scores, changes: Sequence[Change] | None = None) -> str:
+    """One test suite per task, one test case per episode and assigned rule.
+
+    Args:
+        scores: the results.
+        changes: what is not as a golden file expects. If given, these are the failures, and a
+            violation that is expected is none.
+    """
     root = ET.Element("testsuites", name="safestage")
     suites: dict[str, ET.Element] = {}
+    left = list(changes or ())
     for result in scores.results:
         name = result.task or "–"
         if name not in suites:
@@ -23,10 +33,20 @@ def render_junit(scores: Scores) -> str:
             case = ET.SubElement(
                 suites[name], "testcase", classname=f"{name}.{v.rule}", name=result.episode_id
             )
-            if v.verdict == "violation":
+            own = [c for c in left if (c.episode_id, c.rule) == (result.episode_id, v.rule)]
+            for change in own:
+                ET.SubElement(case, "failure", message=change.what).text = v.explanation
+                left.remove(change)
+            if v.verdict == "violation" and changes is None:
                 ET.SubElement(case, "failure", message=v.explanation).text = "\n".join(v.notes)
-            elif v.verdict == "inconclusive":
+            elif v.verdict == "inconclusive" and not own:
                 ET.SubElement(case, "skipped", message=v.explanation)
+    if left:
+        suite = ET.SubElement(root, "testsuite", name="golden")
+        for change in left:
+            name = ": ".join(filter(None, (change.episode_id, change.rule)))
+            case = ET.SubElement(suite, "testcase", classname="golden", name=name)
+            ET.SubElement(case, "failure", message=change.what)
     if scores.problems:
         suite = ET.SubElement(root, "testsuite", name="problems")
         for problem in scores.problems:
@@ -48,10 +68,13 @@ def junit_text(root: ET.Element) -> str:
     return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
 
 
-def render_github(scores: Scores) -> str:
-    """One workflow command per finding and problem."""
+def render_github(scores: Scores, changes: Sequence[Change] | None = None) -> str:
+    """One workflow command per finding and problem; with ``changes``, per change and problem."""
     lines = []
-    for result in scores.results:
+    for change in changes or ():
+        title = _escaped(" ".join(filter(None, (change.rule, change.episode_id))), field=True)
+        lines.append(f"::error title={title}::{_escaped(change.what)}")
+    for result in scores.results if changes is None else ():
         for v in result.assigned:
             if v.verdict in ("violation", "inconclusive"):
                 level = "error" if v.verdict == "violation" else "warning"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,25 @@ LEAST_TOLERANCE = 1e-4
 """Absolute, SI: 0.1 mm, 0.1 mrad, 0.1 mN."""
 
 _FIELDS = ("verdict", "time", "signal", "value", "limit")
+
+
+@dataclass(frozen=True)
+class Change:
+    """One thing that is not as expected.
+
+    Attributes:
+        what: what changed and why, in one line.
+        episode_id: of which episode; None if it concerns several.
+        rule: in the verdict of which rule; None if it concerns the whole episode.
+    """
+
+    what: str
+    episode_id: str | None = None
+    rule: str | None = None
+
+    def __str__(self) -> str:
+        """``episode: rule: what``."""
+        return ": ".join(filter(None, (self.episode_id, self.rule, self.what)))
 
 
 def write_golden(scores: Scores, path: Path) -> None:
@@ -51,7 +71,12 @@ def write_golden(scores: Scores, path: Path) -> None:
 
 
 def compare_golden(scores: Scores, path: Path) -> list[str]:
-    """What differs, one line each; empty when everything is as expected.
+    """What differs, one line each; empty when everything is as expected. See ``changes``."""
+    return [str(change) for change in changes(scores, path)]
+
+
+def changes(scores: Scores, path: Path) -> list[Change]:
+    """What differs from the expectations; empty when everything is as expected.
 
     Raises:
         InputError: the file is not there or is no golden file.
@@ -59,7 +84,7 @@ def compare_golden(scores: Scores, path: Path) -> list[str]:
     wanted = _read(path)
     found = {r.episode_id: r for r in scores.results}
     lines = [
-        f"{name}: expected, but not among the episodes" for name in wanted if name not in found
+        Change("expected, but not among the episodes", name) for name in wanted if name not in found
     ]
     missing = Counter(
         rule
@@ -68,14 +93,14 @@ def compare_golden(scores: Scores, path: Path) -> list[str]:
         if rule in wanted.get(name, {}).get("rules", {})
     )
     lines += [
-        f"{rule}: not among the loaded rules, so not judged in {number} episodes"
+        Change(f"not among the loaded rules, so not judged in {number} episodes", None, rule)
         for rule, number in sorted(missing.items())
     ]
     for name, result in found.items():
         if name in wanted:
-            lines += [f"{name}: {line}" for line in _differences(wanted[name], result)]
+            lines += _differences(wanted[name], result)
         else:
-            lines.append(f"{name}: not expected; --update-golden adds it")
+            lines.append(Change("not expected; --update-golden adds it", name))
     return lines
 
 
@@ -133,48 +158,59 @@ def _verdict(v: Verdict) -> dict[str, Any]:
     }
 
 
-def _differences(wanted: dict[str, Any], result: EpisodeResult) -> list[str]:
-    found = _expected(result)
+def _differences(wanted: dict[str, Any], result: EpisodeResult) -> list[Change]:
+    found, name = _expected(result), result.episode_id
     lines = []
     other_trace = wanted["trace_hash"] != found["trace_hash"]
     if other_trace:
-        lines.append("the trace is not the one that the expectations were made for")
+        lines.append(
+            Change("the trace is not the one that the expectations were made for: " + _hashes(
+                wanted["trace_hash"], found["trace_hash"]), name)
+        )  # fmt: skip
     lines += [
-        f"{name} {_shown(name, wanted[name])} → {_shown(name, found[name])}"
-        for name in ("success", "success_time")
-        if not _same(name, wanted[name], found[name])
+        Change(f"{field} {_shown(field, wanted[field])} → {_shown(field, found[field])}", name)
+        for field in ("success", "success_time")
+        if not _same(field, wanted[field], found[field])
     ]
     verdicts = {v.rule: v for v in result.assigned}
     for rule in sorted({*wanted["rules"], *verdicts} - {*result.not_loaded}):
         if rule not in verdicts or rule not in wanted["rules"]:
             what = "is not assigned any more" if rule in wanted["rules"] else "was not assigned"
-            lines.append(f"{rule}: {what}")
+            lines.append(Change(what, name, rule))
         else:
-            line = _change(wanted["rules"][rule], verdicts[rule], other_trace=other_trace)
-            lines += [f"{rule}: {line}"] if line else []
+            what = _change(wanted["rules"][rule], verdicts[rule], other_trace=other_trace)
+            lines += [Change(what, name, rule)] if what else []
     return lines
 
 
 def _change(before: dict[str, Any], v: Verdict, *, other_trace: bool) -> str:
-    """What changed in a verdict and for which of three reasons; empty if nothing did."""
+    """What changed in a verdict and for which of three reasons; empty if nothing did.
+
+    Value and limit are told even where they are what they were: the verdict hangs on them.
+    """
     now = _verdict(v)
-    changes = [
-        f"{name} {_shown(name, before[name], v.dimension)} → {_shown(name, now[name], v.dimension)}"
-        for name in _FIELDS
-        if not _same(name, before[name], now[name])
-    ]
-    if not changes:
+    changed = [name for name in _FIELDS if not _same(name, before[name], now[name])]
+    if not changed:
         return ""
-    reasons = [
-        reason
-        for reason, is_so in (
-            ("the trace is another", other_trace),
-            ("the rule means something else", before["rule_digest"] != now["rule_digest"]),
-        )
-        if is_so
-    ]
+    said = []
+    for name in _FIELDS:
+        old, new = (_shown(name, side[name], v.dimension) for side in (before, now))
+        if name in changed:
+            said.append(f"{name} {old} → {new}")
+        elif name in ("value", "limit") and now[name] is not None:
+            said.append(f"{name} still {new}")
+    reasons = []
+    if other_trace:
+        reasons.append("the trace is another")
+    if before["rule_digest"] != now["rule_digest"]:
+        digests = _hashes(before["rule_digest"], now["rule_digest"])
+        reasons.append(f"the rule means something else: digest {digests}")
     why = " and ".join(reasons) or "trace and rule are the same: the evaluator has changed"
-    return f"{', '.join(changes)} ({why})"
+    return f"{', '.join(said)} ({why})"
+
+
+def _hashes(before: str, now: str) -> str:
+    return f"{str(before)[:8]} → {now[:8]}"
 
 
 def _same(name: str, before: Any, now: Any) -> bool:

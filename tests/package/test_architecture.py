@@ -29,7 +29,7 @@ ROOMS = [
     {"pages"},  # the look of everything that is shown in a browser
     {"report"},
     {"label"},  # people judge rollouts
-    {"api"},
+    {"api", "pytest_plugin"},
     {"cli"},
 ]
 RANK = {room: rank for rank, rooms in enumerate(ROOMS) for room in rooms}

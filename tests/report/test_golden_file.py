@@ -1,12 +1,14 @@
 """A golden file says what changed since it was written, and why."""
 
 from dataclasses import replace
+from xml.etree import ElementTree as ET
 
 import pytest
 from fabricated import NOT_APPLICABLE, PASS, VIOLATION, episode, scores
 
 from safestage_eval.errors import InputError
-from safestage_eval.report.golden import compare_golden, write_golden
+from safestage_eval.report import render
+from safestage_eval.report.golden import changes, compare_golden, write_golden
 from safestage_eval.scoring import Scores
 
 SOUND = replace(scores(), problems=())
@@ -56,7 +58,7 @@ def test_rounding_of_another_machine_is_no_difference(tmp_path):
         (
             {"rule_digest": "e" * 64},
             {"trace_hash": "b" * 64},
-            "(the trace is another and the rule means something else)",
+            "(the trace is another and the rule means something else: digest",
         ),
     ],
 )
@@ -136,3 +138,44 @@ def test_not_a_golden_file(tmp_path, text):
 def test_a_folder_is_no_golden_file(tmp_path):
     with pytest.raises(InputError, match=str(tmp_path)):
         compare_golden(scores(), tmp_path)
+
+
+def test_value_limit_and_digest_are_told_with_a_verdict_that_flips(tmp_path):
+    after = replace(VIOLATION, verdict="pass", limit=0.003, rule_digest="e" * 64)
+    (line,) = compared(tmp_path, episode("one", VIOLATION), episode("one", after))
+    assert "verdict violation → pass" in line
+    assert "value still 0.4 cm, limit 2.0 cm → 0.3 cm" in line
+    assert "the rule means something else: digest dddddddd → eeeeeeee" in line
+
+
+def cases(scores, found):
+    root = ET.fromstring(render(scores, "junit", found))
+    return {
+        (case.get("classname"), case.get("name")): [
+            (child.tag, child.get("message")) for child in case
+        ]
+        for suite in root
+        for case in suite
+    }
+
+
+def test_for_build_servers_only_what_differs_fails(tmp_path):
+    path = tmp_path / "golden.json"
+    write_golden(SOUND, path)
+    as_expected = cases(SOUND, changes(SOUND, path))
+    assert ("failure", VIOLATION.explanation) in cases(SOUND, None)["mug_on_shelf.FSH101", "one"]
+    assert not any(tag == "failure" for case in as_expected.values() for tag, _ in case)
+    assert render(SOUND, "github", []) == ""
+
+    other = [replace(r, success=False) if r.episode_id == "two" else r for r in SOUND.results[1:]]
+    other[0] = episode("two", VIOLATION, seed=4, success=False)
+    now = replace(SOUND, results=tuple(other))
+    found = changes(now, path)
+    told = cases(now, found)
+    failed = {key: case for key, case in told.items() if case and case[0][0] == "failure"}
+    assert {key[1] for key in failed} == {"one", "two"}
+    assert "expected, but not among the episodes" in failed["golden", "one"][0][1]
+    assert "pass → violation" in failed["mug_on_shelf.FSH101", "two"][0][1]
+    annotations = render(now, "github", found).splitlines()
+    assert len(annotations) == len(found)
+    assert all(line.startswith("::error title=") for line in annotations)
