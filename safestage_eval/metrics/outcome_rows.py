@@ -169,7 +169,7 @@ def _refuse_copies(outcomes: Iterable[Outcome]) -> None:
         more = f"; and {len(copies) - 5} more" if len(copies) > 5 else ""
         raise InputError(
             first.where,
-            f"{len(copies)} rollouts are there twice: {named}{more}. The first is task "
+            f"{len(copies)} rollout{'s are' if len(copies) > 1 else ' is'} there twice: {named}{more}. The first is task "
             f"{second.task}, policy {second.policy}, prompt {second.prompt}, seed {second.seed}, "
             f"rollout {second.rollout}.",
             fix="keep one row of each",

@@ -108,12 +108,16 @@ def _lines(where: str, text: str, allowed: str) -> list[dict[str, Any]]:
 
 def _csv(where: str, text: str) -> list[dict[str, Any]]:
     try:
-        return [
-            {name: _cell(f"{where}, row {number}", name, value) for name, value in row.items() if name}
-            for number, row in enumerate(csv.DictReader(io.StringIO(text, newline="")), 1)
-        ]  # fmt: skip
+        rows = list(csv.DictReader(io.StringIO(text, newline="")))
     except csv.Error as error:
         raise InputError(where, f"not readable as CSV: {error}.") from None
+    found = []
+    for number, row in enumerate(rows, 1):
+        place = f"{where}, row {number}"
+        if row.get(None):
+            raise InputError(place, "it has more cells than there are columns.")
+        found.append({name: _cell(place, name, value) for name, value in row.items()})
+    return found
 
 
 def _cell(where: str, name: str, value: str | None) -> Any:

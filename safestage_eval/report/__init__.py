@@ -24,12 +24,14 @@ def render(scores: Scores, form: str, changes: Sequence[Change] | None = None) -
         return as_parquet.render(scores)
     from . import as_ci, as_csv, as_json, as_markdown, as_table
 
+    if form == "junit":
+        return as_ci.render_junit(scores, changes)
+    if form == "github":
+        return as_ci.render_github(scores, changes)
     return {
         "table": as_table.render,
         "json": as_json.render,
         "jsonl": as_json.render_lines,
         "csv": as_csv.render,
         "markdown": as_markdown.render,
-        "junit": lambda scores: as_ci.render_junit(scores, changes),
-        "github": lambda scores: as_ci.render_github(scores, changes),
     }[form](scores)
