@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.formats import CONTACT_POINT
-
-from .describe import Description
-from .world import World
 
 F64 = NDArray[np.float64]
 Points = NDArray[Any]
@@ -19,11 +17,14 @@ Points = NDArray[Any]
 class ContactReader:
     """Reads the contacts of each physics step, and keeps each pair's peak within a frame."""
 
-    def __init__(self, world: World, about: Description) -> None:
-        """``about``: where the trace counts each geom."""
-        self._world = world
-        self._geom_index = about.geom_index
-        self._geom_body = world.model.geom_bodyid.astype(np.int64)
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, geom_index: NDArray[np.int64]
+    ) -> None:
+        """``geom_index``: (ngeom,) MuJoCo geom id → where the trace counts it."""
+        self._data = data
+        self._geom_index = geom_index
+        self._geom_body = model.geom_bodyid.astype(np.int64)
+        self._pyramids = int(model.opt.cone) == int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
         self._peaks: dict[int, float] = {}
         self._seen: dict[int, Points] = {}
 
@@ -65,12 +66,12 @@ class ContactReader:
 
     def _touching(self) -> tuple[NDArray[np.intp], F64, list[int]]:
         """Contacts that push or overlap: (C,) indices, (C,) N normal force, keys of body pairs."""
-        data = self._world.data
+        data = self._data
         contact, forces = data.contact, data.efc_force
         address = contact.efc_address
         if not len(address) or not len(forces):
             return np.zeros(0, np.intp), np.zeros(0), []
-        normal = np.where(address >= 0, forces[np.maximum(address, 0)], 0.0)
+        normal = np.where(address >= 0, self._edges(np.maximum(address, 0), contact.dim)[0], 0.0)
         keep = np.flatnonzero((address >= 0) & ((normal > 0) | (contact.dist <= 0)))
         body = self._geom_body[contact.geom[keep]]
         keys = np.minimum(body[:, 0], body[:, 1]) << 20 | np.maximum(body[:, 0], body[:, 1])
@@ -78,17 +79,15 @@ class ContactReader:
 
     def _points(self, keep: NDArray[np.intp], normal: F64) -> Points:
         """(C,) contact points with the whole force, friction included, world."""
-        contact, forces = self._world.data.contact, self._world.data.efc_force
+        contact = self._data.contact
         points = np.zeros(len(keep), CONTACT_POINT)
         if not len(keep):
             return points
         row = contact.efc_address[keep]
         frame = contact.frame[keep].reshape(-1, 3, 3)
-        last = len(forces) - 1
-        slides = contact.dim[keep] >= 3
         force = normal[:, None] * frame[:, 0]
-        for k in (1, 2):  # with an elliptic cone the next two rows are the friction force
-            along = np.where(slides, forces[np.minimum(row + k, last)], 0.0)
+        sliding = self._edges(row, contact.dim[keep], contact.friction[keep])[1:]
+        for k, along in enumerate(sliding, 1):
             force += along[:, None] * frame[:, k]
         points["position"] = contact.pos[keep]
         points["normal"] = frame[:, 0]
@@ -97,3 +96,26 @@ class ContactReader:
         geom = self._geom_index[contact.geom[keep]]
         points["geom1"], points["geom2"] = geom[:, 0], geom[:, 1]
         return points
+
+    def _edges(
+        self, row: NDArray[np.intp], dim: NDArray[np.intp], friction: F64 | None = None
+    ) -> list[F64]:
+        """Normal force of contacts (N), and with their ``friction`` the two tangential ones.
+
+        With an elliptic cone the next two rows are the friction force; with a pyramid each row is
+        an edge of it, two per direction (as ``mju_decodePyramid``).
+        """
+        forces = self._data.efc_force
+        last = len(forces) - 1
+
+        def at(k: int, least: int) -> F64:
+            return np.asarray(np.where(dim >= least, forces[np.minimum(row + k, last)], 0.0))
+
+        if not self._pyramids:
+            return [at(0, 1)] + ([at(1, 3), at(2, 3)] if friction is not None else [])
+        needs = (3, 3, 4, 6, 6)  # the least dimension with so many directions of friction
+        pairs = [(at(2 * k, least), at(2 * k + 1, least)) for k, least in enumerate(needs)]
+        normal = np.where(dim == 1, forces[row], sum(a + b for a, b in pairs))
+        if friction is None:
+            return [normal]
+        return [normal] + [friction[:, k] * (pairs[k][0] - pairs[k][1]) for k in (0, 1)]

@@ -1,18 +1,19 @@
-"""What a compiled world consists of, as a trace's header says it: bodies, shapes, joints."""
+"""What a compiled model consists of, as a trace's header says it: bodies, shapes, joints."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import Literal
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from safestage_eval.episode import Body, Geom, Joint, Mesh, Tcp
-
-from . import arm
-from .world import World
+from safestage_eval.episode import Body, Cavity, Geom, Joint, Mesh, Tcp, Vec3
+from safestage_eval.errors import InputError
 
 _KINDS = {
     mujoco.mjtGeom.mjGEOM_SPHERE: ("sphere", 1),
@@ -25,67 +26,80 @@ _KINDS = {
 }
 
 
+Kind = Literal["robot", "gripper", "object", "fixture", "region"]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What a model does not say of a body; the fields are those of ``episode.Body``."""
+
+    kind: Kind
+    up_axis: Vec3 | None = None
+    finger: Literal["left", "right"] | None = None
+    tcp: Tcp | None = None
+    material: str | None = None
+    tags: tuple[str, ...] = ()
+    cavity: Cavity | None = None
+
+
 class Description:
-    """Bodies, meshes and joints of a world, and where MuJoCo keeps them.
+    """Bodies, meshes and joints of a model, and where MuJoCo keeps them.
 
     Attributes:
-        bodies: all of them but MuJoCo's empty world body, in MuJoCo's order.
-        joints: the robot's, in MuJoCo's order.
-        meshes: convex hulls of the robot's collision meshes.
+        bodies: all of them in MuJoCo's order; its world body only if it has shapes.
+        joints: of one degree of freedom, in MuJoCo's order.
+        meshes: convex hulls of the collision meshes.
         movable: (M,) MuJoCo ids of the bodies that move.
         fixed: MuJoCo ids of those that do not.
         geom_index: (ngeom,) MuJoCo geom id → index over all geoms of ``bodies``; −1 for visuals.
     """
 
-    def __init__(self, world: World) -> None:
-        """Read a compiled world."""
-        model = world.model
+    def __init__(self, model: mujoco.MjModel, facts: Sequence[Facts]) -> None:
+        """Read a model; ``facts`` by MuJoCo's body ids, the world's first.
+
+        Raises InputError for a collision shape that no trace can hold.
+        """
         self.meshes: list[Mesh] = []
         self.geom_index = np.full(model.ngeom, -1, np.int64)
-        ids = range(1, model.nbody)
-        self.bodies = tuple(self._body(world, i) for i in ids)
-        self.movable = np.array([i for i in ids if model.body_weldid[i] != 0])
+        self._first = 0 if _collides(model, 0) else 1
+        ids = range(self._first, model.nbody)
+        self._excluded = _excluded(model)
+        self.bodies = tuple(self._body(model, i, facts[i]) for i in ids)
+        self.movable = np.array([i for i in ids if model.body_weldid[i] != 0], np.int64)
         self.fixed = [i for i in ids if model.body_weldid[i] == 0]
         slide = int(mujoco.mjtJoint.mjJNT_SLIDE)
         hinges = [j for j in range(model.njnt) if int(model.jnt_type[j]) >= slide]
-        self.joint_qpos = np.array([model.jnt_qposadr[j] for j in hinges])
-        self.joint_dof = np.array([model.jnt_dofadr[j] for j in hinges])
+        self.joint_qpos = np.array([model.jnt_qposadr[j] for j in hinges], np.int64)
+        self.joint_dof = np.array([model.jnt_dofadr[j] for j in hinges], np.int64)
         self.joints = tuple(_joint(model, j) for j in hinges)
 
-    def _body(self, world: World, i: int) -> Body:
-        model = world.model
-        raw, name = model.body(i).name, body_name(model.body(i).name)
-        robot = raw.startswith(arm.PREFIX)
-        known = world.objects.get(raw)
+    def body(self, i: int) -> Body:
+        """The body with MuJoCo's id."""
+        return self.bodies[i - self._first]
+
+    def _body(self, model: mujoco.MjModel, i: int, facts: Facts) -> Body:
         fixed = bool(model.body_weldid[i] == 0)
-        kind = "fixture" if fixed else "object"
-        region = known is not None and known.region
-        if region:
-            kind = "region"
-        if robot:
-            kind = "gripper" if _is_gripper(model, i) else "robot"
-        side = raw.removeprefix(arm.PREFIX).partition("_")[0]
-        parent, geoms = int(model.body_parentid[i]), self._geoms(model, i, region)
+        parent = int(model.body_parentid[i])
+        jointed = parent != 0 and (not fixed or facts.kind in ("robot", "gripper"))
+        geoms = self._geoms(model, i, facts.kind == "region")
         return Body.model_validate(
             {
-                "name": name,
-                "kind": kind,
+                "name": body_name(model.body(i).name),
+                "kind": facts.kind,
                 "movable": not fixed,
                 "mass": float(model.body_mass[i]) or (None if geoms else 0.0),
                 "com": _floats(model.body_ipos[i]),
                 "inertia": _floats(model.body_inertia[i]),
                 "inertia_orientation": _floats(model.body_iquat[i]),
-                "up_axis": (0.0, 0.0, 1.0)
-                if known is not None and known.up and not region
-                else None,
-                "finger": side if robot and side in ("left", "right") else None,
-                "tcp": self._tcp(world, i),
-                "material": known.material if known is not None else None,
-                "tags": known.tags if known is not None else (),
-                "parent": body_name(model.body(parent).name) if robot and parent else None,
-                "excluded": _excluded(model, i),
+                "up_axis": facts.up_axis,
+                "finger": facts.finger,
+                "tcp": facts.tcp,
+                "material": facts.material,
+                "tags": facts.tags,
+                "parent": body_name(model.body(parent).name) if jointed else None,
+                "excluded": self._excluded.get(i, ()),
                 "geoms": geoms,
-                "cavity": known.cavity if known is not None else None,
+                "cavity": facts.cavity,
             }
         )
 
@@ -95,7 +109,7 @@ class Description:
         for g in range(start, start + int(model.body_geomnum[body])):
             if not (region or model.geom_contype[g] or model.geom_conaffinity[g]):
                 continue
-            kind, sizes = _KINDS[mujoco.mjtGeom(int(model.geom_type[g]))]
+            kind, sizes = _shape(model, g)
             mesh = self._hull(model, int(model.geom_dataid[g])) if kind == "convex_mesh" else None
             self.geom_index[g] = int((self.geom_index >= 0).sum())
             out.append(
@@ -120,18 +134,6 @@ class Description:
             self.meshes.append(hull)
         return hull.key
 
-    @staticmethod
-    def _tcp(world: World, body: int) -> Tcp | None:
-        model = world.model
-        if int(model.site_bodyid[world.tcp]) != body:
-            return None
-        return Tcp.model_validate(
-            {
-                "position": _floats(model.site_pos[world.tcp]),
-                "orientation": _floats(model.site_quat[world.tcp]),
-            }
-        )
-
 
 @lru_cache(maxsize=256)
 def _convex_hull(points: bytes) -> Mesh:
@@ -145,35 +147,47 @@ def body_name(raw: str) -> str:
     return raw.replace("/", "_")
 
 
-def _is_gripper(model: mujoco.MjModel, body: int) -> bool:
-    root = model.body(f"{arm.PREFIX}{arm.GRIPPER_ROOT}").id
-    while body:
-        if body == root:
-            return True
-        body = int(model.body_parentid[body])
-    return False
+def _collides(model: mujoco.MjModel, body: int) -> bool:
+    start, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
+    own = range(start, start + count)
+    return any(model.geom_contype[g] or model.geom_conaffinity[g] for g in own)
 
 
-def _excluded(model: mujoco.MjModel, body: int) -> tuple[str, ...]:
-    """Bodies whose contacts with this one MuJoCo ignores: excluded by name, or next in the tree.
-
-    A parent and its child never collide, nor do bodies that are welded together.
-    """
-    weld, parent = model.body_weldid, model.body_parentid
-    out = []
-    for other in range(1, model.nbody):
-        first, second = int(weld[body]), int(weld[other])
-        above = int(weld[parent[first]]), int(weld[parent[second]])
-        adjacent = first == second or (
-            0 not in (first, second) and (first in above or second in above)
+def _shape(model: mujoco.MjModel, geom: int) -> tuple[str, int]:
+    """Kind of a geom, and how many sizes it has."""
+    kind = mujoco.mjtGeom(int(model.geom_type[geom]))
+    if kind not in _KINDS:
+        raise InputError(
+            f"geom {model.geom(geom).name or geom!r} of body "
+            f"{model.body(int(model.geom_bodyid[geom])).name!r}",
+            f"is a {kind.name.removeprefix('mjGEOM_').lower()}, which no trace can hold.",
+            ", ".join(name for name, _ in _KINDS.values()),
         )
-        if other != body and adjacent and 0 not in (first, second):
-            out.append(body_name(model.body(other).name))
+    return _KINDS[kind]
+
+
+def _excluded(model: mujoco.MjModel) -> dict[int, tuple[str, ...]]:
+    """Bodies whose contacts with each one MuJoCo ignores: excluded by name, or next in the tree.
+
+    A parent and its child never collide, nor do bodies that are welded together. What is welded to
+    the world is left out: none of it moves.
+    """
+    weld, parent = model.body_weldid.astype(int), model.body_parentid.astype(int)
+    above = weld[parent[weld]]
+    found: dict[int, set[int]] = {}
+    moving = np.flatnonzero(weld)
+    for body in moving:
+        near = (weld[moving] == weld[body]) | (above[moving] == weld[body])
+        near |= weld[moving] == above[body]
+        found[int(body)] = {int(other) for other in moving[near] if other != body}
     for signature in model.exclude_signature:
         first, second = int(signature) >> 16, int(signature) & 0xFFFF
-        if body in (first, second):
-            out.append(body_name(model.body(second if body == first else first).name))
-    return tuple(sorted(set(out)))
+        found.setdefault(first, set()).add(second)
+        found.setdefault(second, set()).add(first)
+    return {
+        body: tuple(sorted(body_name(model.body(other).name) for other in others))
+        for body, others in found.items()
+    }
 
 
 def _joint(model: mujoco.MjModel, j: int) -> Joint:

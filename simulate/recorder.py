@@ -10,6 +10,8 @@ from safestage_eval.formats import TraceWriter
 
 from .contact_reader import ContactReader
 from .describe import Description
+from .motion_reader import MotionReader
+from .own_facts import own_facts
 from .world import FRAME_RATE, World
 
 F64 = NDArray[np.float64]
@@ -25,17 +27,15 @@ class Recorder:
     def __init__(self, world: World, header: Header) -> None:
         """``header``: without bodies and joints; they are read off the world."""
         self._world = world
-        self._about = about = Description(world)
+        self._about = about = Description(world.model, own_facts(world))
         full = header.model_copy(update={"bodies": about.bodies, "joints": about.joints})
         self.writer = TraceWriter(full, meshes=about.meshes, frames=4096)
         data = world.data
         for i in about.fixed:
-            name = about.bodies[i - 1].name
+            name = about.body(i).name
             self.writer.set_fixed(name, data.xpos[i].copy(), data.xquat[i].copy())
-        self._contacts = ContactReader(world, about)
-        self._root = world.model.body_rootid[about.movable]
-        self._pose = np.empty((len(about.movable), 7))
-        self._twist = np.empty((len(about.movable), 6))
+        self._contacts = ContactReader(world.model, data, about.geom_index)
+        self._motion = MotionReader(world.model, data, about.movable)
         self._look()
 
     def step(self, substep: int, action: F64) -> None:
@@ -56,19 +56,11 @@ class Recorder:
 
     def _frame(self, action: F64) -> None:
         about, data = self._about, self._world.data
-        moving = about.movable
-        position, velocity = data.xpos[moving], data.cvel[moving]
-        self._pose[:, :3], self._pose[:, 3:] = position, data.xquat[moving]
-        # cvel is the velocity of the point of the body that is at the tree's centre of mass
-        omega, twist = velocity[:, :3], self._twist
-        arm = position - data.subtree_com[self._root]
-        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-            twist[:, i] = velocity[:, 3 + i] + omega[:, j] * arm[:, k] - omega[:, k] * arm[:, j]
-        twist[:, 3:] = omega
+        self._motion.read()
         self.writer.add_frame(
             len(self.writer) / FRAME_RATE,
-            self._pose,
-            twist,
+            self._motion.pose,
+            self._motion.twist,
             contacts=self._contacts.frame(),
             joint_position=self._joints[0],
             joint_velocity=self._joints[1],

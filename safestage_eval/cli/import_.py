@@ -41,6 +41,11 @@ if TYPE_CHECKING:
     "--dt", metavar="TIME",
     help='Time between the source\'s rows, where it does not tell: "50 ms", 0.05, 1/20.',
 )  # fmt: skip
+@click.option(
+    "--assets", type=click.Path(path_type=Path, exists=True, file_okay=False), multiple=True,
+    metavar="DIR", help="A folder with mesh files that the source names but does not bring; "
+    "may be given again.",
+)  # fmt: skip
 @click.option("--prefix", default="", metavar="TEXT", help="Put this before every episode id.")
 @click.option("--limit", type=click.IntRange(min=1), metavar="N", help="Only the first N episodes.")
 @click.option("--jobs", "-j", type=click.IntRange(min=1), default=1, metavar="N",
@@ -52,7 +57,8 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.pass_context
 def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind: Path | None,
-            rules: tuple[str, ...], only: str | None, quaternion: Any, dt: str | None, prefix: str,
+            rules: tuple[str, ...], only: str | None, quaternion: Any, dt: str | None,
+            assets: tuple[Path, ...], prefix: str,
             limit: int | None, jobs: int, mcap: bool, form: str) -> None:  # fmt: skip
     """Take over other people's recordings, and say what they lack.
 
@@ -72,6 +78,7 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
         **({} if map_ is None else {"map": load_map(map_)}),
         quaternion=quaternion,
         dt=None if dt is None else _seconds(dt),
+        assets=assets,
     )
     bound = None if bind is None else load_bound(bind, rules)
     with progress("importing") as tell:

@@ -29,11 +29,13 @@ class Settings:
         map: what the map file says (docs/import/map.md).
         quaternion: order of the source's quaternions, where it does not tell.
         dt: s between the source's rows, where it does not tell.
+        assets: folders with the mesh files that a source names but does not bring.
     """
 
     map: MapFile = field(default_factory=MapFile)
     quaternion: QuaternionOrder | None = None
     dt: float | None = None
+    assets: tuple[Path, ...] = ()
 
 
 class Importer(ABC):

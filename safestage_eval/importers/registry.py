@@ -29,7 +29,7 @@ TITLES = {"mujoco": "MuJoCo states (robosuite, robomimic, LIBERO, MimicGen, Robo
 def importers() -> dict[str, type[Importer] | str]:
     """Format → its importer, or why it cannot be used here."""
     found: dict[str, type[Importer] | str] = {}
-    for name in sorted((*OWN, *FROM_SIMULATE), key="stateless".__eq__):
+    for name in (*FROM_SIMULATE, *OWN):
         try:
             found[name] = importer(name)
         except SourceError as error:

@@ -1,0 +1,1 @@
+"""Recordings of other MuJoCo simulators: stored states are loaded again, contacts recomputed."""

@@ -1,0 +1,104 @@
+"""The HDF5 layout of robosuite, robomimic, LIBERO and MimicGen: ``data/demo_i/states``."""
+
+from __future__ import annotations
+
+import json
+import re
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from safestage_eval.errors import InputError
+from safestage_eval.importers.hdf5 import fingerprint, numbered, open_hdf5
+
+from .stored import Stored
+
+
+class DemoFile:
+    """An open file of demonstrations."""
+
+    def __init__(self, path: Path) -> None:
+        """Raises SourceError when it cannot be opened."""
+        self.path = path
+        self._file: Any = open_hdf5(path)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def told_by(self) -> str | None:
+        """By what it is a file of MuJoCo states; None if it is none."""
+        import h5py
+
+        data = self._file.get("data")
+        if not isinstance(data, h5py.Group):
+            return None
+        names = self.names()
+        if not names:
+            return None
+        demo = data[names[0]]
+        if isinstance(demo.get("states"), h5py.Dataset):
+            return f"data/{names[0]}/states"
+        if "model_file" in demo.attrs:
+            return f"the model_file of data/{names[0]}"
+        return None
+
+    def names(self) -> list[str]:
+        """Of the demonstrations, by their numbers."""
+        import h5py
+
+        data = self._file.get("data")
+        if not isinstance(data, h5py.Group):
+            return []
+        return numbered(name for name in data if isinstance(data.get(name), h5py.Group))
+
+    def fingerprint(self, name: str) -> str:
+        """Of the model, and of the ends of its data."""
+        demo = self._file["data"][name]
+        model = sha256(str(demo.attrs.get("model_file", "")).encode()).hexdigest()
+        return f"{model[:16]}{fingerprint(demo)[:16]}"
+
+    def read(self, name: str) -> Stored:
+        """One demonstration. Raises InputError when its data are damaged."""
+        data = self._file["data"]
+        demo, where = data[name], f"{self.path}:data/{name}"
+        try:
+            columns = {
+                key: np.asarray(demo[key][()])
+                for key in ("states", "actions", "rewards")
+                if key in demo
+            }
+        except OSError as error:
+            raise InputError(where, f"cannot be read: {error}") from None
+        actions = columns.get("actions", np.zeros((0, 0)))
+        return Stored(
+            where=where,
+            model=_text(demo.attrs.get("model_file")),
+            states=columns.get("states"),
+            actions=actions if actions.ndim == 2 else np.zeros((0, 0)),
+            rewards=columns.get("rewards"),
+            meta=_json(demo.attrs.get("ep_meta")),
+            about={key: _text(value) or value for key, value in data.attrs.items()},
+            index=_number(name),
+        )
+
+
+def _number(name: str) -> int | None:
+    digits = re.search(r"(\d+)$", name)
+    return int(digits[1]) if digits else None
+
+
+def _text(value: Any) -> str | None:
+    if isinstance(value, bytes):
+        return value.decode("utf-8", "replace")
+    return value if isinstance(value, str) else None
+
+
+def _json(value: Any) -> dict[str, Any]:
+    try:
+        found = json.loads(value) if isinstance(value, str | bytes) else {}
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}

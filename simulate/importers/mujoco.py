@@ -1,0 +1,187 @@
+"""MuJoCo states of robosuite, robomimic, LIBERO, MimicGen and RoboCasa (docs/import/mujoco.md)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Episode, Header, Source
+from safestage_eval.importers import Account
+from safestage_eval.importers.hdf5 import is_hdf5
+from safestage_eval.importers.importer import Importer, Settings, SourceError
+
+from . import state_folders
+from .hdf5_demos import DemoFile
+from .model_file import load_model
+from .state_rows import Rows, episode, split
+from .stored import Stored
+
+F64 = NDArray[np.float64]
+
+
+class MujocoStates(Importer):
+    """A file of demonstrations, or a folder of stored states."""
+
+    name: ClassVar[str] = "mujoco"
+    title: ClassVar[str] = "MuJoCo states (robosuite, robomimic, LIBERO, MimicGen, RoboCasa)"
+
+    def __init__(self, path: Path, settings: Settings) -> None:
+        """Open the file or list the folder."""
+        super().__init__(path, settings)
+        self._file = DemoFile(path) if path.is_file() else None
+        self._folders = {f.name: f for f in state_folders.episode_folders(path)}
+
+    @classmethod
+    def recognise(cls, path: Path) -> str | None:
+        """By ``data/demo_*/states`` of an HDF5 file, or by ``episode_*/states.npz``."""
+        if path.is_dir():
+            found = state_folders.episode_folders(path)
+            return f"{found[0].name}/states.npz" if found else None
+        if not is_hdf5(path):
+            return None
+        file = DemoFile(path)
+        try:
+            return file.told_by()
+        finally:
+            file.close()
+
+    def episodes(self) -> Sequence[str]:
+        """``demo_1`` or ``episode_000001``, in the order of their numbers."""
+        return self._file.names() if self._file is not None else list(self._folders)
+
+    def fingerprint(self, name: str) -> str:
+        """Of the model and of the states' first and last row."""
+        if self._file is not None:
+            return self._file.fingerprint(name)
+        return state_folders.fingerprint(self._folders[name])
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+
+    def read(self, name: str, account: Account) -> Episode:
+        """One episode, every row computed anew from its state."""
+        if self._file is not None:
+            stored = self._file.read(name)
+        else:
+            stored = state_folders.read(self._folders[name])
+        _need_states(stored)
+        assert stored.model is not None
+        assert stored.states is not None
+        loaded = load_model(stored.model, stored.where, self.settings.assets)
+        time, qpos, qvel = split(loaded.model, stored.states, stored.where)
+        given = self.settings.dt or self.settings.map.source.dt
+        clock = _clock(stored, time, given, account)
+        header = _header(stored, clock, loaded.model.opt.timestep, account)
+        rows = Rows(loaded, clock, qpos, qvel, _actions(stored, len(clock)))
+        return episode(rows, header, self.settings.map, account)
+
+
+IMPORTER = MujocoStates
+
+
+def _need_states(stored: Stored) -> None:
+    if stored.states is None:
+        raise SourceError(
+            stored.where,
+            "has no states: what the objects did is not in this file.",
+            "data/demo_i/states, an array of [time, qpos, qvel]",
+            "ask its publisher for the file before observations were extracted: robomimic calls it "
+            "demo.hdf5, LIBERO and MimicGen keep the states in the files that they publish",
+        )
+    if stored.model is None:
+        raise SourceError(
+            stored.where,
+            "has states, but no model to put them into.",
+            "the attribute model_file (MJCF), or model.xml.gz beside states.npz",
+            "take the episode from the file that its collector wrote",
+        )
+
+
+def _clock(stored: Stored, time: F64, given: float | None, account: Account) -> F64:
+    """(T,) s; from the rows where they have it.
+
+    Raises:
+        SourceError: rows without a time, and nothing that gives the step.
+    """
+    step = np.diff(time)
+    if given is None and (step > 0).all():
+        if time[0] > 1e-9:
+            account.missing(
+                "the first rows",
+                f"the recording begins at {time[0]:.3g} s of simulated time",
+                cost="what happened before is not judged; its first rows are taken as the state at "
+                "reset, which they are not",
+            )
+        return time
+    dt = given or stored.control_dt
+    if dt is None:
+        raise SourceError(
+            stored.where,
+            "its rows have no time that increases, and nothing says how far apart they are.",
+            fix='--dt SECONDS, or dt = "50 ms" under [source] of a map file',
+        )
+    if given is None:
+        account.guessed(
+            "time", f"the rows' times do not increase: one row per action, {dt:.6g} s apart"
+        )
+    return np.asarray(dt * np.arange(len(time)), np.float64)
+
+
+def _actions(stored: Stored, rows: int) -> F64:
+    """(T, A) the command that each row's action is; none if their numbers differ."""
+    if len(stored.actions) != rows:
+        return np.zeros((rows, 0))
+    return np.asarray(stored.actions, np.float64)
+
+
+def _header(stored: Stored, clock: F64, physics_dt: float, account: Account) -> Header:
+    frame_dt = float(np.median(np.diff(clock))) if len(clock) > 1 else stored.control_dt
+    simulator, version = stored.simulator
+    success, success_time = _success(stored, clock, account)
+    if len(stored.actions) == 0:
+        account.missing("commands", cost="nothing that rules ask")
+    return Header(
+        episode_id="",
+        task=stored.task,
+        instruction=stored.instruction,
+        rollout=stored.index,
+        physics_dt=physics_dt,
+        frame_dt=frame_dt or physics_dt,
+        control_dt=stored.control_dt,
+        success=success,
+        success_time=success_time,
+        source=Source(simulator=simulator, simulator_version=version),
+    )
+
+
+def _success(stored: Stored, clock: F64, account: Account) -> tuple[bool | None, float | None]:
+    """Native success and its time (s from the first row), where the rewards tell it."""
+    if stored.rewards_tell_success and stored.rewards is not None:
+        hits = np.flatnonzero(stored.rewards > 0)
+        if not len(hits):
+            return False, None
+        after = min(int(hits[0]) + 1, len(clock) - 1)
+        return True, float(clock[after] - clock[0])
+    if stored.libero is not None:
+        account.missing(
+            "success",
+            "LIBERO marks every last row as done and rewarded, whatever happened",
+            cost="what is judged up to success or after it, unless a goal is bound",
+            remedy="--bind libero when scoring: the goal is then recomputed",
+        )
+    else:
+        account.missing(
+            "success",
+            "nothing in the file tells when the goal was reached"
+            if stored.rewards is None
+            else "rewards that are shaped, or may be, do not tell it",
+            cost="what is judged up to success or after it, unless a goal is bound",
+            remedy="--map with success and success_time, or --bind with a goal",
+        )
+    return None, None

@@ -1,0 +1,77 @@
+"""What is always missing, recomputed or guessed where only states were stored."""
+
+from __future__ import annotations
+
+import mujoco
+
+from safestage_eval.episode import Body
+from safestage_eval.importers import Account, MapFile
+from simulate.describe import body_name
+
+from .foreign_facts import ForeignFacts
+from .model_file import Loaded
+
+MAP = "--map with"
+
+
+def tell(
+    loaded: Loaded, facts: ForeignFacts, bodies: tuple[Body, ...], map_: MapFile, account: Account
+) -> None:
+    """Say it of one episode; what a map file gives is not missing."""
+    account.recomputed(
+        "contacts and contact forces",
+        f"by a forward pass of MuJoCo {mujoco.__version__} over each stored state",
+        cost="force peaks between rows are not seen",
+    )
+    account.recomputed(
+        "forces on and by the robot",
+        "without the command of that moment, which is not stored",
+        cost="grip forces are unreliable, and a light touch may count or not",
+    )
+    account.missing("joint torques", cost="rules on them are inconclusive")
+    if facts.hand is None:
+        account.missing(
+            "finger sides",
+            cost="whether something is held is not told by forces",
+            remedy=f'{MAP} [body.NAME] finger = "left"',
+        )
+    if any("up_axis" in body.untold for body in bodies):
+        account.missing(
+            "up axes",
+            cost="tilt, and with it toppled and upright: inconclusive",
+            remedy=f'{MAP} [body."*"] up = [0, 0, 1], or one by one; false for what has none',
+        )
+    if any("cavity" in body.untold for body in bodies):
+        account.missing(
+            "insides of containers",
+            cost="inside and containment_depth: inconclusive",
+            remedy=f"{MAP} [body.NAME] cavity, or false for what has none",
+        )
+    if not all(_says(map_, body.name, "material") for body in bodies if body.kind == "object"):
+        account.missing(
+            "materials and tags",
+            cost="limits by material are those of the default row, and nothing is fragile",
+            remedy=f"{MAP} [body.NAME] material, tags",
+        )
+    unseen = [body.name for body in bodies if body.unseen]
+    if unseen:
+        account.missing(
+            f"shapes of {', '.join(unseen)}",
+            "drawn, but nothing can touch them in the source",
+            cost="clearances of the robot are inconclusive",
+            remedy=f"{MAP} [body.NAME] shapes",
+        )
+    unweighed = [name for name in map(body_name, loaded.unweighed) if not _says(map_, name, "mass")]
+    if unweighed:
+        account.missing(
+            f"masses of {', '.join(unweighed)}",
+            "the file has them from visual meshes, by an amount that depends on the version of "
+            "MuJoCo; forces are computed with the mass of the collision shapes",
+            cost="forces on these bodies are wrong, and rules that need their weight inconclusive",
+            remedy=f"{MAP} [body.NAME] mass",
+        )
+
+
+def _says(map_: MapFile, body: str, field: str) -> bool:
+    said = map_.of_body(body)
+    return said is not None and field in said.model_fields_set

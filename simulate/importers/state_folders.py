@@ -1,0 +1,74 @@
+"""The layout of RoboCasa365: ``extras/episode_*/states.npz`` with ``model.xml.gz`` beside it."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import re
+import zipfile
+import zlib
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from safestage_eval.errors import InputError
+
+from .stored import Stored
+
+
+def episode_folders(path: Path) -> list[Path]:
+    """Those with stored states below a dataset's folder, its ``extras``, or of a single episode."""
+    if (path / "states.npz").is_file():
+        return [path]
+    for folder in (path / "extras", path):
+        found = sorted(file.parent for file in folder.glob("episode_*/states.npz"))
+        if found:
+            return found
+    return []
+
+
+def fingerprint(folder: Path) -> str:
+    """Of both files."""
+    digest = sha256()
+    for name in ("states.npz", "model.xml.gz"):
+        if (folder / name).is_file():
+            digest.update((folder / name).read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def read(folder: Path) -> Stored:
+    """One episode. Raises InputError when a file is damaged."""
+    where = str(folder)
+    try:
+        with np.load(folder / "states.npz", allow_pickle=False) as arrays:
+            states = np.asarray(arrays["states"]) if "states" in arrays else None
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"{folder}/states.npz", f"cannot be read: {error}") from None
+    model: str | None = None
+    for name, opened in (("model.xml.gz", gzip.open), ("model.xml", Path.open)):
+        if (folder / name).is_file():
+            try:
+                with opened(folder / name, "rb") as file:
+                    model = file.read().decode("utf-8")
+            except (OSError, EOFError, zlib.error, UnicodeDecodeError) as error:
+                raise InputError(f"{folder}/{name}", f"cannot be read: {error}") from None
+            break
+    number = re.search(r"(\d+)$", folder.name)
+    return Stored(
+        where=where,
+        model=model,
+        states=states,
+        meta=_json(folder / "ep_meta.json"),
+        about=_json(folder.parent / "dataset_meta.json"),
+        index=int(number[1]) if number else None,
+    )
+
+
+def _json(file: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

@@ -1,0 +1,153 @@
+"""Stored MuJoCo states into an episode: every row is put into the model and computed anew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Body, Cavity, Episode, Header
+from safestage_eval.errors import InputError
+from safestage_eval.formats import TraceWriter
+from safestage_eval.importers import Account, MapFile
+from safestage_eval.importers.scene import added, dressed
+from simulate.contact_reader import ContactReader
+from simulate.describe import Description, body_name
+from simulate.motion_reader import MotionReader
+
+from .foreign_facts import ForeignFacts
+from .model_file import Loaded
+from .regions import region_cavities
+from .remarks import tell
+from .weights import light_contacts, weigh
+
+F64 = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The states of one episode, as the source stored them.
+
+    Attributes:
+        loaded: the model, physics alone.
+        time: (T,) s, of the simulation.
+        qpos: (T, nq).
+        qvel: (T, nv).
+        action: (T, A) commands in force from each row on; A may be 0.
+    """
+
+    loaded: Loaded
+    time: F64
+    qpos: F64
+    qvel: F64
+    action: F64
+
+
+def split(model: mujoco.MjModel, states: NDArray[np.generic], where: str) -> tuple[F64, F64, F64]:
+    """(T,) s, (T, nq), (T, nv) of rows [time, qpos, qvel(, actuator states)].
+
+    Raises:
+        InputError: rows that do not belong to the model, or hold numbers that are not finite.
+    """
+    nq, nv, na = model.nq, model.nv, model.na
+    width = 1 + nq + nv
+    if states.ndim != 2 or not len(states) or states.shape[1] not in (width, width + na):
+        raise InputError(
+            where,
+            f"its states have the shape {states.shape}; the model has {nq} coordinates and "
+            f"{nv} velocities, so that a row must have {width} numbers: time, qpos, qvel.",
+            fix="the model_file must be the one with which the states were stored",
+        )
+    rows = np.asarray(states, np.float64)
+    if not np.isfinite(rows).all():
+        frame = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
+        raise InputError(where, f"row {frame} of its states holds numbers that are not finite.")
+    return rows[:, 0], rows[:, 1 : 1 + nq], rows[:, 1 + nq : width]
+
+
+def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Episode:
+    """Poses, velocities, contacts and forces of all rows.
+
+    What MuJoCo stored beside a state lags by one step, so everything is computed from the
+    coordinates and velocities. The forces are those of a forward pass without a command.
+
+    Args:
+        rows: the states.
+        header: without bodies and joints.
+        map_: what the user says of bodies; masses are put into the model before forces are computed.
+        account: told what is recomputed, guessed or missing.
+
+    Raises:
+        InputError: a model with a shape that no trace can hold, or a map file that does not fit.
+    """
+    model = rows.loaded.model
+    data = mujoco.MjData(model)
+    weigh(model, data, map_)
+    _put(model, data, rows, 0)
+    facts = ForeignFacts(model)
+    about = Description(model, facts.facts)
+    openness = facts.openness()
+    rooms = region_cavities(model, data, about)
+    meshes = {mesh.key: mesh for mesh in about.meshes}
+    bodies = tuple(dressed(_plain(body, rows.loaded, rooms), map_, meshes) for body in about.bodies)
+    full = header.model_copy(
+        update={
+            "bodies": bodies,
+            "joints": about.joints,
+            "force_source": "recomputed",
+            "physics_dt": float(model.opt.timestep),
+            "gravity": tuple(float(g) for g in model.opt.gravity),
+            "parameters": {**header.parameters, **light_contacts(model, about, account)},
+        }
+    )
+    more, places = added({body.name for body in bodies}, map_, meshes)
+    writer = TraceWriter(full, meshes=meshes, frames=len(rows.time))
+    for i in about.fixed:
+        writer.set_fixed(about.body(i).name, data.xpos[i].copy(), data.xquat[i].copy())
+    for body in more:
+        writer.add_body(body, places[body.name].position[0], places[body.name].orientation[0])
+    contacts = ContactReader(model, data, about.geom_index)
+    motion = MotionReader(model, data, about.movable)
+    for frame, time in enumerate(rows.time):
+        _put(model, data, rows, frame)
+        motion.read()
+        writer.add_frame(
+            float(time - rows.time[0]),
+            motion.pose,
+            motion.twist,
+            contacts=contacts.frame(),
+            joint_position=data.qpos[about.joint_qpos],
+            joint_velocity=data.qvel[about.joint_dof],
+            action=rows.action[frame] if rows.action.shape[1] else None,
+            gripper=None if openness is None else [openness(data.qpos)],
+        )
+    tell(rows.loaded, facts, bodies, map_, account)
+    return writer.episode()
+
+
+def _put(model: mujoco.MjModel, data: mujoco.MjData, rows: Rows, frame: int) -> None:
+    data.time, data.qpos[:], data.qvel[:] = rows.time[frame], rows.qpos[frame], rows.qvel[frame]
+    data.qacc_warmstart[:] = 0  # a frame does not depend on the one before
+    mujoco.mj_forward(model, data)
+
+
+def _plain(body: Body, loaded: Loaded, rooms: Mapping[str, Cavity]) -> Body:
+    """With what is not known marked so; what nothing can touch in the source is a mere frame.
+
+    A part of the robot that is drawn and cannot touch is no frame: its shape is missing.
+    """
+    robot = body.kind in ("robot", "gripper")
+    if not body.geoms:
+        drawn = robot and body.name in map(body_name, loaded.drawn)
+        return body if drawn else body.model_copy(update={"mass": 0.0})
+    said: dict[str, Any] = {"cavity": rooms.get(body.name)}
+    if not robot:
+        open_ = ("up_axis",) if body.kind == "object" else ()
+        said["untold"] = open_ if body.name in rooms else (*open_, "cavity")
+    if body.name in map(body_name, loaded.unweighed):
+        said |= {"mass": None, "inertia": None}
+    return body.model_copy(update=said)

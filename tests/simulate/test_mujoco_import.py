@@ -1,0 +1,333 @@
+"""Other simulators' files give what those simulators had; what they lack is said or refused."""
+
+from __future__ import annotations
+
+import gzip
+import json
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from foreign_demos import ASSETS, FOREIGN, demo_file, imported, said, scene, settled
+
+from safestage_eval.episode import check
+from safestage_eval.errors import InputError
+from safestage_eval.geometry.pose import rotate
+from safestage_eval.importers import MapFile, recognised
+from safestage_eval.importers.importer import SourceError
+from safestage_eval.importers.map_tables import BodyTable
+from simulate.importers.mujoco import MujocoStates
+
+pytestmark = pytest.mark.simulate
+
+SOURCES = ("robosuite", "libero")
+
+
+def truth_of(source: str) -> tuple[Any, int, int]:
+    """What the simulator said, the first of its rows that the file has, and how many it has."""
+    truth = np.load(FOREIGN / source / "truth.npz")
+    with h5py.File(FOREIGN / source / "demo.hdf5") as file:
+        (demo,) = file["data"].values()
+        states = demo["states"][:]
+    first = next(i for i, row in enumerate(truth["states"]) if np.array_equal(row, states[0]))
+    assert np.array_equal(truth["states"][first : first + len(states)], states)
+    return truth, first, len(states)
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_poses_are_those_of_the_simulator_to_a_micrometre(source: str) -> None:
+    truth, first, rows = truth_of(source)
+    episode, _ = imported(FOREIGN / source / "demo.hdf5")
+    check(episode)
+    names = [name for name in truth["bodies"] if name in episode.bodies and name != "world"]
+    assert len(names) == len(truth["bodies"]) - 1
+    for i, name in enumerate(truth["bodies"]):
+        if name == "world":
+            continue
+        track, pose = episode.track(str(name)), truth["poses"][first : first + rows, i]
+        assert np.abs(track.position - pose[:, :3]).max() < 1e-6
+        turned = np.abs(np.einsum("tk,tk->t", track.orientation.astype(float), pose[:, 3:]))
+        assert turned.min() > 1 - 1e-6
+        mass = episode.bodies[str(name)].mass
+        assert mass == pytest.approx(float(truth["mass"][i])) or not episode.bodies[str(name)].geoms
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_the_same_bodies_touch_in_every_frame_as_in_the_simulator(source: str) -> None:
+    truth, first, rows = truth_of(source)
+    episode, _ = imported(FOREIGN / source / "demo.hdf5")
+    theirs: dict[tuple[int, frozenset[str]], float] = defaultdict(float)
+    for frame, pair, normal in zip(truth["frame"], truth["body"], truth["normal"], strict=True):
+        if first <= frame < first + rows:
+            bodies = frozenset(str(truth["bodies"][i]) for i in pair)
+            theirs[int(frame) - first, bodies] += float(normal)
+    ours: dict[tuple[int, frozenset[str]], float] = defaultdict(float)
+    table, names = episode.contacts, [body.name for body in episode.header.bodies]
+    along = np.abs(np.einsum("ck,ck->c", table.force.astype(float), table.normal))
+    for frame, a, b, force, depth in zip(
+        table.frame, table.body1, table.body2, along, table.depth, strict=True
+    ):
+        if depth >= 0:
+            ours[int(frame), frozenset((names[a], names[b]))] += float(force)
+    assert len(theirs) > 100
+    assert ours.keys() == theirs.keys()
+    robot = {b.name for b in episode.header.bodies if b.kind in ("robot", "gripper")}
+    free = [key for key in theirs if not key[1] & robot]
+    wrong = [abs(ours[key] - theirs[key]) for key in free]
+    assert np.median(wrong) < 0.03
+    assert all((ours[key] >= 0.1) == (theirs[key] >= 0.1) for key in free)
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_a_body_s_kind_and_side_are_read_off_the_model(source: str) -> None:
+    episode, _ = imported(FOREIGN / source / "demo.hdf5")
+    bodies = episode.bodies
+    kinds = {name: body.kind for name, body in bodies.items()}
+    assert kinds["table"] == kinds["world"] == "fixture"
+    assert kinds["robot0_link3"] == "robot"
+    sides = {body.name: body.finger for body in bodies.values() if body.finger}
+    assert {name.rpartition("_")[2]: side for name, side in sides.items() if "joint" not in name} == {
+        "leftfinger": "left", "rightfinger": "right",
+    }  # fmt: skip
+    assert {kinds[name] for name in sides} == {"gripper"}
+    assert all(body.movable for body in bodies.values() if body.kind == "object")
+    free = "cube_main" if source == "robosuite" else "akita_black_bowl_1_main"
+    assert kinds[free] == "object"
+    assert bodies[free].untold == ("up_axis", "cavity")
+    upright = MapFile(body={"*": BodyTable(up=(0, 0, 1))})
+    episode, _ = imported(FOREIGN / source / "demo.hdf5", map_=upright)
+    assert episode.bodies[free].up_axis == (0.0, 0.0, 1.0)
+    assert episode.bodies[free].untold == ("cavity",)
+
+
+def test_drawers_hang_on_their_cabinet() -> None:
+    episode, _ = imported(FOREIGN / "libero" / "demo.hdf5")
+    drawer = episode.bodies["wooden_cabinet_1_cabinet_top"]
+    assert (drawer.kind, drawer.movable, drawer.parent) == (
+        "fixture", True, "wooden_cabinet_1_base",
+    )  # fmt: skip
+    cavity = drawer.cavity
+    assert cavity is not None
+    # the room is as high as LIBERO's region is, and open to the top
+    assert cavity.size[2] == pytest.approx(0.02993)
+    pose = episode.track(drawer.name)
+    assert rotate(
+        pose.orientation[0], rotate(cavity.orientation, (0.0, 0.0, 1.0))
+    ) == pytest.approx([0, 0, 1], abs=1e-3)
+    assert "wooden_cabinet_1_top_level" in {joint.name for joint in episode.header.joints}
+
+
+def test_the_gripper_opens_and_closes() -> None:
+    episode, _ = imported(FOREIGN / "robosuite" / "demo.hdf5")
+    opening, action = episode.frames.gripper[:, 0], episode.frames.action[:, 6]
+    assert opening[30] > 0.95  # told to open
+    # the cube is 4 cm wide, and the fingers open 8 cm
+    assert 0.4 < opening[-1] < 0.75
+    assert action[30] == -1
+    assert action[-1] == 1
+
+
+def test_libero_s_marks_are_no_success_and_its_first_rows_are_gone() -> None:
+    episode, remarks = imported(FOREIGN / "libero" / "demo.hdf5")
+    assert episode.header.success is None
+    assert "whatever happened" in said(remarks, "success").how
+    assert "0.25 s" in said(remarks, "the first rows").how
+    assert episode.t[0] == 0
+    assert episode.header.task is not None
+    assert episode.header.task.startswith("libero_spatial/pick_up_the_black_bowl")
+    assert episode.header.instruction is not None
+    assert episode.header.instruction.startswith("pick the akita black bowl")
+    assert (episode.header.rollout, episode.header.control_dt) == (0, 0.05)
+
+
+def test_robosuite_counts_from_one() -> None:
+    importer = MujocoStates(*_open(FOREIGN / "robosuite" / "demo.hdf5"))
+    assert importer.episodes() == ["demo_1"]
+    importer.close()
+    episode, remarks = imported(FOREIGN / "robosuite" / "demo.hdf5")
+    assert (episode.header.task, episode.header.rollout) == ("Lift", 1)
+    assert episode.header.source.simulator_version == "1.5.2"
+    assert not [remark for remark in remarks if "first rows" in remark.what]
+
+
+def test_demonstrations_come_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "demo.hdf5", "w") as file:
+        for number in (10, 2, 1):
+            file.create_group(f"data/demo_{number}").create_dataset("states", data=np.zeros((1, 3)))
+    importer = MujocoStates(*_open(tmp_path / "demo.hdf5"))
+    assert importer.episodes() == ["demo_1", "demo_2", "demo_10"]
+    importer.close()
+
+
+def test_robocasa_s_folders_give_what_the_hdf5_file_gives(tmp_path: Path) -> None:
+    folder = tmp_path / "extras" / "episode_000001"
+    folder.mkdir(parents=True)
+    with h5py.File(FOREIGN / "robosuite" / "demo.hdf5") as file:
+        demo = file["data/demo_1"]
+        np.savez_compressed(folder / "states.npz", states=demo["states"][:])
+        (folder / "model.xml.gz").write_bytes(gzip.compress(demo.attrs["model_file"].encode()))
+    (folder / "ep_meta.json").write_text(json.dumps({"lang": "lift the cube"}))
+    about = {"env_args": {"env_name": "Lift", "env_kwargs": {"control_freq": 20}}}
+    (folder.parent / "dataset_meta.json").write_text(json.dumps(about))
+    (tmp_path / "meta").mkdir()  # the folder is a LeRobot dataset as well, without the objects
+    (tmp_path / "meta" / "info.json").write_text('{"codebase_version": "v2.1", "features": {}}')
+    ((path, kind, _),) = recognised(tmp_path)
+    assert (path, kind) == (tmp_path, MujocoStates)
+    episode, _ = imported(tmp_path)
+    header = episode.header
+    assert (header.task, header.instruction, header.control_dt) == ("Lift", "lift the cube", 0.05)
+    other, _ = imported(FOREIGN / "robosuite" / "demo.hdf5")
+    for name, track in other.tracks.items():
+        assert np.array_equal(track.position, episode.tracks[name].position)
+    assert np.array_equal(other.contacts.force, episode.contacts.force)
+
+
+@pytest.mark.parametrize(
+    ("shaping", "rewards", "success", "time"),
+    [
+        (False, [0, 0, 1, 1, 1], True, 0.15),
+        (False, [0, 0, 0, 0, 1], True, 0.2),
+        (False, [0] * 5, False, None),
+        (True, [0.1, 0.2, 0.3, 0.4, 1.0], None, None),
+    ],
+)
+def test_rewards_tell_success_unless_they_are_shaped(
+    tmp_path: Path, shaping: bool, rewards: list[float], success: bool | None, time: float | None
+) -> None:
+    args = {"env_name": "Lift", "type": 1, "env_kwargs": {"reward_shaping": shaping}}
+    text = scene()
+    path = demo_file(
+        tmp_path / "d.hdf5", text, settled(text), rewards=rewards,
+        about={"env_args": json.dumps(args)},
+    )  # fmt: skip
+    header = imported(path)[0].header
+    assert header.success is success
+    assert header.success_time == (time if time is None else pytest.approx(time))
+
+
+def test_light_objects_get_a_lower_contact_threshold(tmp_path: Path) -> None:
+    for mass, expected in ((0.0056, 0.0056 * 9.81 / 2), (0.1, None)):
+        text = scene(mass)
+        episode, remarks = imported(demo_file(tmp_path / "d.hdf5", text, settled(text)))
+        given = episode.header.parameters.get("contact_force")
+        if expected is None:
+            assert given is None
+            continue
+        assert given is not None
+        assert float(given.removesuffix(" N")) == pytest.approx(expected, rel=0.01)
+        assert "cube" in said(remarks, "contact_force").how
+
+
+MESH = """
+<asset><mesh name="skin" file="/nowhere/objects/skin.stl"/></asset>
+"""
+
+
+def test_a_missing_visual_mesh_is_no_hindrance_but_its_mass_is_unknown(tmp_path: Path) -> None:
+    drawn = '<geom type="mesh" mesh="skin" contype="0" conaffinity="0"/>'
+    text = scene().replace("</body>", drawn + "</body>").replace("</mujoco>", MESH + "</mujoco>")
+    path = demo_file(tmp_path / "d.hdf5", text, settled(scene()))
+    episode, remarks = imported(path)
+    assert episode.bodies["cube"].mass is None
+    assert "mass" in said(remarks, "masses of cube").remedy
+    given = MapFile(body={"cube": BodyTable(mass=0.3)})
+    episode, remarks = imported(path, map_=given)
+    assert episode.bodies["cube"].mass == 0.3
+    assert not [remark for remark in remarks if "masses" in remark.what]
+    weighs = text.replace('pos="0 0 0.02">', 'pos="0 0 0.02"><inertial pos="0 0 0" mass="0.3" '
+                          'diaginertia="1e-4 1e-4 1e-4"/>')  # fmt: skip
+    assert imported(demo_file(path, weighs, settled(scene())))[0].bodies["cube"].mass == 0.3
+
+
+def test_a_mass_from_the_map_is_borne(tmp_path: Path) -> None:
+    text = scene(0.1)
+    heavy = settled(scene(0.3))  # sunk in as 0.3 kg does
+    path = demo_file(tmp_path / "d.hdf5", text, heavy)
+    episode, _ = imported(path, map_=MapFile(body={"cube": BodyTable(mass=0.3)}))
+    table = episode.contacts
+    total = np.bincount(table.frame, table.force[:, 2])
+    assert total == pytest.approx(0.3 * 9.81, rel=0.02)
+
+
+@pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
+@pytest.mark.parametrize("condim", [1, 3, 4, 6])
+def test_contact_forces_bear_the_weight_whatever_the_cone(
+    tmp_path: Path, cone: str, condim: int
+) -> None:
+    text = scene(cone=cone, more=f'condim="{condim}"')
+    episode, _ = imported(demo_file(tmp_path / "d.hdf5", text, settled(text)))
+    table = episode.contacts
+    total = np.zeros((len(episode), 3))
+    np.add.at(total, table.frame, table.force)
+    assert total[:, 2] == pytest.approx(0.1 * 9.81, rel=0.01)
+    assert np.abs(total[:, :2]).max() < 1e-3
+
+
+def test_a_missing_collision_mesh_is_named_with_the_flag_that_supplies_it(tmp_path: Path) -> None:
+    with pytest.raises(SourceError) as refused:
+        imported(FOREIGN / "libero" / "demo.hdf5", assets=(tmp_path,))
+    text = str(refused.value)
+    assert "link0.stl" in text
+    assert "robot0_link0" in text
+    assert "8 more" in text
+    assert "--assets" in text
+
+
+def refused(path: Path, **options: Any) -> str:
+    with pytest.raises(InputError) as error:
+        imported(path, **options)
+    return str(error.value)
+
+
+def test_what_cannot_be_imported_says_what_is_missing(tmp_path: Path) -> None:
+    path, text = tmp_path / "d.hdf5", scene()
+    states = settled(text)
+    assert "no states" in refused(demo_file(path, text, None))
+    assert "model_file" in refused(demo_file(path, None, states))
+    assert "14 numbers" in refused(demo_file(path, text, states[:, :-1]))
+    broken = states.copy()
+    broken[2, 5] = np.nan
+    assert "row 2" in refused(demo_file(path, text, broken))
+    assert "not XML" in refused(demo_file(path, "<mujoco", states))
+    assert "cannot read the model" in refused(demo_file(path, "<mujoco><wrong/></mujoco>", states))
+    assert "global coordinates" in refused(
+        demo_file(path, text.replace("<option", '<compiler coordinate="global"/><option'), states)
+    )
+    stopped = states.copy()
+    stopped[:, 0] = 0
+    assert "--dt" in refused(demo_file(path, text, stopped))
+    assert imported(path, dt=0.1)[0].t[-1] == pytest.approx(0.4)
+    rate = {"env_args": json.dumps({"env_kwargs": {"control_freq": 20}})}
+    episode, remarks = imported(demo_file(path, text, stopped, about=rate))
+    assert episode.t[-1] == pytest.approx(0.2)
+    assert said(remarks, "time").kind == "guessed"
+
+
+def test_models_of_older_versions_are_read(tmp_path: Path) -> None:
+    old = scene().replace(
+        "<option", '<size njmax="500" nconmax="100"/><compiler coordinate="local"/>'
+        '<option collision="all" mpr_iterations="50"',
+    )  # fmt: skip
+    assert imported(demo_file(tmp_path / "d.hdf5", old, settled(scene())))[0].bodies["cube"]
+
+
+def test_other_hdf5_files_are_not_taken(tmp_path: Path) -> None:
+    for name, make in (
+        ("robolab", lambda file: file.create_group("data/demo_0/states/rigid_object")),
+        ("maniskill", lambda file: file.create_group("traj_0/env_states")),
+        ("other", lambda file: file.create_dataset("x", data=[1])),
+    ):
+        with h5py.File(tmp_path / name, "w") as file:
+            make(file)
+        assert MujocoStates.recognise(tmp_path / name) is None
+    (tmp_path / "text").write_text("no")
+    assert MujocoStates.recognise(tmp_path / "text") is None
+
+
+def _open(path: Path) -> Any:
+    from safestage_eval.importers import Settings
+
+    return path, Settings(assets=(ASSETS,))
