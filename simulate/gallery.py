@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +12,25 @@ import numpy as np
 from safestage_eval.verdicts.judge import judge
 
 from .feasibility import REFERENCES, builtin_rules
-from .marks import PASSED, VIOLATED, captioned, frame_at, moment, role_colors
+from .marks import PASSED, ROLE_COLORS, VIOLATED, captioned, frame_at, moment, role_colors
 from .policies import policy_named
 from .pool import Died, run_many
-from .render import EpisodeRenderer, Image
+from .render import VIEWS, Camera, EpisodeRenderer, Image
 from .rollout import Setting, roll_out
 from .task import Task
 
 SIZE = (256, 192)
 """Width and height of each of a task's three pictures."""
 QUALITY = 45
+CAMERAS = (
+    VIEWS["front"],
+    replace(VIEWS["front"], azimuth=220.0),
+    replace(VIEWS["front"], elevation=-50.0),
+    replace(VIEWS["front"], azimuth=220.0, elevation=-50.0),
+)
+"""Where a task may be looked at from; the first one, if nothing hides what matters."""
+HIDDEN = 0.2
+"""Share of its best pixels below which a body counts as hidden."""
 GREY = (0.25, 0.25, 0.25)
 STAGES = {"ISH": "Initial state", "ETS": "Execution", "FSH": "Final state"}
 
@@ -46,6 +55,7 @@ def strips(
 def strip(task: Task) -> Strip:
     """Start, end of the safe reference, and decisive moment (or end) of the unsafe one."""
     shots: list[Image] = []
+    camera = CAMERAS[0]
     for policy in REFERENCES:
         episode = roll_out(Setting(task), policy_named(policy)).episode()
         found = moment(judge(episode, builtin_rules(), assigned_only=True))
@@ -56,10 +66,28 @@ def strip(task: Task) -> Strip:
         rule = found.words.partition(":")[0] if found.violated else found.words
         with EpisodeRenderer(episode, *SIZE, colors=role_colors(episode.header)) as renderer:
             if not shots:
-                shots.append(captioned(renderer.frame(0), [("start", GREY)]))
+                camera = clearest(renderer, players(task))
+                shots.append(captioned(renderer.frame(0, camera), [("start", GREY)]))
             words = [(f"{kind}, {episode.t[frame]:.1f} s", GREY), (rule, color)]
-            shots.append(captioned(renderer.frame(frame), words, color))
+            shots.append(captioned(renderer.frame(frame, camera), words, color))
     return Strip(task.id, webp(np.hstack(shots)))
+
+
+def players(task: Task) -> list[str]:
+    """The bodies that a picture of the task must show."""
+    named = [body for role in ROLE_COLORS for body in task.roles.get(role, ())]
+    return [body for body in dict.fromkeys(named) if body in task.objects]
+
+
+def clearest(renderer: EpisodeRenderer, bodies: Sequence[str]) -> Camera:
+    """The first camera that shows enough of every body at the start, or else the best one."""
+    shown = [renderer.shown(0, camera) for camera in CAMERAS]
+    most = {body: max(1, *(seen.get(body, 0) for seen in shown)) for body in bodies}
+    worst = [
+        min((seen.get(body, 0) / most[body] for body in bodies), default=1.0) for seen in shown
+    ]
+    good = [camera for camera, share in zip(CAMERAS, worst, strict=True) if share >= HIDDEN]
+    return good[0] if good else CAMERAS[worst.index(max(worst))]
 
 
 def webp(image: Image) -> bytes:

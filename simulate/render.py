@@ -121,6 +121,28 @@ class EpisodeRenderer:
         mujoco.mjr_readPixels(out, None, self._rect, self._target)
         return np.ascontiguousarray(out[::-1])
 
+    def shown(self, index: int, camera: Camera = VIEWS["front"]) -> dict[str, int]:
+        """Body → pixels that it has in the picture of a frame; none for what is hidden."""
+        flags = self._scene.flags
+        kinds = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
+        before = [int(flags[kind]) for kind in kinds]
+        for kind in kinds:
+            flags[kind] = 1
+        try:
+            image = self.frame(index, camera)
+        finally:
+            for kind, flag in zip(kinds, before, strict=True):
+                flags[kind] = flag
+        ids, pixels = np.unique(image.astype(np.int64) @ [1, 256, 65536] - 1, return_counts=True)
+        found: dict[str, int] = {}
+        for i, n in zip(ids.tolist(), pixels.tolist(), strict=True):
+            if 0 <= i < self._scene.ngeom:  # others are blends of two at an outline
+                geom = self._scene.geoms[i]
+                if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                    body = self._model.body(int(self._model.geom_bodyid[geom.objid])).name
+                    found[body] = found.get(body, 0) + n
+        return found
+
     def close(self) -> None:
         """Give the graphics context back."""
         self._target.free()

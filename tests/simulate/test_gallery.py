@@ -9,8 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from safestage_eval.episode import Body, Geom, Header
+from safestage_eval.formats import TraceWriter
 from simulate import gallery
-from simulate.gallery import SIZE, Strip, page, webp, write_gallery
+from simulate.gallery import CAMERAS, SIZE, Strip, clearest, page, webp, write_gallery
+from simulate.render import EpisodeRenderer
 from simulate.task import tasks
 
 pytestmark = pytest.mark.simulate
@@ -64,3 +67,21 @@ def test_what_is_in_docs_is_small_and_of_tasks_that_there_are() -> None:
     for file in files[:3]:
         with pillow.open(file) as picture:
             assert picture.size[0] == 3 * SIZE[0]
+
+
+def test_the_camera_goes_round_what_hides_a_body() -> None:
+    wall = TraceWriter(Header(episode_id="e", physics_dt=0.01, frame_dt=0.01))
+    box = Geom(kind="box", size=(0.02, 0.3, 0.07))
+    ball = Geom(kind="sphere", size=(0.03,))
+    wall.add_body(Body(name="wall", kind="object", geoms=(box,)))
+    wall.add_body(Body(name="ball", kind="object", geoms=(ball,)))
+    unit, still = (1.0, 0.0, 0.0, 0.0), ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    # the first camera looks from +x and -y towards the middle
+    poses = {"wall": ((0.55, -0.05, 0.07), unit), "ball": ((0.45, 0.0, 0.03), unit)}
+    wall.add_frame(0.0, poses, {"wall": still, "ball": still})
+    with EpisodeRenderer(wall.episode(), *SIZE) as renderer:
+        assert clearest(renderer, ["wall"]) == CAMERAS[0]
+        hidden = renderer.shown(0, CAMERAS[0]).get("ball", 0)
+        found = clearest(renderer, ["wall", "ball"])
+        assert found != CAMERAS[0]
+        assert renderer.shown(0, found)["ball"] > 5 * hidden
