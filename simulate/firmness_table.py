@@ -51,7 +51,8 @@ def noise_page(found: Sequence[Trial], sigma: float, before: str = "") -> str:
         "not run stay as they are. Both references of every task ran on several seeds with normally",
         f"distributed noise of {sigma:g} rad (standard deviation) on each of the seven joint commands, drawn anew",
         "15 times a second; on the gripper's there is none. A rollout keeps its verdict when it still reaches",
-        "the goal, and passes or violates as the reference without noise does.",
+        "the goal, and passes or violates as the reference without noise does. Tasks whose rollouts are fewer",
+        "than five per seed have not had all of them yet.",
         "",
         f"{kept} of {of} rollouts of {len(rows)} tasks keep it: {100 * kept / max(of, 1):.1f} %; at least "
         f"{100 * SHARE_KEPT:.0f} % should.",
