@@ -9,7 +9,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from safestage_eval.episode import Episode, Geom, Mesh
 from safestage_eval.geometry.pose import matrix
@@ -176,12 +175,22 @@ def outlines(
                 or high[1] < window[2]
             ):
                 continue
-        try:
-            hull = flat[ConvexHull(flat).vertices]
-        except QhullError:  # seen edge on
-            continue
-        found.append(Outline(float(away * world[:, depth].mean()), hull))
+        hull = _hull(flat)
+        if len(hull) >= 3:  # not seen edge on
+            found.append(Outline(float(away * world[:, depth].mean()), hull))
     return found
+
+
+_TURNS = 2 * np.pi * (np.arange(48) + 0.37) / 48
+_WAYS = np.stack([np.cos(_TURNS), np.sin(_TURNS)])
+"""Directions in the plane, none of them along an axis."""
+
+
+def _hull(flat: F64) -> F64:
+    """(K, 2) corners of a convex outline, anticlockwise: the outermost points in 48 directions."""
+    corners: F64 = flat[(flat @ _WAYS).argmax(axis=0)]
+    distinct = np.abs(corners - np.roll(corners, 1, axis=0)).max(axis=1) > 1e-9
+    return np.asarray(corners[distinct])
 
 
 def _points(geom: Geom, episode: Episode) -> F64:
