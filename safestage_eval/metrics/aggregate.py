@@ -151,7 +151,7 @@ def rows(found: Sequence[Rate]) -> list[dict[str, Any]]:
     """Rates as plain rows: what they are of, metric, mean and std (percent), k, n, n_seeds."""
     return [
         {
-            **{name: value for name, value in _names(rate.group).items() if value is not None},
+            **{name: value for name, value in names_of(rate.group).items() if value is not None},
             "metric": rate.name,
             "mean": rate.mean,
             "std": rate.std,
@@ -163,7 +163,8 @@ def rows(found: Sequence[Rate]) -> list[dict[str, Any]]:
     ]
 
 
-def _names(group: Group) -> dict[str, str | None]:
+def names_of(group: Group) -> dict[str, str | None]:
+    """What the rows of a table say of a group; None where it is any."""
     by_policy = group.policy is not None
     return {
         "policy": group.policy,

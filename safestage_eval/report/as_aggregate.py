@@ -11,7 +11,7 @@ from typing import Any
 
 from safestage_eval import __version__
 from safestage_eval.metrics import METRICS, Aggregate, Group, Rate
-from safestage_eval.metrics.aggregate import BY_POLICY, quadrants, rows
+from safestage_eval.metrics.aggregate import BY_POLICY, names_of, quadrants, rows
 from safestage_eval.metrics.interval import RESAMPLES, bootstrap, wilson
 from safestage_eval.metrics.rates import ALL, STAGES
 from safestage_eval.metrics.seeds import decimal, shown
@@ -145,7 +145,7 @@ def notes(found: Aggregate) -> list[str]:
     reasons: dict[str, list[str]] = {}
     for _, rate in _rates(found):
         if rate.reason:
-            place = " ".join(str(v) for v in _head(rate.group).values() if v is not None)
+            place = " ".join(v for v in names_of(rate.group).values() if v is not None)
             reasons.setdefault(rate.reason, []).append(f"{place} {rate.name}")
     for reason, places in reasons.items():
         some = ", ".join(places[:3]) + (f" and {len(places) - 3} more" if len(places) > 3 else "")

@@ -135,6 +135,7 @@ def test_two_verdicts_of_a_rule_on_an_episode():
         (b"task,stage\na,FSH\n", "lacks policy, prompt, seed, rollout, success, violation"),
         (b'{"a": 1}\n{"b"', "line 2"),
         (b"[1, 2]", "no results"),
+        (b"task,stage\na,FSH,x\n", "row 1: it has more cells than there are columns"),
         (b"3\n", "row 1|there are none"),
     ],
 )

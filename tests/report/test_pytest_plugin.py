@@ -76,6 +76,7 @@ def test_each_test_says_what_changed_and_why(lab):
         assert re.search(words, said), words
 
 
+@pytest.mark.slow
 def test_updating_writes_what_can_be_judged(lab):
     before = (lab / "kept.json").read_bytes()
     assert "1 failed, 4 passed" in run(lab, "--safestage-update")
