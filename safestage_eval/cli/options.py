@@ -25,7 +25,7 @@ rules_option = click.option(
 
 bind_option = click.option(
     "--bind", type=click.Path(path_type=Path), metavar="FILE",
-    help="Roles, goal, rules and values for traces whose header lacks them.",
+    help="Roles, goal, rules and values for traces whose header lacks them; a file, or libero.",
 )  # fmt: skip
 
 set_option = click.option(

@@ -54,8 +54,8 @@ def load_bound(path: str | Path, rules: Sequence[str | Path] = ()) -> Bound:
     Raises:
         RuleErrors, RuleError: it cannot be used.
     """
-    from safestage_eval.rules import builtin_names, load_bind, load_rules
+    from safestage_eval.rules import builtin_names, find_bind, load_bind, load_rules
 
     load_bind(path, load_rules(list(rules) or builtin_names()))
-    tables = tomllib.loads(Path(path).read_text("utf-8"))
+    tables = tomllib.loads(find_bind(path).read_text("utf-8"))
     return Bound(str(path), tables.get("task", {}), tables.get("episode", {}))

@@ -1,6 +1,6 @@
 """Rule files: TOML in, a checked and hashed rule set out. No geometry."""
 
-from .bind_file import BindFile, bind_tables, load_bind
+from .bind_file import BindFile, bind_names, bind_tables, find_bind, load_bind
 from .diagnostic import Diagnostic, RuleErrors
 from .digest import rule_digest
 from .files import benchmark_names, builtin_names
@@ -18,9 +18,11 @@ __all__ = [
     "RuleSet",
     "benchmark_names",
     "bind_episode",
+    "bind_names",
     "bind_tables",
     "builtin_names",
     "check_rules",
+    "find_bind",
     "load_bind",
     "load_rules",
     "parse_overrides",

@@ -26,10 +26,13 @@ from . import build, structure
 from . import syntax as ast
 from .check import check_goal
 from .diagnostic import Diagnostic, RuleErrors
-from .files import RuleFile, not_toml
+from .files import RuleFile, builtin_folder, not_toml
 from .locate import Keys
 from .names import Names, nearest
 from .usage import Usage
+
+BIND = "bind"
+"""The folder of those that come along, among the rules."""
 
 KINDS = ("task", "episode")
 """Tables that a bind file may have."""
@@ -58,11 +61,24 @@ class BindFile:
         return task in self.tasks or episode in self.episodes
 
 
+def bind_names() -> list[str]:
+    """Names of the bind files that come along: ``libero`` for LIBERO's task suites."""
+    return sorted(path.stem for path in (builtin_folder() / BIND).glob("*.toml"))
+
+
+def find_bind(spec: str | Path) -> Path:
+    """The file of a built-in name, where no file has that name; else the path itself."""
+    path = Path(spec)
+    if not path.exists() and str(spec) in bind_names():
+        return builtin_folder() / BIND / f"{spec}.toml"
+    return path
+
+
 def load_bind(path: str | Path, rules: ast.RuleSet) -> BindFile:
     """Read and check a bind file.
 
     Args:
-        path: of a TOML file.
+        path: of a TOML file, or the name of a built-in one (``bind_names``).
         rules: the rule set that it will be used with, which knows parameters and goals.
 
     Raises:
@@ -71,13 +87,17 @@ def load_bind(path: str | Path, rules: ast.RuleSet) -> BindFile:
     """
     shown = str(path)
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = find_bind(path).read_text(encoding="utf-8")
         return bind_tables(tomllib.loads(text), rules, shown, text)
     except UnicodeDecodeError as error:
         what = f"not UTF-8 text: {error.reason} at byte {error.start}"
         raise RuleErrors([Diagnostic(shown, 1, 1, "R101", what)]) from None
     except OSError as error:
-        raise RuleError(shown, f"cannot be read: {error.strerror}.") from None
+        raise RuleError(
+            shown,
+            f"cannot be read: {error.strerror}.",
+            f"a TOML file, or a built-in name: {', '.join(bind_names())}",
+        ) from None
     except tomllib.TOMLDecodeError as error:
         raise RuleErrors([not_toml(shown, text, str(error))]) from None
 
