@@ -44,7 +44,7 @@ def there_and_back(task: str, reference: str, folder: Path) -> tuple[Episode, Ep
     return episode, replace(back, header=kept, _contacts=back.contacts, _frames=back.frames)
 
 
-@pytest.fixture(scope="module", params=["safe", "unsafe"])
+@pytest.fixture(scope="module", params=["unsafe", pytest.param("safe", marks=pytest.mark.slow)])
 def pair(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Episode, Episode]:
