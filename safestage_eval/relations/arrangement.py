@@ -44,8 +44,11 @@ class Arrangement:
         if pair not in self._rows:
             frame, normal, force = self._episode.contacts.of_pair(pair, "frame", "normal", "force")
             rows = np.flatnonzero(np.einsum("ck,ck->c", normal, force))
-            self._rows[pair] = rows[np.argsort(frame[rows], kind="stable")]
-            self._frames[pair] = frame[self._rows[pair]]
+            some = frame.take(rows)
+            if len(self._episode) <= 1 << 16:  # two bytes: sorted by counting, ten times faster
+                some = some.astype(np.uint16)
+            self._rows[pair] = rows.take(np.argsort(some, kind="stable"))
+            self._frames[pair] = frame.take(self._rows[pair])
         return self._rows[pair]
 
     def frames(self, pair: Pair) -> NDArray[np.int32]:
@@ -74,11 +77,14 @@ class Arrangement:
         signature = np.zeros(frames, np.int64)
         for pair in pairs:
             geom1, geom2 = self._episode.contacts.of_pair(pair, "geom1", "geom2")
-            mixed = (
-                geom1.astype(np.int64) * 73856093 ^ geom2.astype(np.int64) * 19349663
-            ) % 1000003 + 1
+            if not len(geom1):
+                continue
+            if (geom1 == geom1[0]).all() and (geom2 == geom2[0]).all():  # one geom on each side
+                points = np.bincount(self.frames(pair), minlength=frames)
+                signature += _mixed(geom1[0], geom2[0]) * points
+                continue
             # whole numbers below 2⁵³ add up exactly in float64
-            weights = mixed[self.rows(pair)]
+            weights = _mixed(geom1, geom2)[self.rows(pair)]
             signature += np.bincount(self.frames(pair), weights, frames).astype(np.int64)
         changed = np.flatnonzero(signature[1:] != signature[:-1]) + 1
         return np.concatenate([[0], changed, [frames]])
@@ -144,8 +150,10 @@ class Arrangement:
         if len(track) == 1:  # it never moves
             return stays
         for values, room in ((track.position, SHIFTED / 4), (track.orientation, TURNED / 40)):
-            for column in values[frames].T:
-                stays &= np.abs(column - column[0]) < room
+            near = np.abs(_at(values, frames[1:]) - values[frames[0]]) < room
+            if not near.all():
+                for column in near.T:
+                    stays[1:] &= column
         return stays
 
     def _rearranged(self, pairs: Iterable[Pair], frames: NDArray[np.intp]) -> Bool:
@@ -186,6 +194,22 @@ class Arrangement:
                 axis=1,
             )
         return self._layout[pair]
+
+
+def _at(values: NDArray[np.float32], frames: NDArray[np.intp]) -> NDArray[np.float32]:
+    """The values (T, k) at ascending frames (N,): not copied where no frame is left out."""
+    if not len(frames):
+        return values[:0]
+    first, last = int(frames[0]), int(frames[-1])
+    if last - first + 1 == len(frames):
+        return values[first : last + 1]
+    return values.take(frames, axis=0)
+
+
+def _mixed(geom1: NDArray[np.uint16], geom2: NDArray[np.uint16]) -> NDArray[np.int64]:
+    """A number that stands for a pair of geoms."""
+    mixed = geom1.astype(np.int64) * 73856093 ^ geom2.astype(np.int64) * 19349663
+    return np.asarray(mixed % 1000003 + 1)
 
 
 _AXES = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
