@@ -154,27 +154,20 @@ class _StoredEpisode:
         return StoredTrack(lambda columns: self.track_columns(body, columns))
 
     def track_columns(self, body: str, columns: tuple[str, ...]) -> dict[str, NDArray[np.float32]]:
-        source = self.bodies_table
-        axes = {c: ("w", *XYZ) if c == "orientation" else XYZ for c in columns}
-        names = [f"{column}.{axis}" for column in columns for axis in axes[column]]
-        if body not in self._in_order:
-            names.insert(0, "frame_index")
-        table = source.rows(names, self.index, body)
-        rows = len(table)
-        if rows == 0:
-            raise TraceError(self.where, f"body {body!r} has no poses in {source.path}")
-        if body not in self._in_order:
-            self.in_order(
-                source.numbers(table, "frame_index", np.int32),
-                f"body {body!r}",
-                1 if rows == 1 else self.length,
-            )
-            self._in_order.add(body)
-        loaded = {}
+        source, loaded = self.bodies_table, {}
         for column in columns:
-            values = np.empty((rows, len(axes[column])), np.float32)
-            for i, axis in enumerate(axes[column]):
-                values[:, i] = source.numbers(table, f"{column}.{axis}", np.float32)
+            axes = ("w", *XYZ) if column == "orientation" else XYZ
+            names = [f"{column}.{axis}" for axis in axes]
+            values = source.values(names, np.float32, self.index, body)
+            if len(values) == 0:
+                raise TraceError(self.where, f"body {body!r} has no poses in {source.path}")
+            if body not in self._in_order:
+                self.in_order(
+                    source.values(("frame_index",), np.int32, self.index, body)[:, 0],
+                    f"body {body!r}",
+                    1 if len(values) == 1 else self.length,
+                )
+                self._in_order.add(body)
             self.demand(check_track_column(column, values, body, self.length, self.where))
             loaded[column] = values
         return loaded

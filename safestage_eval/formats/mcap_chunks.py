@@ -12,10 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-try:  # the same number, four times faster
-    from isal.isal_zlib import crc32
-except ImportError:  # no such package for this machine
-    from zlib import crc32
+from .checksum import crc32
 
 CHANNEL, MESSAGE = 4, 5
 PREFIX = 9

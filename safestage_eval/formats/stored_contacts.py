@@ -129,44 +129,34 @@ class _ByPair:
         return [(pair, slice(*cuts[i : i + 2])) for i, pair in enumerate(pairs)]
 
     def columns(self, pair: Pair, names: tuple[str, ...]) -> tuple[NDArray[Any], ...]:
-        wanted = dict.fromkeys(column for name in names for column in _stored_names(name))
-        missing = [column for column in wanted if (pair, column) not in self._known]
-        if missing:
-            self._load(pair, missing)
-        return tuple(self._whole(pair, name) for name in names)
+        return tuple(self._column(pair, name) for name in names)
 
-    def _whole(self, pair: Pair, name: str) -> NDArray[Any]:
-        """A column of the table; a vector is put together from its components once."""
-        stored = _stored_names(name)
-        if len(stored) == 1:
-            return self._known[pair, stored[0]]
-        if (pair, name) not in self._known:
-            self._known[pair, name] = np.stack([self._known[pair, axis] for axis in stored], 1)
-        return self._known[pair, name]
+    def _column(self, pair: Pair, name: str) -> NDArray[Any]:
+        """A column of the table, or one component of a vector."""
+        known = self._known.get((pair, name))
+        vector, _, axis = name.partition(".")
+        if known is None and (pair, vector) in self._known:
+            known = self._known[pair, vector][:, XYZ.index(axis)]
+        if known is None:
+            known = self._known[pair, name] = self._load(pair, name)
+        return known
 
-    def _load(self, pair: Pair, columns: list[str]) -> None:
+    def _load(self, pair: Pair, name: str) -> NDArray[Any]:
         source, places = self._source, (self.places or {}).get(pair, [])
-        parts: dict[str, list[NDArray[Any]]] = {column: [] for column in columns}
-        for number, part in places:
-            rows = source.table.read([number], columns)
-            for column, some in parts.items():
-                some.append(source.table.numbers(rows, column, _dtype(column))[part])
-        for column, some in parts.items():
-            values = some[0] if len(some) == 1 else _joined(some, column)
-            if column == "frame_index":
-                source.demand(check_frame_range(values, source.frames, source.where))
-            elif column in GEOMS:
-                side = column[-1]
-                body = pair[int(side) - 1]
-                source.demand(check_geom_owner(side, values, body, source.geom_owner, source.where))
-            else:
-                name = column.partition(".")[0]
-                source.demand(check_finite(values, f"contact {name}", source.where))
-            self._known[pair, column] = values
-
-
-def _joined(parts: list[NDArray[Any]], column: str) -> NDArray[Any]:
-    return np.concatenate(parts) if parts else np.zeros(0, _dtype(column))
+        stored, dtype = _stored_names(name), _dtype(name)
+        parts = [source.table.block([number], stored, dtype)[part] for number, part in places]
+        none = np.zeros((0, len(stored)), dtype)
+        found = parts[0] if len(parts) == 1 else np.concatenate([none, *parts])
+        values = found if len(stored) > 1 else found[:, 0]
+        if name == "frame":
+            source.demand(check_frame_range(values, source.frames, source.where))
+        elif name in GEOMS:
+            side = name[-1]
+            body = pair[int(side) - 1]
+            source.demand(check_geom_owner(side, values, body, source.geom_owner, source.where))
+        else:
+            source.demand(check_finite(values, f"contact {name.partition('.')[0]}", source.where))
+        return values
 
 
 def _stored_names(name: str) -> list[str]:
@@ -176,13 +166,8 @@ def _stored_names(name: str) -> list[str]:
     return [f"{name}.{axis}" for axis in XYZ] if name in CONTACT_VECTORS else [name]
 
 
-def _dtype(column: str) -> Any:
-    return np.int32 if column == "frame_index" else np.uint16 if column in GEOMS else np.float32
-
-
-def _column(table: StoredTable, rows: Any, columns: list[str]) -> NDArray[Any]:
-    parts = [table.numbers(rows, column, _dtype(column)) for column in columns]
-    return np.stack(parts, 1) if len(parts) > 1 else parts[0]
+def _dtype(name: str) -> Any:
+    return np.int32 if name == "frame" else np.uint16 if name in GEOMS else np.float32
 
 
 class _ByFrame:
@@ -222,10 +207,10 @@ class _ByFrame:
         return found, order
 
     def _column(self, name: str) -> NDArray[Any]:
-        table, stored = self._source.table, _stored_names(name)
-        rows = table.rows(stored, self._source.episode_index)
+        source, stored = self._source, _stored_names(name)
+        values = source.table.values(stored, _dtype(name), source.episode_index)
         # five times faster than values[order]
-        return _column(table, rows, stored).take(self._keys[1], axis=0)
+        return (values if len(stored) > 1 else values[:, 0]).take(self._keys[1], axis=0)
 
 
 def _frame_order(

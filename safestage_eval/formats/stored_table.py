@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
+from weakref import finalize
 
 import numpy as np
 import pyarrow as pa
@@ -15,65 +19,25 @@ from numpy.typing import DTypeLike, NDArray
 from safestage_eval.errors import TraceError
 
 from .arrow_tables import schema
-
-KEYS = ("episode_index", "body", "body1", "body2")
-"""Columns that rows are looked up by."""
-
-
-class Group(NamedTuple):
-    """A row group: its number, its rows, and the least and greatest of each key that it states."""
-
-    number: int
-    rows: int
-    limits: dict[str, tuple[Any, Any]]
-
-    def single(self, key: str) -> Any:
-        """The only value of a key; None where there are several, or the file does not say."""
-        least, greatest = self.limits.get(key, (None, None))
-        return least if least == greatest else None
-
-    def may_hold(self, **keys: Any) -> bool:
-        """Rows with these values may be in it; None stands for any value."""
-        for key, value in keys.items():
-            if value is not None and key in self.limits:
-                least, greatest = self.limits[key]
-                if not least <= value <= greatest:
-                    return False
-        return True
-
-    def only(self, **keys: Any) -> bool:
-        """All of its rows have these values; None stands for any value."""
-        return all(value is None or self.single(key) == value for key, value in keys.items())
+from .parquet_columns import read_columns
+from .parquet_footer import Footer, Group, by_pyarrow, read_footer
 
 
-class Footer(NamedTuple):
-    """What the end of a file says: its metadata, row groups, and the names of its columns."""
+@dataclass
+class Known:
+    """What the end of a file says, also as pyarrow wants it once it has read the file."""
 
-    metadata: pq.FileMetaData
-    groups: tuple[Group, ...]
-    columns: frozenset[str]
-
-    @classmethod
-    def of(cls, metadata: pq.FileMetaData) -> Footer:
-        """Read from metadata; raises UnicodeDecodeError for names that are no text."""
-        names = [metadata.schema.column(i).path for i in range(metadata.num_columns)]
-        keys = {key: names.index(key) for key in KEYS if key in names}
-        groups = []
-        for i in range(metadata.num_row_groups):
-            group, limits = metadata.row_group(i), {}
-            for key, place in keys.items():
-                found = group.column(place).statistics
-                if found is not None and found.has_min_max and not found.null_count:
-                    limits[key] = found.min, found.max
-            groups.append(Group(i, group.num_rows, limits))
-        columns = frozenset(metadata.schema.to_arrow_schema().names)
-        return cls(metadata, tuple(groups), columns)
+    footer: Footer | None
+    metadata: pq.FileMetaData | None = None
 
 
-FOOTERS: dict[tuple[Path, int, int], Footer] = {}
+FOOTERS: dict[tuple[Path, int, int], Known] = {}
 """By path, time of change and size: shards hold many episodes, and their footers are large."""
 
 _FOOTERS_KEPT = 32
+
+NUMBERS = ("bodies", "contacts")
+"""Tables of numbers, of which much is read: pyarrow is not needed for that."""
 
 
 class StoredTable:
@@ -97,21 +61,32 @@ class StoredTable:
                 fix="copy the dataset again, with all of its folders",
             ) from None
         key = path, stat.st_mtime_ns, stat.st_size
-        known = FOOTERS.get(key)
         try:
-            self._file = pq.ParquetFile(
-                path,
-                metadata=known.metadata if known else None,
-                pre_buffer=False,
-                page_checksum_verification=True,
+            self._open = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+            finalize(self, os.close, self._open)
+            self._known = FOOTERS.get(key) or Known(
+                read_footer(self._open) if table in NUMBERS else None
             )
-            if known is None:
-                known = FOOTERS[key] = Footer.of(self._file.metadata)
-                if len(FOOTERS) > _FOOTERS_KEPT:
-                    FOOTERS.pop(next(iter(FOOTERS)), None)
+            if self._known.footer is None:
+                self._known.footer = by_pyarrow(self._file.metadata)
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # a name may be damaged
             raise _unreadable(path, error) from None
-        self._groups, self.columns = known.groups, known.columns
+        FOOTERS[key] = self._known
+        if len(FOOTERS) > _FOOTERS_KEPT:
+            FOOTERS.pop(next(iter(FOOTERS)), None)
+        self._footer = self._known.footer
+        self._found: dict[tuple[int, str | None], tuple[list[Group], bool]] = {}
+        self._groups, self.columns = self._footer.groups, self._footer.columns
+
+    @cached_property
+    def _file(self) -> pq.ParquetFile:
+        """The file as pyarrow reads it, which takes long to open."""
+        known = self._known
+        file = pq.ParquetFile(
+            self.path, metadata=known.metadata, pre_buffer=False, page_checksum_verification=True
+        )
+        known.metadata = file.metadata
+        return file
 
     def all(self, columns: Sequence[str]) -> pa.Table:
         """The columns, which must be there, for all rows. Raises TraceError on damaged bytes."""
@@ -123,17 +98,10 @@ class StoredTable:
         Raises:
             TraceError: a column is missing, or the bytes cannot be read.
         """
-        groups = self.groups(episode, body)
-        exact = all(group.only(episode_index=episode, body=body) for group in groups)
+        groups, exact = self._of_body(episode, body)
         keys = [] if exact else ["episode_index"] if body is None else ["episode_index", "body"]
         wanted = [*columns, *(key for key in keys if key not in columns)]
-        for name in wanted:
-            if name not in self.columns:
-                raise TraceError(
-                    str(self.path),
-                    f"the column {name!r} is missing; there are {', '.join(sorted(self.columns))}.",
-                    ", ".join(self.names),
-                )
+        self._demand(wanted)
         table = self.read([group.number for group in groups], wanted)
         if exact:
             return table
@@ -141,6 +109,54 @@ class StoredTable:
         if body is not None:
             keep = pc.and_(keep, pc.equal(table["body"], body))
         return table.filter(keep)
+
+    def values(
+        self, columns: Sequence[str], dtype: DTypeLike, episode: int, body: str | None = None
+    ) -> NDArray[Any]:
+        """Columns of numbers as (rows, columns), of the rows that ``rows`` finds; raises as it does."""
+        groups, exact = self._of_body(episode, body)
+        if exact:
+            return self.block([group.number for group in groups], columns, dtype)
+        return self._stacked(self.rows(columns, episode, body), columns, dtype)
+
+    def block(
+        self, groups: Sequence[int], columns: Sequence[str], dtype: DTypeLike
+    ) -> NDArray[Any]:
+        """Columns of numbers as (rows, columns), all rows of some row groups; raises as ``rows``."""
+        self._demand(columns)
+        stored = np.dtype(dtype if np.dtype(dtype).itemsize == 4 else np.int32)
+        rows = [self._groups[group].rows for group in groups]
+        out, first = np.empty((sum(rows), len(columns)), stored), 0
+        for group, count in zip(groups, rows, strict=True):
+            part = out[first : first + count]
+            if not read_columns(self._open, self._footer, group, columns, part):
+                return self._stacked(self.read(groups, columns), columns, dtype)
+            first += count
+        return out.astype(dtype, copy=False)
+
+    def _stacked(self, table: pa.Table, columns: Sequence[str], dtype: DTypeLike) -> NDArray[Any]:
+        out = np.empty((len(table), len(columns)), dtype)
+        for i, column in enumerate(columns):
+            out[:, i] = self.numbers(table, column, dtype)
+        return out
+
+    def _demand(self, columns: Sequence[str]) -> None:
+        """Raise when a column is missing."""
+        for name in columns:
+            if name not in self.columns:
+                raise TraceError(
+                    str(self.path),
+                    f"the column {name!r} is missing; there are {', '.join(sorted(self.columns))}.",
+                    ", ".join(self.names),
+                )
+
+    def _of_body(self, episode: int, body: str | None) -> tuple[list[Group], bool]:
+        """``groups``, and whether they hold no other rows."""
+        if (episode, body) not in self._found:
+            groups = self.groups(episode, body)
+            exact = all(group.only(episode_index=episode, body=body) for group in groups)
+            self._found[episode, body] = groups, exact
+        return self._found[episode, body]
 
     def groups(self, episode: int, body: str | None = None) -> list[Group]:
         """The row groups that may hold rows of an episode (and of one body), in stored order."""

@@ -1,0 +1,59 @@
+"""How the kernels of rooms before geometry are compiled, and where the machine code is kept.
+
+Numba's own cache looks only at the file of the function it compiles: a kernel that calls an edited
+helper in another file would keep the old helper. So the cache folder is named after the content of
+all files of the kernel's room (its folder), and stale machine code can never answer. Kernels
+therefore call no kernels of another room.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@cache
+def cache_folder(room: Path) -> Path:
+    """Beside the room's sources where that is writable, else under the user's cache folder."""
+    digest = hashlib.sha256(Path(__file__).read_bytes())
+    for source in sorted(room.glob("*.py")):
+        digest.update(source.read_bytes())
+    name = f"kernels-{digest.hexdigest()[:12]}"
+    if os.access(room, os.W_OK):
+        return room / "__pycache__" / name
+    return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "safestage" / name
+
+
+def kernel(function: F) -> F:
+    """Compile on first call, with IEEE arithmetic (no fast-math), without the GIL, and keep it.
+
+    References to arrays are not counted: whoever calls it holds them until it returns. So it cannot
+    allocate; that is an error when it is compiled.
+    """
+    return _compiled(function, inline=False)
+
+
+def helper(function: F) -> F:
+    """As kernel, for a small function: its code goes into its callers."""
+    return _compiled(function, inline=True)
+
+
+def _compiled(function: F, *, inline: bool) -> F:
+    chosen = numba.config.CACHE_DIR
+    if not chosen:
+        numba.config.CACHE_DIR = str(cache_folder(Path(function.__code__.co_filename).parent))
+    try:
+        compile_it = numba.njit(
+            cache=True, nogil=True, error_model="numpy", forceinline=inline, _nrt=False
+        )
+        return cast(F, compile_it(function))
+    finally:
+        numba.config.CACHE_DIR = chosen

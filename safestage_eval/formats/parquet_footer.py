@@ -1,0 +1,207 @@
+"""What the end of a Parquet file says: its row groups, and where their columns are.
+
+Field numbers are those of ``parquet.thrift`` in the Parquet format specification.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+KEYS = ("episode_index", "body", "body1", "body2")
+"""Columns that rows are looked up by."""
+
+# fields of a column's metadata
+CODEC, VALUES, COMPRESSED, FIRST_PAGE, DICTIONARY = 4, 5, 7, 9, 11
+TYPE = 1
+_END = 1 << 16
+"""Bytes at the end of a file that are read at once: nearly every footer is in them."""
+
+INT32, INT64, BYTES = 1, 2, 6
+"""Physical types of keys."""
+_OPTIONAL = 1
+
+# fields of an element of the schema
+_REPETITION, _NAME, _INSIDE, _MEANING = 3, 4, 5, 6
+_WHOLE_NUMBERS = range(11, 19)
+"""UINT_8 to INT_64."""
+
+
+class Group(NamedTuple):
+    """A row group: its number, its rows, and the least and greatest of each key that it states."""
+
+    number: int
+    rows: int
+    limits: dict[str, tuple[Any, Any]]
+
+    def single(self, key: str) -> Any:
+        """The only value of a key; None where there are several, or the file does not say."""
+        least, greatest = self.limits.get(key, (None, None))
+        return least if least == greatest else None
+
+    def may_hold(self, **keys: Any) -> bool:
+        """Rows with these values may be in it; None stands for any value."""
+        for key, value in keys.items():
+            if value is not None and key in self.limits:
+                least, greatest = self.limits[key]
+                if not least <= value <= greatest:
+                    return False
+        return True
+
+    def only(self, **keys: Any) -> bool:
+        """All of its rows have these values; None stands for any value."""
+        return all(value is None or self.single(key) == value for key, value in keys.items())
+
+
+class Leaf(NamedTuple):
+    """A column of single values.
+
+    Attributes:
+        place: among the columns that hold values.
+        optional: values may be missing.
+        number: it is of numbers, as far as it says: no dates, no decimals.
+    """
+
+    place: int
+    optional: bool
+    number: bool
+
+
+class Footer(NamedTuple):
+    """Row groups and columns of a file.
+
+    Attributes:
+        groups: in the file's order.
+        columns: names, of lists and records too.
+        leaves: name → where the column is; without those in lists and records.
+        chunks: (groups, columns, 16) int64, fields of each column's metadata by number; None where
+            only pyarrow can tell.
+    """
+
+    groups: tuple[Group, ...]
+    columns: frozenset[str]
+    leaves: Mapping[str, Leaf]
+    chunks: NDArray[np.int64] | None
+
+
+def by_pyarrow(metadata: pq.FileMetaData) -> Footer:
+    """Read by pyarrow, whatever the file; raises UnicodeDecodeError for names that are no text."""
+    names = [metadata.schema.column(i).path for i in range(metadata.num_columns)]
+    keys = {key: names.index(key) for key in KEYS if key in names}
+    groups = []
+    for i in range(metadata.num_row_groups):
+        group, limits = metadata.row_group(i), {}
+        for key, place in keys.items():
+            found = group.column(place).statistics
+            if found is not None and found.has_min_max and not found.null_count:
+                limits[key] = found.min, found.max
+        groups.append(Group(i, group.num_rows, limits))
+    columns = frozenset(metadata.schema.to_arrow_schema().names)
+    return Footer(tuple(groups), columns, {}, None)
+
+
+def read_footer(file: int) -> Footer | None:
+    """Read from an open file by its descriptor; None if it is not as expected.
+
+    Likewise where the compiler of kernels has not been loaded, which takes much longer and 50 MB:
+    whoever measures shapes has it loaded.
+    """
+    if "numba" not in sys.modules:
+        return None
+    size = os.lseek(file, 0, os.SEEK_END)
+    tail = min(size, _END)
+    os.lseek(file, -tail, os.SEEK_END)
+    end = os.read(file, tail)
+    length = int.from_bytes(end[-8:-4], "little") + 8
+    if tail < length <= size:
+        os.lseek(file, -length, os.SEEK_END)
+        end = os.read(file, length)
+    if end[-4:] != b"PAR1" or not 8 < length <= len(end):
+        return None
+    return parse(end[-length:-8])
+
+
+def parse(data: bytes) -> Footer | None:
+    """Read from the bytes of a footer, in a third of the time; None if it is not as expected."""
+    from .footer_kernels import tables
+
+    told = tables(np.frombuffer(data, np.uint8))
+    if told is None:
+        return None
+    schema, rows, chunks, statistics = told
+    try:
+        leaves, columns, places = _schema(data, schema.tolist())
+        chunks = chunks.reshape(len(rows), places, -1)
+        limits = _limits(data, leaves, chunks, statistics.reshape(len(rows), places, -1, 2))
+    except (IndexError, ValueError):  # UnicodeDecodeError is a ValueError
+        return None
+    groups = tuple(map(Group, range(len(rows)), rows.tolist(), limits))
+    return Footer(groups, columns, leaves, chunks)
+
+
+def _schema(
+    data: bytes, elements: list[list[list[int]]]
+) -> tuple[dict[str, Leaf], frozenset[str], int]:
+    """Columns of plain values, names of all columns, and how many columns of values there are."""
+    leaves: dict[str, Leaf] = {}
+    names, place = [], 0
+    todo = [elements[0][_INSIDE][0]]  # elements that are left on each level
+    for element in elements[1:]:
+        while todo[-1] == 0:
+            todo.pop()
+        todo[-1] -= 1
+        at, size = element[_NAME]
+        name, top = data[at : at + size].decode(), len(todo) == 1
+        if top:
+            names.append(name)
+        if element[_INSIDE][0] > 0:
+            todo.append(element[_INSIDE][0])
+        else:
+            repetition, meaning = element[_REPETITION][0], element[_MEANING][0]
+            if top and repetition <= _OPTIONAL:
+                number = meaning == -1 or meaning in _WHOLE_NUMBERS
+                leaves[name] = Leaf(place, repetition == _OPTIONAL, number)
+            place += 1
+    if len(set(names)) < len(names):
+        raise ValueError
+    return leaves, frozenset(names), place
+
+
+def _limits(
+    data: bytes,
+    leaves: Mapping[str, Leaf],
+    chunks: NDArray[np.int64],
+    statistics: NDArray[np.int64],
+) -> list[dict[str, tuple[Any, Any]]]:
+    """Of each group the least and greatest value of the keys, where they are exact."""
+    found: list[dict[str, tuple[Any, Any]]] = [{} for _ in chunks]
+    for key in KEYS:
+        if key not in leaves:
+            continue
+        place = leaves[key].place
+        (missing, _, greatest, least, *exact), (_, _, greatest_size, least_size, *_) = statistics[
+            :, place
+        ].T.tolist()
+        kinds = chunks[:, place, TYPE].tolist()
+        for i, kind in enumerate(kinds):
+            if kind not in (INT32, INT64, BYTES) or greatest[i] < 0 or least[i] < 0:
+                continue
+            if missing[i] > 0 or exact[0][i] == 0 or exact[1][i] == 0:
+                continue
+            low = data[least[i] : least[i] + least_size[i]]
+            high = data[greatest[i] : greatest[i] + greatest_size[i]]
+            if kind == BYTES:
+                found[i][key] = low.decode(), high.decode()
+            else:
+                found[i][key] = _whole(low), _whole(high)
+    return found
+
+
+def _whole(text: bytes) -> int:
+    return int.from_bytes(text, "little", signed=True)
