@@ -49,7 +49,7 @@ def section(again: Again, said: Said) -> tuple[str, tuple[str, ...]]:
     parts = [_head(again)]
     parts += [f'<p class="note">{escape(line)}</p>' for line in differs]
     for rule, verdict in found[:MOST]:
-        parts.append(_evidence(again, rule, verdict))
+        parts.append(evidence(again, rule, verdict))
     parts += [_sentence(verdict) for _, verdict in found[MOST:]]
     if found:
         parts.append(_key_frame(again, found[0][1]))
@@ -77,7 +77,8 @@ def _head(again: Again) -> str:
     return f'<p class="facts">{" · ".join(escape(fact) for fact in facts if fact)}</p>'
 
 
-def _evidence(again: Again, rule: ast.Scoped, verdict: Verdict) -> str:
+def evidence(again: Again, rule: ast.Scoped, verdict: Verdict) -> str:
+    """A verdict in words, what it rests on over time, and its numbers, as HTML."""
     episode = again.episode
     parts = [_sentence(verdict)]
     if isinstance(rule, ast.Rule):

@@ -36,7 +36,7 @@ def timeline(t: F64, looked: Looked, verdict: Verdict, success: float | None) ->
     """
     curves, lanes = looked.curves[:CURVES], looked.lanes[:6]
     across = Scale(float(t[0]), float(t[-1]), LEFT, WIDTH - RIGHT)
-    top, parts, panels = 20.0, [], []
+    top, parts, panels = 32.0, [], []  # moments are named above, at 10
     for curve in curves:
         panels.append((curve, top))
         top += PANEL + GAP
