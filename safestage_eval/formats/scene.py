@@ -10,16 +10,7 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from safestage_eval.episode import Episode, Geom, Mesh
 
-from .urdf import PLANE_SIZE, rotation_matrix
-
-COLOURS = {
-    "robot": (0.55, 0.57, 0.60, 1.0),
-    "gripper": (0.25, 0.27, 0.30, 1.0),
-    "object": (0.85, 0.55, 0.20, 1.0),
-    "fixture": (0.75, 0.72, 0.66, 1.0),
-    "region": (0.30, 0.60, 0.90, 0.25),
-}
-"""Kind of body → r, g, b, a."""
+from .urdf import COLOURS, PLANE_SIZE, rotation_matrix
 
 
 def to_scene(episode: Episode, nanoseconds: int) -> SceneUpdate:

@@ -12,6 +12,15 @@ from safestage_eval.episode import Episode, Geom
 PLANE_SIZE = 4.0
 """m, edge of the square that stands for an unbounded plane."""
 
+COLOURS = {
+    "robot": (0.55, 0.57, 0.60, 1.0),
+    "gripper": (0.25, 0.27, 0.30, 1.0),
+    "object": (0.85, 0.55, 0.20, 1.0),
+    "fixture": (0.75, 0.72, 0.66, 1.0),
+    "region": (0.30, 0.60, 0.90, 0.25),
+}
+"""Kind of body → r, g, b, a in viewers."""
+
 
 def to_urdf(episode: Episode) -> str:
     """One link per body on floating joints, moved by the transforms of ``/tf``.
@@ -24,6 +33,7 @@ def to_urdf(episode: Episode) -> str:
     SubElement(robot, "link", name="world")
     for body in episode.header.bodies:
         link = SubElement(robot, "link", name=body.name)
+        colour = " ".join(f"{value:g}" for value in COLOURS[body.kind])
         for geom in body.geoms:
             for shape, offset in _shapes(geom, episode):
                 visual = SubElement(link, "visual")
@@ -31,6 +41,8 @@ def to_urdf(episode: Episode) -> str:
                 xyz = np.asarray(geom.position) + rotation @ offset
                 SubElement(visual, "origin", xyz=_text(xyz), rpy=_text(roll_pitch_yaw(rotation)))
                 SubElement(visual, "geometry").append(shape)
+                material = SubElement(visual, "material", name=body.kind)
+                SubElement(material, "color", rgba=colour)
         joint = SubElement(robot, "joint", name=f"world_to_{body.name}", type="floating")
         SubElement(joint, "parent", link="world")
         SubElement(joint, "child", link=body.name)

@@ -91,9 +91,9 @@ def test_player_strip_timelines_and_findings_share_one_time(pages, tab):
     tab.locator("body").press(".")
     assert now() == pytest.approx(first + 1 / 15, abs=1e-3)
 
-    tab.evaluate("view.replay.speed = 4; view.seek(0)")
+    tab.evaluate("view.replay.speed = 0.01; view.seek(0)")
     tab.locator("[data-play]").click()
-    tab.wait_for_function("view.now() > 0.2")
+    tab.wait_for_function("view.now() > 0")
     tab.locator("[data-play]").click()
     assert tab.locator("[data-play]").inner_text() == "Play"
     assert all(url.startswith(("file:", "data:")) for url in asked)
