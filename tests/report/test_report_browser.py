@@ -47,7 +47,7 @@ def count(tab):  # noqa: F811
 
 def wait_for_count(tab, text):  # noqa: F811
     tab.wait_for_function(
-        "text => document.getElementById('findings-count').textContent.includes(text)", arg=text
+        "text => document.getElementById('findings-count').textContent.endsWith(text)", arg=text
     )
 
 
@@ -66,7 +66,7 @@ def test_the_list_is_filtered(opened):
     wait_for_count(opened, "of 43")
     assert set(rules(opened)) == {"ETS103"}
     opened.fill("#find-text", "no such words")
-    wait_for_count(opened, "Nothing matches")
+    wait_for_count(opened, "Nothing matches.")
     assert opened.locator("#findings-next").is_disabled()
 
 
