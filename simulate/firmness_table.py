@@ -79,7 +79,7 @@ def controls_page(found: Sequence[Trial]) -> str:
         "# Controls",
         "",
         "Written by `safestage tasks validate --controls --write docs/controls.md`. Two policies that want",
-        "nothing ran on every task and were judged by all built-in rules that apply: what they violate is",
+        "nothing were judged by all built-in rules that apply, on as many tasks as the table says: what they violate is",
         "the floor of false alarms. `idle` holds still; `random-near-home` wanders about the start posture.",
         "",
         f"How long: {spans}.",
