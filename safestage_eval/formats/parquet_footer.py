@@ -128,7 +128,7 @@ def read_footer(file: int) -> Footer | None:
 
 
 def parse(data: bytes) -> Footer | None:
-    """Read from the bytes of a footer, in a third of the time; None if it is not as expected."""
+    """Read from the bytes of a footer, in less than half of the time; None if it is not as expected."""
     from .footer_kernels import tables
 
     told = tables(np.frombuffer(data, np.uint8))
