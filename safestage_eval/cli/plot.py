@@ -49,10 +49,11 @@ def command(
       safestage plot traces/ "speed(target)" "tilt(target)" -e bottle_on_shelf.reference-unsafe -o bottle.svg
     """
     from safestage_eval.report import as_plot
+    from safestage_eval.report.figure import ready
     from safestage_eval.rules import builtin_names, load_bind, load_rules
     from safestage_eval.whatif.again import Again
 
-    as_plot.ready(output)
+    ready("--output", output)
     ref = chosen_ref(trace, None, episode)
     loaded = load_rules(list(rules) or builtin_names())
     announce_compiling()

@@ -88,13 +88,14 @@ def command(
         raise click.UsageError(f"--set {param}: it is swept; leave one of the two out")
     from safestage_eval.formats import discover
     from safestage_eval.report import as_curve
+    from safestage_eval.report.figure import ready
     from safestage_eval.rules import builtin_names, load_rules
     from safestage_eval.scoring import matching
     from safestage_eval.whatif import sweep as sweeps
     from safestage_eval.whatif.values import between, chosen
 
     if plot is not None:
-        as_curve.ready(plot)
+        ready("--plot", plot)
     specs = list(rules) or builtin_names()
     loaded = load_rules(specs)
     visited = (

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from safestage_eval import __version__
-from safestage_eval.errors import InputError
 from safestage_eval.metrics import METRICS
 from safestage_eval.whatif.values import amount, factor_of, text_of, unit_name
 
 from .as_table import rate
+from .figure import ready, write
 
 if TYPE_CHECKING:
     from safestage_eval.whatif.sweep import Sweep
@@ -105,21 +105,6 @@ def _json(sweep: Sweep, by: Sequence[str]) -> str:
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 
-def ready(path: Path) -> None:
-    """Whether a plot can be drawn at all, to be asked before anything is measured.
-
-    Raises InputError: matplotlib is not installed.
-    """
-    try:
-        import matplotlib  # noqa: F401, ICN001
-    except ImportError:
-        raise InputError(
-            f"--plot {path}",
-            "drawing needs matplotlib, which is not installed.",
-            fix="pip install 'safestage[plot]', or in a checkout pip install -e '.[plot]'",
-        ) from None
-
-
 def plot(sweep: Sweep, path: Path, by: Sequence[str] = ()) -> None:
     """Draw VR and SSR against the parameter, its default marked.
 
@@ -133,7 +118,7 @@ def plot(sweep: Sweep, path: Path, by: Sequence[str] = ()) -> None:
     Raises:
         InputError: matplotlib is not installed, or cannot write such a file.
     """
-    ready(path)
+    ready("--plot", path)
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -154,15 +139,7 @@ def plot(sweep: Sweep, path: Path, by: Sequence[str] = ()) -> None:
     figure.suptitle(f"Rates against {sweep.param}, read by {', '.join(sweep.readers)}", fontsize=11)
     handles, labels = panels[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=160)
-    except (ValueError, OSError) as error:
-        allowed = ", ".join(sorted(figure.canvas.get_supported_filetypes()))
-        said = str(error).partition(" (supported")[0]
-        raise InputError(f"--plot {path}", f"{said}.", f"a name ending in {allowed}") from None
-    finally:
-        plt.close(figure)
+    write(figure, "--plot", path)
 
 
 def _draw(axes: Any, sweep: Sweep, by: Sequence[str], metrics: Sequence[str]) -> None:

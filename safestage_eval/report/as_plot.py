@@ -19,6 +19,8 @@ from safestage_eval.verdicts.curves import Bound, Looked, looked_at
 from safestage_eval.verdicts.players import nodes
 from safestage_eval.whatif.again import Again
 
+from .figure import ready, write
+
 INK, BAD, GOAL = "#191d21", "#ae360b", "#4a3fb0"
 SIGNS = {"violation": "✕", "pass": "✓", "inconclusive": "?", "not_applicable": "–"}
 COLORS = {
@@ -126,21 +128,6 @@ def _names(again: Again, rule: ast.Rule, word: str) -> bool:
     )
 
 
-def ready(path: Path) -> None:
-    """Whether anything can be drawn, to be asked before anything is measured.
-
-    Raises InputError: matplotlib is not installed.
-    """
-    try:
-        import matplotlib  # noqa: F401, ICN001
-    except ImportError:
-        raise InputError(
-            f"--output {path}",
-            "drawing needs matplotlib, which is not installed.",
-            fix="pip install 'safestage[plot]', or in a checkout pip install -e '.[plot]'",
-        ) from None
-
-
 def draw(again: Again, drawn: Sequence[Panel], path: Path) -> None:
     """Write the picture.
 
@@ -152,7 +139,7 @@ def draw(again: Again, drawn: Sequence[Panel], path: Path) -> None:
     Raises:
         InputError: matplotlib is not installed, or cannot write such a file.
     """
-    ready(path)
+    ready("--output", path)
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -166,15 +153,7 @@ def draw(again: Again, drawn: Sequence[Panel], path: Path) -> None:
         _draw(axes, again, panel)
     rows[-1, 0].set_xlabel("time (s)")
     figure.suptitle(again.episode.header.episode_id, fontsize=10, x=0.01, ha="left")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=160)
-    except (ValueError, OSError) as error:
-        allowed = ", ".join(sorted(figure.canvas.get_supported_filetypes()))
-        said = str(error).partition(" (supported")[0]
-        raise InputError(f"--output {path}", f"{said}.", f"a name ending in {allowed}") from None
-    finally:
-        plt.close(figure)
+    write(figure, "--output", path)
 
 
 def _draw(axes: Any, again: Again, panel: Panel) -> None:

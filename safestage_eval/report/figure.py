@@ -1,0 +1,41 @@
+"""Drawings by matplotlib, an extra: whether it is there, and writing a finished one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from safestage_eval.errors import InputError
+
+
+def ready(option: str, path: Path) -> None:
+    """Whether anything can be drawn, to be asked before anything is measured.
+
+    Raises InputError, which names the option: matplotlib is not installed.
+    """
+    try:
+        import matplotlib  # noqa: F401, ICN001
+    except ImportError:
+        raise InputError(
+            f"{option} {path}",
+            "drawing needs matplotlib, which is not installed.",
+            fix="pip install 'safestage[plot]', or in a checkout pip install -e '.[plot]'",
+        ) from None
+
+
+def write(figure: Any, option: str, path: Path) -> None:
+    """Write a figure in the format that the path's ending names, and close it.
+
+    Raises InputError, which names the option: no such format, or the file cannot be written.
+    """
+    from matplotlib import pyplot as plt
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=160)
+    except (ValueError, OSError) as error:
+        allowed = ", ".join(sorted(figure.canvas.get_supported_filetypes()))
+        said = str(error).partition(" (supported")[0]
+        raise InputError(f"{option} {path}", f"{said}.", f"a name ending in {allowed}") from None
+    finally:
+        plt.close(figure)
