@@ -16,8 +16,8 @@ def outer(mesh: Mesh) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
 
     A mesh with faces is taken as it is. A bare set of points becomes its convex hull; of more than
     ``DIRECTIONS`` points only those are kept that are outermost in one of so many directions
-    (a Fibonacci lattice on the sphere), so that the drawn hull lies inside the true one, by about
-    one per cent of its size. Points in a plane have no hull: no triangles.
+    (a Fibonacci lattice on the sphere), so that the drawn hull lies inside the true one, a little
+    smaller. Points in a plane have no hull: no triangles.
     """
     if len(mesh.faces) or len(mesh.vertices) < 4:
         return mesh.vertices, mesh.faces
