@@ -20,6 +20,10 @@ FIELDS = 16
 """Fields of a column's metadata that are kept, by number."""
 FIRST, LAST = 3, 8
 """Likewise of its statistics: values missing, (distinct), greatest, least, whether both are exact."""
+_ELEMENTS = 1 << 12
+"""Most elements of a schema; the formats here have about thirty."""
+_CHUNK_BYTES = 16
+"""Fewest bytes that tell where a column is."""
 _ELSEWHERE, _ENCRYPTED = _CHUNK * MORE + 1, _CHUNK * MORE + 8
 
 
@@ -31,7 +35,9 @@ def tables(data: NDArray[np.uint8]) -> tuple[NDArray[np.int64], ...] | None:
 
     Returns:
         (S, 32, 2) value and length of each field of an element; (G,) rows of a group; (C, 16)
-        values of each column's metadata; (C, 6, 2) of its statistics; all -1 where nothing is said. None for bytes that are no footer, and for columns elsewhere.
+        values of each column's metadata; (C, 6, 2) of its statistics; all -1 where nothing is
+        said. None for bytes that are no footer, for more columns than the bytes can tell of, and
+        for columns in another file.
     """
     found = np.empty((len(data), 3), np.int64)
     count, _ = fields(data, 0, found, stack())
@@ -40,7 +46,7 @@ def tables(data: NDArray[np.uint8]) -> tuple[NDArray[np.int64], ...] | None:
     found = found[:count]
     sizes = np.zeros(3, np.int64)
     _count(found, sizes)
-    if sizes[0] < 1:
+    if not 0 < sizes[0] <= _ELEMENTS or sizes[2] * _CHUNK_BYTES > len(data):
         return None
     schema = np.full((sizes[0], MORE, 2), -1, np.int64)
     rows = np.full(sizes[1], -1, np.int64)

@@ -21,8 +21,10 @@ values, how these are encoded, the checksum (-1 without one), and which column i
 _RLE = 3
 DELTA, SPLIT = 5, 9
 _DATA_PAGE = 5 * MORE
-_MOST = 256
-"""No byte of an LZ4 block stands for more."""
+_MOST, _WITH = 16, 1 << 16
+"""Bytes per value that a page may unpack to, and bytes besides: no encoding here needs more."""
+_BLOCK = 1 << 16
+"""Longest block of differences; writers make blocks of 128."""
 
 
 @kernel
@@ -72,15 +74,15 @@ def find_pages(
             page[BEGIN], page[COLUMN] = at, column
             if kind != 0 or levels != _RLE or page[ENCODING] != encoding:
                 return -1
-            if page[PACKED] < 0 or page[COUNT] <= 0 or page[COUNT] > rows - values:
+            if at > end or not 0 <= page[PACKED] <= end - at:
                 return -1
-            if not 0 <= page[SIZE] <= _MOST * (page[PACKED] + 1):
+            if not 0 < page[COUNT] <= rows - values:
+                return -1
+            if not 0 <= page[SIZE] <= _MOST * page[COUNT] + _WITH:
                 return -1
             at += page[PACKED]
             values += page[COUNT]
             total += 1
-            if at > end:
-                return -1
         if values != rows:
             return -1
     return total
@@ -101,6 +103,8 @@ def _all_there(room: Any, begin: Any, count: Any) -> Any:
         run, at = _varint(room, at)
         if at < 0 or at >= stop or run & 1 or room[at] != 1:
             return -1
+        if not 0 < run >> 1 <= count - seen:
+            return -1
         seen += run >> 1
         at += 1
     return stop if seen == count else -1
@@ -109,7 +113,7 @@ def _all_there(room: Any, begin: Any, count: Any) -> Any:
 @helper
 def _split(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any) -> bool:
     """Floats of which the file has all first bytes, then all second bytes, and so on."""
-    if at + 4 * count > len(room):
+    if at + 4 * count != len(room):
         return False
     low = room[at : at + count]
     second = room[at + count : at + 2 * count]
@@ -134,7 +138,9 @@ def _deltas(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any) -
     parts, at = _varint(room, at) if at >= 0 else (block, at)
     total, at = _varint(room, at) if at >= 0 else (block, at)
     value, at = _varint(room, at) if at >= 0 else (block, at)
-    if at < 0 or parts <= 0 or block <= 0 or block % (32 * parts) or total != count:
+    if at < 0 or not 0 < block <= _BLOCK or not 0 < parts <= block or total != count:
+        return False
+    if block % (32 * parts):
         return False
     value = _signed(value)
     size = block // parts

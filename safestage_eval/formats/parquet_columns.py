@@ -48,6 +48,8 @@ def read_columns(
         told.append((about[FIRST_PAGE], about[FIRST_PAGE] + about[COMPRESSED]))
         optional.append(leaf.optional)
     begin, end = min(told)[0], max(end for _, end in told)
+    if end > os.fstat(file).st_size:
+        return False
     if end - begin > sum(end - begin for begin, end in told) + _WASTE:
         return _one_by_one(file, footer, group, names, out)
     data = os.pread(file, end - begin, begin)

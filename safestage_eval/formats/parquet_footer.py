@@ -14,8 +14,8 @@ import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-KEYS = ("episode_index", "body", "body1", "body2")
-"""Columns that rows are looked up by."""
+KEYS: dict[str, type] = {"episode_index": int, "body": str, "body1": str, "body2": str}
+"""Columns that rows are looked up by, and what they hold."""
 
 # fields of a column's metadata
 CODEC, VALUES, COMPRESSED, FIRST_PAGE, DICTIONARY = 4, 5, 7, 9, 11
@@ -100,7 +100,9 @@ def by_pyarrow(metadata: pq.FileMetaData) -> Footer:
         for key, place in keys.items():
             found = group.column(place).statistics
             if found is not None and found.has_min_max and not found.null_count:
-                limits[key] = found.min, found.max
+                both = found.min, found.max
+                if all(isinstance(limit, KEYS[key]) for limit in both):
+                    limits[key] = both
         groups.append(Group(i, group.num_rows, limits))
     columns = frozenset(metadata.schema.to_arrow_schema().names)
     return Footer(tuple(groups), columns, {}, None)
@@ -139,6 +141,8 @@ def parse(data: bytes) -> Footer | None:
         leaves, columns, places = _schema(data, schema.tolist())
         chunks = chunks.reshape(len(rows), places, -1)
         limits = _limits(data, leaves, chunks, statistics.reshape(len(rows), places, -1, 2))
+        if rows.min(initial=0) < 0:
+            return None
     except (IndexError, ValueError):  # UnicodeDecodeError is a ValueError
         return None
     groups = tuple(map(Group, range(len(rows)), rows.tolist(), limits))
@@ -164,7 +168,7 @@ def _schema(
             todo.append(element[_INSIDE][0])
         else:
             repetition, meaning = element[_REPETITION][0], element[_MEANING][0]
-            if top and repetition <= _OPTIONAL:
+            if top and 0 <= repetition <= _OPTIONAL:
                 number = meaning == -1 or meaning in _WHOLE_NUMBERS
                 leaves[name] = Leaf(place, repetition == _OPTIONAL, number)
             place += 1
@@ -181,7 +185,7 @@ def _limits(
 ) -> list[dict[str, tuple[Any, Any]]]:
     """Of each group the least and greatest value of the keys, where they are exact."""
     found: list[dict[str, tuple[Any, Any]]] = [{} for _ in chunks]
-    for key in KEYS:
+    for key, meant in KEYS.items():
         if key not in leaves:
             continue
         place = leaves[key].place
@@ -190,7 +194,9 @@ def _limits(
         ].T.tolist()
         kinds = chunks[:, place, TYPE].tolist()
         for i, kind in enumerate(kinds):
-            if kind not in (INT32, INT64, BYTES) or greatest[i] < 0 or least[i] < 0:
+            if kind not in ((BYTES,) if meant is str else (INT32, INT64)):
+                continue
+            if greatest[i] < 0 or least[i] < 0:
                 continue
             if missing[i] > 0 or exact[0][i] == 0 or exact[1][i] == 0:
                 continue

@@ -36,6 +36,9 @@ FOOTERS: dict[tuple[Path, int, int], Known] = {}
 
 _FOOTERS_KEPT = 32
 
+MOST_UNPACKED = 256
+"""No byte of an LZ4 block stands for more: a file that promises more rows does not have them."""
+
 NUMBERS = ("bodies", "contacts")
 """Tables of numbers, of which much is read: pyarrow is not needed for that."""
 
@@ -126,6 +129,8 @@ class StoredTable:
         self._demand(columns)
         stored = np.dtype(dtype if np.dtype(dtype).itemsize == 4 else np.int32)
         rows = [self._groups[group].rows for group in groups]
+        if 4 * sum(rows) * len(columns) > MOST_UNPACKED * os.fstat(self._open).st_size:
+            return self._stacked(self.read(groups, columns), columns, dtype)
         out, first = np.empty((sum(rows), len(columns)), stored), 0
         for group, count in zip(groups, rows, strict=True):
             part = out[first : first + count]
