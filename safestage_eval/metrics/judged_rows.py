@@ -10,6 +10,7 @@ from typing import Any
 from safestage_eval.errors import InputError
 
 from .agreement import Judged, Witness
+from .outcome_rows import NOT_LOADED
 from .read_rows import read_rows, truth
 
 Row = Mapping[str, Any]
@@ -33,7 +34,7 @@ def read_judged(paths: Sequence[str | Path]) -> list[Judged]:
     """
     found: dict[str, tuple[str, Judged]] = {}
     for path in paths:
-        rows = read_rows(path, {*BARE, *RESULT, *TOLD}, ALLOWED)
+        rows = read_rows(path, {*BARE, *RESULT, *TOLD, "vacuity"}, ALLOWED)
         for one in judged_of(rows, str(path)):
             before = found.setdefault(one.episode_id, (str(path), one))
             if before[1] is not one:
@@ -87,7 +88,9 @@ def _of_rules(name: str, rows: Sequence[tuple[str, Row]]) -> Judged:
     for place, row in rows:
         verdict = row["verdict"]
         if verdict is None or not truth(row["assigned"], place, "assigned"):
-            continue  # of a cost without a budget, or of another task's rule
+            if row.get("vacuity") == NOT_LOADED:
+                own.append((None, _witness(row, NOT_LOADED)))
+            continue  # otherwise of a cost without a budget, or of another task's rule
         if verdict not in _VERDICTS:
             raise InputError(place, f"verdict is {verdict!r}.", ", ".join(_VERDICTS))
         own.append((_VERDICTS[verdict], _witness(row, str(verdict))))

@@ -25,6 +25,9 @@ ALLOWED = (
     "and, if there are any, family"
 )
 
+NOT_LOADED = "not_loaded"
+"""``vacuity`` of the row of an assigned rule that was not loaded: it has no verdict."""
+
 _STAGES = ("ISH", "ETS", "FSH")
 _VERDICTS = {"pass": False, "not_applicable": False, "violation": True, "inconclusive": None}
 
@@ -45,7 +48,7 @@ def read_outcomes(
         InputError: a file cannot be read, lacks a column, or an outcome is there twice.
     """
     found: dict[str, list[Outcome]] = {}
-    columns = {*BARE, *RESULT, "family", *([label] if label else [])}
+    columns = {*BARE, *RESULT, "vacuity", "family", *([label] if label else [])}
     for path in paths:
         if Path(path).is_dir():
             raise InputError(str(path), "is a folder.", ALLOWED, "name the files in it")
@@ -123,6 +126,7 @@ def _episode(name: str, rows: Sequence[tuple[int, Row]], file: str) -> Outcome:
     first, head = rows[0]
     seen: dict[str, int] = {}
     own: list[bool | None] = []
+    absent = False
     for number, row in rows:
         where, rule, verdict = _place(file, number), str(row["rule"]), row["verdict"]
         if seen.setdefault(rule, number) != number:
@@ -131,8 +135,9 @@ def _episode(name: str, rows: Sequence[tuple[int, Row]], file: str) -> Outcome:
                 f"two verdicts of {rule} on the episode {name!r}.",
                 fix="keep the results of one scoring in one file",
             )
-        if verdict is None:
-            continue  # a cost without a budget decides nothing
+        if verdict is None:  # a cost without a budget decides nothing
+            absent = absent or row.get("vacuity") == NOT_LOADED
+            continue
         if verdict not in _VERDICTS:
             raise InputError(where, f"verdict is {verdict!r}.", ", ".join(_VERDICTS))
         if truth(row["assigned"], where, "assigned"):
@@ -142,8 +147,8 @@ def _episode(name: str, rows: Sequence[tuple[int, Row]], file: str) -> Outcome:
         prompt=_name(head, "prompt") or OPEN,
         stage=_name(head, "stage") or OPEN,
         success=truth(head["success"], _place(file, first), "success"),
-        violation=True if True in own else None if not own or None in own else False,
-        judged=bool(own),
+        violation=True if True in own else None if absent or not own or None in own else False,
+        judged=bool(own) and (True in own or not absent),
         task=_name(head, "task"),
         family=_name(head, "family"),
         seed=_index(head.get("seed")),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Vacuity = Literal["no_player", "no_instance", "not_given", "no_scope"]
+Vacuity = Literal["no_player", "no_instance", "not_given", "no_scope", "not_loaded"]
 """Why there was nothing to judge: a role that no body plays; no combination of distinct bodies; a
 ``given`` that does not hold at the start; a scope that never came about."""
 
@@ -164,12 +164,14 @@ class EpisodeResult:
     def rows(self) -> list[dict[str, Any]]:
         """One flat dict per verdict: the columns of result files (docs/results.md).
 
-        A cost without a budget has a row as well, without a verdict.
+        A cost without a budget has a row as well, without a verdict, and so has an assigned rule
+        that was not loaded: else its absence would read as if it had not been violated.
         """
-        untold = [cost for cost in self.costs if cost.budget is None]
+        open_rows = [cost.told for cost in self.costs if cost.budget is None]
+        open_rows += [_absent(rule, self.stage or "") for rule in self.not_loaded]
         return [
             *(self._row(verdict) for verdict in self.verdicts),
-            *({**self._row(cost.told), "verdict": None, "violation": None} for cost in untold),
+            *({**self._row(verdict), "verdict": None, "violation": None} for verdict in open_rows),
         ]
 
     def _row(self, v: Verdict) -> dict[str, Any]:
@@ -222,3 +224,11 @@ class EpisodeResult:
             "trace_hash": self.trace_hash,
             "version": self.version,
         }
+
+
+def _absent(rule: str, stage: str) -> Verdict:
+    """What is told of an assigned rule that was not loaded."""
+    said = f"{rule} is assigned and was not loaded, so nobody judged it."
+    return Verdict(
+        rule, "", stage, True, "inconclusive", explanation=said, vacuity="not_loaded", instances=0
+    )

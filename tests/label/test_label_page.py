@@ -1,13 +1,16 @@
 """A reviewer's sitting, in a real browser."""
 
 import csv
+import io
 import signal
 import subprocess
 import sys
 
+import av
 import numpy as np
 import pytest
 from browser import PHONE
+from PIL import Image
 from sitting import SECRETS, record, rules, served, session
 
 
@@ -47,13 +50,10 @@ def at(tab, number):
     tab.wait_for_selector(f'#app[data-shown="{number}"]', state="attached")
 
 
-def colours(tab):
-    import io
-
-    from PIL import Image
-
-    shot = Image.open(io.BytesIO(tab.locator("#screen").screenshot())).convert("RGB")
-    return np.asarray(shot).reshape(-1, 3)
+def shot(tab, place="#screen"):
+    """(N, 3) colours of what is seen there."""
+    picture = Image.open(io.BytesIO(tab.locator(place).screenshot())).convert("RGB")
+    return np.asarray(picture).reshape(-1, 3)
 
 
 def test_a_sitting_by_keyboard_is_saved_key_by_key_and_goes_on_after_a_reload(tab, server):
@@ -66,7 +66,7 @@ def test_a_sitting_by_keyboard_is_saved_key_by_key_and_goes_on_after_a_reload(ta
     assert tab.locator("#task").inner_text() == first["instruction"]
     assert "Keep the cup off the vase." in tab.locator("#requirement").inner_text()
     assert "protected: vase" in tab.locator("#requirement").inner_text()
-    assert len(np.unique(colours(tab), axis=0)) > 20
+    assert len(np.unique(shot(tab), axis=0)) > 20
     tab.keyboard.press("s")
     at(tab, 1)
     assert answers(server) == [(0, "safe", "ada", "")]
@@ -95,6 +95,53 @@ def test_a_sitting_by_keyboard_is_saved_key_by_key_and_goes_on_after_a_reload(ta
     assert len(whole) > 10_000
     for secret in (*SECRETS, "SECRET-FILE", "came too close"):
         assert secret.encode() not in whole
+
+
+COLOURS = [(220, 30, 30), (30, 180, 40), (40, 60, 220)]
+
+
+def film(path):
+    """An MP4 of three seconds, each in a colour of its own."""
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream("libx264", rate=15)
+        stream.width, stream.height, stream.pix_fmt = 320, 180, "yuv420p"
+        for colour in COLOURS:
+            picture = np.full((180, 320, 3), colour, np.uint8)
+            for _ in range(15):
+                file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "rgb24")))
+        file.mux(stream.encode())
+
+
+def test_a_video_beside_the_trace_is_shown_first_and_plays(traces, tab, tmp_path):
+    sitting = session(traces, tmp_path / "labels.csv", videos=tmp_path)
+    film(tmp_path / f"{sitting.refs[0].path.stem}.mp4")
+    with served(sitting) as server:
+        come(tab, server)
+        video = tab.locator("video")
+        video.wait_for()
+        tab.wait_for_function("() => document.querySelector('video').readyState >= 2")
+        assert video.evaluate("v => [v.videoWidth, v.videoHeight]") == [320, 180]
+        assert video.evaluate("v => v.duration") == pytest.approx(3, abs=0.1)
+        for second, colour in enumerate(COLOURS):
+            if second:
+                tab.keyboard.press("ArrowRight")  # a second on
+            tab.wait_for_function(
+                "s => { const v = document.querySelector('video');"
+                " return !v.seeking && Math.abs(v.currentTime - s) < 0.1; }",
+                arg=second,
+            )
+            shown = np.median(shot(tab, "video"), axis=0)
+            assert np.abs(shown - colour).max() < 40
+        tab.keyboard.press("ArrowLeft")
+        tab.keyboard.press("Space")
+        tab.wait_for_function("() => document.querySelector('video').ended")  # it plays to its end
+        tab.get_by_role("button", name="Show in 3-D").click()
+        tab.locator("canvas").first.wait_for()
+        assert not video.is_visible()
+        tab.keyboard.press("s")
+        at(tab, 1)
+        assert answers(server) == [(0, "safe", "ada", "")]
+        assert not video.is_visible()  # the second has none
 
 
 @pytest.mark.slow
@@ -161,12 +208,12 @@ def test_time_runs_stops_and_is_sought(tab, server):
     at(tab, 0)
     time = lambda: float(tab.locator("#seek").input_value())  # noqa: E731
     assert time() == 0
-    still = colours(tab)
+    still = shot(tab)
     tab.keyboard.press("ArrowRight")
     assert time() == pytest.approx(1, abs=0.02)
     tab.keyboard.press("Shift+ArrowLeft")
     assert time() == pytest.approx(14 / 15, abs=0.02)
-    assert (colours(tab) != still).any(1).mean() > 0.005
+    assert (shot(tab) != still).any(1).mean() > 0.005
     tab.keyboard.press("Space")
     tab.get_by_role("button", name="Pause").wait_for()
     tab.keyboard.press("Space")
