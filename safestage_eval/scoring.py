@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
+from safestage_eval.formats.discover import aborted
 
 if TYPE_CHECKING:
     from safestage_eval.cache import Memory
@@ -43,12 +44,14 @@ class Scores:
         rules: code → title of the rules that were loaded.
         copies: files that hold an episode which another one holds as well, bit for bit; counted
             once.
+        aborted: ids of rollouts that ended in an error (of a server, say): not judged.
     """
 
     results: tuple[EpisodeResult, ...] = ()
     problems: tuple[Problem, ...] = ()
     rules: Mapping[str, str] = field(default_factory=dict)
     copies: tuple[str, ...] = ()
+    aborted: tuple[str, ...] = ()
 
 
 def score_episode(
@@ -192,20 +195,33 @@ def score_paths(
     loaded = load_rules(specs)
     titles = {rule.code: rule.title for rule in loaded.rules.values()}
     titles.update({cost.code: cost.title for cost in loaded.costs.values()})
-    refs = matching(discover(list(traces)), where or {})
+    every = discover(list(traces))
+    refs = matching(every, where or {})
+    there = set(map(id, refs))
+    left_out = [ref for ref in every if aborted(ref) and id(ref) not in there]
     found = score_many(
         refs, specs, overrides=overrides, bind=bind, backend=backend, jobs=jobs, progress=progress,
         assigned_only=assigned_only, cache=cache,
     )  # fmt: skip
     results, problems, copies = _sorted_out(found)
-    return Scores(tuple(results), tuple(problems), titles, tuple(copies))
+    ids = tuple(ref.episode_id or str(ref.path) for ref in left_out)
+    return Scores(tuple(results), tuple(problems), titles, tuple(copies), ids)
 
 
 def matching(refs: Sequence[EpisodeRef], where: Mapping[str, str]) -> list[EpisodeRef]:
     """Episodes whose header has the wanted values, and all that cannot be read.
 
-    Raises InputError for an unknown field, or when nothing matches.
+    A rollout that ended in an error says nothing of its policy: it is left out, unless it is asked
+    for (``termination=error``). Raises InputError for an unknown field, or when nothing matches.
     """
+    if where.get("termination", "").lower() != "error":
+        some = [ref for ref in refs if not aborted(ref)]
+        if refs and not some:
+            raise InputError(
+                f"{len(refs)} episodes", "every one of them ended in an error.",
+                fix="record them again, or judge them all the same with --where termination=error",
+            )  # fmt: skip
+        refs = some
     if not where:
         return list(refs)
     known = {"episode_id", *(name for ref in refs for name in ref.fields)} - {

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
+from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Literal
@@ -37,6 +39,8 @@ class Campaign(Strict):
     out: str | None = None
     """Folder, from where the command runs."""
     format: Format | None = None
+    servers: dict[str, str] = Field(default_factory=dict)
+    """Name → address: ``{name}`` in a policy stands for it."""
 
     def chosen(self) -> list[Task]:
         """Its tasks. Raises InputError when none is left."""
@@ -50,11 +54,36 @@ class Campaign(Strict):
             raise InputError("campaign", "no task is of these stages and families.")
         return found
 
-    def jobs(self, robot_mjcf: Path | None = None) -> list[Job]:
-        """Every rollout, tasks outermost."""
+    def named(self, servers: Mapping[str, str] | None = None) -> tuple[str, ...]:
+        """The policies with the addresses of their servers; those given go before the file's.
+
+        Raises InputError for a server that is not in the file, given or asked for.
+        """
+        known = {**self.servers, **(servers or {})}
+        stray = sorted(set(servers or {}) - set(self.servers))
+        if stray:
+            raise InputError(
+                f"server {stray[0]!r}", "the campaign has no server of that name.",
+                ", ".join(self.servers) or "it has none",
+            )  # fmt: skip
+
+        def address(found: re.Match[str]) -> str:
+            if found[1] not in known:
+                raise InputError(
+                    f"policy {found.string!r}", f"no address of the server {found[1]!r}.",
+                    ", ".join(known) or "none are named", "name it under [servers]",
+                )  # fmt: skip
+            return known[found[1]]
+
+        return tuple(re.sub(r"\{(\w+)\}", address, policy) for policy in self.policies)
+
+    def jobs(
+        self, robot_mjcf: Path | None = None, servers: Mapping[str, str] | None = None
+    ) -> list[Job]:
+        """Every rollout, tasks outermost. ``servers``: see ``named``."""
         return plan(
             self.chosen(),
-            self.policies,
+            self.named(servers),
             self.seeds,
             self.prompts,
             self.rollouts,

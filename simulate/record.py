@@ -12,6 +12,7 @@ from typing import Literal
 
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import TraceWriter, discover
+from safestage_eval.formats.discover import aborted
 
 from .policies import KINDS, policy_name, policy_named
 from .pool import Died, run_many
@@ -105,8 +106,9 @@ def record(
 ) -> Iterator[Outcome]:
     """Record jobs into a folder; each outcome is yielded when its episode is safely on disk.
 
-    A job whose episode is there already is skipped, so that a recording can be taken up again. One
-    that fails, or takes its process along, does not stop the others.
+    A job whose episode is there already is skipped, so that a recording can be taken up again; one
+    that ended in an error is tried again. One that fails, or takes its process along, does not stop
+    the others.
 
     Args:
         todo: see ``plan``.
@@ -147,8 +149,12 @@ def record_one(job: Job, out: Path, format: Format = "parquet") -> Outcome:  # n
         return Outcome(
             job.episode_id, problem=str(error) if known else f"{type(error).__name__}: {error}"
         )
+    failed = writer.header.termination == "error"
     return Outcome(
         job.episode_id,
+        problem=f"{writer.header.notes[-1]} (after {len(writer) / FRAME_RATE:.1f} s)"
+        if failed
+        else "",
         success_time=writer.header.success_time,
         simulated=len(writer) / FRAME_RATE,
         taken=time.process_time() - start,
@@ -186,14 +192,15 @@ def summary(outcomes: Sequence[Outcome]) -> str:
 
 
 def recorded_ids(folder: Path) -> set[str]:
-    """Ids of the whole episodes under a folder; empty when there is none."""
+    """Ids of the whole episodes under a folder that need not be tried again; often none."""
     if not folder.exists():
         return set()
     try:
         refs = discover([folder])
     except TraceError:
         return set()
-    return {ref.episode_id for ref in refs if ref.episode_id and ref.problem is None}
+    good = (ref for ref in refs if ref.problem is None and not aborted(ref))
+    return {ref.episode_id for ref in good if ref.episode_id}
 
 
 def _grade(policy: str) -> str:

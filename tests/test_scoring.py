@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 import pytest
 from studio import block, safe_and_unsafe
 
+from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover, save
 from safestage_eval.scoring import Problem, score_many, score_paths
 
@@ -22,6 +23,10 @@ class Strange(EpisodeRef):
 
     def open(self, **_):
         raise RuntimeError("out of the blue")
+
+
+def replace_header(episode, **fields):
+    return replace(episode, header=episode.header.model_copy(update=fields))
 
 
 def turned(ref, kind):
@@ -80,3 +85,39 @@ def test_a_process_that_dies_costs_one_episode(traces):
     assert "process died" in found[2].message
     assert [r for i, r in enumerate(found) if i != 2] == [r for i, r in enumerate(wanted) if i != 2]
     assert told == [(i, 5) for i in range(1, 6)]
+
+
+@pytest.mark.parametrize("form", ["mcap", "parquet"])
+def test_a_rollout_that_ended_in_an_error_says_nothing_of_its_policy(tmp_path, form):
+    """No success, a violation in sight, and yet no failure: the cell is missing."""
+
+    def keep(name, **fields):
+        episode = replace_header(block(name, room=0.0), **fields)
+        save(episode, tmp_path / f"{name}.mcap" if form == "mcap" else tmp_path)
+
+    keep("whole")
+    alone = score_paths([tmp_path], ["fsh"])
+    keep("cut", termination="error", success=None, success_time=None)
+    both = score_paths([tmp_path], ["fsh"])
+    assert both.aborted == ("cut",)
+    assert both.results == alone.results
+    assert not both.problems
+    asked = score_paths([tmp_path], ["fsh"], where={"termination": "error"})
+    assert [r.episode_id for r in asked.results] == ["cut"]
+
+
+def test_nothing_but_errors_is_told(tmp_path):
+    save(replace_header(block("cut"), termination="error"), tmp_path / "cut.mcap")
+    with pytest.raises(InputError, match="ended in an error"):
+        score_paths([tmp_path], ["fsh"])
+
+
+def test_an_attempt_that_failed_gives_way_to_the_next(tmp_path):
+    for termination in ("error", "error", "horizon"):
+        save(replace_header(block("again"), termination=termination), tmp_path)
+        found = discover(tmp_path)
+        assert [ref.fields["termination"] for ref in found] == [termination]
+    assert len(list((tmp_path / "meta" / "episodes").glob("*.parquet"))) == 3
+    save(replace_header(block("again"), termination="error"), tmp_path)  # a later one as well
+    assert [ref.fields["termination"] for ref in discover(tmp_path)] == ["horizon"]
+    assert score_paths([tmp_path], ["fsh"]).aborted == ()

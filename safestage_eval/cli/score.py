@@ -146,6 +146,10 @@ def command(
     if not in_table or (sys.stderr.isatty() and not sys.stdout.isatty()):
         for problem in scores.problems:
             click.echo(f"problem: {problem.message}", err=True)
+    if scores.aborted and not in_table:
+        from safestage_eval.report.as_table import ended_in_error
+
+        click.echo(ended_in_error(scores.aborted), err=True)
     failed = _fails(scores, fail_on)
     if golden is not None:
         failed |= _golden(scores, golden, changes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -73,7 +74,8 @@ def discover(paths: str | Path | Iterable[str | Path]) -> list[EpisodeRef]:
     """Every episode under the paths, in the order of their names.
 
     A file or row that cannot be read becomes a reference with a ``problem``, so that it does not
-    stop the others.
+    stop the others. A rollout that ended in an error is left out where it was tried again: another
+    episode has its id.
 
     Raises:
         TraceError: a path does not exist, or there is no episode under it.
@@ -95,7 +97,26 @@ def discover(paths: str | Path | Iterable[str | Path]) -> list[EpisodeRef]:
             )
         for ref in refs:
             found.setdefault((ref.path.resolve(), ref.episode_index), ref)
-    return list(found.values())
+    return _without_tried_again(list(found.values()))
+
+
+def _without_tried_again(refs: list[EpisodeRef]) -> list[EpisodeRef]:
+    """Of several episodes of one id those that ended in an error go, but never the last of them."""
+    failed = [ref for ref in refs if aborted(ref)]
+    if not failed:
+        return refs
+    left = Counter(ref.episode_id for ref in refs)
+    gone = set()
+    for ref in failed:
+        if left[ref.episode_id] > 1:
+            left[ref.episode_id] -= 1
+            gone.add(id(ref))
+    return [ref for ref in refs if id(ref) not in gone]
+
+
+def aborted(ref: EpisodeRef) -> bool:
+    """The rollout ended in an error: what recorded it failed, and the policy was not seen to."""
+    return ref.problem is None and ref.fields.get("termination") == "error"
 
 
 def refs_of_file(path: Path) -> list[EpisodeRef]:

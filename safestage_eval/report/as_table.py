@@ -207,6 +207,15 @@ def _leftovers(console: Console, scores: Scores) -> None:
         console.print(f"{count} episode{'s' * (count > 1)} could not be judged", style="bold red")
 
 
+def ended_in_error(ids: Sequence[str]) -> str:
+    """Which rollouts were not judged because what recorded them failed."""
+    some = ", ".join(ids[:3]) + ", …" * (len(ids) > 3)
+    return (
+        f"{len(ids)} rollout{'s' * (len(ids) > 1)} ended in an error: not judged, not in N; recording "
+        f"again tries again: {some}"
+    )
+
+
 def left_out(total: Rates, scores: Scores) -> list[str]:
     """Which episodes are not in N, and what they could change."""
     lines = []
@@ -225,4 +234,6 @@ def left_out(total: Rates, scores: Scores) -> list[str]:
         lines.append(f"{total.not_judged} not judged, not in N: {why}")
     if scores.copies:
         lines.append(f"{len(scores.copies)} files hold copies of episodes, which count once")
+    if scores.aborted:
+        lines.append(ended_in_error(scores.aborted))
     return lines

@@ -80,6 +80,21 @@ jobs_option = click.option(
 )
 
 
+def _share(_context: click.Context, _option: click.Parameter, text: str | None) -> Any:
+    """``2/3`` → (2, 3)."""
+    if text is None:
+        return None
+    part, _, parts = text.partition("/")
+    if not (part.isdigit() and parts.isdigit() and 1 <= int(part) <= int(parts)):
+        raise click.BadParameter(f"{text!r} is no share: write 1/3, 2/3 or 3/3")
+    return int(part), int(parts)
+
+
+share_option = click.option(
+    "--share", callback=_share, metavar="K/N", help="Only every Nth task, from the Kth on."
+)
+
+
 def chosen_tasks(names: tuple[str, ...]) -> list[Task]:
     """Tasks by id, file or pattern (``fsh_*``); all without one. Raises InputError."""
     from simulate.task import tasks, tasks_matching

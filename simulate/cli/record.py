@@ -17,6 +17,7 @@ from .options import (
     progress,
     robot_option,
     seeds_option,
+    share_option,
 )
 
 
@@ -69,6 +70,17 @@ from .options import (
     type=click.FloatRange(0, min_open=True),
     help="Seconds allowed for reaching the goal, instead of the task's own.",
 )
+@share_option
+@click.option(
+    "--server",
+    "servers",
+    multiple=True,
+    metavar="NAME=ADDRESS",
+    help="Where a server of the campaign's [servers] is, instead of what the file says; repeatable.",
+)
+@click.option(
+    "--dry-run", is_flag=True, help="Count rollouts, hours and gigabytes; record nothing."
+)
 @jobs_option
 @robot_option
 @explains
@@ -82,6 +94,9 @@ def record(
     out: Path,
     format_: Any,
     horizon: float | None,
+    share: tuple[int, int] | None,
+    servers: tuple[str, ...],
+    dry_run: bool,
     jobs: int,
     robot_mjcf: Path | None,
 ) -> None:
@@ -90,20 +105,26 @@ def record(
     TASK is the id of a task (see `safestage tasks list`), a pattern of ids or a task file; all tasks
     without one.
     The robot is frozen when the goal is reached and recorded for five seconds more. Episodes that
-    are in --out already are skipped, so an interrupted recording can simply be started again.
+    are in --out already are skipped, so an interrupted recording can simply be started again; those
+    that ended in an error, of a server that died say, are tried again. Machines share a campaign by
+    --share 1/4 to 4/4, each into an --out of its own.
 
     \b
     Examples:
       safestage record --out traces                         every task, both references
       safestage record fsh_orange_on_plate --seeds 0-9 --out oranges
-      safestage record --campaign campaign.toml --jobs 8
+      safestage record --campaign campaigns/paper.toml --dry-run
+      safestage record --campaign campaign.toml --jobs 8 --share 1/4
       safestage record --policy idle --duration 10 --out idle --format mcap
       safestage-score traces --rules fsh                    and then
     """
-    from simulate.record import plan, summary
+    from simulate.estimate import Estimate, counted, share_of
+    from simulate.record import plan, recorded_ids, summary
     from simulate.record import record as run
 
     if campaign_file is None:
+        if servers:
+            raise click.UsageError("--server names a server of a --campaign")
         todo = plan(
             chosen_tasks(tasks),
             policies,
@@ -114,7 +135,18 @@ def record(
             robot_mjcf=robot_mjcf,
         )
     else:
-        todo, out, format_ = _campaign(campaign_file, out, format_, robot_mjcf)
+        todo, out, format_ = _campaign(campaign_file, out, format_, robot_mjcf, servers)
+    if share is not None:
+        todo = share_of(todo, *share)
+        if not todo:
+            raise BadInput("this share holds no task")
+    if dry_run:
+        there = recorded_ids(out)
+        left = [job for job in todo if job.episode_id not in there]
+        click.echo(f"{counted(todo)}, {len(todo) - len(left):,} of them in {out} already")
+        for line in Estimate.of(left).lines(jobs):
+            click.echo(line)
+        return
     outcomes = []
     with progress(len(todo), "episode") as show:
         for outcome in run(todo, out, format_, jobs, show):
@@ -127,7 +159,7 @@ def record(
 
 
 def _campaign(
-    file: Path, out: Path, format_: Any, robot_mjcf: Path | None
+    file: Path, out: Path, format_: Any, robot_mjcf: Path | None, servers: tuple[str, ...]
 ) -> tuple[list[Any], Path, Any]:
     """Jobs, folder and format of a campaign; ``--out`` and ``--format`` go before the file's."""
     from simulate.campaign import read_campaign
@@ -147,4 +179,5 @@ def _campaign(
         out = Path(campaign.out)
     if campaign.format and "format_" not in given:
         format_ = campaign.format
-    return campaign.jobs(robot_mjcf), out, format_
+    addresses = dict(text.partition("=")[::2] for text in servers)
+    return campaign.jobs(robot_mjcf, addresses), out, format_

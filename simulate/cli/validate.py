@@ -17,6 +17,7 @@ from .options import (
     progress,
     robot_option,
     seeds_option,
+    share_option,
 )
 
 if TYPE_CHECKING:
@@ -24,22 +25,10 @@ if TYPE_CHECKING:
     from simulate.task import Task
 
 
-def _share(_context: click.Context, _option: click.Parameter, text: str | None) -> Any:
-    """``2/3`` → (2, 3)."""
-    if text is None:
-        return None
-    part, _, parts = text.partition("/")
-    if not (part.isdigit() and parts.isdigit() and 1 <= int(part) <= int(parts)):
-        raise click.BadParameter(f"{text!r} is no share: write 1/3, 2/3 or 3/3")
-    return int(part), int(parts)
-
-
 @click.command()
 @click.argument("tasks", nargs=-1, metavar="[TASK]...")
 @seeds_option("Environment seeds to try.")
-@click.option(
-    "--share", callback=_share, metavar="K/N", help="Only every Nth task, from the Kth on."
-)
+@share_option
 @click.option("--grades", is_flag=True, help="Try the graded references instead.")
 @click.option(
     "--noisy",

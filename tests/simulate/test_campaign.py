@@ -7,14 +7,22 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import pytest
+from click import Group
+from click.testing import CliRunner
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
 from simulate.campaign import Campaign, read_campaign
-from simulate.record import plan, record, recorded_ids, summary
+from simulate.cli.record import record as record_command
+from simulate.estimate import Estimate, counted, share_of
+from simulate.policies import policy_named
+from simulate.record import plan, record, recorded_ids, summary, write_recording
+from simulate.rollout import roll_out
 from simulate.task import task_named
 
 pytestmark = pytest.mark.simulate
@@ -122,3 +130,65 @@ def test_killed_and_taken_up_again(tmp_path: Path) -> None:
         assert ref.problem is None
         assert len(ref.open()) == 64  # eight actions of 1/15 s are the first that last for 0.5 s
     assert second.stderr == ""
+
+
+def test_shares_are_all_of_it_and_nothing_twice() -> None:
+    jobs = Campaign(policies=("idle",), seeds=(0, 1)).jobs()
+    shares = [share_of(jobs, part, 4) for part in (1, 2, 3, 4)]
+    assert sorted(j.episode_id for s in shares for j in s) == sorted(j.episode_id for j in jobs)
+    for share in shares:  # of each stage about a quarter, and every task with both its seeds
+        stages = Counter(job.setting.task.stage for job in share)
+        assert all(
+            abs(stages[s] / 2 - n / 4) <= 1 for s, n in (("ISH", 27), ("ETS", 40), ("FSH", 30))
+        )
+        assert len({job.setting.task.id for job in share}) * 2 == len(share)
+
+
+def test_a_dry_run_counts_what_is_left(tmp_path: Path) -> None:
+    campaign = Campaign(
+        policies=("idle", "noisy:0.01"), tasks=("fsh_orange_on_plate",), seeds=(0,), rollouts=3,
+        prompts=("default", "generic"), horizon=40.0,
+    )  # fmt: skip
+    jobs = campaign.jobs()
+    assert counted(jobs) == "1 task, 2 policies, 2 prompts, 1 seed, 3 rollouts each: 12 rollouts"
+    found = Estimate.of(jobs)
+    assert (found.rollouts, found.seconds, found.actions) == (12, 12 * 45, 12 * 40 * 15)
+    assert found.horizons == (40, 40)
+    assert Estimate.of([]).seconds == 0
+    file = tmp_path / "campaign.toml"
+    file.write_text('policies = ["idle"]\ntasks = ["fsh_orange_on_plate"]\nhorizon = 0.1', "utf-8")
+    command = ["record", "--campaign", str(file), "--out", str(tmp_path / "out")]
+    run = partial(CliRunner().invoke, Group("safestage", commands={"record": record_command}))
+    said = run([*command, "--dry-run"]).stdout
+    assert "1 seed" not in said
+    assert "3 seeds, 1 rollout each: 3 rollouts, 0 of them in" in said
+    assert not (tmp_path / "out").exists()
+    first = run([*command, "--jobs", "1"])
+    assert first.exit_code == 0, first.output
+    assert ": 3 rollouts, 3 of them in" in run([*command, "--dry-run"]).stdout
+    assert run([*command, "--share", "2/2"]).exit_code == 2
+
+
+def test_servers_have_names() -> None:
+    campaign = Campaign(
+        policies=("noisy:{one}", "noisy:{two}"), servers={"one": "0.1", "two": "0.2"}
+    )
+    assert campaign.named() == ("noisy:0.1", "noisy:0.2")
+    assert campaign.named({"two": "0.3"}) == ("noisy:0.1", "noisy:0.3")
+    with pytest.raises(InputError, match="no server of that name"):
+        campaign.named({"three": "0.3"})
+    with pytest.raises(InputError, match="no address of the server 'one'"):
+        Campaign(policies=("noisy:{one}",)).named()
+
+
+def test_what_ended_in_an_error_is_tried_again(tmp_path: Path) -> None:
+    todo = plan([task_named("fsh_orange_on_plate")], ["idle"], [0, 1], horizon=0.1)
+    cut = roll_out(todo[0].setting, policy_named("idle"))
+    cut.update_header(termination="error", success=None)
+    write_recording(cut, todo[0].setting.task, tmp_path)
+    assert recorded_ids(tmp_path) == set()
+    found = list(record(todo, tmp_path))
+    assert [o.skipped for o in found] == [False, False]
+    assert recorded_ids(tmp_path) == {job.episode_id for job in todo}
+    assert {ref.fields["termination"] for ref in discover(tmp_path)} == {"horizon"}
+    assert all(o.skipped for o in record(todo, tmp_path))
