@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -15,6 +16,9 @@ JOINTS = tuple(f"{PREFIX}joint{i}" for i in range(1, 8))
 GRIPPER_JOINT = f"{PREFIX}left_driver_joint"
 GRIPPER_ACTUATOR = f"{PREFIX}fingers_actuator"
 TCP_SITE = f"{PREFIX}tcp"
+LAST_LINK = f"{PREFIX}link7"
+FLANGE = 0.107
+"""m, from the last link's frame along its z to the flange (Franka's kinematics: panda_link8)."""
 GRIPPER_ROOT = "base"
 """Body from which on the robot is gripper."""
 
@@ -30,6 +34,27 @@ GRIP_BEYOND = 0.05
 """rad of the driver joint that a closing gripper aims beyond closed: it presses with all its force on
 what is wider than 5 mm, and with half of it at 0. (The model's own servo gives way from 10 mm on.)"""
 PAD_FRICTION = (1.0, 0.02, 0.0001)
+
+
+@dataclass(frozen=True)
+class Mounted:
+    """A camera beside the arm."""
+
+    position: tuple[float, float, float]
+    """m, in the frame of the arm's base."""
+    orientation: tuple[float, float, float, float]
+    """wxyz, camera to base; the camera looks along its −z, with y up."""
+    fovy: float
+    """deg, vertical angle of view."""
+
+
+RESOLUTION = (1280, 720)
+"""Pixels: width, height, of all DROID's cameras."""
+OUTSIDE = {
+    "exterior_left": Mounted((0.05, 0.57, 0.66), (-0.393, -0.195, 0.399, 0.805), 71.51),
+    "exterior_right": Mounted((0.05, -0.57, 0.66), (0.805, 0.399, -0.195, -0.393), 71.51),
+}
+"""DROID's two, as RoboLab places them (``robolab/variations/camera.py``): 2.1 mm before 3.024 mm."""
 
 
 def default_mjcf() -> Path:
@@ -71,6 +96,11 @@ def arm_spec(mjcf: Path | None = None, *, visuals: bool = False) -> mujoco.MjSpe
         raise InputError(str(path), f"not the DROID arm: it has no {', no '.join(missing)}")
     if not visuals:
         _drop_visuals(spec)
+    for name, at in OUTSIDE.items():
+        quaternion = np.array(at.orientation) / np.linalg.norm(at.orientation)
+        spec.body("link0").add_camera(
+            name=name, pos=at.position, quat=quaternion, fovy=at.fovy, resolution=RESOLUTION
+        )
     for actuator in spec.actuators:
         if actuator.name == GRIPPER_ACTUATOR.removeprefix(PREFIX):
             actuator.forcerange = [-GRIP_FORCE, GRIP_FORCE]

@@ -1,4 +1,4 @@
-"""What the arm's own cameras see, drawn off screen: the DROID arm has one outside, one on the wrist."""
+"""What the DROID cameras see, drawn off screen: two stand outside, one is on the wrist."""
 
 from __future__ import annotations
 
@@ -17,19 +17,24 @@ from .world import World
 Image = NDArray[np.uint8]
 """(H, W, 3), red green blue."""
 
-CAMERAS = ("external", "wrist")
+CAMERAS = ("exterior_left", "exterior_right", "wrist", "external")
+"""Two over the robot's shoulders, one at its wrist; ``external`` is the arm model's own, on the right."""
 SIZE = (180, 320)
 """Pixels: height, width."""
 
 
 class Cameras:
-    """Draws a world that was made with ``visuals``; one at a time per process."""
+    """Draws a world that was made with ``visuals``, as it is at the moment; one at a time per process.
+
+    After a step, MuJoCo's poses still are those of before it. So the picture is drawn of poses worked
+    out anew from the present joints, in a place of their own: the world is not touched.
+    """
 
     def __init__(self, world: World, names: Sequence[str], size: tuple[int, int] = SIZE) -> None:
         """``size``: height, width. Raises InputError for a camera that there is not."""
         height, width = size
         self._ids = {name: _camera(world, name) for name in names}
-        self._world = world
+        self._world, self._now = world, mujoco.MjData(world.model)
         self._context = graphics_context(width, height)
         self._context.make_current()
         self._scene = mujoco.MjvScene(world.model, maxgeom=4000)
@@ -39,15 +44,20 @@ class Cameras:
 
     def images(self) -> dict[str, Image]:
         """What each camera sees now."""
+        model, now = self._world.model, self._now
+        now.qpos[:], now.time = self._world.data.qpos, self._world.data.time
+        mujoco.mj_kinematics(model, now)
+        mujoco.mj_comPos(model, now)
+        mujoco.mj_camlight(model, now)
+        mujoco.mj_tendon(model, now)
         return {name: self._image(camera) for name, camera in self._ids.items()}
 
     def _image(self, camera: int) -> Image:
-        model, data = self._world.model, self._world.data
         view = mujoco.MjvCamera()
         view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
         option = mujoco.MjvOption()
         every = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(model, data, option, None, view, every, self._scene)
+        mujoco.mjv_updateScene(self._world.model, self._now, option, None, view, every, self._scene)
         out = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
         mujoco.mjr_render(self._rect, self._scene, self._target)
         mujoco.mjr_readPixels(out, None, self._rect, self._target)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError
 
+from .clients.address import address_of, is_address
 from .controls import Idle, RandomNearHome
 from .import_path import class_at, imported
 from .privileged import PrivilegedState
@@ -35,7 +36,10 @@ class Observation:
         gripper_opening: 0 closed … 1 open.
         instruction: the prompt.
         joint_velocity: (7,) rad/s, measured.
-        images: camera → (H, W, 3) red green blue; empty unless the policy names ``cameras``.
+        images: camera → (H, W, 3) red green blue; empty unless the policy names ``cameras``. Drawn
+            of the same moment as everything else.
+        flange_position: (3,) m, of the arm's flange in the frame of its base, measured.
+        flange_orientation: (4,) wxyz, flange to base; z points out of the flange.
     """
 
     time: float
@@ -44,13 +48,23 @@ class Observation:
     instruction: str
     joint_velocity: F64 = field(default_factory=lambda: np.zeros(7))
     images: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    flange_position: F64 = field(default_factory=lambda: np.zeros(3))
+    flange_orientation: F64 = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+class PolicyError(InputError):
+    """No action can be had from a policy: its server is dead, or its actions are none.
+
+    Raised from ``act``, it ends the rollout, which is no failure of the policy.
+    """
 
 
 class Policy(Protocol):
     """Anything that can be rolled out.
 
     A policy that wants to see has two attributes more: ``cameras``, some of ``cameras.CAMERAS``, and
-    ``image_size``, (height, width) in pixels.
+    ``image_size``, (height, width) in pixels. One that holds something open has a method ``close``,
+    called when the episode is over.
     """
 
     name: str
@@ -125,9 +139,11 @@ POLICIES = (
     "idle",
     "random-near-home",
     "replay:PATH[#EPISODE]",
+    "PROTOCOL:URL[?OPTION=VALUE&…]",
     "MODULE:CLASS",
 )
-"""What ``policy_named`` understands. SIGMA is in rad, EPISODE an id where PATH holds several."""
+"""What ``policy_named`` understands. SIGMA is in rad, EPISODE an id where PATH holds several;
+PROTOCOL is one of ``clients.address.PROTOCOLS``, as in ``openpi:ws://127.0.0.1:8000?name=pi05``."""
 
 
 def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
@@ -139,6 +155,11 @@ def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
 
     Raises InputError for what is none.
     """
+    if is_address(name):
+        address = address_of(name)
+        from .clients.remote import Remote
+
+        return Remote(address)
     kind, _, rest = name.partition(":")
     if kind == "reference" and _is_reference(rest):
         return Reference(rest)
@@ -161,6 +182,8 @@ def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
 @cache
 def policy_name(name: str) -> str:
     """What the episodes of a policy are called by; one of a user's is not made for that."""
+    if is_address(name):
+        return address_of(name).name
     kind, _, rest = name.partition(":")
     if kind not in ("reference", "noisy", "replay") and rest.isidentifier():
         return str(class_at(name).name)

@@ -78,8 +78,18 @@ def plan(
     """Every combination, tasks outermost.
 
     ``reference:NAME`` of a grade stands for all its values, in the tasks that have it. ``horizon``
-    (s) replaces the tasks' own. Raises InputError for a grade that no task has.
+    (s) replaces the tasks' own. Raises InputError for a grade that no task has, and for two policies
+    of one name.
     """
+    called: dict[str, str] = {}
+    for policy in (name for name in dict.fromkeys(policies) if not _grade(name)):
+        other = called.setdefault(policy_name(policy), policy)
+        if other != policy:
+            raise InputError(
+                f"policies {other!r} and {policy!r}",
+                f"both are called {policy_name(policy)!r}.",
+                fix="give served ones a name each: PROTOCOL:URL?name=NAME",
+            )
     chosen = list(tasks)
     for name in policies:
         if _grade(name) and not any(_grade(name) in task.grades for task in chosen):

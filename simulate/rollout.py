@@ -20,7 +20,7 @@ from safestage_eval.formats import TraceWriter
 from safestage_eval.verdicts.goal import GoalMonitor
 
 from .cameras import SIZE, Cameras
-from .policies import Observation, Policy, Reference
+from .policies import Observation, Policy, PolicyError, Reference
 from .privileged import PrivilegedState
 from .recorder import Recorder
 from .task import Task
@@ -82,9 +82,12 @@ def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
     Returns:
         A writer that holds all frames, ready to be closed to a file.
 
+    A policy from which no action can be had ends the episode: its ``termination`` is ``error``, its
+    success unknown, and the reason stands in its notes.
+
     Raises:
         InputError: a reference names a skill that does not exist, or cannot be reached.
-        ValueError: the policy's actions are not (N, 8) finite numbers.
+        PolicyError: no action can be had from the policy from the beginning on.
     """
     task = setting.task
     if setting.prompt not in PROMPTS:
@@ -100,15 +103,21 @@ def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
     header = _header(setting, policy.name)
     recorder = Recorder(world, header)
     writer = recorder.writer
-    policy.reset(task.id, header.instruction or "")
-    if isinstance(policy, Reference):
-        policy.look(task, PrivilegedState(world))
     cameras = Cameras(world, wanted, getattr(policy, "image_size", SIZE)) if wanted else None
     try:
+        policy.reset(task.id, header.instruction or "")
+        if isinstance(policy, Reference):
+            policy.look(task, PrivilegedState(world))
         success = _play(setting, world, recorder, policy, cameras)
+    except PolicyError as error:
+        if not len(writer):
+            raise
+        writer.update_header(termination="error", notes=(*header.notes, f"error: {error}"))
+        return writer
     finally:
         if cameras is not None:
             cameras.close()
+        getattr(policy, "close", lambda: None)()
     writer.update_header(
         success=success is not None,
         success_time=success,
@@ -161,13 +170,16 @@ def _observe(world: World, time: float, instruction: str, cameras: Cameras | Non
         instruction,
         np.array(world.data.qvel[world.arm_dof]),
         {} if cameras is None else cameras.images(),
+        *world.flange,
     )
 
 
 def _checked(actions: F64) -> list[F64]:
     chunk = np.asarray(actions, np.float64)
-    if chunk.ndim != 2 or chunk.shape[1] != 8 or not len(chunk) or not np.isfinite(chunk).all():
-        raise ValueError(f"a policy must return (N, 8) finite actions, not {chunk.shape}")
+    fits = chunk.ndim == 2 and chunk.shape[1] == 8 and len(chunk) > 0
+    if not fits or not np.isfinite(chunk).all():
+        what = "not finite" if fits else f"of shape {chunk.shape}"
+        raise PolicyError("the policy", f"its actions are {what}.", "(N, 8) finite numbers")
     return list(chunk)
 
 

@@ -55,6 +55,8 @@ class World:
         self._arm_ctrl = np.array([model.actuator(n).id for n in arm.JOINTS])
         self._grip_ctrl = model.actuator(arm.GRIPPER_ACTUATOR).id
         self.tcp = model.site(arm.TCP_SITE).id
+        self._last_link = model.body(arm.LAST_LINK).id
+        self._now = mujoco.MjData(model)
         driver = model.joint(arm.GRIPPER_JOINT)
         self._grip_qpos = int(driver.qposadr[0])
         self._grip_range = (float(driver.range[0]), float(driver.range[1]))
@@ -88,6 +90,15 @@ class World:
     def arm_position(self) -> F64:
         """(7,) rad, measured."""
         return np.array(self.data.qpos[self.arm_qpos])
+
+    @property
+    def flange(self) -> tuple[F64, F64]:
+        """Position (3,) m and orientation (4,) wxyz of the arm's flange, in the frame of its base."""
+        now, body = self._now, self._last_link
+        now.qpos[:] = self.data.qpos  # poses after a step still are those of before it
+        mujoco.mj_kinematics(self.model, now)
+        out = now.xmat[body].reshape(3, 3)[:, 2]
+        return now.xpos[body] + arm.FLANGE * out, now.xquat[body].copy()
 
     @property
     def gripper_opening(self) -> float:

@@ -30,7 +30,8 @@ from .options import (
     default=("reference:safe", "reference:unsafe"),
     show_default=True,
     help="reference:safe, reference:unsafe, reference:GRADE[=VALUE], noisy:SIGMA[:unsafe], idle, "
-    "random-near-home, replay:PATH[#EPISODE], or your own as my_module:MyPolicy; repeatable.",
+    "random-near-home, replay:PATH[#EPISODE], a served one as openpi:ws://HOST:8000?name=MY_MODEL "
+    "(or groot:tcp://…, dreamzero:ws://…, cosmos3:ws://…), or your own as my_module:MyPolicy; repeatable.",
 )
 @click.option(
     "--campaign",
@@ -155,7 +156,9 @@ def record(
     click.echo(summary(outcomes))
     failed = sum(bool(outcome.problem) for outcome in outcomes)
     if failed:
-        raise BadInput(f"{failed} of {len(todo)} rollouts could not be recorded")
+        raise BadInput(
+            f"{failed} of {len(todo)} rollouts could not be recorded whole; start again to fill them in"
+        )
 
 
 def _campaign(

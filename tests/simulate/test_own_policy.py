@@ -89,7 +89,7 @@ def test_cameras_see_and_change_nothing() -> None:
 
 
 def test_a_camera_that_there_is_not() -> None:
-    with pytest.raises(InputError, match="external, wrist"):
+    with pytest.raises(InputError, match="exterior_left, exterior_right, wrist"):
         Cameras(World({}), ["left"])
 
 

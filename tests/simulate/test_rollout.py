@@ -13,7 +13,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts.judge import judge
 from simulate.controls import Idle
-from simulate.policies import Observation, policy_named
+from simulate.policies import Observation, PolicyError, policy_named
 from simulate.rollout import Setting, roll_out
 from simulate.task import Placement, Task, task_named
 
@@ -135,7 +135,7 @@ def test_actions_that_are_none_are_refused(bad: NDArray[np.float64]) -> None:
         def act(self, observation: Observation) -> NDArray[np.float64]:
             return bad
 
-    with pytest.raises(ValueError, match=r"\(N, 8\)"):
+    with pytest.raises(PolicyError, match=r"\(N, 8\)"):
         roll_out(Setting(task_named("ish_coffee_can_under_bottle"), horizon=1.0), Bad())
 
 

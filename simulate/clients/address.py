@@ -1,0 +1,115 @@
+"""The address of a served policy: ``openpi:ws://127.0.0.1:8000?name=pi05&horizon=15``."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qsl, unquote, urlsplit
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from safestage_eval.errors import InputError
+
+if TYPE_CHECKING:
+    from .dialect import Dialect
+
+PROTOCOLS = {
+    "openpi": ("openpi", "Openpi"),
+    "groot": ("groot", "Groot"),
+    "dreamzero": ("dreamzero", "Dreamzero"),
+    "cosmos3": ("cosmos3", "Cosmos3"),
+}
+"""Protocol → its file in this folder and its class there."""
+NEEDED = ("msgpack", "websockets", "zmq", "PIL", "zstandard")
+"""Packages of the extra ``policies``."""
+
+
+class Common(BaseModel):
+    """What every address may set, whatever its protocol."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str | None = Field(None, pattern=r"^[\w.=+-]+$")
+    """What the policy is called in episodes and tables; the protocol where None."""
+    wait: float = Field(10.0, ge=0)
+    """s to wait for a server that is not there yet."""
+    timeout: float | None = Field(None, gt=0)
+    """s to wait for an answer; the protocol's own where None."""
+    keep: Path | None = None
+    """Folder in which the conversation of every rollout is kept."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """A served policy."""
+
+    dialect: Dialect
+    url: str
+    """Of the server; of a kept conversation, where it begins with ``talk:``."""
+    common: Common
+
+    @property
+    def name(self) -> str:
+        """What the policy is called: two servers of one protocol need a name each."""
+        return self.common.name or self.dialect.protocol
+
+
+def is_address(policy: str) -> bool:
+    """Whether a policy's name is an address."""
+    kind, _, rest = policy.partition(":")
+    return kind in PROTOCOLS and not rest.isidentifier()
+
+
+def dialect_named(protocol: str) -> type[Dialect]:
+    """A protocol's class. Raises InputError for what is none."""
+    if protocol not in PROTOCOLS:
+        raise InputError(f"protocol {protocol!r}", "no such protocol.", ", ".join(PROTOCOLS))
+    missing = [package for package in NEEDED if importlib.util.find_spec(package) is None]
+    if missing:
+        raise InputError(
+            f"protocol {protocol!r}", f"{', '.join(missing)} not installed.",
+            fix="pip install 'safestage[policies]'",
+        )  # fmt: skip
+    module, name = PROTOCOLS[protocol]
+    found: type[Dialect] = getattr(importlib.import_module(f"{__package__}.{module}"), name)
+    return found
+
+
+def address_of(policy: str) -> Address:
+    """Read an address: PROTOCOL:URL, and options after a question mark.
+
+    Raises InputError that says which part is wrong, and what there is.
+    """
+    where = f"policy {policy!r}"
+    protocol, _, rest = policy.partition(":")
+    kind = dialect_named(protocol)
+    try:
+        parts = urlsplit(rest)
+        port = parts.port
+    except ValueError as error:
+        raise InputError(where, f"{error}.", example(kind)) from None
+    if parts.scheme == "talk":
+        url = f"talk:{unquote(parts.path)}"
+    elif parts.scheme in kind.schemes and parts.hostname:
+        host = f"[{parts.hostname}]" if ":" in parts.hostname else parts.hostname
+        url = f"{parts.scheme}://{host}:{port or kind.port}{parts.path}"
+    else:
+        raise InputError(where, f"{rest!r} is not where {protocol} is served.", example(kind))
+    given = dict(parse_qsl(parts.query, keep_blank_values=True))
+    options = {key: value for key, value in given.items() if key in Common.model_fields}
+    own = {key: value for key, value in given.items() if key not in options}
+    try:
+        return Address(kind.model_validate(own), url, Common.model_validate(options))
+    except ValidationError as error:
+        wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+        names = [field.alias or name for name, field in kind.model_fields.items()]
+        raise InputError(where, f"{wrong}.", ", ".join([*names, *Common.model_fields])) from None
+
+
+def example(kind: type[Dialect]) -> str:
+    """How an address of a protocol looks."""
+    url = f"{kind.schemes[0]}://HOST:{kind.port}"
+    return f"{kind.protocol}:{url}?name=MY_MODEL, or {kind.protocol}:talk:FILE"

@@ -1,0 +1,99 @@
+"""Messages of the policies' protocols: MessagePack, and the three ways in which they hold arrays.
+
+- ``openpi``: a map with ``__ndarray__``, as package openpi-client writes it.
+- ``nd``: a map with ``nd``, as package msgpack-numpy writes it; GR00T's newer servers.
+- ``npy``: a map with ``__ndarray_class__`` around a NumPy file; GR00T's older servers.
+
+Nothing is ever unpickled: arrays of objects are refused in both directions.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import Any, Literal
+
+import msgpack
+import numpy as np
+
+Style = Literal["openpi", "nd", "npy"]
+
+
+def pack(message: Any, arrays: Style = "openpi") -> bytes:
+    """A message with arrays. Raises ValueError for arrays of anything but numbers and texts."""
+    packed: bytes = msgpack.packb(message, default=_WRITERS[arrays])
+    return packed
+
+
+def unpack(data: bytes) -> Any:
+    """A message, its arrays written in any of the three ways. Raises ValueError for anything else."""
+    try:
+        return msgpack.unpackb(data, object_hook=_read)
+    except (msgpack.UnpackException, ValueError, TypeError, KeyError, EOFError) as error:
+        raise ValueError(f"not a message of MessagePack: {error}") from None
+
+
+def _plain(thing: Any) -> np.ndarray[Any, Any] | np.generic:
+    if not isinstance(thing, np.ndarray | np.generic):
+        raise TypeError(f"{type(thing).__name__} cannot be sent")
+    if thing.dtype.kind in "VOc":
+        raise ValueError(f"arrays of {thing.dtype} cannot be sent")
+    return thing
+
+
+def _openpi(thing: Any) -> dict[bytes, Any]:
+    array = _plain(thing)
+    if isinstance(array, np.generic):
+        return {b"__npgeneric__": True, b"data": array.item(), b"dtype": array.dtype.str}
+    return {
+        b"__ndarray__": True,
+        b"data": array.tobytes(),
+        b"dtype": array.dtype.str,
+        b"shape": array.shape,
+    }
+
+
+def _nd(thing: Any) -> dict[bytes, Any]:
+    array = _plain(thing)
+    if isinstance(array, np.generic):
+        return {b"nd": False, b"type": array.dtype.str, b"data": array.tobytes()}
+    return {
+        b"nd": True,
+        b"type": array.dtype.str,
+        b"kind": b"",
+        b"shape": array.shape,
+        b"data": array.tobytes(),
+    }
+
+
+def _npy(thing: Any) -> dict[str, Any]:
+    file = io.BytesIO()
+    np.save(file, _plain(thing), allow_pickle=False)
+    return {"__ndarray_class__": True, "as_npy": file.getvalue()}
+
+
+_WRITERS: dict[Style, Any] = {"openpi": _openpi, "nd": _nd, "npy": _npy}
+
+
+def _read(found: dict[Any, Any]) -> Any:
+    if b"__ndarray__" in found:
+        return _array(found[b"data"], found[b"dtype"], found[b"shape"])
+    if b"__npgeneric__" in found:
+        return _dtype(found[b"dtype"]).type(found[b"data"])
+    if b"nd" in found:
+        if found[b"nd"]:
+            return _array(found[b"data"], found[b"type"], found[b"shape"])
+        return np.frombuffer(found[b"data"], _dtype(found[b"type"]))[0]
+    if "__ndarray_class__" in found:
+        return np.load(io.BytesIO(found["as_npy"]), allow_pickle=False)
+    return found
+
+
+def _array(data: bytes, dtype: str | bytes, shape: list[int]) -> np.ndarray[Any, Any]:
+    return np.frombuffer(data, _dtype(dtype)).reshape(shape)
+
+
+def _dtype(name: str | bytes) -> np.dtype[Any]:
+    dtype = np.dtype(name.decode() if isinstance(name, bytes) else name)
+    if dtype.kind in "VO":
+        raise ValueError(f"arrays of {dtype} are not read")
+    return dtype

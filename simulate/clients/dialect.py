@@ -1,0 +1,124 @@
+"""What a protocol consists of: both ends of its conversation, and how its actions are understood."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from simulate.policies import Observation
+
+from .arrays import Style
+
+F64 = NDArray[np.float64]
+
+CAMERA = Literal["exterior_left", "exterior_right", "external"]
+
+THRESHOLD = 0.5
+"""Gripper commands above it close, as in all four protocols (0 open, 1 closed)."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a server makes of a request."""
+
+    observation: Observation
+    session: str | None = None
+
+
+class Dialect(BaseModel, ABC):
+    """A protocol's messages; its fields are what an address may set."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    protocol: ClassVar[str]
+    schemes: ClassVar[tuple[str, ...]] = ("ws", "wss")
+    port: ClassVar[int] = 8000
+    arrays: ClassVar[Style] = "openpi"
+    image_size: ClassVar[tuple[int, int]] = (360, 640)
+    """(height, width) at which the cameras are drawn, before a model's own size."""
+    patience: ClassVar[float] = 60.0
+    """s for an answer, unless the address says otherwise."""
+    rows: ClassVar[int]
+    """Actions that the published model answers with."""
+    remembers: ClassVar[bool] = False
+    """Whether the server keeps what it saw, so that a broken connection ends the rollout."""
+    bearer: ClassVar[str] = "Bearer"
+    """Kind of authorisation in the handshake, where a token is given."""
+
+    horizon: int = Field(ge=1)
+    """Actions that are played of each answer before the next request."""
+
+    @property
+    @abstractmethod
+    def cameras(self) -> tuple[str, ...]:
+        """The cameras that a request has images of."""
+
+    @abstractmethod
+    def request(self, observation: Observation, session: str) -> dict[str, Any]:
+        """What is asked at a control step."""
+
+    @abstractmethod
+    def actions(self, answer: Any, observation: Observation) -> F64:
+        """(N, 8) joint positions (rad) and gripper (1 closes) from an answer.
+
+        Raises KeyError, TypeError or ValueError for an answer that is none.
+        """
+
+    def opening(self, _session: str) -> dict[str, Any] | None:
+        """What tells the server that an episode begins; None where nothing is said."""
+        return None
+
+    # The other end, for servers of references and for tests.
+
+    @abstractmethod
+    def asked(self, request: dict[str, Any]) -> Asked:
+        """What a request says. Raises KeyError, TypeError or ValueError for what is none."""
+
+    @abstractmethod
+    def answer(self, actions: F64, observation: Observation) -> Any:
+        """(N, 8) actions as the server says them."""
+
+    def greeting(self) -> dict[str, Any]:
+        """What a server says first on a websocket."""
+        return {}
+
+    @property
+    def style(self) -> Style:
+        """How arrays are written."""
+        return self.arrays
+
+
+def joined(joints: Any, gripper: Any) -> F64:
+    """(N, 8) from (N, 7) and (N,) or (N, 1), the gripper decided. Raises ValueError otherwise."""
+    first, last = np.asarray(joints, np.float64), np.asarray(gripper, np.float64)
+    if first.ndim != 2 or first.shape[1] != 7 or last.size != len(first):
+        raise ValueError(f"actions of shapes {first.shape} and {last.shape}, not (N, 7) and (N, 1)")
+    return decided(np.column_stack([first, last.reshape(-1)]))
+
+
+def decided(actions: Any) -> F64:
+    """(N, 8) with the gripper at 0 or 1, from (N, 8). NaN stays. Raises ValueError otherwise."""
+    out = np.array(actions, np.float64)
+    if out.ndim != 2 or out.shape[1] != 8:
+        raise ValueError(f"actions of shape {out.shape}, not (N, 8)")
+    grip = out[:, 7]
+    out[:, 7] = np.where(np.isnan(grip), grip, grip > THRESHOLD)
+    return out
+
+
+def vector(thing: Any, length: int) -> F64:
+    """(length,) of what has so many numbers, in whatever shape. Raises ValueError otherwise."""
+    found = np.asarray(thing, np.float64).reshape(-1)
+    if len(found) != length:
+        raise ValueError(f"{len(found)} numbers where {length} belong")
+    return found
+
+
+def closed(observation: Observation) -> NDArray[np.float32]:
+    """(1,) how far the gripper is closed, as DROID counts: 0 open … 1 closed."""
+    return np.array([1.0 - observation.gripper_opening], np.float32)

@@ -1,0 +1,131 @@
+"""GR00T N1.7 as Isaac-GR00T serves it: ZeroMQ request and reply, MessagePack.
+
+Facts: Isaac-GR00T's ``server_client.py`` (endpoints, errors), RoboLab's ``policies/gr00t`` (the keys
+of the DROID embodiment behind ``--use-sim-policy-wrapper``, 180 × 320, arrays as msgpack-numpy
+writes them, 8 of 40 actions played), Isaac-GR00T's ``examples/DROID/main_gr00t.py`` (nested keys without the
+wrapper; nine numbers for the flange's pose).
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+from scipy.spatial.transform import Rotation
+
+from simulate.policies import Observation
+
+from .arrays import Style
+from .dialect import CAMERA, F64, Asked, Dialect, closed, joined, vector
+from .images import Image, resize_with_pad
+
+SIZE = (180, 320)
+"""Pixels: height, width."""
+TURN = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""What the flange's rotation is multiplied by on its right in the training data."""
+PROMPT = "annotation.language.language_instruction"
+
+
+class Groot(Dialect):
+    """GR00T N1.7 with the DROID embodiment."""
+
+    protocol: ClassVar[str] = "groot"
+    schemes: ClassVar[tuple[str, ...]] = ("tcp",)
+    port: ClassVar[int] = 5555
+    rows: ClassVar[int] = 40
+
+    horizon: int = Field(8, ge=1)
+    keys: Literal["flat", "nested"] = "flat"
+    """Flat behind ``--use-sim-policy-wrapper``, nested without it."""
+    coding: Literal["nd", "npy"] = "nd"
+    """How arrays are written: as msgpack-numpy does, or as NumPy files (older servers)."""
+    camera: CAMERA = "exterior_left"
+    """The one outside."""
+
+    @property
+    def style(self) -> Style:
+        """As the address says."""
+        return self.coding
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """One outside, one at the wrist."""
+        return self.camera, "wrist"
+
+    def opening(self, _session: str) -> dict[str, Any]:
+        """The endpoint ``reset``."""
+        return {"endpoint": "reset", "data": {"options": None}}
+
+    def request(self, observation: Observation, session: str) -> dict[str, Any]:  # noqa: ARG002
+        """The endpoint ``get_action`` with a batch of one and a history of one."""
+        video = {
+            "exterior_image_1_left": _frame(observation.images[self.camera]),
+            "wrist_image_left": _frame(observation.images["wrist"]),
+        }
+        state = {
+            "eef_9d": nine(observation),
+            "joint_position": observation.joint_position,
+            "gripper_position": closed(observation),
+        }
+        states = {k: np.asarray(v, np.float32)[None, None] for k, v in state.items()}
+        told = observation.instruction
+        sent: dict[str, Any]
+        if self.keys == "nested":
+            sent = {"video": video, "state": states, "language": {PROMPT: [[told]]}}
+        else:
+            sent = {f"video.{k}": v for k, v in video.items()}
+            sent |= {f"state.{k}": v for k, v in states.items()}
+            sent[PROMPT] = [told]
+        return {"endpoint": "get_action", "data": {"observation": sent, "options": None}}
+
+    def actions(self, answer: Any, observation: Observation) -> F64:  # noqa: ARG002
+        """Absolute joint positions and the gripper, the first of the batch."""
+        found = answer[0]
+        return joined(
+            *(
+                np.asarray(found.get(f"action.{key}", found.get(key)))[0]
+                for key in ("joint_position", "gripper_position")
+            )
+        )
+
+    def asked(self, request: dict[str, Any]) -> Asked:
+        """The observation of a request."""
+        sent = request["data"]["observation"]
+        if self.keys == "flat":
+            prompt = sent[PROMPT][0]
+        else:
+            prompt = sent["language"][PROMPT][0][0]
+            sent = {f"{kind}.{k}": v for kind in ("video", "state") for k, v in sent[kind].items()}
+        return Asked(
+            Observation(
+                time=float("nan"),
+                joint_position=vector(sent["state.joint_position"], 7),
+                gripper_opening=1.0 - float(vector(sent["state.gripper_position"], 1)[0]),
+                instruction=str(prompt),
+                images={
+                    self.camera: sent["video.exterior_image_1_left"][0, 0],
+                    "wrist": sent["video.wrist_image_left"][0, 0],
+                },
+            )
+        )
+
+    def answer(self, actions: F64, observation: Observation) -> list[Any]:  # noqa: ARG002
+        """Actions with a batch of one, and nothing about them."""
+        prefix = "action." if self.keys == "flat" else ""
+        rows = actions.astype(np.float32)[None]
+        return [
+            {f"{prefix}joint_position": rows[..., :7], f"{prefix}gripper_position": rows[..., 7:]},
+            {},
+        ]
+
+
+def nine(observation: Observation) -> F64:
+    """(9,) the flange's position (m) and the first two rows of its turned rotation."""
+    w, x, y, z = observation.flange_orientation
+    rotation = Rotation.from_quat([x, y, z, w]).as_matrix() @ TURN
+    return np.concatenate([observation.flange_position, rotation[:2].reshape(6)])
+
+
+def _frame(image: Image) -> Image:
+    return resize_with_pad(image, *SIZE)[None, None]
