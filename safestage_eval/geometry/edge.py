@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .extent import lowest
-from .footprint import STILL_ANGLE, STILL_DISTANCE, below, section, world_vertices
-from .mover import Mover, frame_count, still_runs
+from .mover import Mover, frame_count
 from .polygon import (
     contains,
     convex_hull,
@@ -22,7 +21,9 @@ from .polygon import (
     overlap,
     union_outline,
 )  # fmt: skip
-from .pose import matrix
+from .polytope import Polytope
+from .pose import matrix, transform
+from .stillness import still_runs
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -80,13 +81,13 @@ def edge_margin(
     total = max(total, int(wanted.max(initial=-1)) + 1)  # nothing moves, yet later frames are meant
     margin = np.full(total, np.nan)
     contact = np.broadcast_to(lowest(a) if height is None else height, total)
-    for frame, alike in still_runs((a, *supports), wanted, STILL_DISTANCE, STILL_ANGLE):
+    for frame, alike in still_runs((a, *supports), wanted):
         margin[alike] = _margin_at(a, supports, frame, float(contact[frame]))
     return margin
 
 
 def _margin_at(a: Mover, supports: Sequence[Mover], frame: int, height: float) -> float:
-    parts = world_vertices(a, frame)
+    parts = _world_vertices(a, frame)
     if not parts:
         return np.nan
     feet = np.concatenate([points for _, points in parts])
@@ -96,7 +97,7 @@ def _margin_at(a: Mover, supports: Sequence[Mover], frame: int, height: float) -
     patch = _patch(supports, frame, foot[:2], height)
     if patch is None:
         return np.nan
-    cuts = [below(part, points, height + BASE_HEIGHT) for part, points in parts]
+    cuts = [_below(part, points, height + BASE_HEIGHT) for part, points in parts]
     base = [convex_hull(cut) for cut in cuts if len(cut)]
     if not base:
         return np.nan
@@ -108,6 +109,32 @@ def _margin_at(a: Mover, supports: Sequence[Mover], frame: int, height: float) -
         whole = convex_hull(np.concatenate(patch.polygons))
         margin = max(margin, _signed_distance(base, [whole], walls))
     return margin
+
+
+def _world_vertices(mover: Mover, frame: int) -> list[tuple[Polytope, F64]]:
+    """Each geom's polytope with its vertices (V, 3) m, world, at a frame; planes are left out."""
+    t = frame if len(mover) > 1 else 0
+    position, orientation = mover.position[t], mover.orientation[t]
+    return [
+        (part, transform(position, orientation, part.vertices))
+        for part in mover.shape.polytopes
+        if part is not None
+    ]
+
+
+def _below(part: Polytope, points: F64, height: float) -> F64:
+    """(N, 2) corners of the projection of what lies at or under a height: points (V, 3), world."""
+    under = points[:, 2] <= height
+    return np.concatenate([points[under, :2], _section(part, points, height)])
+
+
+def _section(part: Polytope, points: F64, height: float) -> F64:
+    """(N, 2) m where a polytope's edges pass through a horizontal plane; points (V, 3), world."""
+    a, b = points[part.edges[:, 0]], points[part.edges[:, 1]]
+    through = (a[:, 2] <= height) != (b[:, 2] <= height)
+    a, b = a[through], b[through]
+    share = (height - a[:, 2]) / (b[:, 2] - a[:, 2])
+    return np.asarray(a[:, :2] + share[:, None] * (b[:, :2] - a[:, :2]))
 
 
 def _meet(base: list[F64], patch: list[F64]) -> bool:
@@ -180,7 +207,7 @@ def _walls(supports: Sequence[Mover], frame: int, height: float) -> F64:
                 continue
             points = part.vertices @ rotation.T + position
             if part.convex:
-                cut = section(part, points, height)
+                cut = _section(part, points, height)
                 if len(cut):
                     found.append(edges(convex_hull(cut)))
                 continue

@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .clearance import Clearance, clearance_series
-from .mover import Mover, frame_count, still_runs
-from .polygon import contains, convex_hull, union_area
-from .polytope import Polytope
-from .pose import transform
+from .compiled import kernel
+from .mover import Mover, frame_count, rotation_at
+from .polygon import COINCIDENT, bounds, chain, covers
+from .polytope import Pieces
+from .pose import unit
+from .stillness import still_since
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-
-STILL_DISTANCE, STILL_ANGLE = 1e-5, 1e-4
-"""m and rad. Outlines of bodies that moved less are not computed anew."""
-
-
-def clearance_xy(a: Sequence[Mover], b: Sequence[Mover], cap: float = np.inf) -> Clearance:
-    """(T,) distance of the projections of two groups onto the horizontal plane.
-
-    Certified as clearance_series, by the same pruning; round geoms are not approximated here.
-    Zero or less where the projections overlap.
-    """
-    return clearance_series(a, b, cap, flat=True)
 
 
 def overlap_xy(a: Mover, b: Mover, frames: I64 | None = None) -> F64:
@@ -35,63 +25,276 @@ def overlap_xy(a: Mover, b: Mover, frames: I64 | None = None) -> F64:
     Args:
         a: the body whose footprint counts.
         b: the other body; a plane covers everything.
-        frames: (N,) indices of the frames to measure; all when None.
+        frames: (N,) indices of the frames to measure; all when None. Frames in which nothing has
+            moved by 10 µm or 1e-4 rad repeat the value.
 
     Returns:
         (T,); NaN in frames not asked for, and where a covers no area.
+
+    Raises:
+        ValueError: an orientation is no rotation (norm 0 or not finite).
     """
     total = frame_count(a, b)
     wanted = np.arange(total) if frames is None else frames
     total = max(total, int(wanted.max(initial=-1)) + 1)  # nothing moves, yet later frames are meant
     share = np.full(total, np.nan)
-    for frame, alike in still_runs((a, b), wanted, STILL_DISTANCE, STILL_ANGLE):
-        over, under = footprint(a, frame), footprint(b, frame)
-        share[alike] = (
-            1.0 if any(part is None for part in b.shape.polytopes) else _share(over, under)
-        )
+    if any(part is None for part in b.shape.polytopes):
+        share[wanted] = 1.0
+        return share
+    runs, which = np.unique(still_since((a, b), wanted), return_inverse=True)
+    found = np.empty(len(runs))
+    over, under = a.shape.pieces, b.shape.pieces
+    _shares(over, under, *_poses(a, runs), *_poses(b, runs), _Room.of(over, under), found)
+    share[wanted] = found[which]
     return share
 
 
-def footprint(mover: Mover, frame: int) -> list[F64]:
-    """One convex polygon (N, 2) m, world, per geom but planes; per triangle of a nonconvex mesh."""
-    found = []
-    for part, points in world_vertices(mover, frame):
-        corners = [points] if part.convex else [points[face] for face in part.faces]
-        found += [convex_hull(c[:, :2]) for c in corners]
-    return found
+def _poses(mover: Mover, frames: I64) -> tuple[F64, F64]:
+    at = frames if len(mover) > 1 else np.zeros_like(frames)
+    return mover.position[at].astype(np.float64), unit(mover.orientation[at])
 
 
-def world_vertices(mover: Mover, frame: int) -> list[tuple[Polytope, F64]]:
-    """Each geom's polytope with its vertices (V, 3) m, world, at a frame; planes are left out."""
-    t = frame if len(mover) > 1 else 0
-    position, orientation = mover.position[t], mover.orientation[t]
-    return [
-        (part, transform(position, orientation, part.vertices))
-        for part in mover.shape.polytopes
-        if part is not None
-    ]
+class _Room(NamedTuple):
+    """Where the kernels write in between; over's pieces come first, then under's.
+
+    Attributes:
+        rotation: (3, 3).
+        points, hull: corners of one piece as projected, and of its hull.
+        corners: (C, 2) m, of all hulls.
+        first, many: (P,) where each hull begins in ``corners``, and how many corners it has.
+        solid_first, solid_many, box: the same of the hulls that have an area and may matter, and
+            (P, 4) what they lie in.
+        covered: (P, 2).
+        cut, other: (C, 2) m, a polygon that is being clipped.
+    """
+
+    rotation: F64
+    points: F64
+    hull: F64
+    corners: F64
+    first: I64
+    many: I64
+    solid_first: I64
+    solid_many: I64
+    box: F64
+    covered: F64
+    cut: F64
+    other: F64
+
+    @classmethod
+    def of(cls, over: Pieces, under: Pieces) -> _Room:
+        corners = len(over.vertices) + len(under.vertices)
+        count = len(over.first) + len(under.first) - 2
+        most = int(max(np.diff(pieces.first).max(initial=0) for pieces in (over, under)))
+        return cls(
+            np.empty((3, 3)),
+            np.empty((most, 2)),
+            np.empty((2 * most, 2)),
+            np.empty((corners, 2)),
+            np.zeros(count, np.int64),
+            np.zeros(count, np.int64),
+            np.zeros(count, np.int64),
+            np.zeros(count, np.int64),
+            np.empty((count, 4)),
+            np.empty((count, 2)),
+            np.empty((4 * most + 8, 2)),
+            np.empty((4 * most + 8, 2)),
+        )
 
 
-def below(part: Polytope, points: F64, height: float) -> F64:
-    """(N, 2) corners of the projection of what lies at or under a height: points (V, 3), world."""
-    under = points[:, 2] <= height
-    return np.concatenate([points[under, :2], section(part, points, height)])
+@kernel
+def _shares(
+    over: Pieces, under: Pieces, over_at: F64, over_turn: F64, under_at: F64, under_turn: F64,
+    room: _Room, share: F64,
+) -> None:  # fmt: skip
+    """Share of over's area over under's at each of R poses: positions (R, 3), unit (R, 4)."""
+    upper, every = over.first.shape[0] - 1, room.first.shape[0]
+    for r in range(share.shape[0]):
+        _cast(over, over_at, over_turn, r, room, 0, 0)
+        again = r > 0
+        for i in range(4):
+            again = again and under_turn[r, i] == under_turn[r - 1, i]
+            again = again and (i == 3 or under_at[r, i] == under_at[r - 1, i])
+        if not again:
+            _cast(under, under_at, under_turn, r, room, upper, over.vertices.shape[0])
+        solid = 0
+        for p in range(upper):
+            solid = _take(room, p, solid)
+        bounds(room.corners, room.solid_first[:solid], room.solid_many[:solid], room.box)
+        area = _union_area(room, 0, solid)
+        if not area > 0.0:
+            share[r] = math.nan
+            continue
+        if every == upper + 1 and _within(room, upper):
+            share[r] = 1.0
+            continue
+        both = solid
+        for p in range(upper, every):
+            both = _take(room, p, both)
+            if both > solid and not _near(room, solid, both):
+                both -= 1
+        if both == solid:
+            share[r] = 0.0
+        elif solid == 1 and both == 2:
+            share[r] = min(_shared_area(room, 0, 1) / area, 1.0)
+        else:
+            rest = _union_area(room, solid, both) - _union_area(room, 0, both)
+            share[r] = min(max((area + rest) / area, 0.0), 1.0)
 
 
-def section(part: Polytope, points: F64, height: float) -> F64:
-    """(N, 2) m where a polytope's edges pass through a horizontal plane; points (V, 3), world."""
-    a, b = points[part.edges[:, 0]], points[part.edges[:, 1]]
-    through = (a[:, 2] <= height) != (b[:, 2] <= height)
-    a, b = a[through], b[through]
-    share = (height - a[:, 2]) / (b[:, 2] - a[:, 2])
-    return np.asarray(a[:, :2] + share[:, None] * (b[:, :2] - a[:, :2]))
+@kernel
+def _cast(
+    pieces: Pieces, position: F64, orientation: F64, t: int, room: _Room, piece: int, corner: int
+) -> None:
+    """The hull of each piece's projection, from place ``piece`` and ``corner`` on."""
+    rotation_at(orientation, t, room.rotation)
+    for p in range(pieces.first.shape[0] - 1):
+        start = pieces.first[p]
+        n = pieces.first[p + 1] - start
+        for k in range(n):
+            for i in range(2):
+                room.points[k, i] = position[t, i] + (
+                    room.rotation[i, 0] * pieces.vertices[start + k, 0]
+                    + room.rotation[i, 1] * pieces.vertices[start + k, 1]
+                    + room.rotation[i, 2] * pieces.vertices[start + k, 2]
+                )
+        _sort(room.points, n)
+        found = chain(room.points[:n], room.hull)
+        room.first[piece + p], room.many[piece + p] = corner + start, found
+        for k in range(found):
+            room.corners[corner + start + k, 0] = room.hull[k, 0]
+            room.corners[corner + start + k, 1] = room.hull[k, 1]
 
 
-def _share(over: list[F64], under: list[F64]) -> float:
-    area = union_area(over)
-    if area <= 0:
-        return np.nan
-    if len(under) == 1 and contains(under, np.concatenate(over)).all():
-        return 1.0
-    both = area + union_area(under) - union_area(over + under)
-    return float(np.clip(both / area, 0.0, 1.0))
+@kernel
+def _sort(points: F64, n: int) -> None:
+    """The first n points, by x, then by y, in place. Heapsort, Williams 1964."""
+    for k in range(n // 2 - 1, -1, -1):
+        _sift(points, k, n)
+    for end in range(n - 1, 0, -1):
+        for i in range(2):
+            points[0, i], points[end, i] = points[end, i], points[0, i]
+        _sift(points, 0, end)
+
+
+@kernel
+def _sift(points: F64, root: int, n: int) -> None:
+    x, y = points[root, 0], points[root, 1]
+    while 2 * root + 1 < n:
+        child = 2 * root + 1
+        if child + 1 < n and (
+            points[child, 0] < points[child + 1, 0]
+            or (
+                points[child, 0] == points[child + 1, 0] and points[child, 1] < points[child + 1, 1]
+            )
+        ):
+            child += 1
+        if points[child, 0] < x or (points[child, 0] == x and points[child, 1] <= y):
+            break
+        points[root, 0], points[root, 1] = points[child, 0], points[child, 1]
+        root = child
+    points[root, 0], points[root, 1] = x, y
+
+
+@kernel
+def _take(room: _Room, piece: int, solid: int) -> int:
+    """Piece becomes one of the solid ones if it has an area; how many there are then."""
+    if room.many[piece] < 3:
+        return solid
+    room.solid_first[solid], room.solid_many[solid] = room.first[piece], room.many[piece]
+    return solid + 1
+
+
+@kernel
+def _near(room: _Room, solid: int, both: int) -> bool:
+    """Whether the last of ``both`` touches the box of one of the first ``solid`` pieces."""
+    last = both - 1
+    bounds(room.corners, room.solid_first[last:both], room.solid_many[last:both], room.box[last:])
+    for p in range(solid):
+        if (
+            room.box[p, 0] <= room.box[last, 2] + COINCIDENT
+            and room.box[last, 0] <= room.box[p, 2] + COINCIDENT
+            and room.box[p, 1] <= room.box[last, 3] + COINCIDENT
+            and room.box[last, 1] <= room.box[p, 3] + COINCIDENT
+        ):
+            return True
+    return False
+
+
+@kernel
+def _within(room: _Room, under: int) -> bool:
+    """Whether all corners over it lie in the one piece under it."""
+    start, n = room.first[under], room.many[under]
+    if n < 3:
+        return False
+    for k in range(n):
+        x, y = room.corners[start + k, 0], room.corners[start + k, 1]
+        after = start + (k + 1) % n
+        dx, dy = room.corners[after, 0] - x, room.corners[after, 1] - y
+        limit = COINCIDENT * math.sqrt(dx * dx + dy * dy)
+        for p in range(under):
+            for c in range(room.first[p], room.first[p] + room.many[p]):
+                if (room.corners[c, 0] - x) * dy - (room.corners[c, 1] - y) * dx > limit:
+                    return False
+    return True
+
+
+@kernel
+def _union_area(room: _Room, begin: int, end: int) -> float:
+    """m², of the solid pieces from ``begin`` to ``end``, by Green's theorem over their outline."""
+    first, count, box = room.solid_first[begin:end], room.solid_many[begin:end], room.box[begin:]
+    if end == begin:
+        return 0.0
+    x0, y0 = room.corners[first[0], 0], room.corners[first[0], 1]
+    double = 0.0
+    for i in range(end - begin):
+        for c in range(count[i]):
+            ax, ay = room.corners[first[i] + c, 0], room.corners[first[i] + c, 1]
+            following = first[i] + (c + 1) % count[i]
+            dx, dy = room.corners[following, 0] - ax, room.corners[following, 1] - ay
+            if math.sqrt(dx * dx + dy * dy) <= COINCIDENT:
+                continue
+            found = covers(room.corners, first, count, box, i, ax, ay, dx, dy, room.covered)
+            free, reached = 1.0, 0.0
+            for k in range(found):
+                free -= max(room.covered[k, 1] - max(room.covered[k, 0], reached), 0.0)
+                reached = max(reached, room.covered[k, 1])
+            # any part of the edge has the same lever about the origin
+            double += free * ((ax - x0) * dy - (ay - y0) * dx)
+    return double / 2.0
+
+
+@kernel
+def _shared_area(room: _Room, one: int, other: int) -> float:
+    """m² that two solid pieces share. Sutherland & Hodgman 1974."""
+    source, target = room.cut, room.other
+    n = room.solid_many[one]
+    for k in range(n):
+        source[k, 0] = room.corners[room.solid_first[one] + k, 0]
+        source[k, 1] = room.corners[room.solid_first[one] + k, 1]
+    start, many = room.solid_first[other], room.solid_many[other]
+    for e in range(many):
+        x, y = room.corners[start + e, 0], room.corners[start + e, 1]
+        after = start + (e + 1) % many
+        dx, dy = room.corners[after, 0] - x, room.corners[after, 1] - y
+        written = 0
+        for k in range(n):
+            px, py = source[k, 0], source[k, 1]
+            qx, qy = source[(k + 1) % n, 0], source[(k + 1) % n, 1]
+            here, there = (px - x) * dy - (py - y) * dx, (qx - x) * dy - (qy - y) * dx
+            if here <= 0.0:
+                target[written, 0], target[written, 1] = px, py
+                written += 1
+            if (here > 0.0) != (there > 0.0):
+                at = here / (here - there)
+                target[written, 0], target[written, 1] = px + at * (qx - px), py + at * (qy - py)
+                written += 1
+        source, target, n = target, source, written
+        if n < 3:
+            return 0.0
+    double = 0.0
+    for k in range(1, n - 1):
+        ax, ay = source[k, 0] - source[0, 0], source[k, 1] - source[0, 1]
+        bx, by = source[k + 1, 0] - source[0, 0], source[k + 1, 1] - source[0, 1]
+        double += ax * by - ay * bx
+    return double / 2.0

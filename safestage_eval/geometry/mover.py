@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -13,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from .compiled import allocating, helper, owned
 from .pose import angle as turn_angle
-from .pose import unit
 from .shape import BodyShape
 
 F64 = NDArray[np.float64]
@@ -213,40 +211,3 @@ def _prepare(motion: Motion, centre: F64, half: F64, radius: float) -> bool:
                 )
                 motion.extent[k, i] = min(wider, radius) * ROUNDING
     return True
-
-
-ANCHORED = 512
-"""Frames after which a run of stillness begins anew, whatever came before."""
-
-
-def still_runs(
-    movers: Sequence[Mover], frames: I64, distance: float, angle: float
-) -> Iterator[tuple[int, I64]]:
-    """Cut frames (N,) into runs in which little moved: the frame each run began at, and its frames.
-
-    Within a run no body is further than ``distance`` (m) and ``angle`` (rad) from where it was when
-    the run began. Where runs begin does not depend on which frames are asked for: they are those of
-    whole blocks of the trace, of which only the ones that hold a frame that is asked for are told.
-    """
-    moving = [mover for mover in movers if len(mover) > 1]
-    total = min((len(mover) for mover in moving), default=int(frames.max(initial=0)) + 1)
-    if not moving:
-        if len(frames):
-            yield int(frames[0]), frames
-        return
-    for block in np.unique(frames // ANCHORED):
-        asked = frames[frames // ANCHORED == block]
-        first, end = int(block) * ANCHORED, min(total, int(asked.max()) + 1)
-        position = [mover.position[first:end].astype(np.float64) for mover in moving]
-        orientation = [unit(mover.orientation[first:end]) for mover in moving]
-        start = 0
-        while start < end - first:
-            left = np.zeros(end - first - start, bool)
-            for p, q in zip(position, orientation, strict=True):
-                left |= ((p[start:] - p[start]) ** 2).sum(1) > distance**2
-                left |= turn_angle(q[start:], q[start]) > angle
-            stop = start + int(left.argmax()) if left.any() else end - first
-            found = asked[(asked >= first + start) & (asked < first + stop)]
-            if len(found):
-                yield first + start, found
-            start = stop

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import allocating, kernel, owned
+from .compiled import kernel, owned
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -41,8 +41,11 @@ def union_outline(polygons: list[F64]) -> F64:
         return np.empty((0, 2, 2))
     count = np.array([len(polygon) for polygon in solid], np.int64)
     corners = owned(np.concatenate(solid))
+    first = np.cumsum(count) - count
+    box = np.empty((len(solid), 4))
+    bounds(corners, first, count, box)
     out = np.empty((int(count.sum()) * (len(solid) + 1), 4))
-    length = _outline(corners, np.cumsum(count) - count, count, out)
+    length = _outline(corners, first, count, box, np.empty((len(solid), 2)), out)
     return out[:length].reshape(-1, 2, 2)
 
 
@@ -176,12 +179,76 @@ def chain(points: F64, out: F64) -> int:
     return max(m, 1)
 
 
-@allocating
-def _outline(corners: F64, first: I64, count: I64, out: F64) -> int:
-    many = first.shape[0]
-    covered = np.empty((many, 2))
+@kernel
+def bounds(corners: F64, first: I64, count: I64, box: F64) -> None:
+    """Write low x, low y, high x, high y of each polygon into ``box`` (P, 4).
+
+    Polygon i has ``count[i]`` of the corners (C, 2), from ``first[i]`` on.
+    """
+    for i in range(first.shape[0]):
+        for k in range(count[i]):
+            for axis in range(2):
+                c = corners[first[i] + k, axis]
+                box[i, axis] = c if k == 0 else min(box[i, axis], c)
+                box[i, 2 + axis] = c if k == 0 else max(box[i, 2 + axis], c)
+
+
+@kernel
+def covers(
+    corners: F64, first: I64, count: I64, box: F64, i: int, ax: float, ay: float, dx: float,
+    dy: float, covered: F64,
+) -> int:  # fmt: skip
+    """Where the other polygons cover the edge from (ax, ay) by (dx, dy) of polygon i.
+
+    Writes from where to where, as shares of the edge, into ``covered`` (P, 2), in the order in which
+    they begin; returns how many.
+    """
+    found = 0
+    low_x, high_x = min(ax, ax + dx) - COINCIDENT, max(ax, ax + dx) + COINCIDENT
+    low_y, high_y = min(ay, ay + dy) - COINCIDENT, max(ay, ay + dy) + COINCIDENT
+    for j in range(first.shape[0]):
+        if j == i or box[j, 0] > high_x or box[j, 2] < low_x:
+            continue
+        if box[j, 1] > high_y or box[j, 3] < low_y:
+            continue
+        low, high = 0.0, 1.0
+        for k in range(count[j]):
+            bx, by = corners[first[j] + k, 0], corners[first[j] + k, 1]
+            after = first[j] + (k + 1) % count[j]
+            ex, ey = corners[after, 0] - bx, corners[after, 1] - by
+            edge = np.sqrt(ex * ex + ey * ey)
+            if edge <= COINCIDENT:
+                continue
+            nx, ny = ey / edge, -ex / edge
+            start = (ax - bx) * nx + (ay - by) * ny
+            slope = dx * nx + dy * ny
+            if abs(start) <= COINCIDENT and abs(start + slope) <= COINCIDENT:
+                if dx * ex + dy * ey > 0.0 and j > i:
+                    high = -1.0  # on each other, same side: this one stays
+                continue
+            if slope == 0.0:
+                if start > 0.0:
+                    high = -1.0
+            elif slope > 0.0:
+                high = min(high, -start / slope)
+            else:
+                low = max(low, -start / slope)
+            if high <= low:
+                break
+        if high > low:
+            at = found  # insert by where the cover begins
+            while at > 0 and covered[at - 1, 0] > low:
+                covered[at, 0], covered[at, 1] = covered[at - 1, 0], covered[at - 1, 1]
+                at -= 1
+            covered[at, 0], covered[at, 1] = low, high
+            found += 1
+    return found
+
+
+@kernel
+def _outline(corners: F64, first: I64, count: I64, box: F64, covered: F64, out: F64) -> int:
     written = 0
-    for i in range(many):
+    for i in range(first.shape[0]):
         for c in range(count[i]):
             ax, ay = corners[first[i] + c, 0], corners[first[i] + c, 1]
             following = first[i] + (c + 1) % count[i]
@@ -189,39 +256,7 @@ def _outline(corners: F64, first: I64, count: I64, out: F64) -> int:
             length = np.sqrt(dx * dx + dy * dy)
             if length <= COINCIDENT:
                 continue
-            found = 0
-            for j in range(many):
-                if j == i:
-                    continue
-                low, high = 0.0, 1.0
-                for k in range(count[j]):
-                    bx, by = corners[first[j] + k, 0], corners[first[j] + k, 1]
-                    after = first[j] + (k + 1) % count[j]
-                    ex, ey = corners[after, 0] - bx, corners[after, 1] - by
-                    edge = np.sqrt(ex * ex + ey * ey)
-                    if edge <= COINCIDENT:
-                        continue
-                    nx, ny = ey / edge, -ex / edge
-                    start = (ax - bx) * nx + (ay - by) * ny
-                    slope = dx * nx + dy * ny
-                    if abs(start) <= COINCIDENT and abs(start + slope) <= COINCIDENT:
-                        if dx * ex + dy * ey > 0.0 and j > i:
-                            high = -1.0  # on each other, same side: this one stays
-                        continue
-                    if slope == 0.0:
-                        if start > 0.0:
-                            high = -1.0
-                    elif slope > 0.0:
-                        high = min(high, -start / slope)
-                    else:
-                        low = max(low, -start / slope)
-                if high > low:
-                    at = found  # insert by where the cover begins
-                    while at > 0 and covered[at - 1, 0] > low:
-                        covered[at, 0], covered[at, 1] = covered[at - 1, 0], covered[at - 1, 1]
-                        at -= 1
-                    covered[at, 0], covered[at, 1] = low, high
-                    found += 1
+            found = covers(corners, first, count, box, i, ax, ay, dx, dy, covered)
             reached = 0.0
             for c2 in range(found + 1):
                 stop = covered[c2, 0] if c2 < found else 1.0

@@ -66,6 +66,29 @@ def faces_of(parts: list[Polytope]) -> Faces:
     )
 
 
+class Pieces(NamedTuple):
+    """The P convex pieces that some polytopes are made of, body frame.
+
+    Attributes:
+        vertices: (V, 3) m, piece after piece.
+        first: (P + 1,) where each piece begins, and the last one ends.
+    """
+
+    vertices: F64
+    first: I64
+
+
+def pieces_of(parts: list[Polytope]) -> Pieces:
+    """Convex parts as they are; the triangles of those that are not."""
+    found = [
+        corners
+        for part in parts
+        for corners in ([part.vertices] if part.convex else [part.vertices[f] for f in part.faces])
+    ]
+    first = np.cumsum([0, *map(len, found)])
+    return Pieces(np.concatenate([np.empty((0, 3)), *found]), first.astype(np.int64))
+
+
 def polytope(geom: Geom, meshes: Mapping[str, Mesh]) -> Polytope | None:
     """The geom in its body's frame; None for a plane, which has no corners."""
     if geom.kind == "plane":

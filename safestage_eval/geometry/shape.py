@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Body, Geom, Mesh
 
 from .compiled import owned
-from .polytope import Faces, Polytope, faces_of, hull_centroid, polytope
+from .polytope import Faces, Pieces, Polytope, faces_of, hull_centroid, pieces_of, polytope
 from .pose import matrix
 
 F64 = NDArray[np.float64]
@@ -162,6 +162,11 @@ class BodyShape:
     def faces(self) -> Faces:
         """All flat faces, body frame; planes are left out."""
         return faces_of([part for part in self.polytopes if part is not None])
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """Convex pieces, body frame; planes are left out."""
+        return pieces_of([part for part in self.polytopes if part is not None])
 
     @cached_property
     def centroid(self) -> F64:

@@ -8,11 +8,34 @@ from bodies import any_shape, box, cylinder, put, shape, sphere, wanderer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from safestage_eval.episode import Geom
-from safestage_eval.geometry.footprint import clearance_xy, footprint, overlap_xy
-from safestage_eval.geometry.polygon import convex_hull, edges, nearest_on
+from safestage_eval.episode import Geom, Mesh
+from safestage_eval.geometry.clearance import clearance_series
+from safestage_eval.geometry.footprint import overlap_xy
+from safestage_eval.geometry.mover import Mover
+from safestage_eval.geometry.polygon import contains, convex_hull, edges, nearest_on, union_area
+from safestage_eval.geometry.pose import transform
 
 CUBE = box(0.05, 0.05, 0.05)
+
+
+def footprint(mover: Mover, frame: int) -> list[np.ndarray]:
+    """One convex polygon per geom, one per triangle of a nonconvex mesh, piece by piece."""
+    t, found = frame if len(mover) > 1 else 0, []
+    for part in mover.shape.polytopes:
+        if part is not None:
+            points = transform(mover.position[t], mover.orientation[t], part.vertices)
+            corners = [points] if part.convex else [points[face] for face in part.faces]
+            found += [convex_hull(c[:, :2]) for c in corners]
+    return found
+
+
+def plain_share(a: Mover, b: Mover, frame: int) -> float:
+    """Of three areas of unions, all outlined whole."""
+    over, under = footprint(a, frame), footprint(b, frame)
+    area = union_area(over)
+    if area <= 0:
+        return np.nan
+    return (area + union_area(under) - union_area(over + under)) / area
 
 
 def test_overlap_truths() -> None:
@@ -37,9 +60,63 @@ def test_only_what_was_asked_for_and_rest_is_reused() -> None:
     assert np.isnan(share[[0, 1, 2, 6, 7, 8, 9]]).all()
 
 
+@given(st.integers(0, 2**32 - 1))
+@settings(derandomize=True, deadline=None, max_examples=25)
+def test_overlap_agrees_with_areas_of_unions(seed: int) -> None:
+    """Bodies of one, several and many geoms, near each other, apart and inside each other."""
+    rng = np.random.default_rng(seed)
+    a = wanderer(rng, 30, 0.25, int(rng.choice([1, 1, 2, 6])))
+    pose = (rng.normal(size=3) * 0.05, rng.normal(size=4))
+    b = put(any_shape(rng, int(rng.choice([1, 1, 2, 12]))), *pose)
+    if rng.random() < 0.3:
+        a, b = b, a
+    share = overlap_xy(a, b)
+    for t in range(len(share)):
+        assert share[t] == pytest.approx(plain_share(a, b, t), abs=1e-6, nan_ok=True)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(derandomize=True, deadline=None, max_examples=10)
+def test_overlap_agrees_with_counting_points(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, b = (put(any_shape(rng, 2), rng.normal(size=3) * 0.03) for _ in range(2))
+    side = np.linspace(-0.3, 0.3, 601)
+    grid = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
+    over, under = (contains(footprint(one, 0), grid) for one in (a, b))
+    assert overlap_xy(a, b)[0] == pytest.approx((over & under).sum() / over.sum(), abs=0.01)
+
+
+def test_overlap_of_an_open_mesh_is_that_of_its_triangles() -> None:
+    """A square ring of eight triangles: what lies over the hole is not over it."""
+    outer, inner = 0.1 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]), 0.05
+    corners = np.concatenate([outer, outer / 0.1 * inner])
+    faces = [
+        f
+        for i in range(4)
+        for f in ((i, (i + 1) % 4, 4 + i), ((i + 1) % 4, 4 + (i + 1) % 4, 4 + i))
+    ]
+    mesh = Mesh.build(np.c_[corners, np.zeros(8)], np.array(faces))
+    ring = put(shape(Geom(kind="mesh", mesh=mesh.key), meshes={mesh.key: mesh}), (0, 0, 0))
+    turned = (np.cos(np.pi / 8), 0, 0, np.sin(np.pi / 8))
+    assert overlap_xy(put(CUBE, (0, 0, 1)), ring)[0] == pytest.approx(0, abs=1e-6)
+    assert overlap_xy(put(CUBE, (0.05, 0, 1)), ring)[0] == pytest.approx(0.5, abs=1e-6)
+    small = put(box(0.02, 0.02, 0.02), (0.075, 0, 1), turned)
+    expected = 1 - 2 * (0.02 * np.sqrt(2) - 0.025) ** 2 / 0.04**2
+    assert overlap_xy(small, ring)[0] == pytest.approx(expected, abs=1e-6)
+    assert overlap_xy(ring, put(CUBE, (0, 0, -1)))[0] == pytest.approx(0, abs=1e-6)
+    assert overlap_xy(ring, put(CUBE, (0.1, 0, -1)))[0] == pytest.approx(0.005 / 0.03, abs=1e-6)
+
+
+def test_what_covers_nothing_has_no_share() -> None:
+    flat = put(Geom(kind="plane"), (0, 0, 0))
+    assert np.isnan(overlap_xy(flat, put(CUBE, (0, 0, 0)))[0])
+    with pytest.raises(ValueError, match="norm 0 or is not finite"):
+        overlap_xy(put(CUBE, (0, 0, 0), (0, 0, 0, 0)), put(CUBE, (0, 0, 0)))
+
+
 def test_horizontal_distance_truths() -> None:
     def xy(a: object, b: object) -> tuple[float, float]:
-        found = clearance_xy([a], [b])
+        found = clearance_series([a], [b], flat=True)
         return float(found.lower[0]), float(found.upper[0])
 
     lower, upper = xy(put(sphere(0.03), (0.1, 0, 5)), put(sphere(0.03), (0, 0, 0)))
@@ -59,8 +136,8 @@ def test_horizontal_distance_agrees_with_the_outlines(seed: int) -> None:
     """Against polygons of the projections, which are right to 0.1 mm on either side."""
     rng = np.random.default_rng(seed)
     a, b = wanderer(rng, 40, 0.4, 2), put(any_shape(rng, 2), (0, 0, 0))
-    found = clearance_xy([a], [b])
-    capped = clearance_xy([a], [b], 0.1)
+    found = clearance_series([a], [b], flat=True)
+    capped = clearance_series([a], [b], 0.1, flat=True)
     for t in range(0, 40, 5):
         least = np.inf
         for one in footprint(a, t):

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.geometry import compiled, pose
 from safestage_eval.geometry.edge import edge_margin
-from safestage_eval.geometry.mover import BLOCK, Mover, still_runs
+from safestage_eval.geometry.mover import BLOCK, Mover
+from safestage_eval.geometry.stillness import still_runs
 
 few = settings(derandomize=True, deadline=None, max_examples=10)
 
@@ -93,7 +94,7 @@ def test_runs_end_where_something_moved() -> None:
     asked = np.array([1, 2, 7])
 
     def runs(body: Mover, frames: np.ndarray) -> list[tuple[int, list[int]]]:
-        return [(at, alike.tolist()) for at, alike in still_runs((body,), frames, 1e-5, 1e-4)]
+        return [(at, alike.tolist()) for at, alike in still_runs((body,), frames)]
 
     assert runs(mover, np.arange(8)) == [(0, [0, 1, 2]), (3, [3, 4, 5, 6, 7])]
     assert runs(mover, asked) == [(0, [1, 2]), (3, [7])], "whoever asks, a run begins where it does"
