@@ -27,6 +27,7 @@ import numpy as np
 from machine import processor
 from plain import distances
 
+from safestage_eval import heap
 from safestage_eval.formats import stored_table
 from safestage_eval.formats.episode_ref import EpisodeRef
 from safestage_eval.rules import load_rules
@@ -173,6 +174,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=9)
     parser.add_argument("--every", type=int, default=10, help="frames per step of the plain loop")
     args = parser.parse_args()
+    heap.keep()  # as the command and its workers do
     print(
         f"{platform.node()}: {processor()}, Python {platform.python_version()}, "
         f"NumPy {np.__version__}"

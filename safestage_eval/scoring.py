@@ -292,8 +292,10 @@ _worker: dict[str, object] = {}
 
 
 def _start_worker(rules: Sequence[str | Path], settings: Mapping[str, object]) -> None:
+    from safestage_eval import heap
     from safestage_eval.rules import load_rules
 
+    heap.keep()
     _worker.update(settings, rules=load_rules(list(rules)))
 
 

@@ -117,6 +117,7 @@ def command(
     if form == "parquet" and output is None and sys.stdout.isatty():
         raise click.UsageError("--format parquet: give --output FILE, or pipe it on")
     overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
+    from safestage_eval import heap
     from safestage_eval.scoring import score_paths
 
     kept = None if no_cache else cache
@@ -124,6 +125,7 @@ def command(
         click.echo(f"--cache {kept}: {why}; nothing is kept there", err=True)
     announce_compiling()
     with progress("scoring") as tell:
+        heap.keep()
         scores = score_paths(
             traces,
             rules,

@@ -21,7 +21,7 @@ from .mover import BLOCK, Mover, frame_count
 from .pose import matrix
 from .shape import PLANE, Packed, chosen, triangles
 from .surface import SurfacePair, encloses
-from .sweep import sweep
+from .sweep import block_bounds, sweep
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -199,15 +199,10 @@ def _nothing_known(frames: int, cap: float) -> Clearance:
 
 def _block_bounds(a: Mover, b: Mover, flat: bool) -> F64:
     """(K,) m: lower bound on the distance of two bodies within each block of frames."""
-    ma, mb = a.motion, b.motion
-    blocks = -(-frame_count(a, b) // BLOCK)
-    axes = slice(0, 2 if flat else 3)
-    side = np.maximum(ma.low - mb.high, mb.low - ma.high)[:, axes]
-    ball = np.sqrt((np.maximum(side, 0) ** 2).sum(1)) - a.shape.radius - b.shape.radius
-    side = np.maximum(side - ma.extent[:, axes] - mb.extent[:, axes], 0)
-    box = np.sqrt((side**2).sum(1))
-    # overlapping boxes say nothing about how deep a penetration is; balls do
-    return np.broadcast_to(np.where(box > 0, np.maximum(ball, box), ball), blocks)
+    bounds = np.empty(-(-frame_count(a, b) // BLOCK))
+    ra, rb = float(a.shape.radius), float(b.shape.radius)
+    block_bounds(a.motion, b.motion, ra, rb, flat, bounds)
+    return bounds
 
 
 def _sweep_all(

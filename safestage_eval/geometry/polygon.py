@@ -6,6 +6,7 @@ or a segment. A union is a list of polygons.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -82,9 +83,7 @@ def contains(polygons: list[F64], points: F64) -> Bool:
     inside = np.zeros(len(points), bool)
     for polygon in polygons:
         if len(polygon) >= 3:
-            normal = outward(polygon)
-            offset = (normal * polygon).sum(1)
-            inside |= (points @ normal.T <= offset + COINCIDENT).all(1)
+            _contains(owned(polygon), owned(points), inside)
     return inside
 
 
@@ -267,6 +266,23 @@ def _outline(corners: F64, first: I64, count: I64, box: F64, covered: F64, out: 
                 if c2 < found:
                     reached = max(reached, covered[c2, 1])
     return written
+
+
+@kernel
+def _contains(polygon: F64, points: F64, inside: Bool) -> None:
+    n = polygon.shape[0]
+    for i in range(points.shape[0]):
+        within = not inside[i]
+        for k in range(n if within else 0):
+            ax, ay, after = polygon[k, 0], polygon[k, 1], (k + 1) % n
+            dx, dy = polygon[after, 0] - ax, polygon[after, 1] - ay
+            length = math.sqrt(dx * dx + dy * dy)
+            nx, ny = dy / length, -dx / length
+            if not (points[i, 0] - ax) * nx + (points[i, 1] - ay) * ny <= COINCIDENT:
+                within = False
+                break
+        if within:
+            inside[i] = True
 
 
 @kernel

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .compiled import owned
+from .compiled import as_numbers, owned
 from .turns import angles, turn_all
 
 F64 = NDArray[np.float64]
@@ -62,8 +62,9 @@ def rotate(orientation: ArrayLike, vector: ArrayLike) -> F64:
     Raises ValueError where a quaternion has norm 0 or is not finite.
     """
     if np.ndim(orientation) == 2 and np.ndim(vector) == 1:
-        out = np.empty((len(np.asarray(orientation)), 3))
-        if not turn_all(owned(orientation), owned(vector), out):
+        q = as_numbers(orientation)
+        out = np.zeros((len(q), 3))
+        if not turn_all(q, owned(vector), out):
             raise ValueError(_NO_TURN)
         return out
     return np.asarray((matrix(orientation) @ np.asarray(vector, np.float64)[..., None])[..., 0])
@@ -71,6 +72,12 @@ def rotate(orientation: ArrayLike, vector: ArrayLike) -> F64:
 
 def transform(position: ArrayLike, orientation: ArrayLike, point: ArrayLike) -> F64:
     """(…, 3) points (…, 3), given in the local frame, in the parent frame of the pose (m)."""
+    if np.ndim(position) == 2 and np.ndim(orientation) == 2 and np.ndim(point) == 1:
+        out, q = owned(position), as_numbers(orientation)
+        if len(out) == len(q):
+            if not turn_all(q, owned(point), out):
+                raise ValueError(_NO_TURN)
+            return out
     return rotate(orientation, point) + np.asarray(position, np.float64)
 
 
@@ -113,7 +120,7 @@ def angle(orientation_a: ArrayLike, orientation_b: ArrayLike) -> F64:
     """
     first, second = np.ndim(orientation_a), np.ndim(orientation_b)
     if first == 2 and second in (1, 2):
-        p, q = owned(orientation_a), np.atleast_2d(owned(orientation_b))
+        p, q = as_numbers(orientation_a), np.atleast_2d(as_numbers(orientation_b))
         if len(q) in (1, len(p)):
             out = np.empty(len(p))
             if not angles(p, q, out):

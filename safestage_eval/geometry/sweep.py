@@ -53,6 +53,25 @@ class Memory(NamedTuple):
     known_path: F64
 
 
+@kernel
+def block_bounds(
+    ma: Motion, mb: Motion, radius_a: float, radius_b: float, flat: bool, out: F64
+) -> None:
+    """Write a lower bound (m) on the distance of two bodies within each block of frames, (K,)."""
+    last_a, last_b = ma.low.shape[0] - 1, mb.low.shape[0] - 1
+    for k in range(out.shape[0]):
+        s, t = min(k, last_a), min(k, last_b)
+        ball, box = 0.0, 0.0
+        for i in range(2 if flat else 3):
+            side = max(ma.low[s, i] - mb.high[t, i], mb.low[t, i] - ma.high[s, i])
+            ball += max(side, 0.0) ** 2
+            box += max(side - ma.extent[s, i] - mb.extent[t, i], 0.0) ** 2
+        out[k] = math.sqrt(ball) - radius_a - radius_b
+        # overlapping boxes say nothing about how deep a penetration is; balls do
+        if box > 0.0:
+            out[k] = max(out[k], math.sqrt(box))
+
+
 @helper
 def _balls_and_boxes(
     ma: Motion, mb: Motion, s: int, t: int, flat: bool, radii: float, gap: F64

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,22 +11,24 @@ from numpy.typing import NDArray
 from .compiled import helper, kernel
 
 F64 = NDArray[np.float64]
+Numbers = NDArray[np.floating[Any]]
 
 QUARTER = math.sin(math.pi / 4)
 
 
 @helper
-def _norm(orientation: F64, t: int) -> float:
+def _norm(orientation: Numbers, t: int) -> float:
     """Of the quaternion in row t; NaN where it is 0 or not finite."""
     square = 0.0
     for i in range(4):
-        square += orientation[t, i] * orientation[t, i]
+        part = np.float64(orientation[t, i])
+        square += part * part
     return math.sqrt(square) if 0.0 < square < math.inf else math.nan
 
 
 @kernel
-def turn_all(orientation: F64, vector: F64, out: F64) -> bool:
-    """Write a vector (3,), turned by each quaternion (T, 4), into ``out`` (T, 3).
+def turn_all(orientation: Numbers, vector: F64, out: F64) -> bool:
+    """Add a vector (3,), turned by each quaternion (T, 4), to ``out`` (T, 3).
 
     R v with R as ``pose.matrix`` has it. False where a quaternion has norm 0 or is not finite.
     """
@@ -34,22 +37,22 @@ def turn_all(orientation: F64, vector: F64, out: F64) -> bool:
         norm = _norm(orientation, t)
         if math.isnan(norm):
             return False
-        w, x = orientation[t, 0] / norm, orientation[t, 1] / norm
-        y, z = orientation[t, 2] / norm, orientation[t, 3] / norm
-        out[t, 0] = (
+        w, x = np.float64(orientation[t, 0]) / norm, np.float64(orientation[t, 1]) / norm
+        y, z = np.float64(orientation[t, 2]) / norm, np.float64(orientation[t, 3]) / norm
+        out[t, 0] += (
             (1 - 2 * (y * y + z * z)) * a + 2 * (x * y - z * w) * b + 2 * (x * z + y * w) * c
         )
-        out[t, 1] = (
+        out[t, 1] += (
             2 * (x * y + z * w) * a + (1 - 2 * (x * x + z * z)) * b + 2 * (y * z - x * w) * c
         )
-        out[t, 2] = (
+        out[t, 2] += (
             2 * (x * z - y * w) * a + 2 * (y * z + x * w) * b + (1 - 2 * (x * x + y * y)) * c
         )
     return True
 
 
 @kernel
-def angles(first: F64, second: F64, out: F64) -> bool:
+def angles(first: Numbers, second: Numbers, out: F64) -> bool:
     """Write the angles (T,) rad between quaternions (T, 4) and others, (T, 4) or (1, 4).
 
     As ``pose.angle``. False where a quaternion has norm 0 or is not finite.
@@ -62,7 +65,7 @@ def angles(first: F64, second: F64, out: F64) -> bool:
             return False
         p, q, minus, plus = 1.0 / p, 1.0 / q, 0.0, 0.0
         for i in range(4):
-            x, y = first[t, i] * p, second[s, i] * q
+            x, y = np.float64(first[t, i]) * p, np.float64(second[s, i]) * q
             minus += (x - y) * (x - y)
             plus += (x + y) * (x + y)
         out[t] = 4.0 * math.asin(min(math.sqrt(min(minus, plus)) / 2.0, QUARTER))

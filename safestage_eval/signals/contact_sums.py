@@ -49,7 +49,8 @@ class ContactSums:
         key = (min(i, j), max(i, j))
         if key not in self._normal:
             frame, force, normal = self._episode.contacts.of_pair(key, "frame", "force", "normal")
-            along = np.abs(np.einsum("ck,ck->c", force.astype(np.float64), normal))
+            fx, fy, fz = force.astype(np.float64).T
+            along = np.abs(fx * normal[:, 0] + fy * normal[:, 1] + fz * normal[:, 2])
             sums = np.bincount(frame, along, minlength=self._frames)
             self._normal[key] = np.asarray(sums, np.float64)
         return self._normal[key]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from safestage_eval.episode import Episode
 from safestage_eval.geometry.clearance import SLACK, Clearance, motion_bound
+from safestage_eval.geometry.gjk import PROMISED
 
 from . import (
     channel,
@@ -72,6 +73,8 @@ class Signals(Facts):
         self._known: dict[
             tuple[str, tuple[str, ...], str, float, bool, float, Options], Series
         ] = {}
+        # by identity: the series is kept beside what was found
+        self._slack: dict[int, tuple[Series, Clearance]] = {}
 
     def get(
         self,
@@ -100,9 +103,17 @@ class Signals(Facts):
         deep = name in CAPPED and min(limits, default=1.0) <= 0
         slack = SLACK if name in CAPPED and limits and not deep else 0.0
         found = self._get(name, tuple(bodies), reference, cap, deep, slack, options)
-        if slack and any(Clearance(found.lower, found.upper).leaves_open(x) for x in limits):
+        if slack and any(self._loose(found, cap).leaves_open(x) for x in limits):
             found = self._get(name, tuple(bodies), reference, cap, deep, 0.0, options)
         return found
+
+    def _loose(self, found: Series, cap: float) -> Clearance:
+        """The frames at which slack was taken: hardly ever any, and they do not change."""
+        if id(found) not in self._slack:
+            loose = (found.upper - found.lower > PROMISED) & (found.lower < cap)
+            taken = Clearance(found.lower[loose], found.upper[loose])
+            self._slack[id(found)] = found, taken
+        return self._slack[id(found)][1]
 
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
         """How much further (m) the value may have gone between the frame and its neighbours.

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
-from safestage_eval.geometry.pose import angle, conjugate, product, rotate, unit
+from safestage_eval.geometry.lengths import distances, lengths
+from safestage_eval.geometry.pose import angle, conjugate, product, rotate, transform, unit
 
 from .facts import Query
 from .series import Series, exact
@@ -14,17 +15,13 @@ from .series import Series, exact
 F64 = NDArray[np.float64]
 
 
-def _size(vectors: F64) -> F64:
-    """(T,) Euclidean norm of each of (T, k) vectors."""
-    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
-
-
 def com_position(episode: Episode, name: str) -> F64:
     """(T, 3) m, centre of mass, world."""
     track = episode.track(name)
     offset = np.asarray(episode.bodies[name].com, np.float64)
-    position = track.position.astype(np.float64)
-    return position + rotate(track.orientation, offset) if offset.any() else position
+    if offset.any():
+        return transform(track.position, track.orientation, offset)
+    return track.position.astype(np.float64)
 
 
 def com_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
@@ -46,9 +43,8 @@ def linear_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
     the central difference of the positions then (one-sided in the first and last frame).
     """
     track = episode.track(name)
-    recorded = track.linear_velocity.astype(np.float64)
-    if recorded.any() or _still(track.position):
-        return recorded, ()
+    if _some(track.linear_velocity) or _still(track.position):
+        return track.linear_velocity.astype(np.float64), ()
     first, last, seconds = _neighbours(episode.t)
     position = track.position.astype(np.float64)
     return (position[last] - position[first]) / seconds[:, None], _derived(name)
@@ -57,16 +53,20 @@ def linear_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
 def angular_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
     """(T, 3) rad/s, world; and a note if it had to be derived, as for ``linear_velocity``."""
     track = episode.track(name)
-    recorded = track.angular_velocity.astype(np.float64)
-    if recorded.any() or _still(track.orientation):
-        return recorded, ()
+    if _some(track.angular_velocity) or _still(track.orientation):
+        return track.angular_velocity.astype(np.float64), ()
     first, last, seconds = _neighbours(episode.t)
     turned = product(unit(track.orientation[last]), conjugate(unit(track.orientation[first])))
     turned = np.where(turned[:, :1] < 0, -turned, turned)  # the shorter way round
-    sine = _size(turned[:, 1:])
+    sine = lengths(turned[:, 1:])
     size = 2 * np.arctan2(sine, turned[:, 0])
     scale = np.divide(size, sine, out=np.zeros_like(sine), where=sine > 0)
     return turned[:, 1:] * (scale / seconds)[:, None], _derived(name)
+
+
+def _some(column: NDArray[np.float32]) -> bool:
+    """Not zero throughout; ten times faster than ``any`` of numbers."""
+    return bool(column.max() != 0 or column.min() != 0)
 
 
 def _still(column: NDArray[np.float32]) -> bool:
@@ -99,18 +99,19 @@ def displacement(query: Query) -> Series:
     The option ``norm`` adds the coordinates up in another way than the distance does.
     """
     com, reference = com_position(query.episode, query.bodies[0]), query.reference
-    moved = com - reference.of(com, reference.baseline.position(com))
+    there = reference.of(com, reference.baseline.position(com))
     axes = 2 if query.name.endswith("xy") else 3
     order = {"l1": 1, "max": np.inf}.get(str(query.option("norm")))
-    some = moved[:, :axes]
-    return exact(
-        _size(some) if order is None else np.linalg.norm(some, order, axis=1), query.dimension
-    )
+    if order is None:
+        one = there[:1] if there.strides[0] == 0 else there
+        return exact(distances(com, one, axes), query.dimension)
+    moved = np.linalg.norm((com - there)[:, :axes], order, axis=1)
+    return exact(moved, query.dimension)
 
 
 def turn(query: Query) -> Series:
     """rad, geodesic angle from the reference orientation."""
-    orientation = query.episode.track(query.bodies[0]).orientation.astype(np.float64)
+    orientation = query.episode.track(query.bodies[0]).orientation
     reference, initial = query.reference, query.reference.baseline.orientation(orientation)
     if reference.since is None:
         return exact(angle(orientation, initial), query.dimension)
@@ -130,13 +131,13 @@ def tilt(query: Query) -> Series:
         note = f"{name} has no up axis: its tilt is not judged"
         return exact(np.full(len(query.episode), -np.inf), query.dimension, (note,))
     up = rotate(query.episode.track(name).orientation, np.asarray(axis, np.float64))
-    return exact(np.arctan2(_size(up[:, :2]), up[:, 2]), query.dimension)
+    return exact(np.arctan2(lengths(up, 2), up[:, 2]), query.dimension)
 
 
 def speed(query: Query) -> Series:
     """m/s of the COM."""
     velocity, notes = com_velocity(query.episode, query.bodies[0])
-    return exact(_size(velocity), query.dimension, notes)
+    return exact(lengths(velocity), query.dimension, notes)
 
 
 def vertical_speed(query: Query) -> Series:
@@ -148,12 +149,12 @@ def vertical_speed(query: Query) -> Series:
 def angular_speed(query: Query) -> Series:
     """rad/s."""
     velocity, notes = angular_velocity(query.episode, query.bodies[0])
-    return exact(_size(velocity), query.dimension, notes)
+    return exact(lengths(velocity), query.dimension, notes)
 
 
 def relative_speed(query: Query) -> Series:
     """m/s between the COMs; over unions, the fastest pair."""
     first, second = ([com_velocity(query.episode, n) for n in names] for names in query.groups)
-    pairs = [_size(a - b) for a, _ in first for b, _ in second]
+    pairs = [distances(a, b) for a, _ in first for b, _ in second]
     notes = tuple(dict.fromkeys(note for _, told in first + second for note in told))
     return exact(np.maximum.reduce(pairs), query.dimension, notes)

@@ -32,7 +32,7 @@ class Baseline:
         medoid: F64 = some[int(np.argmin(apart))]
         return medoid
 
-    def orientation(self, quaternions: F64) -> F64:
+    def orientation(self, quaternions: NDArray[np.floating]) -> F64:
         """(T, 4) wxyz → (4,): the mean over the baseline frames."""
         return mean_orientation(quaternions[: self.frames])
 
@@ -52,11 +52,11 @@ class Reference:
     since: NDArray[np.int64] | None = None
     key: str = ""
 
-    def of(self, values: F64, initial: F64) -> F64:
+    def of(self, values: NDArray[np.floating], initial: F64) -> F64:
         """The reference value at each frame: (T, k) values and (k,) baseline value → (T, k)."""
         if self.since is None or not len(self.since) or self.since[-1] < 0:  # no event at all
             return np.broadcast_to(initial, values.shape)
-        picked = np.take(values, self.since, axis=0, mode="clip")
+        picked = np.take(values, self.since, axis=0, mode="clip").astype(np.float64)
         picked[: int(np.argmax(self.since >= 0))] = initial
         return picked
 

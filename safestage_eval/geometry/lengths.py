@@ -1,0 +1,58 @@
+"""Lengths of many vectors, and how far many points are from where they were."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .compiled import as_numbers, kernel
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+Numbers = NDArray[np.floating[Any]]
+
+
+def lengths(vectors: ArrayLike, axes: int | None = None) -> F64:
+    """(T,) Euclidean norm of the first ``axes`` components of (T, k) vectors; of all if None."""
+    some = as_numbers(vectors)
+    return distances(some, np.zeros((1, some.shape[1])), axes)
+
+
+def distances(points: ArrayLike, others: ArrayLike, axes: int | None = None) -> F64:
+    """(T,) distance of points (T, k) from others, (T, k) or (1, k), over the first ``axes``."""
+    a, b = as_numbers(points), as_numbers(others)
+    out = np.empty(len(a))
+    _distances(a, b, a.shape[1] if axes is None else axes, out)
+    return out
+
+
+def near_first(values: NDArray[np.float32], frames: I64, room: float) -> NDArray[np.bool_]:
+    """(N,) whether every component of values (T, k) at frames (N,) is within room of the first's."""
+    near = np.empty(len(frames), np.bool_)
+    some = as_numbers(values)
+    _near_first(some, frames, some.dtype.type(room), near)
+    return near
+
+
+@kernel
+def _distances(points: Numbers, others: Numbers, axes: int, out: F64) -> None:
+    last = others.shape[0] - 1
+    for t in range(out.shape[0]):
+        s, square = min(t, last), 0.0
+        for i in range(axes):
+            way = np.float64(points[t, i]) - np.float64(others[s, i])
+            square += way * way
+        out[t] = math.sqrt(square)
+
+
+@kernel
+def _near_first(values: Numbers, frames: I64, room: Any, near: NDArray[np.bool_]) -> None:
+    for n in range(frames.shape[0]):
+        near[n] = True
+        for i in range(values.shape[1]):
+            if not abs(values[frames[n], i] - values[frames[0], i]) < room:
+                near[n] = False
+                break
