@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.episode.invariants import UNIT_TOLERANCE
 from safestage_eval.errors import TraceError
 
-from . import wire
+from . import either, wire
 from .frame_buffers import doubled
-from .mcap_chunks import Batch, bytes_at
+from .mcap_chunks import Batch
 from .mcap_messages import FRAME, MESSAGES, message_class
 from .mcap_metadata import TRACK_COLUMNS
 
@@ -66,10 +67,12 @@ class FrameRows:
 
     Attributes:
         count: messages taken.
+        sound: for sure, all numbers of bodies are finite and all orientations of unit norm.
     """
 
     def __init__(self) -> None:
         self.count = 0
+        self.sound = True
         self._like: _Layout | None = None
         self._values = np.zeros((0, 0), np.uint8)
         self._other: list[bytes] | None = None
@@ -77,23 +80,24 @@ class FrameRows:
     def take(self, batch: Batch) -> None:
         """Some more messages."""
         if not self.count:
-            self._like = _Layout.of(bytes(batch.parts()[0]))
-            if self._like is not None:
+            begin, end = batch.places[0].tolist()
+            self._like = _Layout.of(batch.raw[begin:end])
+            if self._like is None:
+                self._other = []
+            else:
                 self._values = np.empty((_FRAMES, self._like.width), np.uint8)
         end = self.count + len(batch)
-        if self._other is None:
-            rows = None if self._like is None else self._like.rows(batch)
-            if self._like is not None and rows is not None:
-                while end > len(self._values):
-                    self._values = doubled(self._values)
-                self._like.copy(rows, self._values[self.count : end])
-            else:
-                self._other = []
-                if self._like is not None:
-                    self._other = self._like.messages(self._values[: self.count])
+        if self._like is not None and self._other is None:
+            while end > len(self._values):
+                self._values = doubled(self._values)
+            bad = self._like.copy(batch, self._values[self.count : end])
+            self.sound &= bad == 0
+            if bad < 0:
+                self._other = self._like.messages(self._values[: self.count])
                 self._values = np.zeros((0, 0), np.uint8)
         if self._other is not None:
-            self._other += map(bytes, batch.parts())
+            self.sound = False
+            self._other += batch.messages()
         self.count = end
 
     def columns(
@@ -120,8 +124,8 @@ class _Layout:
         width: bytes of a row of values: the two numbers of 8 bytes, then the packed ones.
     """
 
-    def __init__(self, message: bytes, places: dict[int, tuple[int, int]]) -> None:
-        self._first = np.frombuffer(message, np.uint8)
+    def __init__(self, message: NDArray[np.uint8], places: dict[int, tuple[int, int]]) -> None:
+        self._first = message.copy()
         self._moves: dict[str, tuple[int, int, int]] = {}
         between, self.width = np.ones(len(message), bool), 0
         for name, f in _FIELDS.items():
@@ -131,12 +135,17 @@ class _Layout:
         for offset, length in places.values():
             between[offset : offset + length] = False
         self._between = np.flatnonzero(between)
+        begins = {name: to // 4 for name, (_, _, to) in self._moves.items()}
+        turns = begins["body_orientation"]
+        count = self._moves["body_orientation"][1] // 16 * 4  # what is left over tells by its width
+        last = begins["joint_position"]
+        self._parts = np.array([begins["body_position"], last, turns, turns + count])
 
     @classmethod
-    def of(cls, message: bytes) -> _Layout | None:
+    def of(cls, message: NDArray[np.uint8]) -> _Layout | None:
         """None where the fields have to be decoded."""
         try:
-            places = wire.layout(message)
+            places = wire.layout(message.tobytes())
         except ValueError:
             return None
         numbers = [f.number for f in _FIELDS.values() if f.type in ("fixed64", "double")]
@@ -147,19 +156,16 @@ class _Layout:
             return None
         return cls(message, places)
 
-    def rows(self, batch: Batch) -> NDArray[np.uint8] | None:
-        """(N, bytes) of messages that are laid out alike; None where one is not."""
-        size = len(self._first)
-        if (batch.end - batch.begin != size).any():
-            return None
-        rows = bytes_at(batch.raw, batch.begin, size)
-        alike = (rows[:, self._between] == self._first[self._between]).all()
-        return rows if alike else None
+    def copy(self, batch: Batch, values: NDArray[np.uint8]) -> int:
+        """The fields of messages, side by side, into (M, width).
 
-    def copy(self, rows: NDArray[np.uint8], values: NDArray[np.uint8]) -> None:
-        """The fields of some messages, side by side, into (N, width)."""
-        for offset, length, to in self._moves.values():
-            values[:, to : to + length] = rows[:, offset : offset + length]
+        Returns how many are not sound for sure; -1 where one is laid out in another way.
+        """
+        bad: int = either.mcap().copy_frames(
+            batch.raw, batch.places, self._first, self._between, np.array(list(self._moves.values())),
+            self._parts, values, values.view(np.uint32), values.view(np.float32), UNIT_TOLERANCE,
+        )  # fmt: skip
+        return bad
 
     def columns(self, values: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
         """Name → (N, numbers), views of (N, width)."""

@@ -20,9 +20,9 @@ from safestage_eval.episode import (
     check_time,
     check_track,
 )
-from safestage_eval.episode.invariants import near_unit
 from safestage_eval.errors import TraceError
 
+from . import either
 from .contact_points import GeomNames
 from .episode_row import mesh_keys
 from .lazy import StoredTrack
@@ -42,7 +42,7 @@ from .mcap_records import (
     read_metadata,
     walk,
 )
-from .packed_contacts import contact_table
+from .packed_contacts import Points, contact_table
 from .ply import from_ply
 
 _TRACK_FIELDS = {"position": 3, "orientation": 4, "linear_velocity": 3, "angular_velocity": 3}
@@ -132,12 +132,13 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
     columns, index, t = rows.columns(count, where)
     if not np.array_equal(index, np.arange(count)):
         raise TraceError(where, f"the messages on {FRAME} are not the frames 0, 1, 2, … in order")
-    points, counts = clouds.points(min(count, clouds.count))
+    points = clouds.points(min(count, clouds.count))
     if not clouds.count:
-        counts = np.zeros(count, np.int64)
-    return _episode(
-        path, metadata, records, columns, t, points, counts, states.first(count), checked
-    )
+        points = points._replace(counts=np.zeros(count, np.int64))
+    episode = _episode(path, metadata, records, columns, t, points, states.first(count), checked)
+    if checked:
+        _check(episode, metadata, rows.sound)
+    return episode
 
 
 def _episode(
@@ -146,8 +147,7 @@ def _episode(
     records: McapRecords,
     columns: dict[str, F32],
     t: NDArray[np.float64],
-    points: NDArray[Any],
-    counts: NDArray[np.int64],
+    points: Points,
     states: dict[int, NDArray[np.float64]],
     checked: bool,
 ) -> Episode:
@@ -171,11 +171,11 @@ def _episode(
             where, f"{columns['channel'].shape[1]} channels in a frame, {len(keys)} in the header"
         )
     channels = {key: columns["channel"][:, i] for i, key in enumerate(keys)}
-    episode = Episode(
+    return Episode(
         header=header,
         t=t,
         tracks=tracks,
-        _contacts=lambda: contact_table(points, counts, names, where, checked),
+        _contacts=lambda: contact_table(points, names, where, checked),
         _frames=robot,
         meshes=meshes,
         channels=channels,
@@ -183,25 +183,26 @@ def _episode(
         attachments=records.attachments,
         path=path,
     )
-    if checked:
-        errors = [*check_header(header, where), *check_time(t, where)]
-        sound = _sound(columns)
-        for body in header.bodies:
-            if not sound or body.name in metadata.fixed:
-                errors += check_track(tracks[body.name], body.name, len(t), where)
-        errors += check_frames(robot, len(t), where)
-        for (body_name, name), values in channels.items():
-            errors += check_finite(values, f"channel {name!r} of {body_name!r}", where)
-        if errors:
-            raise errors[0]
-    return episode
+
+
+def _check(episode: Episode, metadata: McapMetadata, sound: bool) -> None:
+    """Raise on a broken invariant; ``sound``: poses and twists in the frames are not among them."""
+    header, where = episode.header, str(episode.path)
+    errors = [*check_header(header, where), *check_time(episode.t, where)]
+    for body in header.bodies:
+        if not sound or body.name in metadata.fixed:
+            errors += check_track(episode.tracks[body.name], body.name, len(episode), where)
+    errors += check_frames(episode.frames, len(episode), where)
+    for (body_name, name), values in episode.channels.items():
+        errors += check_finite(values, f"channel {name!r} of {body_name!r}", where)
+    if errors:
+        raise errors[0]
 
 
 def _tracks(
     metadata: McapMetadata, columns: dict[str, F32], frames: int, where: str
 ) -> dict[str, Track]:
     moving = metadata.moving_bodies
-    blocks = {}
     for name, width in _TRACK_FIELDS.items():
         block = columns[f"body_{name}"]
         if block.shape[1] != width * len(moving):
@@ -210,10 +211,12 @@ def _tracks(
                 f"body_{name} has {block.shape[1]} values for {len(moving)} moving bodies.",
                 f"{width} per body",
             )
-        blocks[name] = block.reshape(frames, len(moving), width)
 
     def columns_of(place: int, names: tuple[str, ...]) -> dict[str, F32]:
-        return {name: np.ascontiguousarray(blocks[name][:, place]) for name in names}
+        found = {name: np.empty((frames, _TRACK_FIELDS[name]), np.float32) for name in names}
+        for name, column in found.items():
+            either.contacts().take_column(columns[f"body_{name}"], place * column.shape[1], column)
+        return found
 
     tracks: dict[str, Track] = {
         body: StoredTrack(partial(columns_of, i)) for i, body in enumerate(moving)
@@ -230,16 +233,6 @@ def _tracks(
     return {record.name: tracks[record.name] for record in metadata.header.bodies}
 
 
-def _sound(columns: dict[str, F32]) -> bool:
-    """Whether all poses and twists in the frames are finite and of unit norm, for sure.
-
-    Looks at all bodies at once; where it says no, ``check_track`` tells which and whether.
-    """
-    with np.errstate(all="ignore"):
-        sums = [columns[f"body_{name}"].sum() for name in _TRACK_FIELDS]
-    return bool(np.isfinite(sums).all()) and near_unit(columns["body_orientation"])
-
-
 class _States:
     """Takes the messages with full states."""
 
@@ -247,7 +240,7 @@ class _States:
         self._messages: list[bytes] = []
 
     def take(self, batch: Batch) -> None:
-        self._messages += map(bytes, batch.parts())
+        self._messages += batch.messages()
 
     def first(self, frames: int) -> dict[int, NDArray[np.float64]]:
         """Frame → state, of the first frames."""

@@ -13,17 +13,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-import numpy as np
-from numpy.typing import NDArray
-
 from safestage_eval.errors import TraceError
 
-from .mcap_chunks import CHANNEL, MESSAGE, PREFIX, Batch, Topics, find, index_places, text, unpack
+from .mcap_arrays import CHANNEL, MESSAGE, PREFIX
+from .mcap_chunks import Batch, Topics, find, text, unpack
 
 MAGIC = b"\x89MCAP0\r\n"
-HEADER, FOOTER, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA = 1, 2, 6, 7, 9, 12
+HEADER, FOOTER, CHUNK, ATTACHMENT, METADATA = 1, 2, 6, 9, 12
 
-_READ = (HEADER, FOOTER, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, ATTACHMENT, METADATA)
+_READ = (HEADER, FOOTER, CHANNEL, MESSAGE, CHUNK, ATTACHMENT, METADATA)
 _RUN = 1 << 20
 """Bytes of messages outside of chunks that are handed on together."""
 
@@ -63,17 +61,15 @@ def walk(path: Path, sinks: Mapping[str, Sink], where: str) -> McapRecords:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise TraceError(where, "not an MCAP file: it begins with other bytes")
             found = McapRecords(os.fstat(stream.fileno()).st_size)
-            messages = _Messages(sinks, where)
+            messages = _Messages(sinks)
             for at, kind, content in _contents(stream, found):
-                if kind == MESSAGE_INDEX:
-                    messages.index(content)
-                    continue
                 if kind != MESSAGE:
                     messages.hand_on()
                 try:
-                    _take(kind, content, at, messages, found)
+                    batches = _take(kind, content, messages, found)
                 except _DAMAGE as error:
                     raise damaged(where, at, error) from None
+                messages.give(batches)
             messages.hand_on()
     except OSError as error:
         raise TraceError(where, f"cannot be read: {error.strerror}") from None
@@ -101,10 +97,13 @@ def _contents(stream: BinaryIO, found: McapRecords) -> Iterator[tuple[int, int, 
             return
 
 
-def _take(kind: int, content: bytes, at: int, messages: _Messages, found: McapRecords) -> None:
+def _take(
+    kind: int, content: bytes, messages: _Messages, found: McapRecords
+) -> Mapping[str, Batch]:
+    """Keep what a record says; of a chunk, the messages in it."""
     if kind == CHUNK:
-        messages.chunk(at, content)
-    elif kind == MESSAGE:
+        return find(unpack(content), messages.topics)
+    if kind == MESSAGE:
         messages.single(content)
     elif kind == CHANNEL:
         (number,) = struct.unpack_from("<H", content)
@@ -117,54 +116,35 @@ def _take(kind: int, content: bytes, at: int, messages: _Messages, found: McapRe
     elif kind == ATTACHMENT:
         name, data = _attachment(content)
         found.attachments[name] = data
+    return {}
 
 
 class _Messages:
-    """The block of messages that was read last, until all is read that says where they are."""
+    """Hands messages on to the sinks: those of a chunk at once, others some at a time."""
 
-    def __init__(self, sinks: Mapping[str, Sink], where: str) -> None:
+    def __init__(self, sinks: Mapping[str, Sink]) -> None:
         self.topics = Topics(sinks)
-        self._sinks, self._where = sinks, where
-        self._chunk: tuple[int, bytes] | None = None
-        self._index: list[NDArray[np.uint64]] | None = []
+        self._sinks = sinks
         self._single = bytearray()
 
-    def chunk(self, at: int, content: bytes) -> None:
-        """A chunk; message index records may follow."""
-        self._chunk, self._index = (at, unpack(content)), []
-
-    def index(self, content: bytes) -> None:
-        """Where some messages of the chunk are. A damaged index is as good as none."""
-        if self._index is not None:
-            try:
-                self._index.append(index_places(content))
-            except (ValueError, struct.error):
-                self._index = None
+    def give(self, batches: Mapping[str, Batch]) -> None:
+        """To each topic's sink."""
+        for topic, batch in batches.items():
+            self._sinks[topic](batch)
 
     def single(self, content: bytes) -> None:
         """A message that stands outside of chunks."""
         if len(content) < 2:
             raise ValueError("a message without a channel")
-        if self._chunk is not None or len(self._single) > _RUN:
+        if len(self._single) > _RUN:
             self.hand_on()
         self._single += bytes([MESSAGE]) + len(content).to_bytes(8, "little") + content
 
     def hand_on(self) -> None:
-        """Give what waits to the sinks."""
-        if self._chunk is not None:
-            at, raw = self._chunk
-            index = np.concatenate(self._index) if self._index else None
-            try:
-                found = find(raw, index, self.topics)
-            except _DAMAGE as error:
-                raise damaged(self._where, at, error) from None
-        elif self._single:
-            found = find(bytes(self._single), None, self.topics)
-        else:
-            return
-        self._chunk, self._single = None, bytearray()
-        for topic, batch in found.items():
-            self._sinks[topic](batch)
+        """Give the single messages that wait to the sinks."""
+        if self._single:
+            waiting, self._single = bytes(self._single), bytearray()
+            self.give(find(waiting, self.topics))
 
 
 def damaged(where: str, at: int, error: Exception) -> TraceError:

@@ -1,14 +1,29 @@
-"""Messages are found with the index of a chunk exactly where a walk over its records finds them."""
+"""Messages are found where a walk over the records in plain Python finds them."""
 
 import struct
+import zlib
 
+import lz4.frame
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from safestage_eval.formats.mcap_chunks import CHANNEL, MESSAGE, Topics, bytes_at, find
+from safestage_eval.formats import either, mcap_arrays, mcap_kernels
+from safestage_eval.formats.mcap_arrays import CHANNEL, MESSAGE
+from safestage_eval.formats.mcap_chunks import Topics, find, unpack
 from safestage_eval.formats.mcap_records import walk
+
+
+@pytest.fixture(
+    scope="module", autouse=True, params=[mcap_kernels, mcap_arrays], ids=["kernels", "arrays"]
+)
+def way(request):
+    """With and without a compiler."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(either, "mcap", lambda: request.param)
+        yield
+
 
 SCHEMA = 3
 TOPICS = ("/a", "/b", "/c")
@@ -36,71 +51,71 @@ others = st.tuples(
 )
 
 
-@st.composite
-def blocks(draw):
-    """Records, and where the messages among them begin."""
-    lead = draw(st.lists(others, max_size=4))
-    rest = draw(st.lists(messages, max_size=12))
-    for _ in range(draw(st.sampled_from([0, 0, 0, 1, 2]))):
-        rest.insert(draw(st.integers(0, len(rest))), draw(others))
-    raw, places = b"", []
-    for kind, data in lead + rest:
-        if kind == MESSAGE:
-            places.append(len(raw))
-        raw += data
-    return raw, places
+blocks = st.lists(messages | others, max_size=16).map(lambda some: b"".join(d for _, d in some))
 
 
-def outcome(raw, index):
+def outcome(raw):
     """Data of the messages by topic, and the channels learnt; or that the block is damaged."""
     topics = Topics(TOPICS)
     try:
-        found = find(raw, None if index is None else np.array(index, np.uint64), topics)
-    except (ValueError, IndexError, struct.error):
+        found = find(raw, topics)
+    except (ValueError, struct.error):
         return "damaged"
-    return {topic: [bytes(p) for p in batch.parts()] for topic, batch in found.items()}, topics.of
+    known = {int(n): TOPICS[topics.of[n]] for n in np.flatnonzero(topics.of >= 0)}
+    return {topic: batch.messages() for topic, batch in found.items()}, known
 
 
-@given(blocks(), st.randoms(use_true_random=False))
-def test_with_the_right_index_in_any_order(block, random):
-    raw, places = block
-    random.shuffle(places)
-    assert outcome(raw, places) == outcome(raw, None)
+def expected(raw):
+    """The same, record by record."""
+    found, known, at = {}, {}, 0
+    try:
+        while at < len(raw):
+            kind, size = struct.unpack_from("<BQ", raw, at)
+            content, at = raw[at + 9 : at + 9 + size], at + 9 + size
+            if at > len(raw):
+                return "damaged"
+            if kind == MESSAGE:
+                topic = known.get(struct.unpack_from("<H", content)[0])
+                if topic is not None:
+                    found.setdefault(topic, []).append(content[22:])
+            elif kind == CHANNEL:
+                number, _, length = struct.unpack_from("<HHI", content)
+                name = content[8 : 8 + length]
+                if len(name) < length:
+                    return "damaged"
+                if name.decode() in TOPICS:
+                    known[number] = name.decode()
+    except (ValueError, struct.error):
+        return "damaged"
+    return found, known
 
 
-@given(blocks(), st.data())
-def test_with_an_index_that_is_not_right(block, data):
-    raw, places = block
-    kept = [place for place in places if data.draw(st.booleans())]
-    wrong = data.draw(st.lists(st.integers(0, len(raw) + 20) | st.just(2**64 - 1), max_size=3))
-    assert outcome(raw, kept + wrong) == outcome(raw, None)
+@given(blocks)
+def test_messages_are_found_where_the_records_say(raw):
+    assert outcome(raw) == expected(raw)
 
 
-@given(blocks(), st.data())
-def test_with_damaged_records(block, data):
-    raw, places = block
+@given(blocks, st.data())
+def test_with_damaged_records(raw, data):
     broken = bytearray(raw)
     for place in data.draw(st.lists(st.integers(0, max(0, len(raw) - 1)), max_size=3)):
         if raw:
             broken[place] = data.draw(st.sampled_from([0, 1, MESSAGE, 255]))
     broken = bytes(broken[: data.draw(st.integers(0, len(raw)))])
-    assert outcome(broken, places) == outcome(broken, None)
+    assert outcome(broken) == expected(broken)
 
 
 def test_the_messages_are_those_that_were_put_in():
     raw = channel(1, "/a") + channel(2, "/b") + channel(7, "/other")
-    places = []
     for number, data in ((1, b"x"), (7, b"?"), (2, b""), (1, b"yz")):
-        places.append(len(raw))
         raw += message(number, data)
-    expected = {"/a": [b"x", b"yz"], "/b": [b""]}, {1: "/a", 2: "/b"}
-    assert outcome(raw, places) == outcome(raw, None) == expected
+    assert outcome(raw) == ({"/a": [b"x", b"yz"], "/b": [b""]}, {1: "/a", 2: "/b"})
 
 
-def test_bytes_at_positions():
-    assert bytes_at(b"abcdef", np.array([4, 0]), 2).tobytes() == b"efab"
-    with pytest.raises(IndexError):
-        bytes_at(b"abcdef", np.array([5]), 2)
+def test_more_messages_than_there_is_room_for_at_first():
+    sent = [n.to_bytes(2, "little") for n in range(5000)]
+    raw = channel(1, "/a") + b"".join(message(1, data) for data in sent)
+    assert outcome(raw)[0] == {"/a": sent}
 
 
 def written(chunked, index, compression):
@@ -138,7 +153,7 @@ def test_a_file_hands_its_messages_on_in_order(tmp_path, chunked, index, compres
     got = {topic: [] for topic in sent}
 
     def sink(topic):
-        return lambda batch: got[topic].extend(bytes(part) for part in batch.parts())
+        return lambda batch: got[topic].extend(batch.messages())
 
     records = walk(path, {topic: sink(topic) for topic in got}, "x")
     assert records.whole
@@ -150,3 +165,19 @@ def test_a_file_hands_its_messages_on_in_order(tmp_path, chunked, index, compres
             some.clear()
         assert not walk(path, {topic: sink(topic) for topic in got}, "x").whole
         assert all(got[topic] == sent[topic][: len(got[topic])] for topic in sent)
+
+
+@pytest.mark.parametrize("checksum", [True, False])
+@pytest.mark.parametrize("stated", [0, -1, 1, 2**40, 2**63])
+def test_a_chunk_of_another_size_than_it_says_is_damaged(checksum, stated):
+    records = bytes(range(256)) * 300
+    packed = lz4.frame.compress(records)
+    size = len(records) + stated
+    crc = zlib.crc32(records) if checksum else 0
+    head = struct.pack("<QQQI", 0, 0, size, crc) + struct.pack("<I", 3) + b"lz4"
+    chunk = head + struct.pack("<Q", len(packed)) + packed
+    if stated == 0:
+        assert bytes(unpack(chunk)) == records
+    else:
+        with pytest.raises(ValueError, match="a chunk"):
+            unpack(chunk)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from safestage_eval.errors import TraceError
-from safestage_eval.formats import mcap_clouds, mcap_frames
+from safestage_eval.formats import either, mcap_arrays, mcap_clouds, mcap_frames, mcap_kernels
 from safestage_eval.formats.contact_points import POINT
 from safestage_eval.formats.mcap_chunks import Batch
 from safestage_eval.formats.mcap_clouds import CloudPoints, empty_cloud
@@ -18,18 +18,27 @@ from safestage_eval.formats.mcap_frames import FrameRows
 from safestage_eval.formats.mcap_messages import message_class
 
 
+@pytest.fixture(
+    scope="module", autouse=True, params=[mcap_kernels, mcap_arrays], ids=["kernels", "arrays"]
+)
+def way(request):
+    """With and without a compiler."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(either, "mcap", lambda: request.param)
+        yield
+
+
 def batches(messages, cuts):
     """The messages in several blocks, with other bytes between them."""
     edges = [0, *sorted(cut % (len(messages) + 1) for cut in cuts), len(messages)]
     for first, last in pairwise(edges):
-        raw, begin, end = b"", [], []
+        raw, places = b"", []
         for message in messages[first:last]:
             raw += b"\x01between"
-            begin.append(len(raw))
+            places.append((len(raw), len(raw) + len(message)))
             raw += message
-            end.append(len(raw))
-        if begin:
-            yield Batch(raw, np.array(begin, np.int64), np.array(end, np.int64))
+        if places:
+            yield Batch(np.frombuffer(raw, np.uint8), np.array(places, np.int64))
 
 
 # ---------------------------------------------------------------- frames
@@ -137,7 +146,8 @@ def test_contacts(kinds, cuts, count):
         sink.take(batch)
     assert sink.count == len(clouds)
     count = min(count, len(clouds))
-    points, counts = sink.points(count)
+    points, counts, geoms, _ = sink.points(count)
+    assert geoms.tolist() == [int(p["geom1"]) | int(p["geom2"]) << 16 for p in points]
     expected = [points_of(cloud) for cloud in clouds[:count]]
     assert counts.tolist() == [len(rows) for rows in expected]
     found = [[*p["force"].tolist(), float(p["geom1"]), float(p["geom2"])] for p in points]
@@ -150,7 +160,7 @@ def test_more_contacts_than_there_is_room_for(monkeypatch):
     clouds = [own_cloud(n, 9) for n in range(20)]
     for batch in batches([cloud.SerializeToString() for cloud in clouds], [5, 6]):
         sink.take(batch)
-    points, _ = sink.points(20)
+    points = sink.points(20).points
     assert points["geom1"].tolist() == [n % 5 for n in range(20) for _ in range(9)]
 
 
@@ -189,7 +199,7 @@ def test_a_broken_message_is_told_if_its_frame_counts(message, error):
     for batch in batches([good, good, good, message, good], [2]):
         sink.take(batch)
     assert sink.count == 5
-    points, counts = sink.points(3)
+    points, counts, _, _ = sink.points(3)
     assert (len(points), counts.tolist()) == (6, [2, 2, 2])
     with pytest.raises(TraceError, match=error):
         sink.points(4)

@@ -9,8 +9,23 @@ from hypothesis import strategies as st
 
 from safestage_eval.episode import Body, ContactTable, Geom, Header
 from safestage_eval.errors import TraceError
+from safestage_eval.formats import contact_arrays, contact_kernels, either
 from safestage_eval.formats.contact_points import POINT, GeomNames, table
-from safestage_eval.formats.packed_contacts import PackedContacts, contact_table
+from safestage_eval.formats.packed_contacts import PackedContacts, Points, contact_table
+
+
+@pytest.fixture(
+    scope="module",
+    autouse=True,
+    params=[contact_kernels, contact_arrays],
+    ids=["kernels", "arrays"],
+)
+def way(request):
+    """With and without a compiler."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(either, "contacts", lambda: request.param)
+        yield
+
 
 BALL = Geom(kind="sphere", size=(0.1,))
 NAMES = GeomNames(
@@ -49,6 +64,11 @@ def clouds(draw, ordered):
     return points, counts
 
 
+def packed(points, counts, finite=True):
+    """As the reader hands them on."""
+    return Points(points, counts, points.view("<u4").reshape(-1, 12)[:, 11].copy(), finite)
+
+
 def same(given, expected):
     for f in fields(ContactTable):
         one, other = getattr(given, f.name), getattr(expected, f.name)
@@ -64,14 +84,14 @@ def same(given, expected):
 
 @given(clouds(ordered=True))
 def test_points_in_order_stay_packed(cloud):
-    found = contact_table(*cloud, NAMES, "x", True)
+    found = contact_table(packed(*cloud), NAMES, "x", True)
     assert isinstance(found, PackedContacts) == bool(len(cloud[0]))
     same(found, table(*cloud, NAMES))
 
 
 @given(clouds(ordered=False))
 def test_points_in_any_order_are_sorted(cloud):
-    same(contact_table(*cloud, NAMES, "x", True), table(*cloud, NAMES))
+    same(contact_table(packed(*cloud), NAMES, "x", True), table(*cloud, NAMES))
 
 
 @pytest.mark.parametrize(
@@ -88,7 +108,7 @@ def test_broken_points_are_refused(name, value, message):
     points["geom2"] = 2
     points[name][1] = value
     with pytest.raises(TraceError, match=message):
-        contact_table(points, np.array([1, 2]), NAMES, "x", True)
+        contact_table(packed(points, np.array([1, 2]), False), NAMES, "x", True)
 
 
 def test_a_geom_number_that_reads_as_no_number_is_no_broken_value():
@@ -103,4 +123,6 @@ def test_a_geom_number_that_reads_as_no_number_is_no_broken_value():
     points["geom1"] = 0
     with np.errstate(invalid="ignore"):
         assert not np.isfinite(points.view("<f4")).all()
-    assert contact_table(points, np.array([1]), names, "x", True).geom2.tolist() == [0x7F80]
+    assert contact_table(packed(points, np.array([1]), False), names, "x", True).geom2.tolist() == [
+        0x7F80
+    ]
