@@ -57,7 +57,8 @@ def command(
 
     With --against or --set, the arguments are traces. They are judged by --rules, then by --against
     with --set applied, and for each flipped verdict the differences between the two are switched
-    one at a time, then in pairs and triples: the smallest set that flips it is named.
+    one at a time, then in pairs, triples and so on: the smallest set that flips it is named, or it
+    is said from which size on not all sets were tried.
 
     \b
     Examples:

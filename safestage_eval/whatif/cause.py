@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from safestage_eval.relations.measure import Relations
 from safestage_eval.relations.vocabulary import GROUPS
@@ -21,8 +22,7 @@ from safestage_eval.verdicts.verdict import Verdict
 
 from .again import Again
 
-LARGEST = 3
-"""Sets of up to so many differences are tried one after another."""
+P = TypeVar("P")
 
 MOST = 400
 """Combinations tried per flip; beyond, a set is found by leaving things out."""
@@ -33,20 +33,32 @@ class Cause:
     """What flips a verdict.
 
     Attributes:
-        parts: in words; switching exactly these flips it, and no smaller set does.
-        alternatives: other sets of this size that flip it as well.
-        smallest: False where only "nothing in it can be left out" is certain.
+        parts: in words; switching exactly these flips it.
+        alternatives: other sets of this size that flip it as well; as many as were found.
+        untried: size of the smallest sets that were not all tried; None where no smaller set than
+            this one flips it, and all others of its size were tried.
     """
 
     parts: tuple[str, ...]
     alternatives: int = 0
-    smallest: bool = True
+    untried: int | None = None
+
+    def __str__(self) -> str:
+        """In words, with what was not looked at."""
+        said = " and ".join(self.parts)
+        if self.alternatives:
+            said += f" (so would {self.alternatives} other)"
+        if self.untried is None:
+            return said
+        if self.untried == len(self.parts):
+            return f"{said} (none of fewer; others of {self.untried} were not all tried)"
+        return f"{said} (none can be left out; sets of {self.untried} or more were not all tried)"
 
 
 def cause_of(before: Again, after: Again, code: str, wanted: str) -> Cause:
     """The smallest set of differences that takes a rule's verdict from the one to the other.
 
-    One difference is switched at a time, then pairs, then triples.
+    One difference is switched at a time, then pairs, and so on, up to ``MOST`` combinations.
 
     Args:
         before: one episode under one rule set.
@@ -55,18 +67,46 @@ def cause_of(before: Again, after: Again, code: str, wanted: str) -> Cause:
         wanted: the verdict afterwards.
     """
     trial = _Trial(before, after, code)
+    return smallest(trial.parts, lambda chosen: trial.verdict(chosen) == wanted)
+
+
+def smallest(parts: Sequence[P], flips: Callable[[Sequence[P]], bool], most: int = MOST) -> Cause:
+    """The smallest set of parts that flips a verdict, and how surely it is the smallest.
+
+    Args:
+        parts: all of them together flip it.
+        flips: whether some do.
+        most: sets that are tried one size after another.
+    """
     tried = 0
-    for size in range(1, min(LARGEST, len(trial.parts)) + 1):
-        hits = []
-        for chosen in itertools.combinations(trial.parts, size):
+    for size in range(1, len(parts) + 1):
+        hits: list[Sequence[P]] = []
+        for chosen in itertools.combinations(parts, size):
+            if tried == most:
+                found = hits[0] if hits else _shrunk(parts, flips)
+                return Cause(_shown(found), max(0, len(hits) - 1), size)
             tried += 1
-            if tried > MOST:
-                return Cause(trial.shown(trial.shrunk(wanted)), smallest=False)
-            if trial.verdict(chosen) == wanted:
+            if flips(chosen):
                 hits.append(chosen)
         if hits:
-            return Cause(trial.shown(hits[0]), len(hits) - 1)
-    return Cause(trial.shown(trial.shrunk(wanted)), smallest=False)
+            return Cause(_shown(hits[0]), len(hits) - 1)
+    return Cause(_shown(parts))
+
+
+def _shrunk(parts: Sequence[P], flips: Callable[[Sequence[P]], bool]) -> Sequence[P]:
+    """All parts, without those that can be left out, until none can."""
+    kept, before = list(parts), len(parts) + 1
+    while len(kept) < before:
+        before = len(kept)
+        for part in list(kept):
+            fewer = [other for other in kept if other is not part]
+            if fewer and flips(fewer):
+                kept = fewer
+    return kept
+
+
+def _shown(parts: Sequence[object]) -> tuple[str, ...]:
+    return tuple(map(str, parts))
 
 
 class _Trial:
@@ -115,20 +155,6 @@ class _Trial:
             return judge_rule(evaluator, rule, players, blank).verdict
         found = judge_cost(evaluator, rule, players, blank)[1]
         return blank.verdict if found is None else found.verdict
-
-    def shrunk(self, wanted: str) -> list[Part | str]:
-        """All differences, without those that can be left out one after another."""
-        kept = list(self.parts)
-        for part in self.parts:
-            fewer = [other for other in kept if other is not part]
-            if fewer and self.verdict(fewer) == wanted:
-                kept = fewer
-        return kept
-
-    @staticmethod
-    def shown(parts: Sequence[Part | str]) -> tuple[str, ...]:
-        """In words."""
-        return tuple(map(str, parts))
 
     def _relations(self, rules: ast.RuleSet) -> Relations:
         """Of the episode, with the baseline of a rule set."""

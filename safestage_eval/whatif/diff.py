@@ -91,8 +91,6 @@ def diff_episode(
     flips = []
     for flip in plain.flips:
         cause = cause_of(old, new, flip.rule, flip.after)
-        said = " and ".join(cause.parts)
-        if cause.alternatives:
-            said += f" (so would {cause.alternatives} other)"
-        flips.append(replace(flip, cause=said, causes=cause.parts, alternatives=cause.alternatives))
+        told = replace(flip, cause=str(cause), causes=cause.parts)
+        flips.append(replace(told, alternatives=cause.alternatives))
     return Judged(tuple(rows.values()), tuple(others.values()), tuple(flips))
