@@ -21,6 +21,8 @@ CAMERAS = ("exterior_left", "exterior_right", "wrist", "external")
 """Two over the robot's shoulders, one at its wrist; ``external`` is the arm model's own, on the right."""
 SIZE = (180, 320)
 """Pixels: height, width."""
+SHADOW = 1024
+"""Pixels of a shadow's side: with MuJoCo's 4096, shadows take most of the time where there is no GPU."""
 
 
 class Cameras:
@@ -37,6 +39,7 @@ class Cameras:
         self._world, self._now = world, mujoco.MjData(world.model)
         self._context = graphics_context(width, height)
         self._context.make_current()
+        world.model.vis.quality.shadowsize = SHADOW
         self._scene = mujoco.MjvScene(world.model, maxgeom=4000)
         self._target = mujoco.MjrContext(world.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)

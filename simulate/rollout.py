@@ -93,13 +93,7 @@ def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
     if setting.prompt not in PROMPTS:
         raise InputError(f"prompt {setting.prompt!r}", "no such prompt.", ", ".join(PROMPTS))
     wanted = tuple(getattr(policy, "cameras", ()))
-    world = World(
-        task.models(), substeps=task.substeps, robot_mjcf=setting.robot_mjcf, visuals=bool(wanted)
-    )
-    world.reset(task.layout(setting.seed))
-    home = np.append(world.arm_position, 0.0)
-    for _ in range(round(SETTLE_TIME * CONTROL_RATE)):
-        world.act(home)
+    world = start(setting, visuals=bool(wanted))
     header = _header(setting, policy.name)
     recorder = Recorder(world, header)
     writer = recorder.writer
@@ -127,6 +121,19 @@ def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
     return writer
 
 
+def start(setting: Setting, *, visuals: bool = False) -> World:
+    """The scene of a setting, come to rest, with the arm at home."""
+    task = setting.task
+    world = World(
+        task.models(), substeps=task.substeps, robot_mjcf=setting.robot_mjcf, visuals=visuals
+    )
+    world.reset(task.layout(setting.seed))
+    home = np.append(world.arm_position, 0.0)
+    for _ in range(round(SETTLE_TIME * CONTROL_RATE)):
+        world.act(home)
+    return world
+
+
 def _play(
     setting: Setting, world: World, recorder: Recorder, policy: Policy, cameras: Cameras | None
 ) -> float | None:
@@ -144,7 +151,7 @@ def _play(
         if success is not None and now > success + HOLD_TIME:
             break
         if success is None:
-            chunk = chunk or _checked(policy.act(_observe(world, now, instruction, cameras)))
+            chunk = chunk or _checked(policy.act(observe(world, now, instruction, cameras)))
             action = chunk.pop(0)
         else:
             action = frozen
@@ -162,7 +169,10 @@ def _watch(monitor: GoalMonitor, writer: TraceWriter) -> float | None:
     return monitor.update(writer.window(first, last))
 
 
-def _observe(world: World, time: float, instruction: str, cameras: Cameras | None) -> Observation:
+def observe(
+    world: World, time: float, instruction: str, cameras: Cameras | None = None
+) -> Observation:
+    """What a policy may know of a world now."""
     return Observation(
         time,
         world.arm_position,

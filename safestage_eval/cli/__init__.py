@@ -55,9 +55,10 @@ HELP = {
     "record": "Record episodes with the DROID arm in MuJoCo.",
     "tasks": "List, show or validate the benchmark's tasks.",
     "render": "Film an episode, with a halt at the moment of its verdict.",
+    "serve": "Serve a policy in a model's protocol, to try clients and campaigns.",
 }
 
-FROM_SIMULATE = ("record", "tasks", "render")
+FROM_SIMULATE = ("record", "tasks", "render", "serve")
 
 
 class LazyGroup(click.Group):

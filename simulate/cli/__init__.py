@@ -7,10 +7,11 @@ import click
 from .gallery import gallery
 from .record import record
 from .render import render
+from .serve import serve
 from .tasks import tasks
 from .validate import validate
 
 tasks.add_command(validate)
 tasks.add_command(gallery)
 
-COMMANDS: list[click.Command] = [record, tasks, render]
+COMMANDS: list[click.Command] = [record, tasks, render, serve]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from typing import Any, Protocol
 
 from simulate.policies import PolicyError
@@ -38,20 +39,22 @@ class WebsocketLine:
         from websockets.exceptions import InvalidHandshake, InvalidURI
         from websockets.sync.client import connect
 
-        self._url = url
+        self._url, self._held = url, ExitStack()
         headers = {"Authorization": token} if token else None
         end, why = time.monotonic() + wait, ""
         while True:
             left = max(end - time.monotonic(), 1.0)
             try:
-                self._socket = connect(
-                    url,
-                    compression=None,
-                    max_size=None,
-                    additional_headers=headers,
-                    open_timeout=left,
-                    close_timeout=1.0,
-                    ping_interval=None,  # a server that thinks does not answer pings
+                self._socket = self._held.enter_context(
+                    connect(
+                        url,
+                        compression=None,
+                        max_size=None,
+                        additional_headers=headers,
+                        open_timeout=left,
+                        close_timeout=1.0,
+                        ping_interval=None,  # a server that thinks does not answer pings
+                    )
                 )
                 break
             except InvalidURI as error:
@@ -66,8 +69,13 @@ class WebsocketLine:
             if time.monotonic() + PAUSE > end:
                 raise unreachable(url, wait, why)
             time.sleep(PAUSE)
-        said = self._receive(max(wait, 1.0), "greeting")
+        try:
+            said = self._receive(max(wait, 1.0), "greeting")
+        except PolicyError:
+            self.close()
+            raise
         if isinstance(said, str):
+            self.close()
             raise PolicyError(url, f"the server says: {last_line(said)}")
         self.greeting = said
 
@@ -94,7 +102,7 @@ class WebsocketLine:
 
     def close(self) -> None:
         """Close the socket."""
-        self._socket.close()
+        self._held.close()
 
 
 class ZeromqLine:

@@ -44,7 +44,11 @@ class Remote:
             self._line = Kept(self._line, _free(self.address.common.keep, task))
         opening = self._dialect.opening(self._session)
         if opening is not None:
-            self._asked(self._sealed(opening), max(self.address.common.wait, 1.0), opening=True)
+            try:
+                self._asked(self._sealed(opening), max(self.address.common.wait, 1.0), opening=True)
+            except PolicyError:
+                self.close()
+                raise
 
     def act(self, observation: Observation) -> F64:
         """(N, 8) the actions to be played before the next request. Raises PolicyError."""

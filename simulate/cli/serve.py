@@ -1,0 +1,50 @@
+"""``safestage serve``."""
+
+from __future__ import annotations
+
+import click
+
+from .options import explains
+
+
+@click.command()
+@click.argument("policy")
+@click.option(
+    "--protocol",
+    required=True,
+    help="openpi, groot, dreamzero or cosmos3; with options as in an address: openpi?actions=velocity.",
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", type=click.IntRange(0, 65535), help="Port, instead of the protocol's own.")
+@click.option(
+    "--seed", default=0, show_default=True, help="Environment seed that clients roll out."
+)
+@click.option("--task", help="Task that clients roll out, where two have the same prompt.")
+@explains
+def serve(
+    policy: str, protocol: str, host: str, port: int | None, seed: int, task: str | None
+) -> None:
+    """Serve a policy as models are served, to try a client, a campaign or a network.
+
+    POLICY is reference:safe, reference:unsafe, noisy:SIGMA, idle or another as in `record --policy`:
+    these follow the client in a world of their own, with the same task and seed, so that the loop
+    closes with real success. Your own my_module:MyPolicy is handed what each request holds.
+
+    \b
+    Examples:
+      safestage serve reference:safe --protocol openpi
+      safestage record fsh_orange_on_plate --seeds 0 --policy openpi:ws://127.0.0.1:8000
+      safestage serve my_module:MyPolicy --protocol "groot?horizon=16" --port 5556
+    """
+    from simulate.servers.serve import serve as start
+
+    with start(
+        policy, protocol, host=host, port=port, seed=seed, task=task,
+        tell=lambda line: click.echo(f"episode: {line}", err=True),
+    ) as server:  # fmt: skip
+        name, mark, options = protocol.partition("?")
+        click.echo(f"{policy} is served at {name}:{server.url}{mark}{options}")
+        try:
+            server.wait()
+        except KeyboardInterrupt:
+            click.echo("stopped", err=True)

@@ -1,0 +1,50 @@
+"""Serve one of this package's policies, or a user's own, in any of the protocols."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from safestage_eval.errors import InputError
+from simulate.clients.address import address_of, is_address
+from simulate.policies import policy_name
+
+from .answers import Desk
+from .websocket import WebsocketServer
+from .zeromq import ZeromqServer
+
+
+def serve(
+    policy: str,
+    protocol: str,
+    *,
+    host: str = "127.0.0.1",
+    port: int | None = None,
+    seed: int = 0,
+    task: str | None = None,
+    tell: Callable[[str], None] = lambda _line: None,
+) -> WebsocketServer | ZeromqServer:
+    """A server that is answering already.
+
+    Args:
+        policy: as ``--policy`` takes it; but no served one.
+        protocol: its name, and what a client's address sets of it: ``openpi?actions=velocity``.
+        host: to listen on.
+        port: to listen on; the protocol's own where None, any free one for 0.
+        seed: the environment seed that clients roll out.
+        task: the task that they roll out; found by its prompt where None.
+        tell: hears of every episode that begins.
+
+    Raises InputError for what cannot be served, or not there.
+    """
+    if is_address(policy):
+        raise InputError(f"policy {policy!r}", "is served already.")
+    policy_name(policy)
+    name, _, options = protocol.partition("?")
+    dialect = address_of(f"{name}:talk:none?{options}").dialect
+    desk = partial(Desk, dialect, policy, seed, task, tell)
+    kind = ZeromqServer if dialect.schemes[0] == "tcp" else WebsocketServer
+    try:
+        return kind(desk, host, dialect.port if port is None else port)
+    except OSError as error:
+        raise InputError(f"{host}, port {port}", f"cannot be listened on: {error}") from None
