@@ -38,7 +38,7 @@ def verdicts(episode: Episode) -> dict[str, str]:
 
 def served(task: str, kind: str, protocol: str) -> Episode:
     name, _, options = protocol.partition("?")
-    with serve(f"reference:{kind}", protocol, port=0) as server:
+    with serve(f"reference:{kind}", protocol, port=0, task=task) as server:
         address = f"{name}:{server.url}?{options}&name=model"
         return roll_out(Setting(task_named(task)), policy_named(address)).episode()
 
