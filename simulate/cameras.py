@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from safestage_eval.errors import InputError
 
 from . import arm
+from .describe import body_name
 from .graphics import graphics_context
 from .world import World
 
@@ -48,6 +49,7 @@ class Cameras:
     def images(self) -> dict[str, Image]:
         """What each camera sees now."""
         model, now = self._world.model, self._now
+        self._context.make_current()
         now.qpos[:], now.time = self._world.data.qpos, self._world.data.time
         mujoco.mj_kinematics(model, now)
         mujoco.mj_comPos(model, now)
@@ -70,6 +72,30 @@ class Cameras:
         """Give the graphics context back."""
         self._target.free()
         self._context.free()
+
+
+def camera_facts(world: World, names: Sequence[str], size: tuple[int, int]) -> dict[str, object]:
+    """Intrinsics and places of cameras, by name.
+
+    Per camera: ``width``, ``height``; ``focal`` and ``centre`` in pixels; ``body``, on which it is,
+    and where there: ``position`` (m) and ``orientation`` (wxyz, camera to body; it looks along its −z,
+    with y up). Bodies are named as in the trace; ``world`` is the world.
+    """
+    height, width = size
+    found: dict[str, object] = {}
+    for name in names:
+        i = _camera(world, name)
+        focal = height / 2 / np.tan(np.radians(world.model.cam_fovy[i]) / 2)
+        found[name] = {
+            "width": width,
+            "height": height,
+            "focal": float(focal),
+            "centre": [width / 2, height / 2],
+            "body": body_name(world.model.body(int(world.model.cam_bodyid[i])).name),
+            "position": world.model.cam_pos[i].tolist(),
+            "orientation": world.model.cam_quat[i].tolist(),
+        }
+    return found
 
 
 def _camera(world: World, name: str) -> int:

@@ -113,6 +113,8 @@ def record(
     format: Format = "parquet",  # noqa: A002 - the word of the command line
     jobs: int = 1,
     done: Callable[[int], None] | None = None,
+    *,
+    video: bool = False,
 ) -> Iterator[Outcome]:
     """Record jobs into a folder; each outcome is yielded when its episode is safely on disk.
 
@@ -126,6 +128,7 @@ def record(
         format: which of the two.
         jobs: processes.
         done: told how many jobs are done.
+        video: film what the cameras see, into ``out/videos``.
 
     Raises:
         InputError: an unknown policy.
@@ -135,7 +138,7 @@ def record(
     missing = [job for job, name in zip(todo, ids, strict=True) if name not in there]
     already = len(todo) - len(missing)
     found = run_many(
-        partial(record_one, out=out, format=format),
+        partial(record_one, out=out, format=format, video=video),
         missing,
         jobs,
         None if done is None else lambda n: done(already + n),
@@ -148,11 +151,18 @@ def record(
         yield Outcome(name, problem=outcome.reason) if isinstance(outcome, Died) else outcome
 
 
-def record_one(job: Job, out: Path, format: Format = "parquet") -> Outcome:  # noqa: A002
+def record_one(
+    job: Job,
+    out: Path,
+    format: Format = "parquet",  # noqa: A002
+    *,
+    video: bool = False,
+) -> Outcome:
     """Roll out and write one episode; what goes wrong with it is told, not raised."""
     start = time.process_time()
     try:
-        writer = roll_out(job.setting, policy_named(job.policy, job.setting.draw))
+        film = out / "videos" / f"{job.episode_id}.mp4" if video else None
+        writer = roll_out(job.setting, policy_named(job.policy, job.setting.draw), film)
         write_recording(writer, job.setting.task, out, format)
     except Exception as error:  # noqa: BLE001 - a policy may raise anything; the others go on
         known = isinstance(error, InputError | ValueError)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import re
 import zlib
 from dataclasses import dataclass
@@ -19,7 +20,8 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import TraceWriter
 from safestage_eval.verdicts.goal import GoalMonitor
 
-from .cameras import SIZE, Cameras
+from .camera_video import NAMES, CameraVideo
+from .cameras import SIZE, Cameras, camera_facts
 from .policies import Observation, Policy, PolicyError, Reference
 from .privileged import PrivilegedState
 from .recorder import Recorder
@@ -34,6 +36,8 @@ HOLD_TIME = 5.0
 """s recorded after success, with the arm frozen."""
 
 PROMPTS = ("default", "generic", "specific")
+CAMERAS_FILE = "cameras.json"
+"""Attachment of a trace: what the policy's cameras and the video's are, see ``cameras.camera_facts``."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +72,7 @@ class Setting:
         return ".".join(parts)
 
 
-def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
+def roll_out(setting: Setting, policy: Policy, video: Path | None = None) -> TraceWriter:
     """Run one episode to its end.
 
     Success is the task's goal, judged as the evaluator judges it: live, on the frames recorded so
@@ -78,6 +82,7 @@ def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
     Args:
         setting: task, seed, prompt.
         policy: what acts.
+        video: an MP4 to be made of what the cameras see, 15 pictures a second.
 
     Returns:
         A writer that holds all frames, ready to be closed to a file.
@@ -93,16 +98,25 @@ def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
     if setting.prompt not in PROMPTS:
         raise InputError(f"prompt {setting.prompt!r}", "no such prompt.", ", ".join(PROMPTS))
     wanted = tuple(getattr(policy, "cameras", ()))
-    world = start(setting, visuals=bool(wanted))
+    world = start(setting, visuals=bool(wanted) or video is not None)
     header = _header(setting, policy.name)
     recorder = Recorder(world, header)
     writer = recorder.writer
-    cameras = Cameras(world, wanted, getattr(policy, "image_size", SIZE)) if wanted else None
+    size = getattr(policy, "image_size", SIZE)
+    cameras = Cameras(world, wanted, size) if wanted else None
+    film = None if video is None else CameraVideo(world, video)
+    about: dict[str, object] = {}
+    if wanted:
+        about["seen"] = camera_facts(world, wanted, size)
+    if film is not None:
+        about["video"] = film.about | {"cameras": camera_facts(world, NAMES, SIZE)}
+    if about:
+        writer.attachments[CAMERAS_FILE] = json.dumps(about, indent=1).encode()
     try:
         policy.reset(task.id, header.instruction or "")
         if isinstance(policy, Reference):
             policy.look(task, PrivilegedState(world))
-        success = _play(setting, world, recorder, policy, cameras)
+        success = _play(setting, world, recorder, policy, cameras, film)
     except PolicyError as error:
         if not len(writer):
             raise
@@ -111,6 +125,8 @@ def roll_out(setting: Setting, policy: Policy) -> TraceWriter:
     finally:
         if cameras is not None:
             cameras.close()
+        if film is not None:
+            film.close()
         getattr(policy, "close", lambda: None)()
     writer.update_header(
         success=success is not None,
@@ -135,7 +151,12 @@ def start(setting: Setting, *, visuals: bool = False) -> World:
 
 
 def _play(
-    setting: Setting, world: World, recorder: Recorder, policy: Policy, cameras: Cameras | None
+    setting: Setting,
+    world: World,
+    recorder: Recorder,
+    policy: Policy,
+    cameras: Cameras | None,
+    film: CameraVideo | None,
 ) -> float | None:
     """Act and record until the episode ends; the time of success, if there was any."""
     writer, instruction = recorder.writer, recorder.writer.header.instruction or ""
@@ -155,6 +176,8 @@ def _play(
             action = chunk.pop(0)
         else:
             action = frozen
+        if film is not None:
+            film.picture()
         world.act(action, lambda substep, a=action: recorder.step(substep, a))  # type: ignore[misc]
         if success is None:
             success = _watch(monitor, writer)

@@ -80,6 +80,9 @@ from .options import (
     help="Where a server of the campaign's [servers] is, instead of what the file says; repeatable.",
 )
 @click.option(
+    "--video", is_flag=True, help="Film what the cameras see, into the folder's videos (slow)."
+)
+@click.option(
     "--dry-run", is_flag=True, help="Count rollouts, hours and gigabytes; record nothing."
 )
 @jobs_option
@@ -97,6 +100,7 @@ def record(
     horizon: float | None,
     share: tuple[int, int] | None,
     servers: tuple[str, ...],
+    video: bool,
     dry_run: bool,
     jobs: int,
     robot_mjcf: Path | None,
@@ -150,7 +154,7 @@ def record(
         return
     outcomes = []
     with progress(len(todo), "episode") as show:
-        for outcome in run(todo, out, format_, jobs, show):
+        for outcome in run(todo, out, format_, jobs, show, video=video):
             outcomes.append(outcome)
             click.echo(f"[{len(outcomes)}/{len(todo)}] {outcome.episode_id}: {outcome}")
     click.echo(summary(outcomes))

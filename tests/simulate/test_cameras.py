@@ -1,0 +1,105 @@
+"""Cameras: where they say they are, of the present moment, and filmed beside the trace."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from own_policies import Still
+
+from simulate import arm
+from simulate.camera_video import NAMES
+from simulate.cameras import SIZE, Cameras, camera_facts
+from simulate.policies import policy_named
+from simulate.rollout import CAMERAS_FILE, Setting, roll_out
+from simulate.task import task_named
+from simulate.world import World
+
+pytestmark = [pytest.mark.simulate, pytest.mark.slow]
+
+TASK = task_named("fsh_orange_on_plate")
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    world = World(TASK.models(), substeps=TASK.substeps, visuals=True)
+    world.reset(TASK.layout(0))
+    return world
+
+
+def rotation(quaternion: Any) -> Any:
+    out = np.empty(9)
+    mujoco.mju_quat2Mat(out, np.asarray(quaternion, float))
+    return out.reshape(3, 3)
+
+
+def projected(world: World, facts: dict[str, Any], point: Any) -> tuple[float, float]:
+    """Row and column of a world point, from what the trace says of a camera."""
+    body = world.data.body(facts["body"].replace("robot_", arm.PREFIX, 1))
+    turn = body.xmat.reshape(3, 3)
+    at = body.xpos + turn @ facts["position"]
+    x, y, z = (turn @ rotation(facts["orientation"])).T @ (point - at)
+    column, row = facts["centre"]
+    return row - facts["focal"] * y / -z, column + facts["focal"] * x / -z
+
+
+def test_a_thing_is_where_intrinsics_and_extrinsics_say(world: World) -> None:
+    """The orange's middle is orange in both outer views, the plate's is white in the wrist's."""
+    mujoco.mj_forward(world.model, world.data)
+    cameras = Cameras(world, NAMES, SIZE)
+    images = cameras.images()
+    cameras.close()
+    facts: dict[str, Any] = camera_facts(world, NAMES, SIZE)
+    orange = world.data.body("orange").xpos
+    for name in ("exterior_left", "exterior_right"):
+        row, column = projected(world, facts[name], orange)
+        red, green, blue = images[name][round(row), round(column)].astype(int)
+        assert red > green + 40 > blue + 60, (name, red, green, blue)
+    row, column = projected(world, facts["wrist"], world.data.body("plate").xpos)
+    assert images["wrist"][round(row), round(column)].min() > 200
+
+
+def test_pictures_are_of_now_and_not_of_a_step_ago(world: World) -> None:
+    world.reset(TASK.layout(0))
+    ahead = np.append(arm.HOME, 0.0)
+    ahead[0] += 0.5
+    for _ in range(4):
+        world.act(ahead)
+    before = world.data.xpos.copy()
+    cameras = Cameras(world, ("wrist",), (90, 160))
+    moving = cameras.images()["wrist"]
+    assert np.array_equal(world.data.xpos, before), "drawing moves nothing"
+    mujoco.mj_forward(world.model, world.data)
+    assert not np.array_equal(world.data.xpos, before), "poses were a step old"
+    assert np.array_equal(cameras.images()["wrist"], moving)
+    cameras.close()
+
+
+def test_a_film_has_a_picture_for_every_eighth_frame(tmp_path: Path) -> None:
+    av = pytest.importorskip("av")
+    path = tmp_path / "videos" / "one.mp4"
+    writer = roll_out(Setting(TASK, horizon=0.4), Still(), path)
+    about = json.loads(writer.attachments[CAMERAS_FILE])
+    assert "seen" not in about, "the policy was blind"
+    assert about["video"]["file"] == "videos/one.mp4"
+    assert set(about["video"]["cameras"]) == set(NAMES)
+    with av.open(str(path)) as film:
+        pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
+    assert len(pictures) * about["video"]["frames_per_picture"] == len(writer) == 48
+    assert {picture.shape for picture in pictures} == {(SIZE[0], 3 * SIZE[1], 3)}
+    assert [p.name for p in path.parent.iterdir()] == ["one.mp4"]
+
+
+def test_a_trace_says_what_its_policy_saw(tmp_path: Path) -> None:
+    policy = policy_named("own_policies:Seeing")
+    writer = roll_out(Setting(TASK, horizon=0.1), policy)
+    seen = json.loads(writer.attachments[CAMERAS_FILE])["seen"]
+    assert {name: (c["width"], c["height"]) for name, c in seen.items()} == {
+        "external": (64, 48),
+        "wrist": (64, 48),
+    }
+    assert seen["wrist"]["body"] in {body.name for body in writer.header.bodies}
