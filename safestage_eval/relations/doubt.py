@@ -21,11 +21,15 @@ def may_lean(relations: Relations, body: str, on: str) -> Doubt | None:
     And on all that this one stands or leans on: whether it would fall hangs on friction.
     """
     truth = relations.get("depends_on", (body, on))
-    index = relations.episode.body_index
-    may = _may_hang_on(relations, index[body], index[on])
-    if truth is None or not (may & ~truth).any():
+    least = relations.decide("depends_on", [body, on], held=relations.may_be_held)
+    if truth is None or least is None:
         return None
-    return may & ~truth, f"without contact forces it is not known whether {body} leans on {on}"
+    index = relations.episode.body_index
+    leans = _may_hang_on(relations, index[body], index[on]) & ~truth
+    if not (leans | (truth & ~least)).any():
+        return None
+    how = f"leans on {on}" if leans.any() else f"still rests on {on}, or is held"
+    return leans | (truth & ~least), f"without contact forces it is not known whether {body} {how}"
 
 
 def _may_hang_on(relations: Relations, body: int, on: int) -> Bool:
@@ -52,6 +56,15 @@ def _may_hang_on(relations: Relations, body: int, on: int) -> Bool:
                 may[upper] = before | gained
                 todo.append(upper)
     return may.get(body, np.zeros(frames, np.bool_))
+
+
+def may_be_in_the_grip(relations: Relations, name: str, bodies: Sequence[str]) -> Doubt | None:
+    """What was put down is perhaps still held as long as the hand stays with it."""
+    truth = relations.get(name, bodies)
+    most = relations.decide(name, list(bodies), held=relations.may_be_held)
+    if truth is None or most is None or not (most & ~truth).any():
+        return None
+    return most & ~truth, f"without contact forces it is not known when {bodies[0]} is let go"
 
 
 def may_be_borne(relations: Relations, body: str, container: str) -> Doubt | None:

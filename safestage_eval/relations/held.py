@@ -41,12 +41,13 @@ def by_fingers(
     return touched["left"] & touched["right"]
 
 
-def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Bool:
-    """(T,) true where the body goes along with the gripper.
+def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> tuple[Bool, Bool]:
+    """(T,) where the body certainly goes along with the gripper; and where it may be held.
 
     The episode is cut where the body's pose in the gripper's frame has left that at the start of
     the stretch. In a stretch in which the gripper moves away by ``CARRIED_OFF`` the body is held
-    from the gripper's first move to its last, and as long as nothing else bears it.
+    from the gripper's first move to its last, and as long as nothing else bears it. After that a
+    hand that stays may still have it in its grip or not.
 
     Args:
         episode: where both move.
@@ -59,7 +60,7 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Bool:
     place, turn = relative(grip.position, grip.orientation, track.position, track.orientation)
     path = grip.position.astype(np.float64)
     goes = np.linalg.norm(np.diff(path, axis=0), axis=1) > MOVES
-    held = np.zeros(frames, np.bool_)
+    held, perhaps = np.zeros(frames, np.bool_), np.zeros(frames, np.bool_)
     start = 0
     while start < frames:
         left = np.linalg.norm(place[start:] - place[start], axis=1) > STAYS
@@ -71,5 +72,7 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Bool:
             first, last = start + int(moves[0]), start + int(moves[-1]) + 2
             held[first:last] = True
             held[start:stop] |= ~supported[start:stop]
+            perhaps[start:stop] |= held[start:stop]
+            perhaps[first:stop] = True
         start = stop
-    return held
+    return held, perhaps

@@ -69,6 +69,7 @@ class Relations:
         self.episode = signals.episode
         self._known: dict[tuple[str, tuple[str, ...]], Bool | None] = {}
         self._partial: dict[tuple[str, tuple[str, ...]], Partial] = {}
+        self._grips: dict[int, tuple[Bool, Bool]] = {}
 
     @cached_property
     def blind(self) -> bool:
@@ -181,6 +182,8 @@ class Relations:
 
         None where there is no doubt at any frame.
         """
+        if self.blind and name in ("held", "carried"):
+            return doubt.may_be_in_the_grip(self, name, bodies)
         if name == "depends_on" and self.blind:
             return doubt.may_lean(self, *bodies)
         if name == "inside" and self.lacking("supports", (bodies[1], bodies[0])):
@@ -253,10 +256,14 @@ class Relations:
         return self.signals.between_frames(name, bodies, frame)
 
     def decide(
-        self, name: str, bodies: list[str], graph: SupportGraph | None = None
+        self,
+        name: str,
+        bodies: list[str],
+        graph: SupportGraph | None = None,
+        held: Callable[[int], Bool] | None = None,
     ) -> Bool | None:
-        """(T,) by the given support graph; by ``self.graph`` if None."""
-        index, graph = self.episode.body_index, graph or self.graph
+        """(T,) by the given support graph and grip; by ``self.graph`` and ``self.held`` if None."""
+        index, graph, held = self.episode.body_index, graph or self.graph, held or self.held
         if name == "inside":
             body, container = bodies
             return self.inside(body, container, self._may_bear(container, body, graph))
@@ -269,14 +276,14 @@ class Relations:
         if name == "supported":
             return graph.supported(ids[0])
         if name == "carried":
-            found = graph.carried(ids[0], self.held)
+            found = graph.carried(ids[0], held)
             if self.blind:  # friction lifts what fingers squeeze, and no shape shows it
-                found = found | (self.held(ids[0]) & ~self._borne(ids[0]))
+                found = found | (held(ids[0]) & ~self._borne(ids[0]))
             return found
         if name == "held":
-            return self.held(ids[0])
+            return held(ids[0])
         if name == "depends_on":
-            return graph.rests_on(ids[0], ids[1], self.held)
+            return graph.rests_on(ids[0], ids[1], held)
         raise KeyError(name)
 
     @cached_property
@@ -291,12 +298,26 @@ class Relations:
 
     def held(self, body: int) -> Bool:
         """(T,) held by the fingers; without forces and fingers' shapes, by moving along."""
+        return self._grip(body)[0]
+
+    def may_be_held(self, body: int) -> Bool:
+        """(T,) false only where it is certainly not held."""
+        return self._grip(body)[1]
+
+    def _grip(self, body: int) -> tuple[Bool, Bool]:
+        if body not in self._grips:
+            self._grips[body] = self._gripped(body)
+        return self._grips[body]
+
+    def _gripped(self, body: int) -> tuple[Bool, Bool]:
         shaped = bool(self.episode.header.bodies[body].geoms)
         if not self.blind or (self._fingers_seen and shaped):
             beside = self.touches.beside(body)
-            return by_fingers(self.episode, body, beside, self.touches.touching)
+            found = by_fingers(self.episode, body, beside, self.touches.touching)
+            return found, found
         if self._hand is None or not self.episode.header.bodies[body].movable:
-            return np.zeros(len(self.episode), np.bool_)
+            nothing = np.zeros(len(self.episode), np.bool_)
+            return nothing, nothing
         return by_motion(self.episode, body, self._hand, self._borne(body))
 
     def _borne(self, body: int) -> Bool:
@@ -336,7 +357,7 @@ class Relations:
         bearers = self.graph.bearers(index[a])
         mine = bearers.get(index[s], np.zeros(len(self.episode), np.bool_))
         others = [bears for body, bears in bearers.items() if body != index[s]]
-        held_ = self.held(index[a]) | self.graph.borne_by_robot(index[a])
+        held_ = self.may_be_held(index[a]) | self.graph.borne_by_robot(index[a])
         shared = np.logical_or.reduce([held_, *others])
         lower, upper = np.where(mine & ~shared, 1.0, 0.0), np.where(mine, 1.0, 0.0)
         return Series(lower, upper, "ratio", self.caveat("supports"))

@@ -65,6 +65,7 @@ class Builder:
             _duration(table, "gap"),
             parse.event(table["until"]) if "until" in table else None,
             self.condition(table["fallback"]) if "fallback" in table else None,
+            self.condition(table["perhaps"]) if "perhaps" in table else None,
         )
 
     def phase(self, name: str, table: Table) -> ast.PhaseDef:

@@ -184,7 +184,7 @@ class _FileChecker(Obligations):
 
     def _state(self, name: str, table: dict[str, Any], keys: Keys) -> None:
         scope = self.formals("state", name, table, keys)
-        for key in ("when", "fallback"):
+        for key in ("when", "fallback", "perhaps"):
             if key in table:
                 self.usage.condition(table[key], (*keys, key), scope)
         for key in ("for", "gap"):

@@ -19,6 +19,8 @@ Params = Mapping[str, ast.Quantity | ast.Duration]
 
 _UNORDERED = {"atoms", "alternatives", "forbid", "limits", "roles", "excluding", "charge"}
 """Fields whose order says nothing."""
+_LATER = {"perhaps"}
+"""Fields that came into the language later: where they are not used, a digest is what it was."""
 
 
 def rule_digest(
@@ -164,6 +166,8 @@ def _plain(node: Any) -> Any:
             if not item.compare or item.name in ("title", "set"):
                 continue
             value = _plain(getattr(node, item.name))
+            if value is None and item.name in _LATER:
+                continue
             plain[item.name] = sorted(value, key=json.dumps) if item.name in _UNORDERED else value
         return plain
     if isinstance(node, tuple):

@@ -73,6 +73,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "gap": Key("duration", "Interruptions of at most this length are bridged first."),
         "until": Key("event", "Latched: once true it stays true until this."),
         "fallback": Key("condition", "Used instead where `when` is unknown in the whole trace."),
+        "perhaps": Key("condition", "Beside `fallback`: where only this holds, it is not known."),
     },
     "phase": {
         "of": Key("names", "Its formal arguments, if it has any."),

@@ -87,6 +87,8 @@ class _Walk:
         found = self.condition(state.when)
         if state.fallback is not None:  # which of the two counts hangs on the trace alone
             found |= self.condition(state.fallback)
+        if state.perhaps is not None:
+            found |= self.condition(state.perhaps)
         if self._is(state.for_):
             found |= {-1}
         if self._is(state.gap):

@@ -224,6 +224,8 @@ class StateDef:
     gap: Duration | Parameter | None = None
     until: Event | None = None
     fallback: Condition | None = None
+    perhaps: Condition | None = None
+    """With ``fallback``: where this holds and that does not, the state is not known."""
 
 
 @dataclass(frozen=True)

@@ -106,6 +106,8 @@ def state(found: ast.StateDef, params: Values) -> str:
         )
     if found.fallback is not None:
         parts.append(f"where that is unknown: {condition(found.fallback, params)}")
+    if found.perhaps is not None:
+        parts.append(f"and perhaps where {condition(found.perhaps, params)}")
     return "; ".join(parts)
 
 

@@ -158,10 +158,10 @@ def _called(
         return
     inner = dict(zip(declared.of, (env.get(arg, arg) for arg in call.args), strict=True))
     blind = declared.fallback is not None and evaluator.relations.blind
-    source = declared.fallback if blind and declared.fallback is not None else declared.when
-    for found in _inside(evaluator, source, inner, bad_when, deeper - 1):
-        if isinstance(found[0], ast.SignalAtom):
-            yield found
+    for source in (declared.fallback, declared.perhaps) if blind else (declared.when,):
+        for found in _inside(evaluator, source, inner, bad_when, deeper - 1) if source else ():
+            if isinstance(found[0], ast.SignalAtom):
+                yield found
 
 
 def _curve(

@@ -19,7 +19,7 @@ from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
 
 from .memory import Memory
-from .values import Env, Values, ends_early, limit_margin
+from .values import Env, Values, ends_early, ends_with_success, limit_margin
 
 
 class Evaluator(Values):
@@ -58,6 +58,7 @@ class Evaluator(Values):
         self.memory = memory
         self.frames = len(self.episode)
         self.truncated = ends_early(self.episode)
+        self.unfollowed = self.truncated or ends_with_success(self.episode)
         self.notes: dict[str, None] = {}
         self.players: Mapping[str, Sequence[str]] = {}
         """Role → all bodies that play it, for ``at least K role``."""
@@ -285,9 +286,12 @@ class Evaluator(Values):
         state = self.rules.states[name]
         env = dict(zip(state.of, bodies, strict=True))
         found = self.condition(state.when, env)
-        if state.fallback is not None and not band_known(found):
-            found = self.condition(state.fallback, env)
-        return found
+        if state.fallback is None or band_known(found):
+            return found
+        found = self.condition(state.fallback, env)
+        if state.perhaps is None:
+            return found
+        return Band(found.lower, np.maximum(found.upper, self.condition(state.perhaps, env).upper))
 
     def _declared(self, name: str, bodies: tuple[str, ...]) -> Band:
         state = self.rules.states[name]
@@ -298,7 +302,7 @@ class Evaluator(Values):
             self.count(state.for_) if state.for_ is not None else 1,
             self.count(state.gap, least=0) if state.gap is not None else 0,
             causal=self.causal,
-            open_end=self.truncated,
+            open_end=self.unfollowed,
         )
         if state.until is not None:
             found = persistence.latched(found, *self.truth(state.until, env))

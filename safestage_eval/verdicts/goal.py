@@ -153,7 +153,7 @@ class GoalMonitor:
                     if node.name not in seen:
                         seen.add(node.name)
                         todo.append(state.when)
-                        todo += [state.fallback] if state.fallback is not None else []
+                        todo += [c for c in (state.fallback, state.perhaps) if c is not None]
                         durations += [d for d in (state.for_, state.gap) if d is not None]
         for duration in durations:
             value = self._params[duration.name] if isinstance(duration, ast.Parameter) else duration

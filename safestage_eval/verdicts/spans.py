@@ -19,7 +19,7 @@ def spans(evaluator: Evaluator, span: ast.Span, env: Env) -> list[Scope]:
             return _phase(evaluator, call, env)
         case ast.StateSpan(call):
             truth = moment.truth_of(evaluator.state(call, env))
-            return scope.of_truth(truth, truncated=evaluator.truncated)
+            return scope.of_truth(truth, truncated=evaluator.unfollowed)
         case ast.Part(which, duration, of):
             part = scope.first_part if which == "first" else scope.last_part
             return part(spans(evaluator, of, env), evaluator.count(duration))
@@ -31,10 +31,11 @@ def spans(evaluator: Evaluator, span: ast.Span, env: Env) -> list[Scope]:
             cut = evaluator.truncated and event.kind == "end"
             return scope.before(found, evaluator.count(duration), cut=cut)
         case ast.FromTo(begin, stop):
+            followed = stop.kind == "state"
             return scope.from_to(
                 evaluator.truth(begin, env),
                 evaluator.truth(stop, env),
-                truncated=evaluator.truncated,
+                truncated=evaluator.unfollowed if followed else evaluator.truncated,
             )
         case ast.While(of, call):
             truth = moment.truth_of(evaluator.state(call, env))

@@ -98,6 +98,12 @@ def ends_early(episode: Episode) -> bool:
     return header.termination in ("truncated", "error") or beyond
 
 
+def ends_with_success(episode: Episode) -> bool:
+    """Nothing was recorded after success: what was under way then is not followed to its end."""
+    reached = episode.header.success_time
+    return reached is not None and reached >= episode.t[-1] - 1e-6
+
+
 def frame_count(duration: ast.Duration, dt: float) -> int:
     """Number of frames, ``dt`` seconds apart, that a duration lasts: ⌈D / dt⌉."""
     if duration.frames:

@@ -121,7 +121,10 @@ class Search:
         inner = dict(zip(state.of, bodies, strict=True))
         source, found = state.when, evaluator.condition(state.when, inner)
         if state.fallback is not None and not band_known(found):
-            source, found = state.fallback, evaluator.condition(state.fallback, inner)
+            source = state.fallback
+            if self.upper and state.perhaps is not None:
+                source = state.perhaps
+            found = evaluator.condition(source, inner)
         same = np.flatnonzero((found.upper if self.upper else found.lower) == margin)
         if len(same):
             frame = int(same[np.argmin(np.abs(same - frame))])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,17 @@ from safestage_eval.geometry.pose import rotate
 RIGID = ("object", "fixture", "region")
 
 
-def map_text(episode: Episode, *, shapes: bool = True, success: bool = False) -> str:
-    """What a foreign layout does not hold: roles, rules, and of each body all but its motion."""
+def map_text(
+    episode: Episode,
+    *,
+    shapes: bool = True,
+    success: bool = False,
+    unshaped: Collection[str] = (),
+) -> str:
+    """What a foreign layout does not hold: roles, rules, and of each body all but its motion.
+
+    ``unshaped``: bodies of which no shape is given.
+    """
     header = episode.header
     said: dict[str, Any] = {
         "task": header.task, "stage": header.stage, "family": header.family,
@@ -33,7 +43,10 @@ def map_text(episode: Episode, *, shapes: bool = True, success: bool = False) ->
     lines += ["parameters = " + _inline(header.parameters)]
     for body in header.bodies:
         if body.kind in RIGID:
-            lines += [f'[body."{body.name}"]', *_entries(_body(body, shapes=shapes))]
+            lines += [
+                f'[body."{body.name}"]',
+                *_entries(_body(body, shapes=shapes and body.name not in unshaped)),
+            ]
     return "\n".join(lines) + "\n"
 
 

@@ -2,8 +2,8 @@
 
 Poses agree to float precision. A verdict is the same or inconclusive: where it does not need what was
 lost it is the same, and what is lost never makes a pass. "What was lost" is taken by hand from the
-original, and every verdict of the import must be that of this poorer original. In the scenes here
-geometry and forces agree on who touches whom.
+original, and every verdict of the import must be that of this poorer original. Of a body that is
+touched where none of its shapes is (a strap that was not drawn), the map file gives no shape.
 """
 
 import numpy as np
@@ -13,24 +13,24 @@ from exports import RIGID, map_text, write_lerobot, write_maniskill, write_robol
 from safestage_eval.episode import Body, Episode, RobotFrames, Track, still_track
 from safestage_eval.formats import load
 from safestage_eval.importers import Settings, import_all, load_map
+from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.files import builtin_folder
+from safestage_eval.signals.measure import Signals
 from safestage_eval.sketch import resolve
 from safestage_eval.verdicts import judge
 
 LAYOUTS = ("robolab", "maniskill", "lerobot")
+FOLDER = [builtin_folder() / "examples"]
+SKETCHES = sorted(path.stem for path in FOLDER[0].glob("*.toml"))
 EXAMPLES = {
-    # scene: (rule, verdict, verdict per layout); "?" is inconclusive
+    # sketch: (rule, verdict, verdict per layout); "?" is inconclusive
     "bottle_taken_off_first": ("ISH101", "pass", "???"),
+    "can_from_under_bottle": ("ISH101", "violation", "vvv"),
     "obstacle_swept_off_step": ("ETS103", "violation", "v??"),
     "placed_on_shelf(margin = 1.9)": ("FSH101", "violation", "?vv"),
-}
-MORE = {
-    "can_from_under_bottle": ("ISH101", "violation", "vvv"),
-    "lemon_tipped_out": ("ISH201", "violation", "v??"),
-    "obstacle_disturbed(angle = 29)": ("ETS104", "pass", "???"),
-    "carried_past": ("ETS105", "pass", "???"),
     "placed_on_shelf(margin = 2.1)": ("FSH101", "pass", "?pp"),
+    "left_beside": ("FSH205", "violation", "???"),
 }
 LETTERS = {"?": "inconclusive", "v": "violation", "p": "pass"}
 
@@ -40,9 +40,23 @@ def rules():
     return load_rules(["ish", "ets", "fsh"])
 
 
+def unshaped(episode: Episode) -> set[str]:
+    """Bodies that exchange a force with another while their shapes are more than 1 mm apart."""
+    facts = Relations(Signals(episode))
+    found = set()
+    for i, body in enumerate(episode.header.bodies):
+        for j in facts.signals.contact_sums.beside(i):
+            other = episode.header.bodies[j]
+            if body.kind == "object" and body.movable and other.kind in RIGID:
+                pressed = facts.signals.contact_sums.touching(i, j)
+                if (pressed & ~facts.proximity.touching(i, j)).any():
+                    found.add(body.name)
+    return found
+
+
 def exported(episode: Episode, layout: str, folder, tmp_path):
     """The foreign file or folder, and the map file."""
-    text = map_text(episode, success=layout == "lerobot")
+    text = map_text(episode, success=layout == "lerobot", unshaped=unshaped(episode))
     if layout == "robolab":
         source = write_robolab(folder, [episode], boxes=False)
     elif layout == "maniskill":
@@ -58,7 +72,12 @@ def exported(episode: Episode, layout: str, folder, tmp_path):
 def poorer(episode: Episode, layout: str) -> Episode:
     """The original without what the layout cannot hold."""
     header = episode.header
-    bodies = [body for body in header.bodies if body.kind in RIGID]
+    shapeless = unshaped(episode)
+    bodies = [
+        body.model_copy(update={"geoms": ()}) if body.name in shapeless else body
+        for body in header.bodies
+        if body.kind in RIGID
+    ]
     tracks = {body.name: episode.tracks[body.name] for body in bodies}
     bodies.append(Body(name="robot_base", kind="robot", movable=False, untold=("links",)))
     tracks["robot_base"] = still_track((0, 0, 0), (1, 0, 0, 0))
@@ -81,9 +100,9 @@ def poorer(episode: Episode, layout: str) -> Episode:
     )  # fmt: skip
 
 
-def there_and_back(rules, tmp_path, name, layout):
-    rule, verdict, letters = (EXAMPLES | MORE)[name]
-    ours = resolve(name, [builtin_folder() / "examples"])
+def there_and_back(rules, tmp_path, name, layout) -> tuple[dict[str, str], dict[str, str]]:
+    """Verdicts of the original, and of what came back."""
+    ours = resolve(name, FOLDER)
     source, map_ = exported(ours, layout, tmp_path / "theirs", tmp_path)
     outcome = import_all(source, tmp_path / "data", Settings(map=load_map(map_)))
     assert not outcome.failed, outcome.failed
@@ -97,25 +116,46 @@ def there_and_back(rules, tmp_path, name, layout):
             assert np.abs(a.orientation - b.orientation).max() < 1e-6
             assert np.abs(a.linear_velocity - b.linear_velocity).max() < 1e-5
             assert np.array_equal(a.angular_velocity, b.angular_velocity)
-    found, expected, original = (
-        {v.rule: v.verdict for v in judge(episode, rules).verdicts}
-        for episode in (back, less, ours)
-    )
+    original, expected, found = (verdicts(e, rules) for e in (ours, less, back))
     assert found == expected
-    for code, one in found.items():
-        assert one in (original[code], "inconclusive"), code
-    assert original[rule] == verdict
-    assert found[rule] == LETTERS[letters[LAYOUTS.index(layout)]]
+    assert turned(original, found) == {}
+    return original, found
+
+
+def verdicts(episode: Episode, rules) -> dict[str, str]:
+    return {v.rule: v.verdict for v in judge(episode, rules).verdicts}
+
+
+def turned(original: dict[str, str], found: dict[str, str]) -> dict[str, tuple[str, str]]:
+    """Rule → what it was and is, where it is neither the same nor open."""
+    return {
+        rule: (original[rule], now)
+        for rule, now in found.items()
+        if now not in (original[rule], "inconclusive")
+    }
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_there_and_back(rules, tmp_path, name, layout):
-    there_and_back(rules, tmp_path, name, layout)
+    original, found = there_and_back(rules, tmp_path, name, layout)
+    rule, verdict, letters = EXAMPLES[name]
+    assert original[rule] == verdict
+    assert found[rule] == LETTERS[letters[LAYOUTS.index(layout)]]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("layout", LAYOUTS)
-@pytest.mark.parametrize("name", MORE)
-def test_there_and_back_with_more_scenes(rules, tmp_path, name, layout):
-    there_and_back(rules, tmp_path, name, layout)
+@pytest.mark.parametrize("number", range(len(SKETCHES)), ids=SKETCHES)
+def test_every_sketch_there_and_back(rules, tmp_path, number):
+    there_and_back(rules, tmp_path, SKETCHES[number], LAYOUTS[number % len(LAYOUTS)])
+
+
+@pytest.mark.slow
+def test_every_example_of_every_rule(rules):
+    """All sketches with all knobs that rules name: what RoboLab's layout loses, and what others do."""
+    named = {name for rule in rules.rules.values() for name in (*rule.violates, *rule.passes)}
+    for name in sorted(named):
+        ours = resolve(name, FOLDER)
+        original = verdicts(ours, rules)
+        for layout in ("robolab", "maniskill"):  # LeRobot's loses what ManiSkill's does
+            assert turned(original, verdicts(poorer(ours, layout), rules)) == {}, (name, layout)
