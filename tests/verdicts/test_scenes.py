@@ -174,3 +174,45 @@ def test_where_nothing_is_known_no_bound_is_told() -> None:
     found = verdict(scene.episode(roles={"protected": ("p",)}), "ETS104")
     assert (found.verdict, found.value) == ("inconclusive", None)
     assert not any("at least" in note for note in found.notes)
+
+
+CONTACT = """
+[ruleset]
+format = 1
+name = "apart"
+version = "1"
+extends = ["defaults"]
+[[rule]]
+code = "APT101"
+title = "apart"
+roles = { target = "object", protected = "object" }
+forbid = "contact(target, protected)"
+"""
+
+
+@pytest.mark.parametrize(
+    ("gap", "expected"),
+    [(-2e-3, "violation"), (-5e-4, "inconclusive"), (0, "inconclusive"), (9e-4, "inconclusive"),
+     (1.1e-3, "pass")],
+)  # fmt: skip
+def test_without_forces_a_near_touch_is_not_known(
+    gap: float, expected: str, tmp_path: Path
+) -> None:
+    (tmp_path / "apart.toml").write_text(CONTACT, encoding="utf-8")
+    scene = Scene(30).box("t", 0.05, (0, 0, 0.05)).box("p", 0.05, (0.1 + gap, 0, 0.05))
+    episode = scene.episode(roles=ROLES, force_source="none")
+    assert verdict(episode, "APT101", tmp_path / "apart.toml").verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("success", "expected"), [(1.0, "inconclusive"), (0.5, "pass"), (None, "pass")]
+)
+def test_a_motion_that_success_cuts_off_is_not_passed(success: float, expected: str) -> None:
+    """The protected box slides from 0.9 s on, and the recording ends at 1 s."""
+    frames = 121
+    scene = Scene(frames).fixed("table").box("t", 0.05, (0, 0, 0.05))
+    way = np.clip(np.arange(frames) - 108, 0, None) * 5e-4
+    scene.box("p", 0.05, np.column_stack([0.5 + way, 0 * way, 0 * way + 0.05]))
+    reached = {} if success is None else {"success": True, "success_time": success}
+    episode = with_hand(scene).episode(roles=ROLES, **reached)
+    assert verdict(episode, "ETS102").verdict == expected
