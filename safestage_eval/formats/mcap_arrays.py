@@ -23,18 +23,23 @@ LONGEST = 5
 """Bytes of the number that says how long a field is: up to 32 bits, seven in a byte."""
 
 _prefix = Struct("<BQ").unpack_from
-_number = Struct("<H").unpack_from
+_start = Struct("<BQH").unpack_from
+"""The same and the number that messages begin with, where there are as many bytes."""
+
+_START = 11
 
 
 def find_messages(
     raw: NDArray[np.uint8], at: int, topics: Any, found: Any, counts: NDArray[np.int64]
 ) -> int:
     """As the kernel of this name."""
-    data, size, done = raw.data, len(raw), counts.tolist()
+    data, size, room = raw.data, len(raw), found.shape[1]
+    told = topics.data
+    places = [found[k, :count].tolist() for k, count in enumerate(counts.tolist())]
     while at < size:
         if size - at < PREFIX:
             return -1
-        kind, length = _prefix(data, at)
+        kind, length, number = _start(data, at) if size - at >= _START else (*_prefix(data, at), 0)
         begin = at + PREFIX
         end = begin + length
         if end > size:
@@ -44,14 +49,15 @@ def find_messages(
         if kind == MESSAGE:
             if length < 2:
                 return -1
-            topic = topics[_number(data, begin)[0]]
+            topic = told[number]
             if topic >= 0:
-                if done[topic] == found.shape[1]:
+                if len(places[topic]) == room:
                     break
-                found[topic, done[topic]] = min(begin + HEAD, end), end
-                done[topic] += 1
+                places[topic].append((begin + HEAD if length > HEAD else end, end))
         at = end
-    counts[:] = done
+    for k, own in enumerate(places):
+        counts[k] = len(own)
+        found[k, : len(own)] = np.array(own, np.int64).reshape(-1, 2)
     return at
 
 
