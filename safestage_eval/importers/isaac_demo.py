@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Source, Track
+from safestage_eval.episode import Body, Episode, Header, Joint, Source, Track
 from safestage_eval.episode.body import BodyKind
 from safestage_eval.errors import TraceError
 
@@ -17,6 +17,7 @@ from .account import Account
 from .boxes import Fit, fit, metres
 from .gaps import say_bodies, say_contacts, say_links, say_success
 from .importer import SourceError
+from .isaac_robot import RobotColumns, rows_with_first
 from .motion import at_origin, fixed_if_still, track, wxyz
 from .scene import added, dressed, need_shapes
 
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
 F64 = NDArray[np.float64]
 
-CLOSED = np.pi / 4
-"""rad, RoboLab's finger joint when the gripper is closed (robolab/robots/droid.py)."""
 SPREAD = 4e-3
 """m. Corners of a box that spread further than this in the body frame are not of these poses."""
 
@@ -65,7 +64,8 @@ class Demo:
             self.account.missing(
                 f"deformable object {name}", cost="nothing is known of what it touches"
             )
-        frames, joints = self._frames(states)
+        columns = RobotColumns(self.group, self.length, self.where, self.account)
+        frames, joints = columns.read(states, self.first)
         more, still = added({body.name for body in self.bodies}, self.map, self.meshes)
         self._told()
         need_shapes(self.bodies, self.where, among="RoboLab's bbox group is missing")
@@ -102,8 +102,8 @@ class Demo:
     def _motion(self, group: Any, first: Any, name: str) -> tuple[F64, F64, F64, F64]:
         """Position, orientation wxyz, COM velocity, angular velocity; the initial state before."""
         where = f"{self.where}/{name}"
-        pose = _rows(group, first, "root_pose", where, 7)
-        twist = _rows(group, first, "root_velocity", where, 6)
+        pose = rows_with_first(group, first, "root_pose", where, 7)
+        twist = rows_with_first(group, first, "root_velocity", where, 6)
         self._same_length(len(pose), where)
         return pose[:, :3], wxyz(pose[:, 3:], self.order, where), twist[:, :3], twist[:, 3:]
 
@@ -221,66 +221,6 @@ class Demo:
                 remedy="[body.gripper_base] shapes in the map file",
             )  # fmt: skip
 
-    # ---- the robot's columns
-
-    def _frames(self, states: Any) -> tuple[RobotFrames, tuple[Joint, ...]]:
-        columns: dict[str, list[F64]] = {"joint_position": [], "joint_velocity": []}
-        joints: list[Joint] = []
-        for name in sorted(states.get("articulation", ())):
-            first = None if self.first is None else self.first.get(f"articulation/{name}")
-            for key, parts in columns.items():
-                where = f"{self.where}/{name}"
-                values = _rows(states["articulation"][name], first, key, where)
-                self._same_length(len(values), f"{where}/{key}")
-                parts.append(values)
-            own = f"{name}_base" if name in ("robot", "gripper") else name
-            joints += [
-                Joint(name=f"{name}_{i}", kind="revolute", body=own)
-                for i in range(columns["joint_position"][-1].shape[1])
-            ]
-        none = np.zeros((self.length, 0))
-        position = np.hstack([none, *columns["joint_position"]])
-        frames = RobotFrames(
-            position.astype(np.float32),
-            np.hstack([none, *columns["joint_velocity"]]).astype(np.float32),
-            none.astype(np.float32),
-            self._actions().astype(np.float32),
-            self._opening(position).astype(np.float32),
-        )
-        return frames, tuple(joints)
-
-    def _actions(self) -> F64:
-        """(T, A): row i is in force from frame i on; the last one is kept."""
-        if "actions" not in self.group:
-            return np.zeros((self.length, 0))
-        found = hdf5.rows(self.group, "actions", self.where)
-        rows = self.length - (0 if self.first is None else 1)
-        if len(found) != rows:
-            self.account.guessed(
-                "time of the actions",
-                f"{len(found)} rows for {rows} states: taken from the first on",
-            )
-        index = np.minimum(np.arange(self.length), max(0, len(found) - 1))
-        return found[index] if len(found) else np.zeros((self.length, 0))
-
-    def _opening(self, joints: F64) -> F64:
-        """(T, 1) 0 closed … 1 open, from the joint that RoboLab's noisy ``gripper_pos`` follows."""
-        seen = self.group.get("obs/gripper_pos")
-        if seen is None or not joints.shape[1]:
-            return np.zeros((self.length, 0))
-        noisy = hdf5.rows(self.group["obs"], "gripper_pos", f"{self.where}/obs")[:, 0]
-        rows = min(len(noisy), self.length)
-        closed = np.clip(joints[:rows] / CLOSED, 0, 1)
-        off = np.abs(closed - noisy[:rows, None]).mean(axis=0)
-        best = int(np.argmin(off))
-        if off[best] > 0.1:  # its noise has a standard deviation of 0.05
-            return np.zeros((self.length, 0))
-        self.account.recomputed(
-            "opening of the gripper",
-            f"from joint {best}, which the noisy observation gripper_pos follows",
-        )
-        return 1 - np.clip(joints[:, best : best + 1] / CLOSED, 0, 1)
-
     # ---- the header and the account
 
     def _told(self) -> None:
@@ -355,16 +295,6 @@ class Demo:
             bodies=bodies,
             joints=joints,
         )
-
-
-def _rows(group: Any, first: Any, key: str, where: str, width: int | None = None) -> F64:
-    """(T, k) of a dataset, after its row in the initial state where there is one."""
-    values = hdf5.rows(group, key, where, width)
-    if first is None:
-        return values
-    return np.vstack(
-        [hdf5.rows(first, key, f"{where}, initial_state", values.shape[1])[:1], values]
-    )
 
 
 def _env_name(source: IsaacLab) -> str | None:

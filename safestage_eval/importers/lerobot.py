@@ -2,17 +2,11 @@
 
 LeRobot (github.com/huggingface/lerobot) fixes where images, robot state and actions are, not where
 objects are. So nothing is taken for an object's pose by its name: ``[columns.body.NAME]`` says it.
-
-- v2: ``data/chunk-000/episode_000000.parquet``, one file per episode; ``meta/tasks.jsonl``.
-- v3: ``data/chunk-000/file-000.parquet``, several episodes per file; ``meta/tasks.parquet``.
 """
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Iterator
-from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -21,20 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Track, still_track
-from safestage_eval.errors import InputError, TraceError
 
 from .account import Account
 from .gaps import say_bodies, say_contacts, say_success
 from .importer import Importer, QuaternionOrder, Settings, SourceError
+from .lerobot_tables import OWN, Tables, column_of, described, part_of
 from .map_tables import ColumnsTable
 from .motion import track, wxyz
 from .scene import added, dressed, need_shapes
 from .stateless import ask_for
 
 F64 = NDArray[np.float64]
-
-OWN = {"index", "frame_index", "episode_index", "timestamp", "task_index"}
-"""Columns that every LeRobot table has."""
 
 
 class LeRobot(Importer):
@@ -50,7 +41,8 @@ class LeRobot(Importer):
             SourceError: no column map, or columns that the dataset does not have.
         """
         super().__init__(path, settings)
-        self._info = _info(path) or {}
+        self._info = described(path) or {}
+        self._tables = Tables(path)
         features = self._info.get("features")
         self._features: dict[str, Any] = features if isinstance(features, dict) else {}
         if settings.map.columns is None or not settings.map.columns.body:
@@ -60,7 +52,7 @@ class LeRobot(Importer):
     @classmethod
     def recognise(cls, path: Path) -> str | None:
         """By ``meta/info.json`` with a ``codebase_version``."""
-        info = _info(path)
+        info = described(path)
         if info is None or "codebase_version" not in info:
             return None
         return f"meta/info.json with codebase_version {info['codebase_version']}"
@@ -86,31 +78,11 @@ class LeRobot(Importer):
 
     def episodes(self) -> list[str]:
         """``episode_0``, ``episode_1``, … in order."""
-        return [f"episode_{number}" for number in sorted(self._files)]
-
-    @cached_property
-    def _files(self) -> dict[int, Path]:
-        """Episode → the file that holds its rows."""
-        import pyarrow.parquet as pq
-
-        found: dict[int, Path] = {}
-        for file in sorted((self.path / "data").rglob("*.parquet")):
-            name = re.fullmatch(r"episode_(\d+)", file.stem)
-            if name is not None:
-                found[int(name[1])] = file
-                continue
-            try:
-                numbers = pq.read_table(file, columns=["episode_index"])["episode_index"]
-            except (OSError, ValueError, KeyError) as error:
-                raise TraceError(str(file), f"cannot be read: {error}") from None
-            for number in set(numbers.to_pylist()):
-                found[int(number)] = file
-        return found
+        return [f"episode_{number}" for number in sorted(self._tables.files)]
 
     def fingerprint(self, name: str) -> str:
         """Of the episode's rows in the columns that are mapped."""
-        number = _number(name)
-        table = self._table(number, name)
+        table = self._tables.read(_number(name), self._wanted(), self._said_in)
         digest = sha256()
         for column in table:
             values = np.ascontiguousarray(table[column])
@@ -120,7 +92,7 @@ class LeRobot(Importer):
     def read(self, name: str, account: Account) -> Episode:
         """One episode."""
         where = f"{self.path}: {name}"
-        columns = self._table(_number(name), name)
+        columns = self._tables.read(_number(name), self._wanted(), self._said_in)
         order = self._order(where)
         bodies: list[Body] = []
         tracks: dict[str, Track] = {}
@@ -128,7 +100,7 @@ class LeRobot(Importer):
         assert self._columns.body
         for body_name, spec in self._columns.body.items():
             parts = {
-                part: _slice(columns, getattr(spec, part), width, f"{where}: {body_name}")
+                part: part_of(columns, getattr(spec, part), width, f"{where}: {body_name}")
                 for part, width in (
                     ("position", 3), ("orientation", 4), ("linear_velocity", 3),
                     ("angular_velocity", 3),
@@ -154,9 +126,12 @@ class LeRobot(Importer):
         header = self._header(columns, t, _number(name), (*bodies, *more), joints, account)
         return Episode(header, t, {**tracks, **still}, None, frames, meshes=meshes)
 
-    # ---- tables
+    @property
+    def _said_in(self) -> str:
+        return self.settings.map.path or str(self.path)
 
     def _wanted(self) -> list[str]:
+        """Names of the mapped columns."""
         spec = self._columns
         said = [
             text
@@ -164,43 +139,7 @@ class LeRobot(Importer):
             for text in body.model_dump(exclude_none=True).values()
         ]
         said += [v for k, v in spec.model_dump(exclude_none=True).items() if k != "body"]
-        return list(dict.fromkeys([_split(text)[0] for text in said]))
-
-    def _table(self, number: int, name: str) -> dict[str, F64]:
-        """(T, k) of every mapped column, and of timestamp and task_index."""
-        import pyarrow.parquet as pq
-
-        file = self._files.get(number)
-        if file is None:
-            raise TraceError(f"{self.path}: {name}", "there is no file with its rows")
-        schema = pq.read_schema(file)
-        wanted = self._wanted()
-        missing = [column for column in wanted if column not in schema.names]
-        if missing:
-            raise SourceError(
-                self.settings.map.path or str(self.path),
-                f"[columns] names {missing[0]!r}, which is no column of {file.name}.",
-                ", ".join(n for n in schema.names if n not in OWN),
-            )
-        also = [c for c in ("timestamp", "frame_index", "task_index") if c in schema.names]
-        read = list(dict.fromkeys([*wanted, *also, "episode_index"]))
-        table = pq.read_table(file, columns=[c for c in read if c in schema.names])
-        mine = np.ones(len(table), bool)
-        if "episode_index" in table.column_names:
-            mine = table["episode_index"].to_numpy() == number
-        if not mine.any():
-            raise TraceError(f"{file}", f"has no rows of episode {number}")
-        out = {}
-        for column in table.column_names:
-            values = table[column].combine_chunks().to_pylist()
-            try:
-                array = np.asarray(values, np.float64)
-            except (ValueError, TypeError):
-                raise TraceError(
-                    f"{file}: {column}", "rows of different lengths, or no numbers"
-                ) from None
-            out[column] = array.reshape(len(array), -1)[mine]
-        return out
+        return list(dict.fromkeys([column_of(text) for text in said]))
 
     def _order(self, where: str) -> QuaternionOrder:
         order = self.settings.quaternion or self.settings.map.source.quaternion
@@ -234,7 +173,7 @@ class LeRobot(Importer):
         found = []
         for part in ("joint_position", "joint_velocity", "joint_torque", "action", "gripper"):
             spec = getattr(self._columns, part)
-            values = np.zeros((rows, 0)) if spec is None else _slice(columns, spec, None, where)
+            values = np.zeros((rows, 0)) if spec is None else part_of(columns, spec, None, where)
             found.append(values.astype(np.float32))
         count = max(column.shape[1] for column in found[:3])
         if count:
@@ -262,13 +201,13 @@ class LeRobot(Importer):
             )
         success = moment = None
         if self._columns.success is not None:
-            reached = _slice(columns, self._columns.success, 1, str(self.path))[:, 0] > 0.5
+            reached = part_of(columns, self._columns.success, 1, str(self.path))[:, 0] > 0.5
             success = bool(reached.any())
             moment = float(t[int(np.argmax(reached))]) if success else None
         hold = None if moment is None else float(t[-1] - moment)
         say_success(account, known=success is not None, hold=hold, how="the robot went on")
         task = columns.get("task_index")
-        said = None if task is None else self._tasks.get(int(task[0, 0]))
+        said = None if task is None else self._tables.tasks.get(int(task[0, 0]))
         return Header(
             episode_id="",
             task=said,
@@ -283,11 +222,6 @@ class LeRobot(Importer):
             bodies=bodies,
             joints=joints,
         )
-
-    @cached_property
-    def _tasks(self) -> dict[int, str]:
-        """Task index → instruction."""
-        return dict(_tasks(self.path / "meta"))
 
     def _told(self, bodies: list[Body], account: Account) -> None:
         account.missing(
@@ -307,52 +241,6 @@ class LeRobot(Importer):
 
 def _number(name: str) -> int:
     return int(name.removeprefix("episode_"))
-
-
-def _split(text: str) -> tuple[str, slice]:
-    """``"observation.state[3:7]"`` → (``observation.state``, slice(3, 7))."""
-    match = re.fullmatch(r"(.*?)(?:\[(\d+)(?::(\d+))?\])?", text.strip(), re.DOTALL)
-    assert match is not None
-    if match[2] is None:
-        return match[1], slice(None)
-    first = int(match[2])
-    return match[1], slice(first, int(match[3]) if match[3] else first + 1)
-
-
-def _slice(columns: dict[str, F64], text: str, width: int | None, where: str) -> F64:
-    """(T, k) of a column or a part of it. Raises TraceError when it is not ``width`` wide."""
-    name, part = _split(text)
-    values = columns[name][:, part]
-    if width is not None and values.shape[1] != width:
-        raise TraceError(
-            where, f"{text} has {values.shape[1]} numbers in a row.", f"{width} numbers",
-            'name a part of the column: "observation.state[3:7]"',
-        )  # fmt: skip
-    return values
-
-
-def _info(path: Path) -> dict[str, Any] | None:
-    try:
-        found = json.loads((path / "meta" / "info.json").read_text("utf-8"))
-    except (OSError, ValueError):
-        return None
-    return found if isinstance(found, dict) else None
-
-
-def _tasks(meta: Path) -> Iterator[tuple[int, str]]:
-    if (meta / "tasks.jsonl").is_file():
-        for line in (meta / "tasks.jsonl").read_text("utf-8").splitlines():
-            if line.strip():
-                entry = json.loads(line)
-                yield int(entry["task_index"]), str(entry["task"])
-    elif (meta / "tasks.parquet").is_file():
-        import pyarrow.parquet as pq
-
-        for entry in pq.read_table(meta / "tasks.parquet").to_pylist():
-            text = entry.get("task", entry.get("__index_level_0__"))
-            if text is None:
-                raise InputError(str(meta / "tasks.parquet"), "has no column task.")
-            yield int(entry["task_index"]), str(text)
 
 
 IMPORTER = LeRobot

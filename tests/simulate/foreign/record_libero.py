@@ -14,7 +14,6 @@ under the MIT licence; the arm's meshes are those in ``robosuite/assets``.
 from __future__ import annotations
 
 import json
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -26,7 +25,7 @@ from libero.libero import get_libero_path
 from libero.libero.envs import TASK_MAPPING
 from robosuite import load_controller_config
 from robosuite.wrappers import DataCollectionWrapper
-from truth import Truth, shorten_paths, without_visuals
+from truth import Truth, clear, shorten_paths, without_visuals
 
 HERE = Path(__file__).parent / "libero"
 TASK = "libero_spatial/pick_up_the_black_bowl_between_the_plate_and_the_ramekin_and_place_it_on_the_plate.bddl"
@@ -63,8 +62,7 @@ def main() -> None:
     actions = np.array([info["actions"] for part in parts for info in part["action_infos"]])
     done = np.zeros(len(states) - DROPPED, np.uint8)
     done[-1] = 1
-    shutil.rmtree(HERE, ignore_errors=True)
-    HERE.mkdir(parents=True)
+    clear(HERE)
     with h5py.File(HERE / "demo.hdf5", "w") as out:
         data = out.create_group("data")
         data.attrs["env_name"] = problem["domain_name"]

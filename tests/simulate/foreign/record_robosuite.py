@@ -12,7 +12,6 @@ says at each stored state. robosuite is under the MIT licence, the meshes of the
 from __future__ import annotations
 
 import json
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -20,7 +19,7 @@ import numpy as np
 import robosuite
 from robosuite.scripts.collect_human_demonstrations import gather_demonstrations_as_hdf5
 from robosuite.wrappers import DataCollectionWrapper
-from truth import Truth, keep_collision_meshes, shorten_paths
+from truth import Truth, clear, keep_collision_meshes, shorten_paths
 
 HERE = Path(__file__).parent / "robosuite"
 STEPS = 70
@@ -33,7 +32,6 @@ def main() -> None:
         "has_offscreen_renderer": False, "use_camera_obs": False, "control_freq": 20,
         "ignore_done": True, "seed": 3,
     }  # fmt: skip
-    shutil.rmtree(HERE, ignore_errors=True)
     with tempfile.TemporaryDirectory() as folder:
         env = DataCollectionWrapper(robosuite.make(**arguments), folder)
         env.reset()
@@ -45,7 +43,7 @@ def main() -> None:
             truth.note(env.sim.get_state().flatten(), env.sim.data.ctrl)
         assert env.successful, "the cube was not lifted: only successful episodes are gathered"
         env.close()
-        HERE.mkdir(parents=True)
+        clear(HERE)
         gather_demonstrations_as_hdf5(folder, str(HERE), json.dumps(arguments))
     truth.save(HERE / "truth.npz")
     keep_collision_meshes(HERE / "demo.hdf5", HERE / "assets")

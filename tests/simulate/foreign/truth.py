@@ -96,6 +96,15 @@ def without_visuals(text: str) -> str:
     return ET.tostring(root, encoding="unicode")
 
 
+def clear(folder: Path) -> None:
+    """Remove what an earlier recording left; licences and notices stay."""
+    for name in ("demo.hdf5", "truth.npz"):
+        (folder / name).unlink(missing_ok=True)
+    for mesh in folder.rglob("*.stl"):
+        mesh.unlink()
+    folder.mkdir(parents=True, exist_ok=True)
+
+
 def keep_collision_meshes(demo: Path, to: Path) -> None:
     """Copy the meshes that can touch, as convex hulls, under the end of the path they are named by.
 

@@ -1,0 +1,154 @@
+"""Files and columns of a LeRobot dataset.
+
+- v2: ``data/chunk-000/episode_000000.parquet``, one file per episode; ``meta/tasks.jsonl``.
+- v3: ``data/chunk-000/file-000.parquet``, several episodes per file; ``meta/tasks.parquet``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.errors import InputError, TraceError
+
+from .importer import SourceError
+
+F64 = NDArray[np.float64]
+
+OWN = {"index", "frame_index", "episode_index", "timestamp", "task_index"}
+"""Columns that every LeRobot table has."""
+
+
+class Tables:
+    """The tables of one dataset folder."""
+
+    def __init__(self, path: Path) -> None:
+        """Nothing is read before it is asked for."""
+        self._path = path
+
+    @cached_property
+    def files(self) -> dict[int, Path]:
+        """Episode → the file that holds its rows."""
+        import pyarrow.parquet as pq
+
+        found: dict[int, Path] = {}
+        for file in sorted((self._path / "data").rglob("*.parquet")):
+            name = re.fullmatch(r"episode_(\d+)", file.stem)
+            if name is not None:
+                found[int(name[1])] = file
+                continue
+            try:
+                numbers = pq.read_table(file, columns=["episode_index"])["episode_index"]
+            except (OSError, ValueError, KeyError) as error:
+                raise TraceError(str(file), f"cannot be read: {error}") from None
+            for number in set(numbers.to_pylist()):
+                found[int(number)] = file
+        return found
+
+    def read(self, number: int, wanted: Sequence[str], said_in: str) -> dict[str, F64]:
+        """(T, k) of the wanted columns of an episode, and of timestamp and task_index.
+
+        Args:
+            number: of the episode.
+            wanted: names of columns.
+            said_in: the map file that names them, for messages.
+
+        Raises:
+            SourceError: there is no such column.
+            TraceError: there are no rows, or no numbers in them.
+        """
+        import pyarrow.parquet as pq
+
+        file = self.files.get(number)
+        if file is None:
+            raise TraceError(f"{self._path}: episode_{number}", "there is no file with its rows")
+        schema = pq.read_schema(file)
+        missing = [column for column in wanted if column not in schema.names]
+        if missing:
+            raise SourceError(
+                said_in,
+                f"[columns] names {missing[0]!r}, which is no column of {file.name}.",
+                ", ".join(n for n in schema.names if n not in OWN),
+            )
+        also = [c for c in ("timestamp", "frame_index", "task_index") if c in schema.names]
+        read = list(dict.fromkeys([*wanted, *also, "episode_index"]))
+        table = pq.read_table(file, columns=[c for c in read if c in schema.names])
+        mine = np.ones(len(table), bool)
+        if "episode_index" in table.column_names:
+            mine = table["episode_index"].to_numpy() == number
+        if not mine.any():
+            raise TraceError(f"{file}", f"has no rows of episode {number}")
+        out = {}
+        for column in table.column_names:
+            values = table[column].combine_chunks().to_pylist()
+            try:
+                array = np.asarray(values, np.float64)
+            except (ValueError, TypeError):
+                raise TraceError(
+                    f"{file}: {column}", "rows of different lengths, or no numbers"
+                ) from None
+            out[column] = array.reshape(len(array), -1)[mine]
+        return out
+
+    @cached_property
+    def tasks(self) -> dict[int, str]:
+        """Task index → instruction."""
+        return dict(_tasks(self._path / "meta"))
+
+
+def described(path: Path) -> dict[str, Any] | None:
+    """``meta/info.json`` of a folder, None if it has none that can be read."""
+    try:
+        found = json.loads((path / "meta" / "info.json").read_text("utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) else None
+
+
+def column_of(text: str) -> str:
+    """``"observation.state[3:7]"`` → ``observation.state``."""
+    return _split(text)[0]
+
+
+def part_of(columns: dict[str, F64], text: str, width: int | None, where: str) -> F64:
+    """(T, k) of a column or a part of it. Raises TraceError when it is not ``width`` wide."""
+    name, part = _split(text)
+    values = columns[name][:, part]
+    if width is not None and values.shape[1] != width:
+        raise TraceError(
+            where, f"{text} has {values.shape[1]} numbers in a row.", f"{width} numbers",
+            'name a part of the column: "observation.state[3:7]"',
+        )  # fmt: skip
+    return values
+
+
+def _split(text: str) -> tuple[str, slice]:
+    match = re.fullmatch(r"(.*?)(?:\[(\d+)(?::(\d+))?\])?", text.strip(), re.DOTALL)
+    assert match is not None
+    if match[2] is None:
+        return match[1], slice(None)
+    first = int(match[2])
+    return match[1], slice(first, int(match[3]) if match[3] else first + 1)
+
+
+def _tasks(meta: Path) -> Iterator[tuple[int, str]]:
+    if (meta / "tasks.jsonl").is_file():
+        for line in (meta / "tasks.jsonl").read_text("utf-8").splitlines():
+            if line.strip():
+                entry = json.loads(line)
+                yield int(entry["task_index"]), str(entry["task"])
+    elif (meta / "tasks.parquet").is_file():
+        import pyarrow.parquet as pq
+
+        for entry in pq.read_table(meta / "tasks.parquet").to_pylist():
+            text = entry.get("task", entry.get("__index_level_0__"))
+            if text is None:
+                raise InputError(str(meta / "tasks.parquet"), "has no column task.")
+            yield int(entry["task_index"]), str(text)
