@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from difflib import get_close_matches
 
 from safestage_eval.episode import Body
 
@@ -33,6 +34,18 @@ def say_links(account: Account, robot: str) -> None:
         "numbered, revolute",
         cost="rules that name a joint",
     )
+
+
+def say_unused(account: Account, names: Sequence[str], map_: MapFile) -> None:
+    """Entries of the map file that no body of the episode answers to; patterns need not."""
+    unused = [name for name in map_.body if name not in names and not set(name) & set("*?[")]
+    for name in unused:
+        near = get_close_matches(name, names, 1)
+        account.missing(
+            f"body {name}, which the map file names",
+            cost="its entry says nothing of this episode",
+            remedy=f"[body.{near[0]}]?" if near else f"one of {', '.join(names[:12])}",
+        )
 
 
 def say_bodies(account: Account, bodies: Sequence[Body], map_: MapFile, com: str) -> None:

@@ -13,6 +13,7 @@ from safestage_eval.formats.save import mcap_name
 
 from .account import Account
 from .bound import Bound
+from .gaps import say_unused
 from .importer import Importer, Settings
 
 
@@ -89,6 +90,7 @@ def import_one(open_importer: Callable[[], Importer], task: Task, target: Target
     source = open_importer()
     account = Account()
     episode = source.read(task.name, account)
+    say_unused(account, [body.name for body in episode.header.bodies], target.settings.map)
     fingerprint = fingerprint_of(source, task.name, target)
     header = _stamped(episode.header, task, fingerprint, account, target)
     ready = replace(episode, header=header, _contacts=episode.contacts, _frames=episode.frames)

@@ -246,6 +246,16 @@ def test_problems_of_a_map_file_are_pointed_at(source, tmp_path, text, place, to
     assert told in done.err
 
 
+def test_an_entry_that_no_body_answers_to_is_told(source, tmp_path):
+    with (tmp_path / "map.toml").open("a") as text:
+        text.write('[body.cubo]\nmass = 1\n[body."mug_*"]\nmass = 1\n')
+    done = take(source, tmp_path / "data", "--dt", "0.01")
+    assert done.code == 0, done.err
+    assert "body cubo, which the map file names" in done.text
+    assert "[body.cube]?" in done.text
+    assert "mug_" not in done.text
+
+
 @pytest.mark.parametrize("text", ["0", "-1", "fast", "1/0", "1 h"])
 def test_times_that_are_none(source, tmp_path, text):
     assert f"--dt {text}" in take(source, tmp_path / "data", f"--dt={text}").err
