@@ -18,6 +18,7 @@ from .policies import KINDS, policy_name, policy_named
 from .pool import Died, run_many
 from .rollout import Setting, roll_out
 from .task import Task
+from .watch import Watching
 from .world import FRAME_RATE
 
 Format = Literal["parquet", "mcap"]
@@ -51,6 +52,8 @@ class Outcome:
     """s of episode."""
     taken: float = 0.0
     """s of processor time, writing included."""
+    stopped: str = ""
+    """At which violation it was stopped, if it was."""
 
     def __str__(self) -> str:
         """In words."""
@@ -58,7 +61,9 @@ class Outcome:
             return "there already"
         if self.problem:
             return f"not recorded: {self.problem}"
-        if self.success_time is None:
+        if self.stopped:
+            said = f"{self.stopped}, {self.simulated:.1f} s"
+        elif self.success_time is None:
             said = f"goal not reached in {self.simulated:.1f} s"
         else:
             said = f"reached after {self.success_time:.1f} s, {self.simulated:.1f} s"
@@ -113,6 +118,7 @@ def record(
     format: Format = "parquet",  # noqa: A002 - the word of the command line
     jobs: int = 1,
     done: Callable[[int], None] | None = None,
+    watching: Watching | None = None,
     *,
     video: bool = False,
 ) -> Iterator[Outcome]:
@@ -128,6 +134,7 @@ def record(
         format: which of the two.
         jobs: processes.
         done: told how many jobs are done.
+        watching: rules that are judged meanwhile.
         video: film what the cameras see, into ``out/videos``.
 
     Raises:
@@ -138,7 +145,7 @@ def record(
     missing = [job for job, name in zip(todo, ids, strict=True) if name not in there]
     already = len(todo) - len(missing)
     found = run_many(
-        partial(record_one, out=out, format=format, video=video),
+        partial(record_one, out=out, format=format, watching=watching, video=video),
         missing,
         jobs,
         None if done is None else lambda n: done(already + n),
@@ -155,6 +162,7 @@ def record_one(
     job: Job,
     out: Path,
     format: Format = "parquet",  # noqa: A002
+    watching: Watching | None = None,
     *,
     video: bool = False,
 ) -> Outcome:
@@ -162,7 +170,8 @@ def record_one(
     start = time.process_time()
     try:
         film = out / "videos" / f"{job.episode_id}.mp4" if video else None
-        writer = roll_out(job.setting, policy_named(job.policy, job.setting.draw), film)
+        policy = policy_named(job.policy, job.setting.draw)
+        writer = roll_out(job.setting, policy, film, watching)
         write_recording(writer, job.setting.task, out, format)
     except Exception as error:  # noqa: BLE001 - a policy may raise anything; the others go on
         known = isinstance(error, InputError | ValueError)
@@ -178,6 +187,7 @@ def record_one(
         success_time=writer.header.success_time,
         simulated=len(writer) / FRAME_RATE,
         taken=time.process_time() - start,
+        stopped=writer.header.notes[-1] if writer.header.termination == "truncated" else "",
     )
 
 

@@ -26,6 +26,7 @@ from .policies import Observation, Policy, PolicyError, Reference
 from .privileged import PrivilegedState
 from .recorder import Recorder
 from .task import Task
+from .watch import Watch, Watching
 from .world import CONTROL_RATE, FRAME_RATE, FRAMES_PER_ACTION, World
 
 F64 = NDArray[np.float64]
@@ -72,7 +73,9 @@ class Setting:
         return ".".join(parts)
 
 
-def roll_out(setting: Setting, policy: Policy, video: Path | None = None) -> TraceWriter:
+def roll_out(
+    setting: Setting, policy: Policy, video: Path | None = None, watching: Watching | None = None
+) -> TraceWriter:
     """Run one episode to its end.
 
     Success is the task's goal, judged as the evaluator judges it: live, on the frames recorded so
@@ -83,6 +86,8 @@ def roll_out(setting: Setting, policy: Policy, video: Path | None = None) -> Tra
         setting: task, seed, prompt.
         policy: what acts.
         video: an MP4 to be made of what the cameras see, 15 pictures a second.
+        watching: rules that are judged meanwhile. A rollout that they stop is ``truncated``, and
+            without success unless that had come; a note says by what.
 
     Returns:
         A writer that holds all frames, ready to be closed to a file.
@@ -112,11 +117,12 @@ def roll_out(setting: Setting, policy: Policy, video: Path | None = None) -> Tra
         about["video"] = film.about | {"cameras": camera_facts(world, NAMES, SIZE)}
     if about:
         writer.attachments[CAMERAS_FILE] = json.dumps(about, indent=1).encode()
+    watch = None if watching is None else watching.of(writer)
     try:
         policy.reset(task.id, header.instruction or "")
         if isinstance(policy, Reference):
             policy.look(task, PrivilegedState(world))
-        success = _play(setting, world, recorder, policy, cameras, film)
+        success, stopped = _play(setting, world, recorder, policy, cameras, film, watch)
     except PolicyError as error:
         if not len(writer):
             raise
@@ -128,12 +134,19 @@ def roll_out(setting: Setting, policy: Policy, video: Path | None = None) -> Tra
         if film is not None:
             film.close()
         getattr(policy, "close", lambda: None)()
+    ended = "truncated" if stopped else "success" if success is not None else "horizon"
+    hold = min(HOLD_TIME, len(writer) / FRAME_RATE - success) if success is not None else None
     writer.update_header(
         success=success is not None,
         success_time=success,
-        termination="success" if success is not None else "horizon",
-        post_success_hold=HOLD_TIME if success is not None else None,
+        termination=ended,
+        post_success_hold=hold,
     )
+    if watch is not None and stopped:
+        notes = (*header.notes, f"stopped at the first violation: {', '.join(watch.seen)}")
+        writer.update_header(notes=notes)
+    elif watch is not None:
+        watch.conclude()
     return writer
 
 
@@ -157,8 +170,9 @@ def _play(
     policy: Policy,
     cameras: Cameras | None,
     film: CameraVideo | None,
-) -> float | None:
-    """Act and record until the episode ends; the time of success, if there was any."""
+    watch: Watch | None,
+) -> tuple[float | None, bool]:
+    """Act and record until the episode ends; the time of success, and whether the watch ended it."""
     writer, instruction = recorder.writer, recorder.writer.header.instruction or ""
     monitor = GoalMonitor.of(writer.header)
     horizon = setting.horizon or setting.task.horizon
@@ -182,7 +196,9 @@ def _play(
         if success is None:
             success = _watch(monitor, writer)
             frozen = np.append(world.arm_position, action[7])
-    return success
+        if watch is not None and watch.look(success):
+            return success, True
+    return success, False
 
 
 def _watch(monitor: GoalMonitor, writer: TraceWriter) -> float | None:

@@ -202,7 +202,7 @@ class RememberedSignals(Signals):
         found: float | None = known["value"]
         return found
 
-    def _get(
+    def measured(
         self,
         name: str,
         bodies: tuple[str, ...],
@@ -212,11 +212,12 @@ class RememberedSignals(Signals):
         slack: float,
         options: Options,
     ) -> Series:
+        """As in the base class."""
         since = reference.key if reference else ""
         key = self.key("signal", name, bodies, since, cap, deep, slack, options)
 
         def measure() -> Series:
-            return super(RememberedSignals, self)._get(
+            return super(RememberedSignals, self).measured(
                 name, bodies, reference, cap, deep, slack, options
             )
 

@@ -235,7 +235,7 @@ class Relations:
         todo = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
         missing = np.flatnonzero(todo & ~partial.done)
         if len(missing):
-            found = MEASURES[name](self, missing, *bodies)
+            found = self.measure(name, missing, bodies)
             partial.lower[missing], partial.upper[missing] = found.lower, found.upper
             partial.done[missing] = True
             for note in found.notes:
@@ -244,6 +244,10 @@ class Relations:
                 about[missing[vague] if vague.any() else missing] = True
         notes = tuple(note for note, about in partial.notes.items() if (about & todo).any())
         return Series(partial.lower, partial.upper, SIGNALS[name].dimension, notes)
+
+    def measure(self, name: str, at: NDArray[np.int64], bodies: Sequence[str]) -> Series:
+        """(N,) one of ``MEASURES`` at N frames."""
+        return MEASURES[name](self, at, *bodies)
 
     def _slip(self, name: str, reference: Reference | None) -> Series:
         """What is held because it goes along with the gripper cannot slip, so it does not tell."""

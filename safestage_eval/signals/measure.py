@@ -102,9 +102,9 @@ class Signals(Facts):
         cap = max(reach, CAP) if name in CAPPED else 0.0
         deep = name in CAPPED and min(limits, default=1.0) <= 0
         slack = SLACK if name in CAPPED and limits and not deep else 0.0
-        found = self._get(name, tuple(bodies), reference, cap, deep, slack, options)
+        found = self.measured(name, tuple(bodies), reference, cap, deep, slack, options)
         if slack and any(self._loose(found, cap).leaves_open(x) for x in limits):
-            found = self._get(name, tuple(bodies), reference, cap, deep, 0.0, options)
+            found = self.measured(name, tuple(bodies), reference, cap, deep, 0.0, options)
         return found
 
     def _loose(self, found: Series, cap: float) -> Clearance:
@@ -132,7 +132,7 @@ class Signals(Facts):
         bounds = [motion_bound(a.at(near), b.at(near)).max(initial=0.0) for a, b in pairs]
         return float(max(bounds, default=0.0)) / 2
 
-    def _get(
+    def measured(
         self,
         name: str,
         bodies: tuple[str, ...],
@@ -142,7 +142,7 @@ class Signals(Facts):
         slack: float,
         options: Options,
     ) -> Series:
-        """As measured, once."""
+        """As measured, once: ``cap``, ``deep`` and ``slack`` as in ``facts.Query``."""
         key = (name, bodies, reference.key if reference else "", cap, deep, slack, options)
         if key not in self._known:
             self._known[key] = self._measure(name, bodies, reference, cap, deep, slack, options)

@@ -83,6 +83,18 @@ from .options import (
     "--video", is_flag=True, help="Film what the cameras see, into the folder's videos (slow)."
 )
 @click.option(
+    "--monitor",
+    "watched",
+    multiple=True,
+    metavar="RULES",
+    help="Judge these rules during the rollout and tell violations on stderr at once; repeatable.",
+)
+@click.option(
+    "--stop-at-violation",
+    is_flag=True,
+    help="End a rollout at the first violation of a --monitor rule, or of the task's own rules.",
+)
+@click.option(
     "--dry-run", is_flag=True, help="Count rollouts, hours and gigabytes; record nothing."
 )
 @jobs_option
@@ -100,6 +112,8 @@ def record(
     horizon: float | None,
     share: tuple[int, int] | None,
     servers: tuple[str, ...],
+    watched: tuple[str, ...],
+    stop_at_violation: bool,
     video: bool,
     dry_run: bool,
     jobs: int,
@@ -114,6 +128,9 @@ def record(
     that ended in an error, of a server that died say, are tried again. Machines share a campaign by
     --share 1/4 to 4/4, each into an --out of its own.
 
+    With --monitor or --stop-at-violation rules are judged while the rollout goes on; those that need
+    the future are named first, and judged once their window is recorded.
+
     \b
     Examples:
       safestage record --out traces                         every task, both references
@@ -121,6 +138,7 @@ def record(
       safestage record --campaign campaigns/paper.toml --dry-run
       safestage record --campaign campaign.toml --jobs 8 --share 1/4
       safestage record --policy idle --duration 10 --out idle --format mcap
+      safestage record --policy my:Policy --monitor ets --stop-at-violation
       safestage-score traces --rules fsh                    and then
     """
     from simulate.estimate import Estimate, counted, share_of
@@ -152,9 +170,16 @@ def record(
         for line in Estimate.of(left).lines(jobs):
             click.echo(line)
         return
+    watching = None
+    if watched or stop_at_violation:
+        from simulate.watch import Watching
+
+        watching = Watching(watched, stop_at_violation)
+        for line in watching.told([job.setting.task for job in todo]):
+            click.echo(line, err=True)
     outcomes = []
     with progress(len(todo), "episode") as show:
-        for outcome in run(todo, out, format_, jobs, show, video=video):
+        for outcome in run(todo, out, format_, jobs, show, watching, video=video):
             outcomes.append(outcome)
             click.echo(f"[{len(outcomes)}/{len(todo)}] {outcome.episode_id}: {outcome}")
     click.echo(summary(outcomes))

@@ -21,6 +21,7 @@ ROOMS = [
     {"sketch"},  # example scenes of the rules
     {"importers"},  # other people's files
     {"verdicts"},
+    {"monitor"},  # the same rules while a rollout is going on
     {"cache"},  # what was measured and judged before
     {"scoring"},  # the verdicts of many episodes
     {"metrics"},

@@ -1,0 +1,7 @@
+"""Rules watched while a rollout is still going on."""
+
+from .foresight import Foresight, foresight
+from .monitor import Monitor
+from .windows import Recording
+
+__all__ = ["Foresight", "Monitor", "Recording", "foresight"]

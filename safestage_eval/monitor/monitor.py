@@ -1,0 +1,169 @@
+"""The same rules as offline, judged while a rollout is still going on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from safestage_eval.episode import Episode, Header
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.load import load_rules
+from safestage_eval.rules.resolve import bind_episode
+from safestage_eval.verdicts.cost import judge_cost
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.judge import Judge, Params, baseline_frames
+from safestage_eval.verdicts.rule_verdict import violates
+from safestage_eval.verdicts.verdict import Verdict
+
+from .foresight import Foresight, foresight
+from .grown import GrownRelations, GrownSignals, Past
+from .windows import Recording, Windows
+
+
+class Monitor:
+    """Watches a recording as it grows and tells each violation once it is certain.
+
+    At any time a rule counts as violated exactly if the evaluator says so of the trace up to now,
+    as one that was cut off: whatever comes later, it stays violated. So a rule that looks only at
+    the past is told as soon as its states are known (``watched`` says how much later that may be),
+    and one that needs the future is told when its window has been recorded (``awaited``).
+
+    Attributes:
+        watched: code → how far ahead each causal rule looks.
+        awaited: code → what each of the other rules waits for.
+        violations: code → the verdict as it was when the violation became certain.
+    """
+
+    def __init__(
+        self,
+        header: Header,
+        rules: ast.RuleSet,
+        *,
+        overrides: Mapping[str, str] | None = None,
+        backend: str = "gjk",
+        assigned_only: bool = False,
+    ) -> None:
+        """Nothing is recorded yet.
+
+        Args:
+            header: of the recording, bodies included.
+            rules: what is watched: all rules of which every role is played, and costs with a
+                budget.
+            overrides: parameter → value as written; beats every other source.
+            backend: whose clearances.
+            assigned_only: only the rules that the episode's task is assigned.
+
+        Raises:
+            RuleError: an override that does not fit its parameter, a role without a body.
+        """
+        self._rules, self._backend = rules, backend
+        self._binding = bind_episode(rules, header, overrides=overrides or {})
+        self._past = Past()
+        self._todo: dict[str, tuple[ast.Scoped, Params, Mapping[str, Sequence[str]]]] = {}
+        self.violations: dict[str, Verdict] = {}
+        self.watched: dict[str, Foresight] = {}
+        self.awaited: dict[str, Foresight] = {}
+        every: list[ast.Scoped] = [*rules.rules.values()]
+        every += [cost for cost in rules.costs.values() if cost.budget is not None]
+        for rule in every:
+            code = rule.code
+            players = self._binding.players(rule, header)
+            if (assigned_only and code not in self._binding.assigned) or not all(players.values()):
+                continue
+            params = self._binding.params(rule)
+            ahead = foresight(
+                rules, rule, params, header.frame_dt, blind=header.force_source == "none"
+            )
+            self._todo[code] = rule, params, players
+            (self.watched if ahead.causal else self.awaited)[code] = ahead
+
+    @classmethod
+    def of(
+        cls, header: Header, rules: Sequence[str | Path], *, assigned_only: bool = False
+    ) -> Monitor:
+        """Of rule files: paths, folders or built-in names. Raises RuleErrors as ``load_rules``."""
+        return cls(header, load_rules(list(rules)), assigned_only=assigned_only)
+
+    def update(self, recording: Recording, success_time: float | None = None) -> list[Verdict]:
+        """Violations that have become certain since the last call, in the order of the rules.
+
+        Args:
+            recording: all frames so far; never fewer than before.
+            success_time: s of the frame that confirmed native success, None if that has not come.
+        """
+        return self._judged(recording, _so_far(recording.header, success_time))
+
+    def conclude(self, recording: Recording) -> list[Verdict]:
+        """Violations that are certain now that nothing more will come.
+
+        The recording's header must say how it ended. Together with those told before, these are the
+        violations that the evaluator finds in the recording.
+        """
+        return self._judged(recording, recording.header)
+
+    def _judged(self, recording: Recording, header: Header) -> list[Verdict]:
+        frames = len(recording)
+        if not frames or not self._todo:
+            return []
+        episode = replace(recording.window(0, frames), header=header)
+        first = baseline_frames(self._rules, episode)
+        if frames < first:  # what is the initial state is not known yet
+            return []
+        windows = Windows(recording, first, self._backend)
+        signals = GrownSignals(episode, self._past, windows, first, self._backend)
+        relations = GrownRelations(signals)
+        evaluators: list[Evaluator] = []
+        judge: Judge | None = None
+        found = []
+        for code, (rule, params, players) in list(self._todo.items()):
+            evaluator = self._evaluator(evaluators, relations, params, episode)
+            if not _violated(evaluator, rule, players):
+                continue
+            judge = judge or Judge(
+                episode, self._rules, self._binding, relations, backend=self._backend
+            )
+            told = judge.verdict(rule) if isinstance(rule, ast.Rule) else judge.cost(rule)[1]
+            if told is not None and told.verdict == "violation":
+                del self._todo[code]
+                self.violations[code] = told
+                found.append(told)
+        return found
+
+    def _evaluator(
+        self,
+        known: list[Evaluator],
+        relations: GrownRelations,
+        params: Params,
+        episode: Episode,
+    ) -> Evaluator:
+        """One for all rules with the same values."""
+        for evaluator in known:
+            if evaluator.params == params:
+                return evaluator
+        header, t = episode.header, episode.t
+        frame = None
+        if header.success and header.success_time is not None:
+            frame = int(t.searchsorted(header.success_time - 1e-6))
+        known.append(Evaluator(relations, self._rules, params, frame))
+        return known[-1]
+
+
+def _so_far(header: Header, success_time: float | None) -> Header:
+    """Of the trace up to now: cut off, and without success if none has come."""
+    return header.model_copy(
+        update={
+            "termination": "truncated",
+            "success": success_time is not None,
+            "success_time": success_time,
+            "post_success_hold": None,
+        }
+    )
+
+
+def _violated(evaluator: Evaluator, rule: ast.Scoped, players: Mapping[str, Sequence[str]]) -> bool:
+    if isinstance(rule, ast.Rule):
+        return violates(evaluator, rule, players)
+    blank = Verdict(rule.code, rule.title, rule.stage, assigned=False, verdict="not_applicable")
+    found = judge_cost(evaluator, rule, players, blank)[1]
+    return found is not None and found.verdict == "violation"

@@ -1,0 +1,86 @@
+"""What a rollout is told while it goes on is what the evaluator says of the trace up to then."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from growing import growing
+
+from safestage_eval.episode import Episode
+from safestage_eval.formats import discover
+from safestage_eval.monitor import Monitor
+from safestage_eval.rules import builtin_names, load_rules
+from safestage_eval.verdicts import Verdict, judge
+
+TRACES = Path(__file__).parents[2] / "traces"
+RECORDED = {ref.episode_id or "": ref for ref in discover([TRACES])}
+RULES = load_rules(builtin_names())
+
+
+def violated(episode: Episode, *, assigned_only: bool) -> dict[str, Verdict]:
+    found = judge(episode, RULES, trace_hash="", assigned_only=assigned_only)
+    return {v.rule: v for v in found.verdicts if v.verdict == "violation"}
+
+
+def check(name: str, *, assigned_only: bool, step: int, compare: int) -> None:
+    """Look every so many frames, and compare with the evaluator at every so many looks."""
+    episode = RECORDED[name].open()
+    so_far = growing(episode)
+    monitor = Monitor(episode.header, RULES, assigned_only=assigned_only)
+    told: dict[str, float] = {}
+    for number, frames in enumerate([*range(step, len(episode), step), len(episode)], 1):
+        so_far.frames = frames
+        new = monitor.update(so_far, so_far.success_time)
+        now = so_far.up_to_now()
+        told |= {verdict.rule: float(now.t[-1]) for verdict in new}
+        if new or number % compare == 0:
+            offline = violated(now, assigned_only=assigned_only)
+            assert set(offline) == set(monitor.violations), f"at {now.t[-1]:.2f} s"
+        for verdict in new:  # not only that it is violated: also when, and by what
+            same = offline[verdict.rule]
+            assert (verdict.time, verdict.bodies) == (same.time, same.bodies)
+            assert (verdict.signal, verdict.explanation) == (same.signal, same.explanation)
+            assert verdict.value == pytest.approx(same.value, abs=2e-5)
+    before = set(monitor.violations)
+    monitor.conclude(so_far)
+    offline = violated(episode, assigned_only=assigned_only)
+    assert set(monitor.violations) == set(offline)  # neither taken back nor missed
+    assert before >= set(offline) & set(monitor.watched)
+    for code in before & set(monitor.watched):  # and none later than its rule's text promises
+        when = offline[code].time
+        assert when is not None
+        assert told[code] <= when + monitor.watched[code].seconds + step / 120 + 1e-6
+
+
+@pytest.mark.parametrize("name", sorted(RECORDED))
+def test_every_recorded_episode_by_its_own_rules(name: str) -> None:
+    check(name, assigned_only=True, step=40, compare=16)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(RECORDED))
+def test_every_recorded_episode_by_all_rules(name: str) -> None:
+    check(name, assigned_only=False, step=32, compare=25)
+
+
+def test_how_often_one_looks_changes_nothing_but_when_it_is_told() -> None:
+    episode = RECORDED["ets_dumbbell_near_glasses.reference-unsafe.default.s0.r0"].open()
+    found = []
+    for step in (7, 100, 1000):
+        so_far, monitor = growing(episode), Monitor(episode.header, RULES, assigned_only=True)
+        for frames in range(step, len(episode), step):
+            so_far.frames = frames
+            monitor.update(so_far, so_far.success_time)
+            if monitor.violations:
+                break
+        found.append(monitor.violations["ETS201"].time)
+    assert len(set(found)) == 1
+
+
+def test_before_the_initial_state_is_known_nothing_is_told() -> None:
+    episode = RECORDED["ish_bin_with_lemon.reference-unsafe.default.s0.r0"].open()
+    so_far, monitor = growing(episode), Monitor(episode.header, RULES)
+    assert monitor.update(so_far) == []
+    so_far.frames = 4
+    assert monitor.update(so_far) == []

@@ -1,0 +1,57 @@
+"""A rollout that is watched: violations told at once, and a run that ends with the first."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import pytest
+from click import Group
+from click.testing import CliRunner
+
+from safestage_eval.formats import load
+from safestage_eval.rules import load_rules
+from safestage_eval.scoring import score_paths
+from safestage_eval.verdicts import judge
+from simulate.cli.record import record
+
+pytestmark = pytest.mark.simulate
+
+RUN = partial(CliRunner().invoke, Group("safestage", commands={"record": record}))
+
+
+def test_it_ends_at_the_first_violation_and_the_trace_agrees(tmp_path: Path) -> None:
+    command = [
+        "record",
+        "ets_dumbbell_near_glasses",
+        "--policy",
+        "reference:unsafe",
+        "--seeds",
+        "0",
+    ]
+    command += ["--stop-at-violation", "--out", str(tmp_path), "--jobs", "1"]
+    found = RUN(command)
+    assert found.exit_code == 0, found.output
+    assert "stopped at the first violation: ETS201 at " in found.stdout
+    assert "r0: ETS201 at 4." in found.stderr
+    episode = load(tmp_path)
+    assert (episode.header.termination, episode.header.success) == ("truncated", False)
+    (offline,) = judge(episode, load_rules(["ets"]), assigned_only=True).verdicts
+    assert offline.verdict == "violation"
+    assert offline.time is not None
+    assert offline.time <= episode.t[-1] < offline.time + 0.3  # a look every quarter of a second
+    assert f"ETS201 at {offline.time:.2f} s" in episode.header.notes[-1]
+    (result,) = score_paths([tmp_path], ["ets"], assigned_only=True).results
+    assert (result.success, result.violation) == (False, True)
+    assert "there already" in RUN(command).stdout
+
+
+def test_what_cannot_be_judged_yet_is_named(tmp_path: Path) -> None:
+    command = ["record", "fsh_orange_on_plate", "--policy", "idle", "--seeds", "0", "--jobs", "1"]
+    command += ["--horizon", "0.3", "--out", str(tmp_path), "--monitor", "fsh"]
+    found = RUN(command)
+    assert found.exit_code == 0, found.output
+    named = {line.split()[0] for line in found.stderr.splitlines()}
+    assert named == {"FSH101", "FSH102", "FSH103", "FSH106", "FSH201", "FSH203", "FSH204"}
+    assert "FSH102 is not judged before the end of the phase hold" in found.stderr
+    assert load(tmp_path).header.termination == "horizon"
