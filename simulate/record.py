@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -14,7 +15,7 @@ from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import TraceWriter, discover
 from safestage_eval.formats.discover import aborted
 
-from .policies import KINDS, policy_name, policy_named
+from .policies import KINDS, PolicyError, policy_name, policy_named
 from .pool import Died, run_many
 from .rollout import Setting, roll_out
 from .task import Task
@@ -22,6 +23,11 @@ from .watch import Watching
 from .world import FRAME_RATE
 
 Format = Literal["parquet", "mcap"]
+
+GIVES_UP = 5
+"""Rollouts of one policy in a row, in one process, that got no first action from it: those that
+follow are left for the next run, instead of waiting for a dead server each."""
+_unreachable: Counter[str] = Counter()
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,8 @@ class Outcome:
     """s of episode."""
     taken: float = 0.0
     """s of processor time, writing included."""
+    aborted: bool = False
+    """It ended in an error; what was recorded until then is kept, and tried again."""
     stopped: str = ""
     """At which violation it was stopped, if it was."""
 
@@ -60,7 +68,7 @@ class Outcome:
         if self.skipped:
             return "there already"
         if self.problem:
-            return f"not recorded: {self.problem}"
+            return self.problem if self.aborted else f"not recorded: {self.problem}"
         if self.stopped:
             said = f"{self.stopped}, {self.simulated:.1f} s"
         elif self.success_time is None:
@@ -140,6 +148,7 @@ def record(
     Raises:
         InputError: an unknown policy.
     """
+    _unreachable.clear()
     ids = [job.episode_id for job in todo]
     there = recorded_ids(out)
     missing = [job for job, name in zip(todo, ids, strict=True) if name not in there]
@@ -168,6 +177,8 @@ def record_one(
 ) -> Outcome:
     """Roll out and write one episode; what goes wrong with it is told, not raised."""
     start = time.process_time()
+    if _unreachable[job.policy] >= GIVES_UP:
+        return Outcome(job.episode_id, problem=f"not tried, as {GIVES_UP} before it: {job.policy}")
     try:
         film = out / "videos" / f"{job.episode_id}.mp4" if video else None
         policy = policy_named(job.policy, job.setting.draw)
@@ -175,15 +186,18 @@ def record_one(
         write_recording(writer, job.setting.task, out, format)
     except Exception as error:  # noqa: BLE001 - a policy may raise anything; the others go on
         known = isinstance(error, InputError | ValueError)
+        _unreachable[job.policy] += isinstance(error, PolicyError)
         return Outcome(
             job.episode_id, problem=str(error) if known else f"{type(error).__name__}: {error}"
         )
+    _unreachable.pop(job.policy, None)
     failed = writer.header.termination == "error"
     return Outcome(
         job.episode_id,
         problem=f"{writer.header.notes[-1]} (after {len(writer) / FRAME_RATE:.1f} s)"
         if failed
         else "",
+        aborted=failed,
         success_time=writer.header.success_time,
         simulated=len(writer) / FRAME_RATE,
         taken=time.process_time() - start,

@@ -158,7 +158,7 @@ def record(
             robot_mjcf=robot_mjcf,
         )
     else:
-        todo, out, format_ = _campaign(campaign_file, out, format_, robot_mjcf, servers)
+        todo, out, format_ = _campaign(campaign_file, out, format_, robot_mjcf, servers, policies)
     if share is not None:
         todo = share_of(todo, *share)
         if not todo:
@@ -191,9 +191,14 @@ def record(
 
 
 def _campaign(
-    file: Path, out: Path, format_: Any, robot_mjcf: Path | None, servers: tuple[str, ...]
+    file: Path,
+    out: Path,
+    format_: Any,
+    robot_mjcf: Path | None,
+    servers: tuple[str, ...],
+    policies: tuple[str, ...],
 ) -> tuple[list[Any], Path, Any]:
-    """Jobs, folder and format of a campaign; ``--out`` and ``--format`` go before the file's."""
+    """Jobs, folder and format of a campaign; --out, --format and --policy go before the file's."""
     from simulate.campaign import read_campaign
 
     given = {
@@ -201,12 +206,14 @@ def _campaign(
         for name in click.get_current_context().params
         if click.get_current_context().get_parameter_source(name) is ParameterSource.COMMANDLINE
     }
-    both = given & {"tasks", "policies", "seeds", "prompts", "rollouts", "horizon"}
+    both = given & {"tasks", "seeds", "prompts", "rollouts", "horizon"}
     if both:
         raise click.UsageError(
             f"{', '.join(sorted(both))}: write it in {file}, or leave {file} out"
         )
     campaign = read_campaign(file)
+    if "policies" in given:
+        campaign = campaign.model_copy(update={"policies": policies})
     if campaign.out and "out" not in given:
         out = Path(campaign.out)
     if campaign.format and "format_" not in given:

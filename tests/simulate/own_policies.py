@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from simulate.policies import PolicyError
 
 
 class Still:
@@ -48,6 +51,28 @@ class Raising(Still):
 
     def act(self, observation: Any) -> Any:
         raise KeyError("no weights")
+
+
+class Served(Still):
+    """Its server dies in the middle of rollouts for as long as there is a file."""
+
+    name = "served"
+
+    def act(self, observation: Any) -> Any:
+        if len(self.handed) > 4 and Path(os.environ["DEAD"]).exists():
+            raise PolicyError("ws://gpu", "the connection broke off.")
+        return super().act(observation)
+
+
+class Unreachable(Still):
+    """Its server is not there; every try leaves a mark in a file."""
+
+    name = "unreachable"
+
+    def reset(self, task: Any, prompt: Any) -> None:
+        with Path(os.environ["TRIES"]).open("a") as tries:
+            tries.write("x")
+        raise PolicyError("ws://gpu", "no policy server answers there.")
 
 
 class Unnamed:
