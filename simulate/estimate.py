@@ -11,8 +11,8 @@ from .task import Task
 from .world import CONTROL_RATE
 
 SPEED = 10.0
-"""s of episode that one processor simulates, records and writes in a second, without cameras. Five to
-twelve were measured on a machine with much else to do."""
+"""s of episode that one processor simulates, records and writes in a second, without cameras. Four to
+eleven were measured on a machine with much else to do."""
 BYTES = 120e3
 """Bytes of Parquet per second of episode: 110,000 to 150,000 where the arm moves, 70,000 where it rests."""
 

@@ -147,8 +147,9 @@ class _Look:
         if call.name not in self._states:
             self._states[call.name] = NOW  # declarations never lead back to themselves
             parts = [self._condition(state.when)]
-            if state.fallback is not None and self._blind:
-                parts.append(self._condition(state.fallback))
+            if self._blind:
+                instead = (state.fallback, state.perhaps)
+                parts += [self._condition(one) for one in instead if one is not None]
             lasting = sum(self._seconds(d) for d in (state.for_, state.gap) if d is not None)
             found = _all(parts).then(lasting)
             if state.until is not None and state.until.kind != "end":
