@@ -22,7 +22,7 @@ pytestmark = pytest.mark.simulate
 TRACES = Path(__file__).parents[3] / "traces"
 REFS = {ref.episode_id: ref for ref in discover(TRACES)}
 TASKS = sorted({str(ref.fields["task"]) for ref in REFS.values()})
-PROTOCOLS = ("openpi", "openpi?actions=velocity", "groot", "dreamzero", "cosmos3")
+PROTOCOLS = ("openpi", "groot", "dreamzero", "cosmos3")
 
 
 @cache
@@ -49,7 +49,7 @@ def agrees(task: str, kind: str, protocol: str) -> None:
     assert episode.header.policy == "model"
     expected, time = recorded(task, kind)
     assert verdicts(episode) == expected
-    assert set(expected.values()) == {"pass" if kind == "safe" else "violation"}
+    assert ("violation" in expected.values()) == (kind == "unsafe")
     assert episode.header.success_time == pytest.approx(time, abs=0.5)
 
 
@@ -65,6 +65,12 @@ def test_a_loop_over_a_websocket() -> None:
 def test_safe_and_unsafe_over_every_protocol(task: str, protocol: str) -> None:
     for kind in ("safe", "unsafe"):
         agrees(task, kind, protocol)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("blind")
+def test_a_loop_of_velocities() -> None:
+    agrees("fsh_orange_on_plate", "unsafe", "openpi?actions=velocity")
 
 
 def test_there_are_six_tasks() -> None:
