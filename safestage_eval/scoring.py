@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
-from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.formats.discover import aborted
 
 if TYPE_CHECKING:
-    from safestage_eval.cache import Memory
+    from safestage_eval.cache import CacheFolder, Memory
+    from safestage_eval.engines import Settings
     from safestage_eval.episode import Episode
     from safestage_eval.rules import BindFile, RuleSet
     from safestage_eval.verdicts import EpisodeResult
@@ -39,19 +36,22 @@ class Scores:
     """Everything that scoring came to, in the order in which the episodes were found.
 
     Attributes:
-        results: of the episodes that could be judged.
+        results: of the episodes that could be judged; those of a long run stay on disk and are
+            read as they are looked at.
         problems: the others.
         rules: code → title of the rules that were loaded.
         copies: files that hold an episode which another one holds as well, bit for bit; counted
             once.
         aborted: ids of rollouts that ended in an error (of a server, say): not judged.
+        sample: which share of the episodes was judged, in words; empty if all were.
     """
 
-    results: tuple[EpisodeResult, ...] = ()
+    results: Sequence[EpisodeResult] = ()
     problems: tuple[Problem, ...] = ()
     rules: Mapping[str, str] = field(default_factory=dict)
     copies: tuple[str, ...] = ()
     aborted: tuple[str, ...] = ()
+    sample: str = ""
 
 
 def score_episode(
@@ -62,7 +62,7 @@ def score_episode(
     backend: str = "gjk",
     *,
     assigned_only: bool = False,
-    cache: str | Path | None = None,
+    cache: str | Path | CacheFolder | None = None,
 ) -> EpisodeResult | Problem:
     """Open and judge one episode; whatever is wrong with it becomes a problem, not an exception."""
     from safestage_eval.verdicts import judge
@@ -81,7 +81,8 @@ def score_episode(
             return judged(ref.open())
         from safestage_eval.cache import CacheFolder, Memory, question
 
-        memory = Memory(CacheFolder(cache), ref)
+        folder = cache if isinstance(cache, CacheFolder) else CacheFolder(cache)
+        memory = Memory(folder, ref)
         asked = question(ref, rules, overrides, bind, backend, assigned_only=assigned_only)
         found = memory.result(asked, lambda: judged(memory.episode, memory))
         memory.save()
@@ -94,34 +95,76 @@ def score_episode(
 
 def score_many(
     refs: Sequence[EpisodeRef],
-    rules: Sequence[str | Path],
+    rules: Sequence[str | Path] = (),
     *,
-    overrides: Mapping[str, str] | None = None,
-    bind: str | Path | None = None,
-    backend: str = "gjk",
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-    assigned_only: bool = False,
-    cache: str | Path | None = None,
+    settings: Settings | None = None,
+    **asked: Any,
 ) -> list[EpisodeResult | Problem]:
     """Judge episodes; what comes back is in the order of what went in.
 
     Args:
         refs: the episodes.
         rules: paths, folders or built-in names of rule files.
-        overrides: parameter → value as written; beats every other source.
-        bind: a bind file (docs/rules.md).
-        backend: whose clearances: ``gjk``, our own, or ``fcl`` or ``coal`` for comparison.
         jobs: worker processes. If None, as many as there are processors, or none at all for a few
             episodes. A script that uses several needs the usual ``__main__`` guard.
         progress: told (done, total) after each episode.
+        settings: from ``understood``, instead of rules and what follows.
+        asked: the other arguments of ``understood``.
+
+    Raises:
+        RuleErrors, RuleError, InputError: as ``understood``, and a bind file that speaks of none of
+            the episodes.
+    """
+    settings = settings or understood(rules, **asked)
+    speaks(settings.bind, refs)
+    workers = min(jobs or os.cpu_count() or 1, len(refs))
+    several = workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL)
+    if refs and (several or settings.timeout is not None or settings.memory is not None):
+        found = _in_processes(refs, settings, workers if several else 1, progress)
+    else:
+        loaded, found = settings.load(), []
+        for ref in refs:
+            found.append(score_episode(ref, loaded, **settings.arguments()))
+            if progress is not None:
+                progress(len(found), len(refs))
+    if settings.cache is not None:
+        from safestage_eval.cache import CacheFolder
+
+        CacheFolder(settings.cache).prune()
+    return found
+
+
+def understood(
+    rules: Sequence[str | Path],
+    *,
+    overrides: Mapping[str, str] | None = None,
+    bind: str | Path | None = None,
+    backend: str = "gjk",
+    assigned_only: bool = False,
+    cache: str | Path | None = None,
+    timeout: float | None = None,
+    memory: int | None = None,
+) -> Settings:
+    """Settings of which everything means something.
+
+    Args:
+        rules: paths, folders or built-in names of rule files.
+        overrides: parameter → value as written; beats every other source.
+        bind: a bind file: roles, goal, rules and values that the traces' headers lack.
+        backend: whose clearances: ``gjk``, our own, or ``fcl`` or ``coal`` for comparison.
         assigned_only: judge each episode by its own assigned rules alone.
         cache: a folder in which measurements are kept between runs (docs/performance.md).
+        timeout: s that an episode may take; one that takes longer is a problem.
+        memory: bytes that the process which judges an episode may hold; likewise. Either needs a
+            worker process, so there is one at least.
 
     Raises:
         RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
         InputError: a backend that does not exist, or is not installed.
     """
+    from safestage_eval.engines import Settings
     from safestage_eval.geometry.backend import check_backend
     from safestage_eval.rules import load_bind, load_rules, parse_overrides
 
@@ -129,83 +172,88 @@ def score_many(
     loaded = load_rules(list(rules))
     parse_overrides(loaded, overrides or {})
     bound = None if bind is None else load_bind(bind, loaded)
-    if bound is not None and not any(_is_bound(ref, bound) for ref in refs):
-        raise InputError(
-            bound.path, f"it speaks of none of the {len(refs)} episodes.",
-            fix="name their tasks under [task.NAME], or their ids under [episode.ID]",
-        )  # fmt: skip
-    settings: dict[str, object] = {
-        "overrides": overrides,
-        "bind": bound,
-        "backend": backend,
-        "assigned_only": assigned_only,
-        "cache": cache,
-    }
-    workers = min(jobs or os.cpu_count() or 1, len(refs))
-    if workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL):
-        found = _Pool(refs, (rules, settings), workers, progress).run()
-    else:
-        found = []
-        for ref in refs:
-            found.append(score_episode(ref, loaded, **settings))  # type: ignore[arg-type]
+    return Settings(
+        tuple(rules), overrides, bound, backend, assigned_only, cache, False, timeout, memory
+    )
+
+
+def speaks(bind: BindFile | None, refs: Iterable[EpisodeRef]) -> None:
+    """Raises InputError where a bind file speaks of none of the episodes."""
+    if bind is None:
+        return
+    count = 0
+    for ref in refs:
+        if bind.speaks_of(ref.fields.get("task"), ref.episode_id):
+            return
+        count += 1
+    raise InputError(
+        bind.path, f"it speaks of none of the {count} episodes.",
+        fix="name their tasks under [task.NAME], or their ids under [episode.ID]",
+    )  # fmt: skip
+
+
+def _in_processes(
+    refs: Sequence[EpisodeRef],
+    settings: Settings,
+    workers: int,
+    progress: Callable[[int, int], None] | None,
+) -> list[EpisodeResult | Problem]:
+    from safestage_eval.engines.local import Local
+
+    found: dict[int, Any] = {}
+    with Local(workers, settings) as engine:
+        for number, result in engine.run(enumerate(refs)):
+            found[number] = result
             if progress is not None:
                 progress(len(found), len(refs))
-    if cache is not None:
-        from safestage_eval.cache import CacheFolder
-
-        CacheFolder(cache).prune()
-    return found
+    return [found[number] for number in range(len(refs))]
 
 
 def score_paths(
     traces: Iterable[str | Path],
     rules: Sequence[str | Path] = (),
     *,
-    overrides: Mapping[str, str] | None = None,
-    bind: str | Path | None = None,
     where: Mapping[str, str] | None = None,
-    backend: str = "gjk",
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-    assigned_only: bool = False,
-    cache: str | Path | None = None,
+    **asked: Any,
 ) -> Scores:
-    """Find, open and judge episodes.
+    """Find, open and judge episodes; all results are held in memory (``engines.run`` holds none).
 
     Args:
         traces: files and folders.
         rules: paths, folders or built-in names of rule files; all built-in ones if empty.
         where: header field → value; only episodes that match are judged.
-        overrides: parameter → value as written; beats every other source.
-        bind: a bind file: roles, goal, rules and values that the traces' headers lack.
-        backend: whose clearances; see ``score_many``.
         jobs: worker processes; see ``score_many``.
         progress: told (done, total) after each episode.
-        assigned_only: see ``score_many``.
-        cache: see ``score_many``.
+        asked: the other arguments of ``understood``.
 
     Raises:
         TraceError: nothing was found.
         InputError: nothing matches ``where``.
         RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
     """
-    from safestage_eval.rules import builtin_names, load_rules
+    from safestage_eval.rules import builtin_names
 
     specs = list(rules) or builtin_names()
-    loaded = load_rules(specs)
-    titles = {rule.code: rule.title for rule in loaded.rules.values()}
-    titles.update({cost.code: cost.title for cost in loaded.costs.values()})
+    settings = understood(specs, **asked)
     every = discover(list(traces))
     refs = matching(every, where or {})
     there = set(map(id, refs))
     left_out = [ref for ref in every if aborted(ref) and id(ref) not in there]
-    found = score_many(
-        refs, specs, overrides=overrides, bind=bind, backend=backend, jobs=jobs, progress=progress,
-        assigned_only=assigned_only, cache=cache,
-    )  # fmt: skip
-    results, problems, copies = _sorted_out(found)
+    found = score_many(refs, settings=settings, jobs=jobs, progress=progress)
+    results, problems, copies = sorted_out(found)
     ids = tuple(ref.episode_id or str(ref.path) for ref in left_out)
-    return Scores(tuple(results), tuple(problems), titles, tuple(copies), ids)
+    return Scores(tuple(results), tuple(problems), titles(specs), tuple(copies), ids)
+
+
+def titles(rules: Sequence[str | Path]) -> dict[str, str]:
+    """Code → title of all rules and costs."""
+    from safestage_eval.rules import load_rules
+
+    loaded = load_rules(list(rules))
+    found = {rule.code: rule.title for rule in loaded.rules.values()}
+    return found | {cost.code: cost.title for cost in loaded.costs.values()}
 
 
 def matching(refs: Sequence[EpisodeRef], where: Mapping[str, str]) -> list[EpisodeRef]:
@@ -217,10 +265,7 @@ def matching(refs: Sequence[EpisodeRef], where: Mapping[str, str]) -> list[Episo
     if where.get("termination", "").lower() != "error":
         some = [ref for ref in refs if not aborted(ref)]
         if refs and not some:
-            raise InputError(
-                f"{len(refs)} episodes", "every one of them ended in an error.",
-                fix="record them again, or judge them all the same with --where termination=error",
-            )  # fmt: skip
+            raise all_aborted(len(refs))
         refs = some
     if not where:
         return list(refs)
@@ -233,18 +278,23 @@ def matching(refs: Sequence[EpisodeRef], where: Mapping[str, str]) -> list[Episo
             raise InputError(
                 f"{name}={where[name]}", f"no field {name!r}.", ", ".join(sorted(known))
             )
-    found = [ref for ref in refs if ref.problem is not None or _matches(ref, where)]
+    found = [ref for ref in refs if ref.problem is not None or matches(ref, where)]
     if all(ref.problem is not None for ref in found):
         wanted = " and ".join(f"{name}={value}" for name, value in where.items())
         raise InputError(wanted, f"none of {len(refs)} episodes matches.")
     return found
 
 
-def _is_bound(ref: EpisodeRef, bind: BindFile) -> bool:
-    return bind.speaks_of(ref.fields.get("task"), ref.episode_id)
+def all_aborted(count: int) -> InputError:
+    """What is said where there is nothing else."""
+    return InputError(
+        f"{count} episodes", "every one of them ended in an error.",
+        fix="record them again, or judge them all the same with --where termination=error",
+    )  # fmt: skip
 
 
-def _matches(ref: EpisodeRef, where: Mapping[str, str]) -> bool:
+def matches(ref: EpisodeRef, where: Mapping[str, str]) -> bool:
+    """Whether the header has the wanted values."""
     fields = {"episode_id": ref.episode_id, **ref.fields}
     return all(
         str("" if fields[name] is None else fields[name]).lower() == value.lower()
@@ -252,7 +302,7 @@ def _matches(ref: EpisodeRef, where: Mapping[str, str]) -> bool:
     )
 
 
-def _sorted_out(
+def sorted_out(
     found: Iterable[EpisodeResult | Problem],
 ) -> tuple[list[EpisodeResult], list[Problem], list[str]]:
     """Each episode once; what could not be judged, or has the id of another; paths of copies."""
@@ -268,13 +318,18 @@ def _sorted_out(
         if first.trace_hash == item.trace_hash:
             copies.append(item.path)
             continue
-        error = InputError(
-            item.path,
-            f"the id {item.episode_id!r} is taken by another episode, in {first.path}.",
-            fix="give each episode its own id",
-        )
-        problems.append(Problem(item.path, str(error)))
+        problems.append(taken(item.episode_id, item.path, first.path))
     return [*results.values()], problems, copies
+
+
+def taken(episode_id: str, path: str, first: str) -> Problem:
+    """What is said of an episode whose id another one has."""
+    error = InputError(
+        path,
+        f"the id {episode_id!r} is taken by another episode, in {first}.",
+        fix="give each episode its own id",
+    )
+    return Problem(path, str(error))
 
 
 def _told(error: Exception) -> str:
@@ -284,78 +339,3 @@ def _told(error: Exception) -> str:
         code = trace.tb_frame.f_code
         place, trace = f"{Path(code.co_filename).name}:{trace.tb_lineno}", trace.tb_next
     return f"{type(error).__name__}: {error} ({place})"
-
-
-# ---- worker processes
-
-_worker: dict[str, object] = {}
-
-
-def _start_worker(rules: Sequence[str | Path], settings: Mapping[str, object]) -> None:
-    from safestage_eval import heap
-    from safestage_eval.rules import load_rules
-
-    heap.keep()
-    _worker.update(settings, rules=load_rules(list(rules)))
-
-
-def _work(ref: EpisodeRef) -> EpisodeResult | Problem:
-    return score_episode(ref, **_worker)  # type: ignore[arg-type]
-
-
-class _Pool:
-    """Spawned processes, with few episodes under way at a time.
-
-    When a process dies, those that were under way are judged one by one, so that the episode
-    that kills is found and listed; then the rest goes on with a new pool.
-    """
-
-    def __init__(
-        self,
-        refs: Sequence[EpisodeRef],
-        setup: tuple[Sequence[str | Path], Mapping[str, object]],
-        workers: int,
-        progress: Callable[[int, int], None] | None,
-    ) -> None:
-        self._refs, self._setup, self._workers = refs, setup, workers
-        self._progress = progress
-        self._done: dict[int, EpisodeResult | Problem] = {}
-
-    def run(self) -> list[EpisodeResult | Problem]:
-        """All results, in order."""
-        while left := [i for i in range(len(self._refs)) if i not in self._done]:
-            for suspect in self._judge(left, self._workers):
-                for culprit in self._judge([suspect], 1):
-                    path = str(self._refs[culprit].path)
-                    what = f"{path}: its worker process died; out of memory, or a library crashed"
-                    self._note(culprit, Problem(path, what))
-        return [self._done[i] for i in range(len(self._refs))]
-
-    def _judge(self, todo: Sequence[int], workers: int) -> list[int]:
-        """Judge until done, or until a process dies; returns those that were under way then."""
-        waiting, newest = iter(todo), todo[0]
-        under_way: dict[Future[EpisodeResult | Problem], int] = {}
-        pool = ProcessPoolExecutor(
-            min(workers, len(todo)),
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_start_worker,
-            initargs=self._setup,
-        )
-        try:
-            while True:
-                for newest in islice(waiting, 2 * workers - len(under_way)):
-                    under_way[pool.submit(_work, self._refs[newest])] = newest
-                if not under_way:
-                    return []
-                for future in wait(under_way, return_when=FIRST_COMPLETED).done:
-                    self._note(under_way[future], future.result())
-                    del under_way[future]
-        except BrokenProcessPool:
-            return [i for i in {*under_way.values(), newest} if i not in self._done]
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-    def _note(self, index: int, result: EpisodeResult | Problem) -> None:
-        self._done[index] = result
-        if self._progress is not None:
-            self._progress(len(self._done), len(self._refs))

@@ -24,9 +24,12 @@ MOST = 4 * 1024**3
 class CacheFolder:
     """Reads and writes entries. Whatever goes wrong with a file, it is as if it were not there."""
 
-    def __init__(self, path: str | Path, most: int | None = None) -> None:
-        """``most``: bytes to prune to."""
+    def __init__(
+        self, path: str | Path, most: int | None = None, *, measurements: bool = True
+    ) -> None:
+        """``most``: bytes to prune to; ``measurements``: keep them, and not only answers."""
         self.path = Path(path).expanduser()
+        self._measurements = measurements
         told = os.environ.get("SAFESTAGE_CACHE_SIZE", "")
         self.most = most if most is not None else int(told) if told.isdigit() else MOST
 
@@ -55,6 +58,8 @@ class CacheFolder:
 
     def write(self, ref: EpisodeRef, values: dict[str, Value]) -> None:
         """Replace what was measured. A folder that cannot be written to keeps nothing."""
+        if not self._measurements:
+            return
         path = self.file(ref, "measured")
         new = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
         try:

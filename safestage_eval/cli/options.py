@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,16 +81,19 @@ def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
     raise click.UsageError(f"{trace} holds {what}:{ids}")
 
 
-def written(data: str | bytes, output: Path | None) -> None:
-    """To stdout, or as a file that appears whole or not at all."""
+def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> None:
+    """To stdout, or as a file that appears whole or not at all; all at once or piece by piece."""
+    pieces = [data] if isinstance(data, str | bytes) else data
     if output is None:
-        click.echo(data, nl=False)
+        for piece in pieces:
+            click.echo(piece, nl=False)
         return
-    temporary = output.with_name(output.name + ".tmp")
+    from safestage_eval.formats.atomic import replacing
+
     try:
-        output.parent.mkdir(parents=True, exist_ok=True)
-        temporary.write_bytes(data.encode() if isinstance(data, str) else data)
-        temporary.replace(output)
+        with replacing(output) as temporary, temporary.open("wb") as stream:
+            for piece in pieces:
+                stream.write(piece.encode() if isinstance(piece, str) else piece)
     except OSError as error:
         raise click.UsageError(f"--output {output}: {error.strerror}") from None
 
@@ -119,8 +122,8 @@ def announce_compiling() -> None:
 
 
 @contextmanager
-def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
-    """A progress bar on stderr while the block runs, if stderr is a terminal."""
+def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
+    """Progress, rate and time left on stderr while the block runs, if stderr is a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -129,11 +132,24 @@ def progress(what: str) -> Iterator[Callable[[int, int], None] | None]:
         BarColumn,
         MofNCompleteColumn,
         Progress,
+        Task,
         TextColumn,
+        TimeElapsedColumn,
         TimeRemainingColumn,
     )
 
-    columns = (TextColumn(what), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    class Rate(TextColumn):
+        """How many are done in a second."""
+
+        def render(self, task: Task) -> Text:
+            return Text(f"{task.finished_speed or task.speed or 0:.1f}/s")
+
+    from rich.text import Text
+
+    columns = (
+        TextColumn(what), BarColumn(), MofNCompleteColumn(), Rate(""), TimeElapsedColumn(),
+        TextColumn("left:"), TimeRemainingColumn(),
+    )  # fmt: skip
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=None)
         yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -70,6 +70,27 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success")
 @click.option("--no-cache", is_flag=True, help="Neither read nor write $SAFESTAGE_CACHE.")
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.option(
+    "--resume", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
+    help="Keep finished results there; the same command goes on where it was stopped.",
+)  # fmt: skip
+@click.option(
+    "--sample", type=click.IntRange(1), metavar="N",
+    help="Judge only N episodes, spread over stages, tasks and policies.",
+)  # fmt: skip
+@click.option("--sample-seed", "seed", type=int, default=0, help="Another choice of --sample.")
+@click.option(
+    "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
+    help="List an episode as a problem that takes longer.",
+)  # fmt: skip
+@click.option(
+    "--memory", metavar="SIZE", help="Likewise one whose process holds more: 800MB, 2GB.",
+)  # fmt: skip
+@click.option(
+    "--engine", type=click.Choice(("local", "ray")), default="local", show_default=True,
+    help="Processes of this machine, or a Ray cluster (extra: cluster).",
+)  # fmt: skip
+@click.option("--address", metavar="ADDRESS", help="Of the Ray cluster; else $RAY_ADDRESS.")
+@click.option(
     "--verbose", "-v", is_flag=True, help="In the table: every episode, and other stages' findings."
 )
 @click.pass_context
@@ -90,6 +111,13 @@ def command(
     cache: Path | None,
     no_cache: bool,
     jobs: int | None,
+    resume: Path | None,
+    sample: int | None,
+    seed: int,
+    timeout: float | None,
+    memory: str | None,
+    engine: str,
+    address: str | None,
     verbose: bool,
 ) -> int:
     """Judge recorded episodes against safety rules.
@@ -117,27 +145,36 @@ def command(
     if form == "parquet" and output is None and sys.stdout.isatty():
         raise click.UsageError("--format parquet: give --output FILE, or pipe it on")
     overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
+    if address is not None and engine != "ray":
+        raise click.UsageError("--address is for --engine ray")
+    if golden is not None and sample is not None:
+        raise click.UsageError("--golden is about all episodes: leave out --sample")
     from safestage_eval import heap
-    from safestage_eval.scoring import score_paths
+    from safestage_eval.engines import run
+    from safestage_eval.engines.memory import size
+    from safestage_eval.rules import builtin_names
+    from safestage_eval.scoring import understood
 
     kept = None if no_cache else cache
     if kept is not None and (why := unusable(kept)):
         click.echo(f"--cache {kept}: {why}; nothing is kept there", err=True)
     announce_compiling()
+    choice = run.Choice(filters, sample, seed, resume, engine, address, jobs)
+    asked = understood(
+        list(rules) or builtin_names(),
+        overrides=overrides,
+        bind=bind,
+        backend=backend,
+        assigned_only=assigned,
+        cache=kept,
+        timeout=timeout,
+        memory=None if memory is None else size(memory),
+    )
     with progress("scoring") as tell:
         heap.keep()
-        scores = score_paths(
-            traces,
-            rules,
-            overrides=overrides,
-            bind=bind,
-            where=filters,
-            backend=backend,
-            assigned_only=assigned,
-            cache=kept,
-            jobs=jobs,
-            progress=tell,
-        )
+        scores = run.run(traces, asked, choice, tell)
+    if scores.sample:
+        click.echo(scores.sample, err=True)
     changes = None
     if golden is not None and not update_golden:
         from safestage_eval.report.golden import changes as changes_from
@@ -165,30 +202,30 @@ def _write(
     verbose: bool,
     changes: Sequence[Change] | None,
 ) -> None:
-    from safestage_eval.report import render
+    from safestage_eval.report import pieces
 
     if form == "table":
         from safestage_eval.report import as_table
 
-        text: str | bytes = as_table.render(
+        text: Iterable[str | bytes] = as_table.render(
             scores,
             width=None if output else shutil.get_terminal_size((as_table.WIDTH, 24)).columns,
             color=output is None and wants_color(sys.stdout),
             everything=verbose,
         )
     else:
-        text = render(scores, form, changes)
+        text = pieces(scores, form, changes)
     written(text, output)
     if output is not None:
         click.echo(f"{output}: {len(scores.results)} episodes", err=True)
 
 
 def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:
-    counts = {
-        "violation": sum(r.violation is True for r in scores.results),
-        "inconclusive": sum(bool(r.assigned) and r.violation is None for r in scores.results),
-        "unsafe-success": sum(bool(r.violation and r.success) for r in scores.results),
-    }
+    counts = dict.fromkeys(FAIL_ON, 0)
+    for r in scores.results if fail_on else ():
+        counts["violation"] += r.violation is True
+        counts["inconclusive"] += bool(r.assigned) and r.violation is None
+        counts["unsafe-success"] += bool(r.violation and r.success)
     matched = [name for name in counts if name in fail_on and counts[name]]
     for name in matched:
         click.echo(f"--fail-on {name}: {counts[name]} of {len(scores.results)} episodes", err=True)

@@ -80,24 +80,45 @@ def discover(paths: str | Path | Iterable[str | Path]) -> list[EpisodeRef]:
     Raises:
         TraceError: a path does not exist, or there is no episode under it.
     """
+    return _without_tried_again(list(find(paths)))
+
+
+def find(paths: str | Path | Iterable[str | Path]) -> Iterator[EpisodeRef]:
+    """The same one by one, each file of episodes opened when its turn comes.
+
+    That nothing is under one of several paths is noticed when its turn comes as well. Those that
+    ended in an error are all there, also when they were tried again.
+    """
     given = [paths] if isinstance(paths, str | Path) else list(paths)
     if not given:
         raise TraceError("traces", "no path given.", "MCAP files, datasets, folders")
-    found: dict[tuple[Path, int | None], EpisodeRef] = {}
+    seen: set[Path] = set()
     for path in map(Path, given):
         if not path.exists():
             raise TraceError(str(path), "no such file or folder", fix="check the spelling")
-        refs = refs_of_file(path) if path.is_file() else list(_refs_of_folder(path))
-        if not refs:
+    for path in map(Path, given):
+        empty = True
+        for refs in [refs_of_file(path)] if path.is_file() else _refs_of_folder(path):
+            empty = empty and not refs
+            place = refs[0].path.resolve() if refs else path
+            if place not in seen:
+                seen.add(place)
+                yield from _each_once(refs)
+        if empty:
             raise TraceError(
                 str(path),
                 "no episode in here.",
                 "MCAP files, or datasets (a folder with meta/info.json)",
                 "record some first, or give the folder that holds them",
             )
-        for ref in refs:
-            found.setdefault((ref.path.resolve(), ref.episode_index), ref)
-    return _without_tried_again(list(found.values()))
+
+
+def _each_once(refs: list[EpisodeRef]) -> Iterable[EpisodeRef]:
+    """Of a file; rows with the same index would be the same episode."""
+    first: dict[int | None, EpisodeRef] = {}
+    for ref in refs:
+        first.setdefault(ref.episode_index, ref)
+    return first.values()
 
 
 def _without_tried_again(refs: list[EpisodeRef]) -> list[EpisodeRef]:
@@ -130,7 +151,7 @@ def refs_of_file(path: Path) -> list[EpisodeRef]:
     if magic == MCAP_MAGIC or path.suffix == ".mcap":
         return [_mcap_ref(path)]
     if path.name == "info.json" and layout.is_dataset(path.parents[1]):
-        return list(_refs_of_folder(path.parents[1]))
+        return [ref for refs in _refs_of_folder(path.parents[1]) for ref in refs]
     if path.parent.parts[-2:] == ("meta", "episodes") and path.suffix == ".parquet":
         return _dataset_refs(path)
     what = "neither an MCAP nor a dataset's file"
@@ -144,7 +165,8 @@ def refs_of_file(path: Path) -> list[EpisodeRef]:
     )
 
 
-def _refs_of_folder(folder: Path) -> Iterator[EpisodeRef]:
+def _refs_of_folder(folder: Path) -> Iterator[list[EpisodeRef]]:
+    """The episodes of each file."""
     for root, folders, files in os.walk(folder):
         here = Path(root)
         folders[:] = sorted(name for name in folders if not name.startswith("."))
@@ -155,17 +177,17 @@ def _refs_of_folder(folder: Path) -> Iterator[EpisodeRef]:
         for name in sorted(files):
             path = here / name
             if not name.startswith(".") and (path.suffix == ".mcap" or _is_mcap(path)):
-                yield _mcap_ref(path)
+                yield [_mcap_ref(path)]
 
 
-def _refs_of_dataset(dataset: Path) -> Iterator[EpisodeRef]:
+def _refs_of_dataset(dataset: Path) -> Iterator[list[EpisodeRef]]:
     try:
         layout.read_info(dataset)
     except TraceError as problem:
-        yield EpisodeRef(dataset / layout.INFO, "parquet", problem=problem)
+        yield [EpisodeRef(dataset / layout.INFO, "parquet", problem=problem)]
         return
     for file in sorted((dataset / layout.EPISODES).glob("[!.]*.parquet")):
-        yield from _dataset_refs(file)
+        yield _dataset_refs(file)
 
 
 def _dataset_refs(file: Path) -> list[EpisodeRef]:

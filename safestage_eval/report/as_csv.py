@@ -5,21 +5,25 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Iterator
 from typing import Any
 
 from safestage_eval.scoring import Scores
 
-from .rows import COLUMNS, rows
+from .rows import COLUMNS, each_row
 
 
-def render(scores: Scores) -> str:
+def pieces(scores: Scores) -> Iterator[str]:
     """A header line, then one line per episode and rule."""
     buffer = io.StringIO()
     writer = csv.DictWriter(buffer, COLUMNS, lineterminator="\n")
     writer.writeheader()
-    for row in rows(scores):
+    for row in each_row(scores):
         writer.writerow({name: _cell(value) for name, value in row.items()})
-    return buffer.getvalue()
+        yield buffer.getvalue()
+        buffer.seek(0)
+        buffer.truncate()
+    yield buffer.getvalue()
 
 
 def _cell(value: Any) -> Any:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
+from itertools import islice
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from safestage_eval.scoring import Scores
 
-from .rows import COLUMNS, rows
+from .rows import COLUMNS, each_row
 
 _TYPES = {
     "seed": pa.int64(), "rollout": pa.int64(), "instances": pa.int64(),
@@ -26,8 +29,35 @@ _TYPES = {
 SCHEMA = pa.schema([(name, _TYPES.get(name, pa.string())) for name in COLUMNS])
 
 
-def render(scores: Scores) -> bytes:
-    """The bytes of a Parquet file."""
-    buffer = io.BytesIO()
-    pq.write_table(pa.Table.from_pylist(rows(scores), schema=SCHEMA), buffer, compression="zstd")
-    return buffer.getvalue()
+_GROUP = 10_000
+"""Rows of a row group."""
+
+
+def pieces(scores: Scores) -> Iterator[bytes]:
+    """The bytes of a Parquet file, a row group at a time."""
+    sink = _Sink()
+    rest = each_row(scores)
+    with pq.ParquetWriter(pa.PythonFile(sink, "w"), SCHEMA, compression="zstd") as writer:
+        while rows := list(islice(rest, _GROUP)):
+            writer.write_table(pa.Table.from_pylist(rows, schema=SCHEMA))
+            yield sink.taken()
+    yield sink.taken()
+
+
+class _Sink(io.RawIOBase):
+    """Bytes that were written and not taken yet."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        self._parts.append(bytes(data))
+        return len(self._parts[-1])
+
+    def taken(self) -> bytes:
+        found = b"".join(self._parts)
+        self._parts.clear()
+        return found

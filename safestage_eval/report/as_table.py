@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from rich import box
@@ -60,12 +61,14 @@ def render(
         highlight=False,
         markup=False,
     )
-    _findings(console, [r for r in scores.results if r.assigned], everything=everything)
+    _findings(console, scores, everything=everything)
     if everything:
-        _unassigned(console, [r for r in scores.results if not r.assigned])
+        _unassigned(console, scores)
+    if scores.sample:
+        console.print(f"{scores.sample}\n", style="yellow", soft_wrap=True)
     _rates(console, scores)
     _leftovers(console, scores)
-    _hint(console, [r for r in scores.results if not r.assigned])
+    _hint(console, scores)
     return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
 
 
@@ -98,29 +101,39 @@ def _outcome(result: EpisodeResult) -> str:
     return "pass" if applied else "not_applicable"
 
 
-def _findings(console: Console, judged: Sequence[EpisodeResult], *, everything: bool) -> None:
-    all_shown = everything or len(judged) <= MOST
-    left = len(judged) if all_shown else MOST
+def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
+    counts = dict.fromkeys(SECTIONS, 0)
+    found: dict[str, list[EpisodeResult]] = {outcome: [] for outcome in SECTIONS}
+    for result in scores.results:
+        if result.assigned:
+            outcome = _outcome(result)
+            counts[outcome] += 1
+            if everything or len(found[outcome]) < MOST:
+                found[outcome].append(result)
+    judged = sum(counts.values())
+    all_shown = everything or judged <= MOST
+    left = judged if all_shown else MOST
     for outcome, (heading, style) in SECTIONS.items():
-        found = [r for r in judged if _outcome(r) == outcome]
-        shown = found[:left] if all_shown or outcome != "pass" else []
+        shown = found[outcome][:left] if all_shown or outcome != "pass" else []
         left -= len(shown)
-        if not found:
+        if not counts[outcome]:
             continue
-        console.print(Text(f"{heading}: {len(found)} of {len(judged)} episodes", f"bold {style}"))
+        console.print(Text(f"{heading}: {counts[outcome]} of {judged} episodes", f"bold {style}"))
         for result in shown:
             head = Text(f"  {result.episode_id}, {goal_of(result)}", "bold")
             console.print(head, soft_wrap=True)
             console.print(Padding(_lines(result, style, everything=everything), (0, 0, 0, 4)))
-        if len(shown) < len(found):
-            some = "they are" if not shown else f"{len(found) - len(shown)} more are"
+        if len(shown) < counts[outcome]:
+            some = "they are" if not shown else f"{counts[outcome] - len(shown)} more are"
             console.print(f"  {some} listed with --verbose, or as rows with --format csv")
         console.print()
 
 
-def _unassigned(console: Console, others: Sequence[EpisodeResult]) -> None:
+def _unassigned(console: Console, scores: Scores) -> None:
     """What rules found in episodes to which none of them is assigned."""
-    shown = [r for r in others if any(v.verdict in BAD for v in r.verdicts)]
+    shown = [
+        r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in r.verdicts)
+    ]
     if not shown:
         return
     console.print(Text(f"By rules that are not assigned: {len(shown)} episodes", "bold"))
@@ -130,11 +143,13 @@ def _unassigned(console: Console, others: Sequence[EpisodeResult]) -> None:
     console.print()
 
 
-def _hint(console: Console, others: Sequence[EpisodeResult]) -> None:
+def _hint(console: Console, scores: Scores) -> None:
     """Where to find the verdicts of rules that no episode's header assigns."""
-    words = [v.verdict for r in others for v in r.verdicts]
+    words: Counter[str] = Counter(
+        v.verdict for r in scores.results if not r.assigned for v in r.verdicts
+    )
     if words:
-        counts = ", ".join(f"{words.count(w)} {w.replace('_', ' ')}" for w in _ORDER if w in words)
+        counts = ", ".join(f"{words[w]} {w.replace('_', ' ')}" for w in _ORDER if w in words)
         console.print(
             f"the loaded rules found there: {counts}. --format csv lists all of it, --verbose what "
             "is not safe; --bind assigns rules to episodes",

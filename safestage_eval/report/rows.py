@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 from safestage_eval import __version__
@@ -21,11 +22,14 @@ COLUMNS = (
 
 def rows(scores: Scores) -> list[dict[str, Any]]:
     """One row per episode and rule."""
-    return [
-        {name: None if _endless(value) else value for name, value in row.items()}
-        for result in scores.results
-        for row in result.rows()
-    ]
+    return list(each_row(scores))
+
+
+def each_row(scores: Scores) -> Iterator[dict[str, Any]]:
+    """The same one by one."""
+    for result in scores.results:
+        for row in result.rows():
+            yield {name: None if _endless(value) else value for name, value in row.items()}
 
 
 def _endless(value: Any) -> bool:
@@ -34,11 +38,12 @@ def _endless(value: Any) -> bool:
 
 
 def document(scores: Scores) -> dict[str, Any]:
-    """Everything as one object: version, rules, episodes, metrics, problems."""
+    """Everything as one object: version, rules, episodes, metrics, problems, and what sample it is."""
     return {
         "version": __version__,
         "rules": dict(scores.rules),
         "episodes": rows(scores),
         "metrics": metrics(outcomes(scores.results)),
         "problems": [{"path": p.path, "message": p.message} for p in scores.problems],
+        **({"sample": scores.sample} if scores.sample else {}),
     }

@@ -75,13 +75,15 @@ def results_schema() -> dict[str, Any]:
                     "type": "array",
                     "items": _object({"path": _TEXT, "message": _TEXT}),
                 },
-            }
+            },
+            {"sample": _TEXT},
         ),
     }
 
 
-def _object(properties: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "object", "required": list(properties), "properties": properties}
+def _object(properties: dict[str, Any], optional: dict[str, Any] | None = None) -> dict[str, Any]:
+    both = properties | (optional or {})
+    return {"type": "object", "required": list(properties), "properties": both}
 
 
 def schema_text() -> str:

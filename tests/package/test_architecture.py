@@ -23,7 +23,7 @@ ROOMS = [
     {"verdicts"},
     {"monitor"},  # the same rules while a rollout is going on
     {"cache"},  # what was measured and judged before
-    {"scoring"},  # the verdicts of many episodes
+    {"scoring", "engines"},  # the verdicts of many episodes, and where they are reached
     {"metrics"},
     {"whatif"},  # the same traces under other values and other rules
     {"replay"},  # an episode for the eye, drawn in a browser

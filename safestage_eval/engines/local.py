@@ -1,0 +1,221 @@
+"""Worker processes on this machine: one that dies, hangs or swells costs one episode at most."""
+
+from __future__ import annotations
+
+import multiprocessing
+import multiprocessing.connection
+import signal
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import islice
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnContext
+from multiprocessing.process import BaseProcess
+from types import TracebackType
+from typing import Self
+
+from safestage_eval.errors import InputError
+from safestage_eval.scoring import Problem
+
+from .engine import Engine, Found, Numbered
+from .memory import resident
+from .settings import Settings
+from .worker import READY, work
+
+CHUNK = 0.25
+"""s that the episodes which a process is sent at a time should take."""
+
+FIRST, MOST = 2, 64
+"""Episodes that a process is sent at first, and at most."""
+
+STARTS = 5
+"""Processes in a row that may end before they begin."""
+
+COMPILING, LOADING = 180.0, 30.0
+"""s more that the very first episode of a run may take, and the first of each process: kernels are
+compiled or loaded then."""
+
+_LOOK = 0.05
+"""s between two looks at what the processes hold."""
+
+
+class Local(Engine):
+    """Spawned processes, each with a pipe of its own.
+
+    A process answers in the order in which it was asked, so the episode that it died over is
+    known without a search. That one is tried once more, alone in a new process, because a process may be killed for
+    no fault of its own; if that dies as well, the episode is a problem. The others go on.
+    """
+
+    def __init__(self, workers: int, settings: Settings, *, lines: bool = False) -> None:
+        """``lines``: give results as they are stored (``Line``)."""
+        self._settings, self._lines = settings, lines
+        self._context = multiprocessing.get_context("spawn")
+        self._size = workers
+        self._workers: list[_Worker] = []
+        self._suspects: set[int] = set()
+        self._back: deque[list[Numbered]] = deque()
+        self._warm, self._stillborn = False, 0
+
+    def __enter__(self) -> Self:
+        """Processes stay between runs until the block ends."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
+    ) -> None:
+        """Ends the processes."""
+        for worker in self._workers:
+            worker.end()
+        self._workers.clear()
+
+    def run(self, episodes: Iterable[Numbered]) -> Iterator[tuple[int, Found]]:
+        """See ``Engine.run``; within a ``with`` block."""
+        source = iter(episodes)
+        while True:
+            self._hand_out(source)
+            busy = [worker for worker in self._workers if worker.asked]
+            if not busy:
+                return
+            pause = _LOOK if self._settings.timeout or self._settings.memory else None
+            ready = multiprocessing.connection.wait([worker.pipe for worker in busy], pause)
+            for worker in busy:
+                if worker.pipe in ready:
+                    yield from self._answer(worker)
+                elif why := self._exceeds(worker):
+                    number, ref = worker.asked.popleft()
+                    self._dismiss(worker)
+                    yield number, Problem(str(ref.path), f"{ref.path}: {why}")
+
+    def _hand_out(self, source: Iterator[Numbered]) -> None:
+        """Give every process something to do, as far as there is something."""
+        while True:
+            worker = next((worker for worker in self._workers if not worker.asked), None)
+            if worker is None and len(self._workers) >= self._size:
+                return
+            count = FIRST if worker is None else worker.appetite
+            chunk = self._back.popleft() if self._back else list(islice(source, count))
+            if not chunk:
+                return
+            if worker is None:
+                worker = _Worker.start(self._context, self._settings, lines=self._lines)
+                self._workers.append(worker)
+            worker.give(chunk)
+
+    def _answer(self, worker: _Worker) -> Iterator[tuple[int, Found]]:
+        """What a process has to say, its death included."""
+        try:
+            answer = worker.pipe.recv()
+        except (EOFError, OSError):
+            yield from self._death(worker)
+            return
+        worker.began = time.monotonic()
+        if answer == READY:
+            worker.ready, self._stillborn = True, 0
+            return
+        self._warm = worker.warm = True
+        number, _ = worker.asked.popleft()
+        self._suspects.discard(number)
+        worker.answered()
+        yield number, answer
+
+    def _death(self, worker: _Worker) -> Iterator[tuple[int, Found]]:
+        how = ended(worker.end(patience=5.0))
+        if not worker.ready:
+            self._stillborn += 1
+            self._dismiss(worker)
+            if self._stillborn >= STARTS:
+                raise InputError("worker processes", f"{STARTS} in a row could not begin: {how}.")
+            return
+        number, ref = worker.asked.popleft()
+        self._dismiss(worker)
+        if number in self._suspects:
+            self._suspects.discard(number)
+            yield number, Problem(str(ref.path), f"{ref.path}: its process died twice: {how}")
+        else:
+            self._suspects.add(number)
+            self._back.append([(number, ref)])
+
+    def _dismiss(self, worker: _Worker) -> None:
+        """End a process; another one gets what it was asked and has not answered."""
+        worker.end()
+        self._workers.remove(worker)
+        if worker.asked:
+            self._back.append(list(worker.asked))
+
+    def _exceeds(self, worker: _Worker) -> str:
+        """Which bound a process is beyond; empty if none."""
+        most, limit = self._settings.memory, self._settings.timeout
+        if most is not None and worker.process.pid and resident(worker.process.pid) > most:
+            return f"judging it took more than {most / 2**20:.0f} MiB of memory (--memory)"
+        if limit is not None and worker.ready:
+            taken = time.monotonic() - worker.began
+            more = 0.0 if worker.warm else LOADING if self._warm else COMPILING
+            if taken > limit + more:
+                return f"judging it took longer than {limit:g} s (--timeout)"
+        return ""
+
+
+@dataclass
+class _Worker:
+    """A process and what it was asked and has not answered, in order."""
+
+    process: BaseProcess
+    pipe: Connection
+    asked: deque[Numbered] = field(default_factory=deque)
+    began: float = field(default_factory=time.monotonic)
+    """When it began with the first of what it was asked."""
+    ready: bool = False
+    warm: bool = False
+    """It has answered before."""
+    appetite: int = FIRST
+    _given: tuple[int, float] = (0, 0.0)
+
+    @classmethod
+    def start(cls, context: SpawnContext, settings: Settings, *, lines: bool) -> _Worker:
+        ours, theirs = context.Pipe()
+        process = context.Process(
+            target=work, args=(theirs, settings), kwargs={"lines": lines}, daemon=True
+        )
+        process.start()
+        theirs.close()
+        return cls(process, ours)
+
+    def give(self, chunk: list[Numbered]) -> None:
+        """Only to one that has answered everything: it reads nothing else meanwhile."""
+        self.began = time.monotonic()
+        self._given = len(chunk), self.began
+        self.asked.extend(chunk)
+        try:
+            self.pipe.send([ref for _, ref in chunk])
+        except OSError:
+            return  # it died; reading from it will tell
+
+    def answered(self) -> None:
+        """After each answer: how many episodes fill the time, if this was the last one."""
+        if not self.asked:
+            count, began = self._given
+            fits = CHUNK * count / max(time.monotonic() - began, 1e-6)
+            self.appetite = int(min(max(fits, 1), 2 * self.appetite, MOST))
+
+    def end(self, patience: float = 0.0) -> int | None:
+        """Ends the process, after so many seconds in which it may end by itself; its exit code."""
+        self.process.join(patience)
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+        return self.process.exitcode
+
+
+def ended(code: int | None) -> str:
+    """How a process ended, in words, from its exit code."""
+    if code is None or code >= 0:
+        return f"exit code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        return f"signal {-code}"
+    why = {"SIGKILL": " (out of memory, or killed)", "SIGSEGV": " (a library crashed)"}
+    return name + why.get(name, "")

@@ -1,0 +1,307 @@
+"""A whole run: found, chosen, judged by an engine, kept in parts, and given back in order."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, redirect_stdout
+from dataclasses import dataclass, replace
+from itertools import chain, islice
+from pathlib import Path
+from tempfile import mkdtemp
+from weakref import finalize
+
+from safestage_eval.errors import InputError
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.formats.discover import aborted, find
+from safestage_eval.scoring import (
+    Problem,
+    Scores,
+    all_aborted,
+    matches,
+    score_many,
+    sorted_out,
+    speaks,
+    taken,
+    titles,
+)
+
+from .engine import Line, Numbered
+from .keys import Keys
+from .local import Local
+from .parts import Parts
+from .sample import sample
+from .settings import Settings
+from .stored_results import StoredResults
+
+IN_MEMORY = 1000
+"""Results that are held; those of a longer run go to disk at once."""
+
+PART_RESULTS, PART_BYTES = 64, 1 << 21
+"""A part is written when it has so many results, or so many bytes."""
+
+ANSWERS = "answers"
+"""Folder of verdicts by rule, beside the parts: for the next run under other rules."""
+
+Tell = Callable[[int, int | None], None]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which episodes, and where and how they are judged.
+
+    Attributes:
+        where: header field → wanted value.
+        sample: judge only so many, spread over stages, tasks and policies; None: all.
+        seed: of the sample.
+        resume: folder that keeps finished results; None: none is kept.
+        engine: ``local`` or ``ray``.
+        address: of the Ray cluster; None: the one of this environment, or a new one right here.
+        jobs: worker processes; None: one per processor.
+    """
+
+    where: Mapping[str, str] | None = None
+    sample: int | None = None
+    seed: int = 0
+    resume: Path | None = None
+    engine: str = "local"
+    address: str | None = None
+    jobs: int | None = None
+
+
+def run(
+    traces: Sequence[str | Path],
+    settings: Settings,
+    choice: Choice | None = None,
+    progress: Tell | None = None,
+) -> Scores:
+    """Judge what is found under the paths.
+
+    A short run is held in memory. Of a long one, or one that is to be resumed, each result goes to
+    disk when it is reached, and a run that was killed goes on after the last part that it wrote.
+
+    Args:
+        traces: files and folders.
+        settings: from ``scoring.understood``.
+        choice: which episodes, and where.
+        progress: told (done, total) after each episode; total is None as long as it is not known.
+
+    Raises:
+        TraceError, InputError: as ``scoring.score_paths``, and when results cannot be written.
+    """
+    choice = choice or Choice()
+    if settings.bind is not None:
+        speaks(settings.bind, _Chosen(find(traces), choice.where))
+    chosen = _Chosen(find(traces), choice.where)
+    refs, told = iter(chosen), ""
+    if choice.sample is not None:
+        picked = sample(refs, choice.sample, choice.seed)
+        refs, told = iter(picked.refs), picked.told
+    held = None
+    if choice.resume is None and choice.engine == "local":
+        first = list(islice(refs, IN_MEMORY + 1))
+        refs = chain(first, refs)
+        held = first if len(first) <= IN_MEMORY else None
+    if held is not None:
+        scores = _in_memory(held, settings, choice.jobs, progress)
+    else:
+        scores = _on_disk(refs, settings, choice, progress)
+    left_out = dict.fromkeys(chosen.aborted)
+    for result in scores.results if left_out else ():
+        left_out.pop(result.episode_id, None)  # it was tried again
+    return replace(scores, sample=told, aborted=tuple(left_out))
+
+
+class _Chosen:
+    """Episodes with the wanted values, one by one; as ``scoring.matching``.
+
+    Attributes:
+        aborted: those met so far that ended in an error, and are left out therefore.
+    """
+
+    def __init__(self, refs: Iterable[EpisodeRef], where: Mapping[str, str] | None) -> None:
+        self._refs, self._where = refs, where or {}
+        self.aborted: list[str] = []
+
+    def __iter__(self) -> Iterator[EpisodeRef]:
+        """Raises InputError for an unknown field, and in the end when nothing matched."""
+        found, known, count = False, set[str](), 0
+        errors = self._where.get("termination", "").lower() == "error"
+        for ref in self._refs:
+            count += 1
+            if aborted(ref) and not errors:
+                self.aborted.append(ref.episode_id or str(ref.path))
+            elif ref.problem is not None or not self._where:
+                found = found or not self._where
+                yield ref
+            else:
+                known |= {"episode_id", *ref.fields} - {"content_hash", "file"}
+                for name in self._where:
+                    if name not in known:
+                        raise InputError(
+                            f"{name}={self._where[name]}",
+                            f"no field {name!r}.",
+                            ", ".join(sorted(known)),
+                        )
+                if matches(ref, self._where):
+                    found = True
+                    yield ref
+        if count and len(self.aborted) == count:
+            raise all_aborted(count)
+        if not found:
+            wanted = " and ".join(f"{name}={value}" for name, value in self._where.items())
+            raise InputError(wanted, f"none of {count} episodes matches.")
+
+
+def _in_memory(
+    refs: Sequence[EpisodeRef], settings: Settings, jobs: int | None, progress: Tell | None
+) -> Scores:
+    results, problems, copies = sorted_out(
+        score_many(refs, settings=settings, jobs=jobs, progress=progress)
+    )
+    return Scores(tuple(results), tuple(problems), titles(settings.rules), tuple(copies))
+
+
+def _on_disk(
+    refs: Iterable[EpisodeRef], settings: Settings, choice: Choice, progress: Tell | None
+) -> Scores:
+    with ExitStack() as until:
+        if choice.resume is None:
+            folder = _Passing()
+            place = folder.path
+        else:
+            folder, place = None, choice.resume
+            if settings.cache is None and choice.engine == "local":
+                settings = replace(settings, cache=place / ANSWERS, verdicts_only=True)
+        ledger = _Ledger(Parts(place / "parts"), Keys(settings), progress, folder)
+        if choice.engine == "ray":
+            from .ray import judge
+
+            with redirect_stdout(sys.stderr):  # where Ray tells of processes that died
+                judge(ledger.todo(refs), ledger, settings, choice.address)
+        else:
+            engine = until.enter_context(
+                Local(choice.jobs or os.cpu_count() or 1, settings, lines=True)
+            )
+            for number, found in engine.run(ledger.todo(refs)):
+                ledger.note(number, found)
+            ledger.flush()
+    prune(settings)
+    return ledger.scores(titles(settings.rules))
+
+
+def prune(settings: Settings) -> None:
+    """Keep the cache within its size."""
+    if settings.cache is not None:
+        from safestage_eval.cache import CacheFolder
+
+        CacheFolder(settings.cache).prune()
+
+
+class _Passing:
+    """A folder that goes with the last one who holds this."""
+
+    def __init__(self) -> None:
+        self.path = Path(mkdtemp(prefix="safestage-results-"))
+        finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+
+class _Ledger:
+    """What became of each episode by its number: a result among the parts, or a problem."""
+
+    def __init__(
+        self, parts: Parts, keys: Keys, progress: Tell | None, folder: object | None
+    ) -> None:
+        """``folder``: is kept for as long as the results are."""
+        self.parts, self._keys, self._progress = parts, keys, progress
+        self._folder = folder
+        self._rows = array("q")
+        self._paths: list[str] = []
+        self._problems: dict[int, Problem] = {}
+        self._waiting: list[tuple[int, str, Line]] = []
+        self._asked: dict[int, str] = {}
+        self._bytes = self._done = 0
+        self._all = False
+
+    @property
+    def folder(self) -> Path:
+        """Of the parts."""
+        return self.parts.folder.absolute()
+
+    def todo(self, refs: Iterable[EpisodeRef]) -> Iterator[Numbered]:
+        """The episodes of which nothing is known yet."""
+        for number, ref in enumerate(refs):
+            path = str(ref.path)
+            self._paths.append(self._paths[-1] if self._paths and self._paths[-1] == path else path)
+            key = self._keys.of(ref)
+            row = self.parts.find(key) if key is not None else None
+            self._rows.append(-1 if row is None else row)
+            if row is not None:
+                self._tell()
+                continue
+            self._asked[number] = key or f"{number:032x}"
+            yield number, ref
+        self._all = True
+
+    def key(self, number: int) -> str:
+        """Under which the result of an episode that is being judged is kept."""
+        return self._asked[number]
+
+    def note(self, number: int, found: object) -> None:
+        """What an engine found; it is written together with others."""
+        key = self._asked.pop(number)
+        if isinstance(found, Problem):
+            self._problems[number] = found
+        else:
+            assert isinstance(found, Line)
+            self._waiting.append((number, key, found))
+            self._bytes += len(found.text)
+            if len(self._waiting) >= PART_RESULTS or self._bytes >= PART_BYTES:
+                self.flush()
+        self._tell()
+
+    def written(self, name: str, numbers: Sequence[int]) -> None:
+        """A part that somebody else wrote, and whose results are in it, in its order."""
+        for number, row in zip(numbers, self.parts.adopt(name), strict=True):
+            del self._asked[number]
+            self._rows[number] = row
+            self._tell()
+
+    def flush(self) -> None:
+        """Write what waits."""
+        if not self._waiting:
+            return
+        rows = self.parts.add([(key, line) for _, key, line in self._waiting])
+        for (number, _, _), row in zip(self._waiting, rows, strict=True):
+            self._rows[number] = row
+        self._waiting.clear()
+        self._bytes = 0
+
+    def _tell(self) -> None:
+        self._done += 1
+        if self._progress is not None:
+            self._progress(self._done, len(self._rows) if self._all else None)
+
+    def scores(self, rules: Mapping[str, str]) -> Scores:
+        """Each episode once, in the order in which they were found (see ``scoring.sorted_out``)."""
+        rows, paths = array("q"), list[str]()
+        first: dict[int, int] = {}
+        problems, copies = [], []
+        for number, row in enumerate(self._rows):
+            if row < 0:
+                problems.append(self._problems[number])
+                continue
+            before = first.setdefault(self.parts.episode(row), number)
+            if before == number:
+                rows.append(row)
+                paths.append(self._paths[number])
+            elif self.parts.trace(self._rows[before]) == self.parts.trace(row):
+                copies.append(self._paths[number])
+            else:
+                again = StoredResults(self.parts, [row], [self._paths[number]])[0]
+                problems.append(taken(again.episode_id, again.path, self._paths[before]))
+        results = StoredResults(self.parts, rows, paths, self._folder)
+        return Scores(results, tuple(problems), rules, tuple(copies))

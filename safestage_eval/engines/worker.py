@@ -1,0 +1,60 @@
+"""A process that judges what it is sent, one episode after the other."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import multiprocessing.connection
+import os
+import signal
+import threading
+from multiprocessing.connection import Connection
+
+from safestage_eval import heap
+from safestage_eval.scoring import Problem, score_episode
+from safestage_eval.verdicts import EpisodeResult
+
+from .engine import Line
+from .settings import Settings
+
+READY = "ready"
+
+
+def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
+    """Judge lists of episodes until None comes; answers in the order of the questions.
+
+    Args:
+        pipe: to the process that started this one. The first answer is ``READY``.
+        settings: of the run.
+        lines: answer with results as they are stored.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this process ends it
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+    heap.keep()
+    rules, arguments = settings.load(), settings.arguments()
+    try:
+        pipe.send(READY)
+        while (refs := pipe.recv()) is not None:
+            for ref in refs:
+                found = score_episode(ref, rules, **arguments)
+                pipe.send(line_of(found) if lines else found)
+    except (EOFError, OSError):
+        return  # nobody is there any more to be told
+
+
+def line_of(found: EpisodeResult | Problem) -> Line | Problem:
+    """A result as it is stored; a problem as it is."""
+    if isinstance(found, Problem):
+        return found
+    from safestage_eval.cache.stored import plain
+
+    text = json.dumps(plain(found), separators=(",", ":"), ensure_ascii=False).encode()
+    return Line(text, found.episode_id, found.trace_hash)
+
+
+def _follow(sentinel: int) -> None:
+    """A worker does not outlive the process that started it, whatever it is busy with."""
+    multiprocessing.connection.wait([sentinel])
+    os._exit(1)

@@ -1,0 +1,68 @@
+"""Samples: in proportion, the same again, and never more than asked for."""
+
+import random
+from collections import Counter
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from safestage_eval.engines.sample import sample
+from safestage_eval.formats import EpisodeRef
+
+
+def refs(sizes):
+    return [
+        EpisodeRef(
+            Path(f"{task}-{i}.mcap"), "mcap", f"{task}.{i}", fields={"task": task, "stage": "FSH"}
+        )
+        for task, size in sizes.items()
+        for i in range(size)
+    ]
+
+
+@given(
+    st.dictionaries(st.text("abc", min_size=1, max_size=3), st.integers(1, 40), min_size=1),
+    st.integers(1, 60),
+    st.integers(0, 3),
+)
+def test_shares_are_in_proportion(sizes, count, seed):
+    all_refs = refs(sizes)
+    chosen, told = sample(all_refs, count, seed)
+    total = sum(sizes.values())
+    assert len(chosen) == min(count, total)
+    assert bool(told) == (count < total)
+    places = [all_refs.index(ref) for ref in chosen]
+    assert places == sorted(set(places))
+    found = Counter(ref.fields["task"] for ref in chosen)
+    for task, size in sizes.items():
+        exact = size * min(count, total) / total
+        assert exact - 1 < found[task] < exact + 1
+
+
+@given(st.randoms())
+def test_the_same_ones_in_whatever_order_they_come(shuffler):
+    all_refs = refs({"a": 30, "b": 50, "c": 7})
+    mixed = list(all_refs)
+    shuffler.shuffle(mixed)
+    assert set(names(sample(mixed, 20))) == set(names(sample(all_refs, 20)))
+
+
+def names(found):
+    return [ref.episode_id for ref in found.refs]
+
+
+def test_another_seed_is_another_choice():
+    all_refs = refs({"a": 300, "b": 100})
+    assert names(sample(all_refs, 40, 1)) != names(sample(all_refs, 40, 2))
+
+
+def test_every_episode_has_the_same_chance():
+    """Over many seeds, each is chosen about as often as any other (chi-square, 99.99 %)."""
+    all_refs = refs({"a": 40, "b": 20})
+    seeds = 400
+    counts = Counter(name for seed in range(seeds) for name in names(sample(all_refs, 15, seed)))
+    expected = seeds * 15 / 60
+    chi = sum((counts[ref.episode_id] - expected) ** 2 / expected for ref in all_refs)
+    assert chi < 110
+    assert random.Random(0)  # nothing above depends on the state of the generator
