@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+import time
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, redirect_stdout
@@ -40,8 +41,8 @@ from .stored_results import StoredResults
 IN_MEMORY = 1000
 """Results that are held; those of a longer run go to disk at once."""
 
-PART_RESULTS, PART_BYTES = 64, 1 << 21
-"""A part is written when it has so many results, or so many bytes."""
+PART_RESULTS, PART_BYTES, PART_TIME = 64, 1 << 21, 10.0
+"""A part is written when it has so many results or bytes, or when its first one has waited so long (s)."""
 
 ANSWERS = "answers"
 """Folder of verdicts by rule, beside the parts: for the next run under other rules."""
@@ -186,9 +187,11 @@ def _on_disk(
             engine = until.enter_context(
                 Local(choice.jobs or os.cpu_count() or 1, settings, lines=True)
             )
-            for number, found in engine.run(ledger.todo(refs)):
-                ledger.note(number, found)
-            ledger.flush()
+            try:
+                for number, found in engine.run(ledger.todo(refs)):
+                    ledger.note(number, found)
+            finally:
+                ledger.flush()
     prune(settings)
     return ledger.scores(titles(settings.rules))
 
@@ -224,6 +227,7 @@ class _Ledger:
         self._waiting: list[tuple[int, str, Line]] = []
         self._asked: dict[int, str] = {}
         self._bytes = self._done = 0
+        self._since = 0.0
         self._all = False
 
     @property
@@ -259,7 +263,11 @@ class _Ledger:
             assert isinstance(found, Line)
             self._waiting.append((number, key, found))
             self._bytes += len(found.text)
-            if len(self._waiting) >= PART_RESULTS or self._bytes >= PART_BYTES:
+            if len(self._waiting) == 1:
+                self._since = time.monotonic()
+            waited = time.monotonic() - self._since
+            enough = len(self._waiting) >= PART_RESULTS or self._bytes >= PART_BYTES
+            if enough or waited >= PART_TIME:
                 self.flush()
         self._tell()
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -13,6 +12,7 @@ from safestage_eval.errors import TraceError
 
 from . import dataset_layout as layout
 from .episode_ref import EpisodeRef
+from .remote_path import as_path, walk
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 PARQUET_MAGIC = b"PAR1"
@@ -93,10 +93,10 @@ def find(paths: str | Path | Iterable[str | Path]) -> Iterator[EpisodeRef]:
     if not given:
         raise TraceError("traces", "no path given.", "MCAP files, datasets, folders")
     seen: set[Path] = set()
-    for path in map(Path, given):
+    for path in map(as_path, given):
         if not path.exists():
             raise TraceError(str(path), "no such file or folder", fix="check the spelling")
-    for path in map(Path, given):
+    for path in map(as_path, given):
         empty = True
         for refs in [refs_of_file(path)] if path.is_file() else _refs_of_folder(path):
             empty = empty and not refs
@@ -167,8 +167,7 @@ def refs_of_file(path: Path) -> list[EpisodeRef]:
 
 def _refs_of_folder(folder: Path) -> Iterator[list[EpisodeRef]]:
     """The episodes of each file."""
-    for root, folders, files in os.walk(folder):
-        here = Path(root)
+    for here, folders, files in walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         if layout.is_dataset(here):
             yield from _refs_of_dataset(here)
@@ -218,6 +217,9 @@ def _mcap_ref(path: Path) -> EpisodeRef:
         header, stated = read_header(path)
     except TraceError as problem:
         return EpisodeRef(path, "mcap", problem=problem)
+    except OSError as error:
+        broken = TraceError(str(path), f"cannot be read: {error.strerror or error}")
+        return EpisodeRef(path, "mcap", problem=broken)
     return EpisodeRef(path, "mcap", header.episode_id, None, ref_fields(header) | stated)
 
 

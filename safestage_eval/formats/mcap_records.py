@@ -5,7 +5,6 @@ https://mcap.dev/spec
 
 from __future__ import annotations
 
-import os
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -60,7 +59,7 @@ def walk(path: Path, sinks: Mapping[str, Sink], where: str) -> McapRecords:
         with path.open("rb") as stream:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise TraceError(where, "not an MCAP file: it begins with other bytes")
-            found = McapRecords(os.fstat(stream.fileno()).st_size)
+            found = McapRecords(path.stat().st_size)
             messages = _Messages(sinks)
             for at, kind, content in _contents(stream, found):
                 if kind != MESSAGE:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from .checksum import crc32
 from .parquet_footer import CODEC, COMPRESSED, DICTIONARY, FIRST_PAGE, TYPE, VALUES, Footer
+from .source import Source
 
 INT32, FLOAT = 1, 4
 LZ4 = 7
@@ -19,7 +19,7 @@ _WASTE = 1 << 16
 
 
 def read_columns(
-    file: int, footer: Footer, group: int, names: Sequence[str], out: NDArray[np.generic]
+    file: Source, footer: Footer, group: int, names: Sequence[str], out: NDArray[np.generic]
 ) -> bool:
     """Columns of a row group into the columns of ``out``; false where only pyarrow can do so.
 
@@ -27,13 +27,13 @@ def read_columns(
     copied once more. Anything unusual or damaged is left to pyarrow, which finds words for it.
 
     Args:
-        file: descriptor of the open file.
+        file: the open file.
         footer: of the file.
         group: number of the row group.
         names: of the columns.
         out: (rows, C) float32 or int32, to be filled.
     """
-    if footer.chunks is None or not hasattr(os, "pread"):
+    if footer.chunks is None:
         return False
     told, optional = [], []
     rows, kind = len(out), FLOAT if out.dtype == np.float32 else INT32
@@ -48,11 +48,11 @@ def read_columns(
         told.append((about[FIRST_PAGE], about[FIRST_PAGE] + about[COMPRESSED]))
         optional.append(leaf.optional)
     begin, end = min(told)[0], max(end for _, end in told)
-    if end > os.fstat(file).st_size:
+    if end > file.size:
         return False
     if end - begin > sum(end - begin for begin, end in told) + _WASTE:
         return _one_by_one(file, footer, group, names, out)
-    data = os.pread(file, end - begin, begin)
+    data = file.read(begin, end - begin)
     return len(data) == end - begin and _decode(
         data, np.array(told) - begin, np.array(optional), out
     )
@@ -90,7 +90,7 @@ def _decode(
 
 
 def _one_by_one(
-    file: int, footer: Footer, group: int, names: Sequence[str], out: NDArray[np.generic]
+    file: Source, footer: Footer, group: int, names: Sequence[str], out: NDArray[np.generic]
 ) -> bool:
     for i, name in enumerate(names):
         column = np.empty((len(out), 1), out.dtype)

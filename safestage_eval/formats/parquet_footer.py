@@ -5,7 +5,6 @@ Field numbers are those of ``parquet.thrift`` in the Parquet format specificatio
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -13,6 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
+
+from .source import Source
 
 KEYS: dict[str, type] = {"episode_index": int, "body": str, "body1": str, "body2": str}
 """Columns that rows are looked up by, and what they hold."""
@@ -108,22 +109,20 @@ def by_pyarrow(metadata: pq.FileMetaData) -> Footer:
     return Footer(tuple(groups), columns, {}, None)
 
 
-def read_footer(file: int) -> Footer | None:
-    """Read from an open file by its descriptor; None if it is not as expected.
+def read_footer(file: Source) -> Footer | None:
+    """Read from an open file; None if it is not as expected.
 
     Likewise where the compiler of kernels has not been loaded, which takes much longer and 50 MB:
     whoever measures shapes has it loaded.
     """
     if "numba" not in sys.modules:
         return None
-    size = os.lseek(file, 0, os.SEEK_END)
+    size = file.size
     tail = min(size, _END)
-    os.lseek(file, -tail, os.SEEK_END)
-    end = os.read(file, tail)
+    end = file.read(size - tail, tail)
     length = int.from_bytes(end[-8:-4], "little") + 8
     if tail < length <= size:
-        os.lseek(file, -length, os.SEEK_END)
-        end = os.read(file, length)
+        end = file.read(size - length, length)
     if end[-4:] != b"PAR1" or not 8 < length <= len(end):
         return None
     return parse(end[-length:-8])

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
-from weakref import finalize
 
 import numpy as np
 import pyarrow as pa
@@ -21,6 +19,8 @@ from safestage_eval.errors import TraceError
 from .arrow_tables import schema
 from .parquet_columns import read_columns
 from .parquet_footer import Footer, Group, by_pyarrow, read_footer
+from .remote_path import source_of
+from .source import LocalSource, SourceStream
 
 
 @dataclass
@@ -29,6 +29,8 @@ class Known:
 
     footer: Footer | None
     metadata: pq.FileMetaData | None = None
+    by_episode: dict[int, list[Group]] | None = None
+    """Row groups of each episode; empty where a group holds several, or does not say."""
 
 
 FOOTERS: dict[tuple[Path, int, int], Known] = {}
@@ -57,18 +59,19 @@ class StoredTable:
         self.names = schema(table).names
         try:
             stat = path.stat()
-        except OSError:
+        except (FileNotFoundError, NotADirectoryError):
             raise TraceError(
                 str(path),
                 f"the table {table!r} is missing.",
                 fix="copy the dataset again, with all of its folders",
             ) from None
+        except OSError as error:
+            raise TraceError(str(path), f"cannot be read: {error.strerror or error}") from None
         key = path, stat.st_mtime_ns, stat.st_size
         try:
-            self._open = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
-            finalize(self, os.close, self._open)
+            self._source = source_of(path)
             self._known = FOOTERS.get(key) or Known(
-                read_footer(self._open) if table in NUMBERS else None
+                read_footer(self._source) if table in NUMBERS else None
             )
             if self._known.footer is None:
                 self._known.footer = by_pyarrow(self._file.metadata)
@@ -85,8 +88,12 @@ class StoredTable:
     def _file(self) -> pq.ParquetFile:
         """The file as pyarrow reads it, which takes long to open."""
         known = self._known
+        local = isinstance(self._source, LocalSource)
         file = pq.ParquetFile(
-            self.path, metadata=known.metadata, pre_buffer=False, page_checksum_verification=True
+            self.path if local else pa.PythonFile(SourceStream(self._source), "r"),
+            metadata=known.metadata,
+            pre_buffer=not local,
+            page_checksum_verification=True,
         )
         known.metadata = file.metadata
         return file
@@ -129,12 +136,16 @@ class StoredTable:
         self._demand(columns)
         stored = np.dtype(dtype if np.dtype(dtype).itemsize == 4 else np.int32)
         rows = [self._groups[group].rows for group in groups]
-        if 4 * sum(rows) * len(columns) > MOST_UNPACKED * os.fstat(self._open).st_size:
+        if 4 * sum(rows) * len(columns) > MOST_UNPACKED * self._source.size:
             return self._stacked(self.read(groups, columns), columns, dtype)
         out, first = np.empty((sum(rows), len(columns)), stored), 0
         for group, count in zip(groups, rows, strict=True):
             part = out[first : first + count]
-            if not read_columns(self._open, self._footer, group, columns, part):
+            try:
+                known = read_columns(self._source, self._footer, group, columns, part)
+            except OSError as error:
+                raise _unreadable(self.path, error) from None
+            if not known:
                 return self._stacked(self.read(groups, columns), columns, dtype)
             first += count
         return out.astype(dtype, copy=False)
@@ -165,7 +176,20 @@ class StoredTable:
 
     def groups(self, episode: int, body: str | None = None) -> list[Group]:
         """The row groups that may hold rows of an episode (and of one body), in stored order."""
-        return [g for g in self._groups if g.may_hold(episode_index=episode, body=body)]
+        return [g for g in self._near(episode) if g.may_hold(episode_index=episode, body=body)]
+
+    def _near(self, episode: int) -> Sequence[Group]:
+        """Those to look through: a shard holds thousands, of many episodes."""
+        known = self._known
+        if known.by_episode is None:
+            known.by_episode = {}
+            for group in self._groups:
+                only = group.single("episode_index")
+                if only is None:
+                    known.by_episode = {}
+                    break
+                known.by_episode.setdefault(only, []).append(group)
+        return known.by_episode.get(episode, ()) if known.by_episode else self._groups
 
     def read(self, groups: Sequence[int], columns: Sequence[str]) -> pa.Table:
         """All rows of some row groups. Raises TraceError on damaged bytes."""
@@ -241,7 +265,7 @@ def _unreadable(path: Path, error: Exception) -> TraceError:
     try:
         size = path.stat().st_size
     except OSError:
-        size = 0
+        return TraceError(str(path), f"cannot be read: {error}")
     return TraceError(
         str(path),
         f"not a whole Parquet file ({size} bytes): {str(error).strip().splitlines()[0]}.",

@@ -61,7 +61,7 @@ def started(tmp_path, *arguments):
 def test_verdict_for_verdict_the_same_with_a_worker_killed(traces, tmp_path):
     command = ("score", traces, "-r", "fsh", "-f", "json", "--engine", "ray")
     run = started(tmp_path, *command, "--resume", tmp_path / "kept")
-    killed, waited = [], time.monotonic() + 200
+    killed, waited = [], time.monotonic() + 500
     while run.poll() is None and len(killed) < 2 and time.monotonic() < waited:
         for pid in tasks_below(run.pid):
             if pid not in killed:
@@ -69,7 +69,7 @@ def test_verdict_for_verdict_the_same_with_a_worker_killed(traces, tmp_path):
                 killed.append(pid)
                 break
         time.sleep(0.2)
-    out, err = run.communicate(timeout=200)
+    out, err = run.communicate(timeout=500)
     assert killed
     assert run.returncode == 2, err  # the broken one is listed
     assert json.loads(out) == json.loads(render(score_paths([traces], ["fsh"], jobs=1), "json"))
@@ -78,7 +78,7 @@ def test_verdict_for_verdict_the_same_with_a_worker_killed(traces, tmp_path):
 def test_an_episode_that_kills_is_a_problem_here_too(traces, tmp_path):
     command = ("score", traces, "-r", "fsh", "-f", "json", "--engine", "ray")
     run = started(tmp_path, "--with-a-crash", *command, "--resume", tmp_path / "kept")
-    out, err = run.communicate(timeout=200)
+    out, err = run.communicate(timeout=500)
     found, truth = json.loads(out), score_paths([traces], ["fsh"], jobs=1)
     rows = json.loads(render(truth, "json"))["episodes"]
     assert found["episodes"] == [row for row in rows if row["episode_id"] != "e2"], err

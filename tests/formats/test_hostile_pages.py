@@ -1,7 +1,5 @@
 """Lengths and counts that a Parquet file only claims never lead a kernel out of its arrays."""
 
-import os
-
 import numba  # noqa: F401 — the quick way is taken where it is loaded
 import numpy as np
 import pyarrow as pa
@@ -11,6 +9,7 @@ import pytest
 from safestage_eval.formats.page_kernels import DELTA, SPLIT, _deltas, find_pages, read_pages
 from safestage_eval.formats.parquet_columns import read_columns
 from safestage_eval.formats.parquet_footer import COMPRESSED, FIRST_PAGE, parse, read_footer
+from safestage_eval.formats.source import LocalSource
 
 HUGE = (2**31 - 1, 2**31, 2**32, 2**58, 2**59, 2**60, 2**62, 2**63 - 1, -1, -(2**31), -(2**63))
 TEXT, LIST, RECORD, NUMBER = 8, 9, 12, 6
@@ -103,9 +102,7 @@ def file(tmp_path):
         table, path, compression="lz4", use_dictionary=False,
         column_encoding={"x": "BYTE_STREAM_SPLIT", "n": "DELTA_BINARY_PACKED"},
     )  # fmt: skip
-    number = os.open(path, os.O_RDONLY)
-    yield number
-    os.close(number)
+    return LocalSource(path)
 
 
 @pytest.mark.parametrize("number", [n for n in HUGE if abs(n) < 2**63])

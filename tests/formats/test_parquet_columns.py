@@ -1,7 +1,5 @@
 """The quick way through Parquet files says what pyarrow says, or that it cannot tell."""
 
-import os
-
 import numba  # noqa: F401 — the quick way is taken where it is loaded
 import numpy as np
 import pyarrow as pa
@@ -12,6 +10,7 @@ from hypothesis import strategies as st
 
 from safestage_eval.formats.parquet_columns import read_columns
 from safestage_eval.formats.parquet_footer import by_pyarrow, read_footer
+from safestage_eval.formats.source import LocalSource
 
 OURS = {
     "compression": "lz4",
@@ -46,15 +45,12 @@ def numbers(rows, seed=0, roughness=1):
 
 def both(path, names, group=0):
     """Columns as read quickly, or None, and as pyarrow reads them."""
-    file = os.open(path, os.O_RDONLY)
-    try:
-        footer = read_footer(file)
-        rows = footer.groups[group].rows
-        dtype = np.int32 if names == ["frame_index"] else np.float32
-        out = np.empty((rows, len(names)), dtype)
-        known = read_columns(file, footer, group, names, out)
-    finally:
-        os.close(file)
+    file = LocalSource(path)
+    footer = read_footer(file)
+    rows = footer.groups[group].rows
+    dtype = np.int32 if names == ["frame_index"] else np.float32
+    out = np.empty((rows, len(names)), dtype)
+    known = read_columns(file, footer, group, names, out)
     table = pq.ParquetFile(path).read_row_group(group, names)
     return out if known else None, table
 
@@ -116,9 +112,8 @@ def test_the_footer_says_the_same(tmp_path, rows, statistics):
     pq.write_table(
         numbers(100), path, row_group_size=rows, **{**OURS, "write_statistics": statistics}
     )
-    file = os.open(path, os.O_RDONLY)
+    file = LocalSource(path)
     footer = read_footer(file)
-    os.close(file)
     expected = by_pyarrow(pq.read_metadata(path))
     assert footer.groups == expected.groups
     assert footer.columns == expected.columns
@@ -130,19 +125,17 @@ def test_no_damage_passes_as_data(tmp_path):
     """Of every single byte of the columns: turned over, it is noticed."""
     path = tmp_path / "f.parquet"
     pq.write_table(numbers(60), path, **OURS)
-    file = os.open(path, os.O_RDONLY)
+    file = LocalSource(path)
     footer, whole = read_footer(file), path.read_bytes()
-    os.close(file)
     noticed = 0
     true = np.stack([both(path, ["x", "y"])[1][name].to_numpy() for name in "xy"], 1)
     for at in range(4, int(footer.chunks[0, :, 9].max())):
         for flip in (1, 12, 255):
             path.write_bytes(whole[:at] + bytes([whole[at] ^ flip]) + whole[at + 1 :])
-            file = os.open(path, os.O_RDONLY)
+            file = LocalSource(path)
             out = np.zeros((60, 2), np.float32)
             if read_columns(file, footer, 0, ["x", "y"], out):
                 assert out.tobytes() == true.tobytes()
             else:
                 noticed += 1
-            os.close(file)
     assert noticed > 400

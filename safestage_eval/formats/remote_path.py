@@ -1,0 +1,210 @@
+"""A place in an object store, ``s3://bucket/key``, that is joined, listed and read like a path."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import time
+from collections.abc import Generator, Iterator
+from fnmatch import fnmatchcase
+from functools import lru_cache
+from pathlib import Path, PosixPath
+from types import SimpleNamespace
+from typing import IO, Any, TypeVar
+
+from safestage_eval.errors import InputError
+
+from .source import BlockSource, LocalSource, Source, SourceStream
+
+T = TypeVar("T")
+
+TRIES, PAUSE = 5, 0.2
+"""Times that a store is asked, and s between the first two; each pause is twice as long."""
+
+_STREAM = 1 << 20
+"""Bytes that are read at once of an object that is read from its beginning on."""
+
+_URI = re.compile(r"([a-z][a-z0-9+.-]+):/{1,2}(.*)", re.DOTALL)
+
+
+def as_path(place: str | Path) -> Path:
+    """A path from what a user gives: with ``scheme://`` it is in a store."""
+    if isinstance(place, str) and "://" in place:
+        return RemotePath(place)
+    return Path(place)
+
+
+def source_of(path: Path) -> Source:
+    """What a path names, open for reading. Raises OSError where there is nothing."""
+    return path.source() if isinstance(path, RemotePath) else LocalSource(path)
+
+
+def walk(folder: Path) -> Iterator[tuple[Path, list[str], list[str]]]:
+    """Each folder below one with the names of its folders and files, as ``os.walk``."""
+    if not isinstance(folder, RemotePath):
+        for root, folders, files in os.walk(folder):
+            yield Path(root), folders, files
+        return
+    folders, files = folder.names()
+    yield folder, folders, files
+    for name in folders:
+        yield from walk(folder / name)
+
+
+class RemotePath(PosixPath):
+    """A path whose files are in a store. Stores are asked again when they fail, then it is an OSError.
+
+    ``s3://`` and ``gs://`` go through ``pyarrow.fs``, ``hf://`` and all others through fsspec.
+    Credentials, region and endpoint (``AWS_ENDPOINT_URL``) are those of the environment.
+    """
+
+    def __str__(self) -> str:
+        """With both slashes, which paths make one of."""
+        scheme, rest = self._split()
+        return f"{scheme}://{rest}"
+
+    def __fspath__(self) -> str:
+        return str(self)
+
+    def _split(self) -> tuple[str, str]:
+        match = _URI.fullmatch(super().__str__())
+        assert match is not None
+        return match[1], match[2]
+
+    def _info(self) -> Any:
+        scheme, place = self._split()
+        return tried(lambda: filesystem(scheme).get_file_info(place))
+
+    def exists(self, **_: Any) -> bool:
+        """Whether there is an object, or any below it."""
+        if self.parent.name == "assets":
+            return self.name in _assets(self.parent)
+        return bool(self._info().type.value >= _FILE)
+
+    def is_file(self, **_: Any) -> bool:
+        """Whether there is an object."""
+        return bool(self._info().type.value == _FILE)
+
+    def is_dir(self, **_: Any) -> bool:
+        """Whether there are objects below it."""
+        return bool(self._info().type.value == _FOLDER)
+
+    def stat(self, **_: Any) -> Any:
+        """Size and time of change. Raises FileNotFoundError."""
+        info = self._info()
+        if info.type.value != _FILE:
+            raise FileNotFoundError(2, "no such object", str(self))
+        return SimpleNamespace(st_size=info.size, st_mtime_ns=info.mtime_ns or 0)
+
+    def resolve(self, strict: bool = False) -> RemotePath:  # noqa: ARG002
+        """Itself."""
+        return self
+
+    def absolute(self) -> RemotePath:
+        """Itself."""
+        return self
+
+    def names(self) -> tuple[list[str], list[str]]:
+        """Names of the folders and of the files in it."""
+        from pyarrow.fs import FileSelector
+
+        scheme, place = self._split()
+        found = tried(lambda: filesystem(scheme).get_file_info(FileSelector(place)))
+        folders = sorted(info.base_name for info in found if info.type.value == _FOLDER)
+        return folders, sorted(info.base_name for info in found if info.type.value == _FILE)
+
+    def glob(self, pattern: str, **_: Any) -> Generator[RemotePath, None, None]:
+        """Files in it, and not deeper, whose names match."""
+        try:
+            names = self.names()[1]
+        except FileNotFoundError:
+            return
+        yield from (self / name for name in names if fnmatchcase(name, pattern))
+
+    def source(self) -> BlockSource:
+        """Open for reading by ranges."""
+        scheme, place = self._split()
+        file = tried(lambda: filesystem(scheme).open_input_file(place))
+        size = tried(file.size)
+
+        def fetch(at: int, count: int) -> bytes:
+            data: bytes = tried(lambda: file.read_at(count, at))
+            if len(data) != count:
+                raise OSError(5, f"{len(data)} bytes came in place of {count}", str(self))
+            return data
+
+        return BlockSource(size, fetch)
+
+    def open(self, mode: str = "r", *_: Any, **__: Any) -> IO[Any]:  # type: ignore[override]
+        """For reading bytes."""
+        if mode != "rb":
+            raise InputError(str(self), "object stores are only read.", fix="give a local folder")
+        return io.BufferedReader(SourceStream(self.source()), _STREAM)
+
+    def read_bytes(self) -> bytes:
+        """All of it. What is named after its content is read once."""
+        return _asset(self) if self.parent.name == "assets" else self._whole()
+
+    def _whole(self) -> bytes:
+        source = self.source()
+        return source.read(0, source.size)
+
+    def read_text(self, encoding: str | None = None, *_: Any, **__: Any) -> str:
+        """All of it as text."""
+        return self._whole().decode(encoding or "utf-8")
+
+
+_FILE, _FOLDER = 2, 3
+"""Values of ``pyarrow.fs.FileType``."""
+
+
+@lru_cache(maxsize=128)
+def _asset(path: RemotePath) -> bytes:
+    return path._whole()  # noqa: SLF001
+
+
+@lru_cache(maxsize=8)
+def _assets(folder: RemotePath) -> frozenset[str]:
+    """Names of a dataset's assets, asked for once."""
+    return frozenset(folder.names()[1])
+
+
+@lru_cache
+def filesystem(scheme: str) -> Any:
+    """The store that a scheme stands for. Raises InputError for one that cannot be reached."""
+    from pyarrow import fs
+
+    if scheme == "s3":
+        return fs.S3FileSystem(
+            endpoint_override=os.environ.get("AWS_ENDPOINT_URL"),
+            region=os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION"),
+            retry_strategy=fs.AwsStandardS3RetryStrategy(max_attempts=1),  # ``tried`` does it
+            connect_timeout=10,
+            request_timeout=60,
+        )
+    if scheme == "gs":
+        return fs.GcsFileSystem()
+    try:
+        import fsspec  # type: ignore[import-untyped]
+
+        return fs.PyFileSystem(fs.FSSpecHandler(fsspec.filesystem(scheme)))
+    except (ImportError, ValueError) as error:
+        raise InputError(
+            f"{scheme}://", f"this store cannot be read: {error}.", "s3, gs, hf, and those of fsspec",
+            "pip install fsspec, and for hf:// huggingface_hub",
+        ) from None  # fmt: skip
+
+
+def tried(ask: Any) -> Any:
+    """What asking a store gives; asked again when it fails. Raises the last OSError."""
+    for attempt in range(TRIES):
+        try:
+            return ask()
+        except FileNotFoundError:
+            raise
+        except OSError:
+            if attempt == TRIES - 1:
+                raise
+            time.sleep(PAUSE * 2**attempt)
+    raise AssertionError

@@ -1,0 +1,258 @@
+"""The crash campaign: everything that writes is killed, starved of disk and locked out, and goes on.
+
+``python tests/faults/campaign.py --kills 120 --write docs/reliability.md`` runs it and writes the page
+with what was tried and what came of it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import shutil
+import sys
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+if __name__ == "__main__":
+    sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parents[1])]
+
+from child import Child  # noqa: E402
+from disk import small_disk  # noqa: E402
+from victims import (  # noqa: E402
+    Scorer,
+    Victim,
+    children,
+    is_worker,
+    names,
+    pid_alive,
+    prepared,
+    writers,
+)
+
+
+@dataclass
+class Row:
+    """What came of one kind of fault to one writer."""
+
+    victim: str
+    fault: str
+    tried: int = 0
+    hit: int = 0
+    """How often it was at work when the fault came."""
+    kept: int = 0
+    """Episodes that were written for good before, over all tries; every one of them is there."""
+    lost: int = 0
+    halves: int = 0
+    next_failed: int = 0
+    said: set[str] = field(default_factory=set)
+
+
+def after(row: Row, victim: Victim, folder: Path, committed: set[str]) -> None:
+    """What must be true after any fault, and that the next run finishes the work."""
+    try:
+        left = victim.left(folder)
+    except AssertionError as error:
+        row.halves += 1
+        row.said.add(f"HALF: {error}")
+        left = set()
+    row.kept += len(committed)
+    row.lost += len(committed - left)
+    again = Child(victim, folder)
+    code = again.wait()
+    again.committed()
+    try:
+        whole = code == 0 and victim.left(folder) == set(names())
+    except AssertionError:
+        whole = False
+    if not whole:
+        row.next_failed += 1
+        row.said.add(f"NEXT RUN: exit code {code}: {again.said()}")
+
+
+def killed(victim: Victim, kills: int, chance: random.Random, place: Path) -> Row:
+    """kill -9 at random moments between start and end."""
+    row = Row(victim.name, "kill -9 at a random moment")
+    place.mkdir()
+    folder = place / "data"
+    began = time.monotonic()
+    first = Child(victim, folder)
+    assert first.wait() == 0, first.said()
+    first.committed()
+    lasts = time.monotonic() - began
+    before: set[str] = set()
+    for _ in range(kills):
+        # half of the time go on with what a killed run left, which is killed in its turn
+        if chance.random() < 0.5 or before == set(names()):
+            shutil.rmtree(folder, ignore_errors=True)
+            before = set()
+        child = Child(victim, folder)
+        time.sleep(chance.uniform(0, lasts))
+        helpers = children(child.pid)
+        child.kill()
+        code = child.wait()
+        row.tried += 1
+        row.hit += code == -9
+        gone(helpers)
+        committed = child.committed() | before
+        if chance.random() < 0.5:
+            after(row, victim, folder, committed)
+            before = set(names())
+        else:
+            try:
+                before = victim.left(folder)
+            except AssertionError as error:
+                row.halves += 1
+                row.said.add(f"HALF: {error}")
+                before = set()
+            row.kept += len(committed)
+            row.lost += len(committed - before)
+    after(row, victim, folder, before)
+    return row
+
+
+def gone(pids: list[int]) -> None:
+    """Workers end with whoever started them; waits for that."""
+    end = time.monotonic() + 30
+    while any(pid_alive(pid) for pid in pids):
+        assert time.monotonic() < end, "a worker outlived its run"
+        time.sleep(0.02)
+
+
+def workers_killed(victim: Scorer, kills: int, chance: random.Random, place: Path) -> Row:
+    """kill -9 of one worker process after the other while a run goes on: it must not notice."""
+    row = Row("scorer's workers", "kill -9 at a random moment")
+    place.mkdir()
+    while row.hit < kills:
+        folder = place / "data"
+        shutil.rmtree(folder, ignore_errors=True)
+        child = Child(victim, folder)
+        spared: set[int] = set()
+        while not child.ended():
+            workers = [pid for pid in children(child.pid) if is_worker(pid) and pid not in spared]
+            if workers and row.hit < kills and len(spared) < 3:
+                time.sleep(chance.uniform(0, 3))
+                pid = chance.choice(workers)
+                spared.add(pid)
+                if pid_alive(pid):
+                    os.kill(pid, 9)
+                    row.hit += 1
+            time.sleep(0.02)
+        row.tried = row.hit
+        child.committed()
+        code = child.wait()
+        if code not in (0, 2):  # 2: an episode whose process was killed twice is listed
+            row.next_failed += 1
+            row.said.add(f"exit code {code}: {child.said()}")
+        row.kept += len(names())
+        after(row, victim, folder, set(names()) if code == 0 else set())
+    return row
+
+
+def full_disk(victim: Victim, times: int, chance: random.Random, place: Path) -> Row:
+    """The disk is full after some of the episodes, at another byte each time."""
+    fault = "disk full"
+    with small_disk(place) as disk:
+        if not disk.mounted:
+            fault = "file grows beyond its bound (no file system could be mounted)"
+        row = Row(victim.name, fault)
+        for _ in range(times):
+            shutil.rmtree(disk.folder, ignore_errors=True)
+            most = 400_000 if disk.mounted else 20_000
+            child = Child(victim, disk.folder, disk.fill(chance.randrange(4096, most)))
+            code = child.wait()
+            committed = child.committed()
+            row.tried += 1
+            row.hit += code != 0
+            if code not in (0, 1, 2):
+                row.said.add(f"CRASH: exit code {code}: {child.said()}")
+                row.next_failed += 1
+            disk.make_room()
+            after(row, victim, disk.folder, committed)
+    return row
+
+
+def read_only(victim: Victim, chance: random.Random, place: Path) -> Row:
+    """Some episodes are there, and the folder may not be written to any more."""
+    with small_disk(place) as disk:
+        row = Row(victim.name, "folder cannot be written to")
+        if not disk.mounted and os.geteuid() == 0:
+            return row  # rights mean nothing to this user
+        child = Child(victim, disk.folder)
+        time.sleep(chance.uniform(0, 0.3))
+        child.kill()
+        child.wait()
+        committed, before = child.committed(), victim.left(disk.folder)
+        with disk.read_only():
+            child = Child(victim, disk.folder)
+            code = child.wait()
+            child.committed()
+            row.tried, row.hit = 1, int(code != 0)
+            if code not in (0, 1, 2) or (code == 0 and before != set(names())):
+                row.next_failed += 1
+                row.said.add(f"exit code {code}: {child.said()}")
+            row.lost += len(before - victim.left(disk.folder))
+        after(row, victim, disk.folder, committed)
+    return row
+
+
+def campaign(kills: int, disks: int, seed: int, place: Path) -> list[Row]:
+    """Everything; of the kills a twelfth each goes to the scorer and to its workers."""
+    chance = random.Random(seed)
+    source = prepared(place)
+    copying, scorer = writers(source), Scorer(source)
+    few = max(1, kills // 12)
+    share = -(-(kills - 2 * few) // len(copying))
+    rows = [killed(victim, share, chance, place / f"kill{i}") for i, victim in enumerate(copying)]
+    rows.append(killed(scorer, few, chance, place / "kill scorer"))
+    rows.append(workers_killed(scorer, few, chance, place / "kill workers"))
+    everyone = [*copying, scorer]
+    rows += [full_disk(v, disks, chance, place / f"full{i}") for i, v in enumerate(copying)]
+    rows.append(full_disk(scorer, max(1, disks // 5), chance, place / "full scorer"))
+    rows += [read_only(v, chance, place / f"ro{i}") for i, v in enumerate(everyone)]
+    return rows
+
+
+def table(rows: list[Row]) -> str:
+    """As Markdown."""
+    lines = [
+        "| what was at work | what happened | times | of these, in its midst | episodes written before | lost | half files taken for whole | next run failed |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for r in rows:
+        if r.tried:
+            cells = (r.victim, r.fault, r.tried, r.hit, r.kept, r.lost, r.halves, r.next_failed)
+            lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines) + "\n"
+
+
+BEGIN, END = "<!-- campaign -->\n", "<!-- end of campaign -->\n"
+
+
+def main() -> int:
+    """Exit code 1 if anything was lost, taken for whole, or did not go on."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kills", type=int, default=120)
+    parser.add_argument("--disks", type=int, default=10, help="full disks for each writer")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--write", type=Path, help="page whose table is replaced")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as place:
+        rows = campaign(args.kills, args.disks, args.seed, Path(place))
+    print(table(rows))
+    for row in rows:
+        for line in sorted(row.said):
+            print(f"{row.victim}, {row.fault}: {line}", file=sys.stderr)
+    if args.write:
+        page = args.write.read_text("utf-8")
+        head, rest = page.split(BEGIN)
+        told = f"`--kills {args.kills} --disks {args.disks} --seed {args.seed}`:\n\n{table(rows)}"
+        args.write.write_text(head + BEGIN + told + END + rest.split(END)[1], "utf-8")
+    return int(any(row.lost or row.halves or row.next_failed for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

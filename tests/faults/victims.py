@@ -1,0 +1,221 @@
+"""Everything that writes: how it is started, what must be true of what it left, and how it goes on."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from pathlib import Path
+
+from recordings import falling_cube
+
+from safestage_eval.cli import main
+from safestage_eval.engines.parts import ENDING, Parts
+from safestage_eval.episode import check
+from safestage_eval.errors import InputError
+from safestage_eval.formats import discover, save
+from safestage_eval.scoring import score_paths
+
+EPISODES = 8
+RULES = "fsh"
+
+Commit = Callable[[str], None]
+"""Told the id of an episode when it has been written for good."""
+
+
+def names() -> list[str]:
+    """Ids of the episodes that are written again and again."""
+    return [f"e{i}" for i in range(EPISODES)]
+
+
+def recording(name: str):
+    """The same each time: a falling cube, of another length for each id."""
+    return falling_cube(
+        name, frames=40 + 5 * int(name[1:]), task=f"t{int(name[1:]) % 3}", policy="p", stage="FSH",
+        roles={"target": ("cube",)}, rules=("FSH101",), success=True, success_time=0.1,
+    )  # fmt: skip
+
+
+class Victim(ABC):
+    """Something that writes."""
+
+    name: str
+
+    def __init__(self, source: Path) -> None:
+        """``source``: a folder with all episodes, ready."""
+        self.source = source
+        self.truth = {ref.episode_id: ref.open().content_hash for ref in discover(source)}
+
+    @abstractmethod
+    def go(self, folder: Path, commit: Commit) -> int:
+        """Write everything that is not there yet into a folder; the exit code."""
+
+    def left(self, folder: Path) -> set[str]:
+        """Ids that are there, whole and as they should be.
+
+        Raises AssertionError for half a file that passes for a whole one.
+        """
+        if not folder.is_dir() or not any(folder.iterdir()):
+            return set()
+        try:
+            refs = discover(folder)
+        except InputError as error:
+            assert "no episode in here" in str(error), error
+            return set()
+        for ref in refs:
+            assert ref.problem is None, f"{ref.path} passes for an episode: {ref.problem}"
+            episode = ref.open()
+            assert not check(episode)
+            assert episode.content_hash == self.truth[ref.episode_id] == ref.content_hash
+        assert len({ref.episode_id for ref in refs}) == len(refs)
+        return {ref.episode_id for ref in refs}
+
+
+class Recorder(Victim):
+    """Records what is not there yet, as ``safestage record`` does, with the public writer."""
+
+    def __init__(self, source: Path, form: str) -> None:
+        """``form``: parquet or mcap."""
+        super().__init__(source)
+        self.name, self._form = f"recorder ({form})", form
+
+    def go(self, folder: Path, commit: Commit) -> int:
+        """Exit code 2 when an episode could not be written."""
+        there = self.left(folder)
+        for name in names():
+            if name in there:
+                continue
+            try:
+                path = folder if self._form == "parquet" else folder / f"{name}.mcap"
+                recording(name).close(path)
+            except InputError as error:
+                sys.stderr.write(f"{error}\n")
+                return 2
+            commit(name)
+        return 0
+
+
+class Command(Victim):
+    """A command that copies the source to a folder."""
+
+    def __init__(self, source: Path, name: str, *arguments: str) -> None:
+        """``arguments``: ``{source}`` and ``{out}`` are filled in."""
+        super().__init__(source)
+        self.name, self._arguments = name, arguments
+
+    def go(self, folder: Path, commit: Commit) -> int:
+        """The command's own exit code."""
+        words = [a.format(source=self.source, out=folder) for a in self._arguments]
+        return main_with(words)
+
+
+class Scorer(Victim):
+    """Scores the source, keeping results in the folder."""
+
+    name = "scorer"
+
+    def __init__(self, source: Path, jobs: int = 2) -> None:
+        super().__init__(source)
+        self._jobs = jobs
+        self.results = {r.episode_id: r for r in score_paths([source], [RULES], jobs=1).results}
+
+    def go(self, folder: Path, commit: Commit) -> int:
+        """0 when it wrote the whole output, and that is right."""
+        words = ["score", str(self.source), "-r", RULES, "--resume", str(folder), "-f", "json"]
+        out = folder.parent / "out.json"
+        code = main_with([*words, "-j", str(self._jobs), "-o", str(out)])
+        if code == 0:
+            rows = json.loads(out.read_text("utf-8"))["episodes"]
+            wanted = [row for result in self.results.values() for row in result.rows()]
+            key = ("episode_id", "rule", "verdict", "time", "rule_digest", "trace_hash")
+            assert [[r[k] for k in key] for r in rows] == [[w[k] for k in key] for w in wanted]
+        return code
+
+    def left(self, folder: Path) -> set[str]:
+        """Ids of the results in all parts, each compared with the truth."""
+        found = set()
+        if not (folder / "parts").is_dir():
+            return found
+        parts = Parts(folder / "parts")
+        for path in (folder / "parts").iterdir():
+            if path.name.endswith(ENDING):
+                rows = parts.adopt(path.name)
+                assert rows, f"{path} is half a file"
+                for row in rows:
+                    told = json.loads(parts.line(row))
+                    truth = self.results[told["episode_id"]]
+                    assert told["trace_hash"] == truth.trace_hash
+                    verdicts = [(v["rule"], v["verdict"], v["time"]) for v in told["verdicts"]]
+                    assert verdicts == [(v.rule, v.verdict, v.time) for v in truth.verdicts]
+                    found.add(told["episode_id"])
+        return found
+
+
+def main_with(words: list[str]) -> int:
+    """``safestage`` with these words, in this process."""
+    sys.argv = ["safestage", *words]
+    try:
+        main()
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    return 0
+
+
+def prepared(folder: Path) -> Path:
+    """The episodes to copy and to score, in both formats."""
+    source = folder / "source"
+    shutil.rmtree(source, ignore_errors=True)
+    for i, name in enumerate(names()):
+        episode = recording(name).episode()
+        save(episode, source / "dataset" if i % 2 else source / f"{name}.mcap")
+    return source
+
+
+def writers(source: Path) -> list[Victim]:
+    """All but the scorer, whose processes take long to start."""
+    return [
+        Recorder(source, "parquet"),
+        Recorder(source, "mcap"),
+        Command(source, "converter to Parquet", "convert", "{source}", "--to", "parquet", "-o", "{out}"),
+        Command(
+            source, "converter to MCAP", "convert", "{source}", "--to", "mcap", "--no-events",
+            "--force", "-o", "{out}",
+        ),
+        Command(
+            source, "packer", "pack", "{source}", "--out", "{out}", "--by", "task",
+            "--shard-episodes", "2",
+        ),
+    ]  # fmt: skip
+
+
+def pid_alive(pid: int) -> bool:
+    """Whether a process runs; one that has ended and waits to be collected does not."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0]
+    except OSError:
+        return False
+    return state != b"Z"
+
+
+def children(pid: int) -> list[int]:
+    """Processes that a process started, and that run."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            parent = int(path.read_bytes().rpartition(b")")[2].split()[1])
+        except OSError:
+            continue
+        if parent == pid and pid_alive(int(path.parent.name)):
+            found.append(int(path.parent.name))
+    return found
+
+
+def is_worker(pid: int) -> bool:
+    """A worker, and not multiprocessing's own helper."""
+    try:
+        words = Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
+    return b"spawn_main" in words

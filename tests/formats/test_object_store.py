@@ -1,0 +1,149 @@
+"""Datasets in an object store: the same episodes, few requests, and no verdict from a broken line."""
+
+import random
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from object_store import object_store, upload
+from studio import block
+
+from safestage_eval.engines import run as runs
+from safestage_eval.engines.run import Choice
+from safestage_eval.errors import TraceError
+from safestage_eval.formats import discover, load, remote_path, save
+from safestage_eval.formats.remote_path import RemotePath, as_path
+from safestage_eval.formats.source import BLOCK, BlockSource
+from safestage_eval.scoring import score_paths, understood
+
+pytest.importorskip("moto")
+remote = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("traces")
+    for i in range(4):
+        save(block(f"e{i}", room=0.006 * i), folder / "dataset")
+        save(block(f"m{i}", room=0.006 * i), folder / "deeper" / f"m{i}.mcap")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def store():
+    with object_store() as between:
+        yield between
+
+
+@pytest.fixture
+def uri(store, local, monkeypatch):
+    for name in ("ACCESS_KEY_ID", "SECRET_ACCESS_KEY"):
+        monkeypatch.setenv(f"AWS_{name}", "test")
+    monkeypatch.setenv("AWS_ENDPOINT_URL", store.url)
+    monkeypatch.setenv("AWS_REGION", "us-east-1")
+    monkeypatch.setattr(remote_path, "PAUSE", 0.01)
+    remote_path.filesystem.cache_clear()
+    store.calm()
+    yield upload(local, store, "corpus")
+    store.calm()
+    remote_path.filesystem.cache_clear()
+
+
+def told(scores):
+    return [replace(result, path="") for result in scores.results]
+
+
+def test_paths_in_a_store_behave_as_paths():
+    path = as_path("s3://bucket/a/b.parquet")
+    assert isinstance(path, RemotePath)
+    assert str(path) == "s3://bucket/a/b.parquet"
+    assert str(path.parents[1] / "meta" / "info.json") == "s3://bucket/meta/info.json"
+    assert (path.name, path.suffix, path.parent.name) == ("b.parquet", ".parquet", "a")
+    assert path == RemotePath("s3://bucket/a") / "b.parquet"
+    assert not isinstance(as_path("traces/s3"), RemotePath)
+
+
+@given(
+    st.integers(0, 5 * BLOCK),
+    st.lists(st.tuples(st.integers(0, 5 * BLOCK), st.integers(0, 3 * BLOCK)), max_size=8),
+)
+def test_ranges_are_those_of_the_object_and_none_is_fetched_twice(size, ranges):
+    data = np.random.default_rng(size).bytes(size)
+    fetched = []
+
+    def fetch(at, count):
+        fetched.append((at, count))
+        assert at + count <= size
+        return data[at : at + count]
+
+    source = BlockSource(size, fetch)
+    for at, count in ranges:
+        assert source.read(at, count) == data[at : at + count]
+    blocks = [b for at, count in fetched for b in range(at // BLOCK, -(-(at + count) // BLOCK))]
+    assert len(blocks) == len(set(blocks))
+
+
+class TestRemote:
+    """With a server."""
+
+    pytestmark = remote
+
+    def test_the_same_episodes_with_the_same_verdicts(self, uri, local):
+        here, there = discover(local), discover(uri)
+        assert [ref.episode_id for ref in there] == [ref.episode_id for ref in here]
+        assert [ref.fields for ref in there] == [ref.fields for ref in here]
+        assert told(score_paths([uri], ["fsh"], jobs=1)) == told(
+            score_paths([local], ["fsh"], jobs=1)
+        )
+
+    def test_worker_processes_read_it_too_and_results_are_kept(self, uri, local, store, tmp_path):
+        choice = Choice(resume=tmp_path / "kept", jobs=1)
+        first = runs.run([uri], understood(["fsh"]), choice)
+        assert told(first) == told(score_paths([local], ["fsh"], jobs=1))
+        store.requests.clear()
+        again = runs.run([local], understood(["fsh"]), choice)  # known by content, not by place
+        assert told(again) == told(first)
+        assert not store.requests
+
+    def test_only_what_is_asked_for_is_fetched_and_in_few_requests(self, uri, store, tmp_path):
+        """Of a long episode with many bodies one body's poses."""
+        from made import Size, write
+
+        write(tmp_path / "made", "FSH", Size(frames=6000, objects=20))
+        there = upload(tmp_path / "made", store, "made")
+        stored = sum(path.stat().st_size for path in (tmp_path / "made").rglob("*.parquet"))
+        store.requests.clear()
+        episode = load(there)
+        poses = episode.tracks["upper"].position
+        gets = [size for method, _, size in store.requests if method == "GET"]
+        assert np.array_equal(poses, load(tmp_path / "made").tracks["upper"].position)
+        assert sum(gets) < stored / 2
+        assert len(gets) < 40
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_a_store_that_fails_now_and_then_is_asked_again(self, uri, local, store, seed):
+        chance = random.Random(seed)
+        store.delay = 0.002
+        store.failing = lambda number, path: chance.random() < 0.15
+        found = score_paths([uri], ["fsh"], jobs=1)
+        assert store.failed
+        assert not found.problems
+        assert told(found) == told(score_paths([local], ["fsh"], jobs=1))
+
+    def test_a_store_that_fails_for_good_gives_problems_and_no_verdict(
+        self, uri, local, store, monkeypatch
+    ):
+        monkeypatch.setattr(remote_path, "TRIES", 2)
+        refs = discover(uri)
+        store.failing = lambda number, path: "/bodies/" in path or "m1" in path
+        truth = {r.episode_id: r for r in told(score_paths([local], ["fsh"], jobs=1))}
+        found = score_paths([uri], ["fsh"], jobs=1)
+        assert {r.episode_id for r in found.results} == {"m0", "m2", "m3"}
+        assert all(result == truth[result.episode_id] for result in told(found))
+        assert len(found.problems) == len(refs) - 3
+
+    def test_what_is_not_there_is_told(self, uri):
+        with pytest.raises(TraceError, match="no such file or folder"):
+            discover(f"{uri}/nowhere")
