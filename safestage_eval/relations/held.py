@@ -18,6 +18,8 @@ STAYS_TURN = 0.1
 """rad. … and its orientation within this."""
 CARRIED_OFF = 0.02
 """m. The gripper moves by at least this meanwhile: what merely lies near a still hand is not held."""
+HOVERS = 0.1
+"""s. What stays so long beside the gripper and rests on nothing may be held: it does not fall."""
 MOVES = 1e-4
 """m. A gripper that goes less than this in one frame rests."""
 
@@ -47,7 +49,8 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> tuple[
     The episode is cut where the body's pose in the gripper's frame has left that at the start of
     the stretch. In a stretch in which the gripper moves away by ``CARRIED_OFF`` the body is held
     from the gripper's first move to its last, and as long as nothing else bears it. After that a
-    hand that stays may still have it in its grip or not.
+    hand that stays may still have it in its grip or not; so may one that has not gone far yet, with
+    what nothing else bears.
 
     Args:
         episode: where both move.
@@ -74,5 +77,7 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> tuple[
             held[start:stop] |= ~supported[start:stop]
             perhaps[start:stop] |= held[start:stop]
             perhaps[first:stop] = True
+        elif (stop - start) * episode.dt >= HOVERS:
+            perhaps[start:stop] |= ~supported[start:stop]
         start = stop
     return held, perhaps
