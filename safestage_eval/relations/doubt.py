@@ -61,10 +61,14 @@ def _may_hang_on(relations: Relations, body: int, on: int) -> Bool:
 def may_be_in_the_grip(relations: Relations, name: str, bodies: Sequence[str]) -> Doubt | None:
     """What was put down is perhaps still held as long as the hand stays with it."""
     truth = relations.get(name, bodies)
-    most = relations.decide(name, list(bodies), held=relations.may_be_held)
+    may_be = relations.may_be_grasped if name == "held" else relations.may_be_held
+    most = relations.decide(name, list(bodies), held=may_be)
     if truth is None or most is None or not (most & ~truth).any():
         return None
-    return most & ~truth, f"without contact forces it is not known when {bodies[0]} is let go"
+    return (
+        most & ~truth,
+        f"without contact forces it is not known when {bodies[0]} is grasped and let go",
+    )
 
 
 def may_be_borne(relations: Relations, body: str, container: str) -> Doubt | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,20 @@ MOVES = 1e-4
 """m. A gripper that goes less than this in one frame rests."""
 
 
+class Grip(NamedTuple):
+    """(T,) each, about one body.
+
+    Attributes:
+        sure: it is certainly held.
+        perhaps: it may be: from when it first went along.
+        grasped: the hand stays with it, and takes it along sooner or later: it may be about to.
+    """
+
+    sure: Bool
+    perhaps: Bool
+    grasped: Bool
+
+
 def by_fingers(
     episode: Episode, body: int, beside: Iterable[int], touching: Callable[[int, int], Bool]
 ) -> Bool:
@@ -43,8 +58,8 @@ def by_fingers(
     return touched["left"] & touched["right"]
 
 
-def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> tuple[Bool, Bool]:
-    """(T,) where the body certainly goes along with the gripper; and where it may be held.
+def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Grip:
+    """Where the body goes along with the gripper.
 
     The episode is cut where the body's pose in the gripper's frame has left that at the start of
     the stretch. In a stretch in which the gripper moves away by ``CARRIED_OFF`` the body is held
@@ -63,7 +78,7 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> tuple[
     place, turn = relative(grip.position, grip.orientation, track.position, track.orientation)
     path = grip.position.astype(np.float64)
     goes = np.linalg.norm(np.diff(path, axis=0), axis=1) > MOVES
-    held, perhaps = np.zeros(frames, np.bool_), np.zeros(frames, np.bool_)
+    held, perhaps, grasped = (np.zeros(frames, np.bool_) for _ in range(3))
     start = 0
     while start < frames:
         left = np.linalg.norm(place[start:] - place[start], axis=1) > STAYS
@@ -77,7 +92,9 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> tuple[
             held[start:stop] |= ~supported[start:stop]
             perhaps[start:stop] |= held[start:stop]
             perhaps[first:stop] = True
-        elif (stop - start) * episode.dt >= HOVERS:
+            grasped[start:stop] = True
+        elif (stop - start) * episode.dt >= HOVERS and not supported[start:stop].all():
             perhaps[start:stop] |= ~supported[start:stop]
+            grasped[start:stop] = True
         start = stop
-    return held, perhaps
+    return Grip(held, perhaps, grasped)

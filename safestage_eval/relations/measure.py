@@ -21,7 +21,7 @@ from . import doubt, standing
 from .dependence import Dependence
 from .exposure import Exposure
 from .graph import ByForce, SupportGraph
-from .held import by_fingers, by_motion
+from .held import Grip, by_fingers, by_motion
 from .load import Loads
 from .proximity import LIFT, TOUCH, Proximity
 from .slip import gripper_frame, slip
@@ -69,7 +69,7 @@ class Relations:
         self.episode = signals.episode
         self._known: dict[tuple[str, tuple[str, ...]], Bool | None] = {}
         self._partial: dict[tuple[str, tuple[str, ...]], Partial] = {}
-        self._grips: dict[int, tuple[Bool, Bool]] = {}
+        self._grips: dict[int, Grip] = {}
 
     @cached_property
     def blind(self) -> bool:
@@ -302,26 +302,30 @@ class Relations:
 
     def held(self, body: int) -> Bool:
         """(T,) held by the fingers; without forces and fingers' shapes, by moving along."""
-        return self._grip(body)[0]
+        return self._grip(body).sure
 
     def may_be_held(self, body: int) -> Bool:
         """(T,) false only where it is certainly not held."""
-        return self._grip(body)[1]
+        return self._grip(body).perhaps
 
-    def _grip(self, body: int) -> tuple[Bool, Bool]:
+    def may_be_grasped(self, body: int) -> Bool:
+        """(T,) as ``may_be_held``, and while a hand that will take it along is with it already."""
+        return self._grip(body).grasped | self._grip(body).perhaps
+
+    def _grip(self, body: int) -> Grip:
         if body not in self._grips:
             self._grips[body] = self._gripped(body)
         return self._grips[body]
 
-    def _gripped(self, body: int) -> tuple[Bool, Bool]:
+    def _gripped(self, body: int) -> Grip:
         shaped = bool(self.episode.header.bodies[body].geoms)
         if not self.blind or (self._fingers_seen and shaped):
             beside = self.touches.beside(body)
             found = by_fingers(self.episode, body, beside, self.touches.touching)
-            return found, found
+            return Grip(found, found, found)
         if self._hand is None or not self.episode.header.bodies[body].movable:
             nothing = np.zeros(len(self.episode), np.bool_)
-            return nothing, nothing
+            return Grip(nothing, nothing, nothing)
         return by_motion(self.episode, body, self._hand, self._borne(body))
 
     def _borne(self, body: int) -> Bool:
