@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 
 import click
 
 from safestage_eval.errors import InputError
+
+_DISK = {errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG, errno.EDQUOT}
+"""Full disks, and folders that may not be written to."""
 
 
 def run(command: click.Command) -> None:
@@ -27,6 +31,12 @@ def run(command: click.Command) -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
+    except OSError as error:
+        if error.errno not in _DISK:
+            raise
+        where = f"{error.filename}: " if error.filename else ""
+        click.echo(f"error: {where}cannot be written: {error.strerror}.", err=True)
+        sys.exit(2)
     except SystemExit:
         if sys.stdout is not stdout:  # click muffles it when the reader of a pipe has gone:
             sys.exit(0)  # no failure
