@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import fields
-from math import isfinite
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from safestage_eval.errors import TraceError
 
 from .header import SCHEMA_VERSION
+from .scene_invariants import UNIT_TOLERANCE, check_bodies, check_joints
 
 if TYPE_CHECKING:
     from .contacts import ContactTable
@@ -21,23 +21,8 @@ if TYPE_CHECKING:
     from .header import Header
     from .track import Track
 
-UNIT_TOLERANCE = 1e-3
-"""Allowed deviation of a quaternion's norm from 1: float32 rounding with two decades to spare."""
-
 LEVEL = 1e-3
 """Allowed sine of the angle between gravity and −z: rounding, no slope."""
-
-SIZE_COUNTS = {
-    "sphere": 1,
-    "box": 3,
-    "cylinder": 2,
-    "capsule": 2,
-    "ellipsoid": 3,
-    "plane": 0,
-    "convex_mesh": 0,
-    "mesh": 0,
-}
-"""Numbers in ``Geom.size`` by kind."""
 
 
 def check(episode: Episode) -> list[TraceError]:
@@ -103,19 +88,12 @@ def check_header(header: Header, where: str) -> Iterator[TraceError]:
             "m/s² along −z of the world",
             "record in a world whose z axis points up",
         )
-    for body in header.bodies:
-        for i, geom in enumerate(body.geoms):
-            place = f"{where}: body {body.name!r}, geom {i}"
-            if len(geom.size) != SIZE_COUNTS[geom.kind]:
-                yield TraceError(
-                    place,
-                    f"a {geom.kind} with {len(geom.size)} sizes.",
-                    f"{SIZE_COUNTS[geom.kind]}",
-                )
-            elif not all(isfinite(s) and s > 0 for s in geom.size):
-                yield TraceError(place, f"size {geom.size} is not positive and finite")
-            if (geom.kind in ("mesh", "convex_mesh")) != (geom.mesh is not None):
-                yield TraceError(place, f"a {geom.kind} with mesh = {geom.mesh!r}")
+    for moment in ("success_time", "horizon", "post_success_hold"):
+        value = getattr(header, moment)
+        if value is not None and not np.isfinite(value):
+            yield TraceError(where, f"{moment} is {value}", "seconds, or none")
+    yield from check_bodies(header.bodies, where)
+    yield from check_joints(header.joints, where)
 
 
 def check_time(t: NDArray[np.float64], where: str) -> list[TraceError]:

@@ -10,6 +10,7 @@ from safestage_eval.episode import SCHEMA_VERSION
 from safestage_eval.errors import TraceError
 
 from .atomic import write_bytes
+from .stored_file import regular, stays
 
 INFO = "meta/info.json"
 EPISODES = "meta/episodes"
@@ -71,11 +72,13 @@ def read_info(dataset: Path) -> dict[str, Any]:
     """``meta/info.json``; raises TraceError when it is missing, broken or of a newer major."""
     path = dataset / INFO
     try:
+        stays(path, dataset, str(path))
+        regular(path)
         info = json.loads(path.read_text("utf-8"))
         version = info["schema_version"]
     except FileNotFoundError:
         raise TraceError(str(dataset), f"not a dataset: {INFO} is missing") from None
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError, OSError) as error:
         raise TraceError(
             str(path), f"not a dataset's description: {error}.", "JSON with schema_version"
         ) from None

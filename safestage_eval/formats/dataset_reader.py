@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from functools import partial
+from collections.abc import Hashable, Mapping, Sequence
+from functools import cache, partial
+from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
 
 from safestage_eval.episode import (
     ContactTable,
@@ -26,13 +28,19 @@ from safestage_eval.episode import (
 from safestage_eval.errors import TraceError
 
 from . import dataset_layout as layout
-from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, XYZ
+from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, XYZ, schema
 from .contact_points import GeomNames
 from .episode_row import from_row, mesh_keys
 from .lazy import StoredItems, StoredTrack
 from .ply import from_ply
 from .stored_contacts import Source, StoredContacts
+from .stored_file import regular, stays, within
 from .stored_table import StoredTable
+
+Kind = TypeVar("Kind")
+
+MOST_GEOMS = 1 << 16
+"""Contacts tell geoms by numbers of 16 bits."""
 
 
 def read_rows(file: Path, columns: tuple[str, ...] | None = None) -> list[dict[str, Any]]:
@@ -41,13 +49,45 @@ def read_rows(file: Path, columns: tuple[str, ...] | None = None) -> list[dict[s
     Raises:
         TraceError: unreadable, without a required column, or of a newer major version.
     """
+    stays(file, file.parents[2], str(file))
     table = StoredTable(file, "meta/episodes")
     missing = [name for name in REQUIRED if name not in table.columns]
     if missing:
         raise TraceError(str(file), f"the column {missing[0]!r} is missing.", ", ".join(EPISODES))
     wanted = [name for name in columns or EPISODES if name in table.columns]
-    rows: list[dict[str, Any]] = table.all(wanted).to_pylist()
+    return _records(table.all(wanted), wanted, file)
+
+
+def _records(table: pa.Table, columns: Sequence[str], file: Path) -> list[dict[str, Any]]:
+    """The rows; raises TraceError for a column of another kind, or a gap where there must be none."""
+    for name in columns:
+        found = table[name]
+        wanted = schema("meta/episodes").field(name).type
+        if _kind(found.type) != _kind(wanted) and found.null_count < len(found):
+            raise TraceError(str(file), f"the column {name!r} holds {found.type}.", f"{wanted}")
+        if name in REQUIRED and found.null_count:
+            raise TraceError(str(file), f"{name} is empty in {found.null_count} rows")
+    rows: list[dict[str, Any]] = table.to_pylist()
     return rows
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def _kind(kind: pa.DataType) -> str:
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+    if pa.types.is_integer(kind):
+        return "int"
+    if pa.types.is_floating(kind):
+        return "float"
+    if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+        return "str"
+    if pa.types.is_list(kind) or pa.types.is_large_list(kind):
+        return f"list of {_kind(kind.value_type)}"
+    return str(kind)
 
 
 def open_episode(file: Path, episode_index: int, *, checked: bool = True) -> Episode:
@@ -84,7 +124,10 @@ class _StoredEpisode:
 
     def episode(self) -> Episode:
         geometry = self.table("geometry")
-        shapes = geometry.rows(geometry.names, self.index).to_pylist()
+        found = geometry.rows(geometry.names, self.index)
+        if len(found) > MOST_GEOMS:
+            raise TraceError(self.where, f"{len(found):,} geoms.", f"{MOST_GEOMS:,} at most")
+        shapes = found.to_pylist()
         header = from_row(self.row, shapes, self.where)
         self.frames_table = self.table("frames")
         t = self.time()
@@ -94,9 +137,8 @@ class _StoredEpisode:
         self.body_index = {body.name: i for i, body in enumerate(header.bodies)}
         self.bodies_table = self.table("bodies")
         meshes = mesh_keys(header)
-        attachments = json.loads(self.row.get("attachments") or "{}")
-        assets = self.dataset / layout.ASSETS
-        stored = [key for key in meshes if (assets / f"{key}.ply").exists()]
+        attachments = self.named("attachments", dict[str, str], "{}")
+        stored = [key for key in meshes if self.asset(f"{key}.ply").exists()]
         if self.checked and stored != meshes:
             key = next(key for key in meshes if key not in stored)
             raise TraceError(
@@ -105,7 +147,7 @@ class _StoredEpisode:
                 str(self.asset(f"{key}.ply")),
                 "copy the dataset's assets folder too",
             )
-        channels = [(body, name) for body, name in json.loads(self.row.get("channels") or "[]")]
+        channels = self.named("channels", list[tuple[str, str]], "[]")
         states = self.states() if self.row.get("states") else {}
         return Episode(
             header=header,
@@ -116,17 +158,52 @@ class _StoredEpisode:
             meshes=StoredItems(stored, self.mesh),
             channels=StoredItems(channels, self.channel),
             states=states,
-            attachments=StoredItems(
-                attachments, lambda name: self.asset(attachments[name]).read_bytes()
-            ),
+            attachments=StoredItems(attachments, lambda name: self.attachment(attachments[name])),
             path=self.file,
         )
 
+    def named(self, column: str, kind: type[Kind], default: str) -> Kind:
+        """A column of the row that holds JSON; raises TraceError for another kind of value."""
+        try:
+            found: Kind = _adapter(cast(Hashable, kind)).validate_json(
+                self.row.get(column) or default
+            )
+            return found
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]["msg"]
+            raise TraceError(f"{self.where}, column {column}", f"{first}.") from None
+
     def table(self, name: str) -> StoredTable:
-        return StoredTable(self.dataset / name / f"{self.row['file']}.parquet", name)
+        file = within(self.dataset, name, f"{self.row['file']}.parquet", self.where)
+        return StoredTable(file, name)
 
     def asset(self, name: str) -> Path:
-        return self.dataset / layout.ASSETS / name
+        return within(self.dataset, layout.ASSETS, name, self.where)
+
+    def asset_bytes(self, name: str) -> bytes:
+        """Raises TraceError when there is no such file, or it holds something else."""
+        path = self.asset(name)
+        try:
+            regular(path)
+            return path.read_bytes()
+        except OSError as error:
+            raise TraceError(
+                self.where,
+                f"{path} cannot be read: {error.strerror}.",
+                fix="copy the dataset's assets folder too",
+            ) from None
+
+    def attachment(self, name: str) -> bytes:
+        """A file under the name of its content; raises TraceError as ``asset_bytes`` does."""
+        data = self.asset_bytes(name)
+        if sha256(data).hexdigest() != Path(name).stem:
+            raise TraceError(
+                self.where,
+                f"the file {name} in {layout.ASSETS} has changed since it was written.",
+                "files named after the SHA-256 of their content",
+                "restore the file",
+            )
+        return data
 
     def demand(self, errors: list[TraceError]) -> None:
         """Raise the first of the errors, when the episode is to be checked."""
@@ -196,8 +273,8 @@ class _StoredEpisode:
         return frames
 
     def mesh(self, key: str) -> Mesh:
-        path = self.asset(f"{key}.ply")
-        return from_ply(path.read_bytes(), key, str(path))
+        name = f"{key}.ply"
+        return from_ply(self.asset_bytes(name), key, str(self.asset(name)))
 
     def channel(self, key: tuple[str, str]) -> NDArray[np.float32]:
         source = self.table("channels")

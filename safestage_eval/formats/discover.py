@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -12,7 +13,8 @@ from safestage_eval.errors import TraceError
 
 from . import dataset_layout as layout
 from .episode_ref import EpisodeRef
-from .remote_path import as_path, walk
+from .remote_path import RemotePath, as_path, walk
+from .stored_file import regular
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 PARQUET_MAGIC = b"PAR1"
@@ -100,7 +102,7 @@ def find(paths: str | Path | Iterable[str | Path]) -> Iterator[EpisodeRef]:
         empty = True
         for refs in [refs_of_file(path)] if path.is_file() else _refs_of_folder(path):
             empty = empty and not refs
-            place = refs[0].path.resolve() if refs else path
+            place = _real(refs[0].path) if refs else path
             if place not in seen:
                 seen.add(place)
                 yield from _each_once(refs)
@@ -214,6 +216,7 @@ def _mcap_ref(path: Path) -> EpisodeRef:
     from .mcap_reader import read_header
 
     try:
+        regular(path)
         header, stated = read_header(path)
     except TraceError as problem:
         return EpisodeRef(path, "mcap", problem=problem)
@@ -228,9 +231,15 @@ def ref_fields(header: Header) -> dict[str, Any]:
     return {name: getattr(header, name) for name in REF_FIELDS}
 
 
+def _real(path: Path) -> Path:
+    """Without links, as far as they lead anywhere: Path.resolve fails for one that leads to itself."""
+    return path.resolve() if isinstance(path, RemotePath) else Path(os.path.realpath(path))
+
+
 def _is_mcap(path: Path) -> bool:
     try:
+        regular(path)
         with path.open("rb") as stream:
             return stream.read(8) == MCAP_MAGIC
-    except OSError:
+    except (OSError, TraceError):
         return False

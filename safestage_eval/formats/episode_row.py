@@ -65,9 +65,12 @@ def from_row(row: Mapping[str, Any], geometry: list[dict[str, Any]], where: str)
             continue
         try:
             data[name] = json.loads(row[name])
-        except json.JSONDecodeError as error:
+        except (json.JSONDecodeError, RecursionError) as error:
             raise TraceError(f"{where}, column {name}", f"not JSON: {error}") from None
-    bodies = {body.get("name"): body for body in data.get("bodies", ())}
+    listed = data.get("bodies", [])
+    if not isinstance(listed, list) or not all(isinstance(body, dict) for body in listed):
+        raise TraceError(f"{where}, column bodies", "not a list of bodies.", "JSON records")
+    bodies = {str(body.get("name")): body for body in listed}
     for geom in sorted(geometry, key=lambda geom: geom["geom"]):
         if geom["body"] not in bodies:
             raise TraceError(

@@ -22,6 +22,9 @@ _number = struct.Struct("<H").unpack_from
 _ROOM = 1 << 10
 """Messages of a block that there is room for at first."""
 
+LARGEST_CHUNK = 1 << 30
+"""Bytes of a chunk; writers make chunks of some megabytes."""
+
 _MOST = 256
 """No byte of an LZ4 block stands for more."""
 
@@ -99,6 +102,8 @@ def unpack(content: bytes) -> Any:
         ValueError, RuntimeError, IndexError, struct.error: the chunk is damaged.
     """
     size, crc = struct.unpack_from("<QI", content, 16)
+    if size > LARGEST_CHUNK:
+        raise ValueError(f"a chunk of {size:,} bytes, of which {LARGEST_CHUNK:,} are allowed")
     compression, at = text(content, 28)
     packed = memoryview(content)[at + 8 : at + 8 + _length(content, at)[0]]
     records: Any
@@ -108,6 +113,9 @@ def unpack(content: bytes) -> Any:
         import zstandard
 
         try:
+            told = zstandard.frame_content_size(packed)
+            if told not in (-1, size):  # the frame's word would be taken for it
+                raise ValueError(f"a chunk of {size} bytes has {told}")
             records = zstandard.decompress(packed, max_output_size=size)
         except zstandard.ZstdError as error:
             raise ValueError(str(error)) from None
@@ -136,7 +144,11 @@ def _lz4(packed: memoryview, size: int, *, sure: bool) -> Any:
             return pa.decompress(packed, size, codec="lz4")
         except (ValueError, OSError):
             pass
-    return lz4.frame.decompress(packed)
+    frame = lz4.frame.LZ4FrameDecompressor()
+    records = frame.decompress(packed, max_length=size + 1)
+    if not frame.eof and len(records) <= size:
+        raise RuntimeError("the LZ4 frame is cut off")
+    return records
 
 
 def text(data: bytes, at: int) -> tuple[str, int]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
-from safestage_eval.episode.invariants import UNIT_TOLERANCE
+from safestage_eval.episode.scene_invariants import UNIT_TOLERANCE
 from safestage_eval.errors import TraceError
 
 from . import either, wire
@@ -59,6 +59,11 @@ def frame_messages(episode: Episode, moving: list[str]) -> Iterator[bytes]:
     return (whole[n * size : (n + 1) * size] for n in range(frames))
 
 
+def _room(width: int) -> int:
+    """Frames that there is room for from the start, of so many bytes each."""
+    return max(1, min(_FRAMES, (1 << 28) // max(1, width)))
+
+
 class FrameRows:
     """Takes the messages of all frames as they are read, and makes columns of them.
 
@@ -85,7 +90,7 @@ class FrameRows:
             if self._like is None:
                 self._other = []
             else:
-                self._values = np.empty((_FRAMES, self._like.width), np.uint8)
+                self._values = np.empty((_room(self._like.width), self._like.width), np.uint8)
         end = self.count + len(batch)
         if self._like is not None and self._other is None:
             while end > len(self._values):

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from hashlib import sha256
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field, Json
 
 from safestage_eval.episode import Episode, Header, Record
+from safestage_eval.errors import TraceError
 
 from .dataset_layout import check_version
 from .episode_row import encode, validated
@@ -31,6 +34,8 @@ class McapMetadata(Record):
     """(body, name) of the values in a frame's ``channel``."""
     frames: int | None = None
     content_hash: str | None = None
+    checksum: str | None = None
+    """SHA-256 of the other texts: chunks have their own."""
 
     @property
     def moving_bodies(self) -> tuple[str, ...]:
@@ -43,6 +48,12 @@ class McapMetadata(Record):
 def from_texts(texts: Mapping[str, str], where: str) -> McapMetadata:
     """Read the record. Raises TraceError for a newer major version or what does not fit."""
     check_version(texts.get("schema_version", ""), where)
+    if texts.get("checksum", checksum(texts)) != checksum(texts):
+        raise TraceError(
+            f"{where}, metadata",
+            "the header does not match its checksum.",
+            fix="copy the file again, or record the episode again",
+        )
     return validated(McapMetadata, dict(texts), f"{where}, metadata")
 
 
@@ -54,7 +65,7 @@ def to_texts(episode: Episode, moving: list[str]) -> dict[str, str]:
         for name, track in episode.tracks.items()
         if name not in moving
     }
-    return {
+    texts = {
         "schema_version": header.schema_version,
         "header": encode(header.model_dump(mode="json"), where),
         "moving": encode(moving, where),
@@ -63,3 +74,10 @@ def to_texts(episode: Episode, moving: list[str]) -> dict[str, str]:
         "frames": str(len(episode)),
         "content_hash": episode.content_hash,
     }
+    return texts | {"checksum": checksum(texts)}
+
+
+def checksum(texts: Mapping[str, str]) -> str:
+    """SHA-256 (hex) of all texts but the checksum itself."""
+    told = sorted((name, text) for name, text in texts.items() if name != "checksum")
+    return sha256(json.dumps(told).encode()).hexdigest()

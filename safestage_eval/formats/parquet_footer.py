@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from .footer_types import types_agree
 from .source import Source
 
 KEYS: dict[str, type] = {"episode_index": int, "body": str, "body1": str, "body2": str}
@@ -91,20 +92,33 @@ class Footer(NamedTuple):
     chunks: NDArray[np.int64] | None
 
 
-def by_pyarrow(metadata: pq.FileMetaData) -> Footer:
-    """Read by pyarrow, whatever the file; raises UnicodeDecodeError for names that are no text."""
+def by_pyarrow(metadata: pq.FileMetaData, file: Source) -> Footer:
+    """Read by pyarrow, whatever the file; raises UnicodeDecodeError for names that are no text.
+
+    Asked for a column whose type the footer states in two ways, pyarrow ends the process: such a
+    file is read ``without_keys``.
+    """
+    if not types_agree(_bytes(file)):
+        return without_keys(metadata)
+    columns = frozenset(metadata.schema.to_arrow_schema().names)
     names = [metadata.schema.column(i).path for i in range(metadata.num_columns)]
     keys = {key: names.index(key) for key in KEYS if key in names}
-    groups = []
+    found = []
     for i in range(metadata.num_row_groups):
         group, limits = metadata.row_group(i), {}
         for key, place in keys.items():
-            found = group.column(place).statistics
-            if found is not None and found.has_min_max and not found.null_count:
-                both = found.min, found.max
+            told = group.column(place).statistics
+            if told is not None and told.has_min_max and not told.null_count:
+                both = told.min, told.max
                 if all(isinstance(limit, KEYS[key]) for limit in both):
                     limits[key] = both
-        groups.append(Group(i, group.num_rows, limits))
+        found.append(Group(i, group.num_rows, limits))
+    return Footer(tuple(found), columns, {}, None)
+
+
+def without_keys(metadata: pq.FileMetaData) -> Footer:
+    """Of which any group may hold any key; all rows are said to be in the first one."""
+    groups = (Group(i, 0 if i else metadata.num_rows, {}) for i in range(metadata.num_row_groups))
     columns = frozenset(metadata.schema.to_arrow_schema().names)
     return Footer(tuple(groups), columns, {}, None)
 
@@ -117,6 +131,12 @@ def read_footer(file: Source) -> Footer | None:
     """
     if "numba" not in sys.modules:
         return None
+    data = _bytes(file)
+    return parse(data) if data else None
+
+
+def _bytes(file: Source) -> bytes:
+    """Of the footer; none if the file is not as expected."""
     size = file.size
     tail = min(size, _END)
     end = file.read(size - tail, tail)
@@ -124,8 +144,8 @@ def read_footer(file: Source) -> Footer | None:
     if tail < length <= size:
         end = file.read(size - length, length)
     if end[-4:] != b"PAR1" or not 8 < length <= len(end):
-        return None
-    return parse(end[-length:-8])
+        return b""
+    return end[-length:-8]
 
 
 def parse(data: bytes) -> Footer | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 import numpy as np
+from numpy.typing import NDArray
 
 from safestage_eval.episode import Mesh
 from safestage_eval.errors import TraceError
@@ -48,9 +49,10 @@ def from_ply(data: bytes, key: str, where: str) -> Mesh:
     end = len(header) + 12 * vertices
     if len(data) != end + _FACE.itemsize * faces:
         raise TraceError(where, f"the mesh is cut off at byte {len(data)}")
+    found = np.frombuffer(data, _FACE, faces, end)
     mesh = Mesh(
         np.frombuffer(data, "<f4", 3 * vertices, len(header)).reshape(-1, 3),
-        np.ascontiguousarray(np.frombuffer(data, _FACE, faces, end)["vertex"]),
+        np.ascontiguousarray(found["vertex"]),
     )
     if mesh.key != key:
         raise TraceError(
@@ -58,4 +60,17 @@ def from_ply(data: bytes, key: str, where: str) -> Mesh:
             f"the mesh has changed: its content is {mesh.key[:12]}…, expected {key[:12]}…",
             fix="restore the file or record again",
         )
+    _check(mesh, found["count"], where)
     return mesh
+
+
+def _check(mesh: Mesh, corners: NDArray[np.uint8], where: str) -> None:
+    """Raises TraceError for vertices that are not finite, and faces of vertices that are not there."""
+    if not np.isfinite(mesh.vertices).all():
+        raise TraceError(where, "a vertex of the mesh is not finite")
+    if (corners != 3).any():
+        raise TraceError(where, "a face of the mesh is no triangle")
+    try:
+        Mesh.build(mesh.vertices, mesh.faces)
+    except ValueError as error:
+        raise TraceError(where, f"{error}.") from None

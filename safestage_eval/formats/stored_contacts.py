@@ -209,6 +209,11 @@ class _ByFrame:
     def _column(self, name: str) -> NDArray[Any]:
         source, stored = self._source, _stored_names(name)
         values = source.table.values(stored, _dtype(name), source.episode_index)
+        if len(values) != len(self._keys[1]):
+            raise TraceError(
+                source.where, f"{source.table.path} has {len(values)} values of {name}, not as many"
+                f" as contacts: {len(self._keys[1])}",
+            )  # fmt: skip
         # five times faster than values[order]
         return (values if len(stored) > 1 else values[:, 0]).take(self._keys[1], axis=0)
 

@@ -18,9 +18,10 @@ from safestage_eval.errors import TraceError
 
 from .arrow_tables import schema
 from .parquet_columns import read_columns
-from .parquet_footer import Footer, Group, by_pyarrow, read_footer
+from .parquet_footer import Footer, Group, by_pyarrow, read_footer, without_keys
 from .remote_path import source_of
 from .source import LocalSource, SourceStream
+from .stored_file import regular
 
 
 @dataclass
@@ -41,8 +42,11 @@ _FOOTERS_KEPT = 32
 MOST_UNPACKED = 256
 """No byte of an LZ4 block stands for more: a file that promises more rows does not have them."""
 
-NUMBERS = ("bodies", "contacts")
-"""Tables of numbers, of which much is read: pyarrow is not needed for that."""
+WHOLE = "meta/episodes"
+"""The table that is always read whole."""
+
+LARGEST = 1 << 32
+"""Bytes that the rows of one episode in a table may take: hours of a crowded scene."""
 
 
 class StoredTable:
@@ -58,7 +62,7 @@ class StoredTable:
         self.path = path
         self.names = schema(table).names
         try:
-            stat = path.stat()
+            stat = regular(path)
         except (FileNotFoundError, NotADirectoryError):
             raise TraceError(
                 str(path),
@@ -70,11 +74,12 @@ class StoredTable:
         key = path, stat.st_mtime_ns, stat.st_size
         try:
             self._source = source_of(path)
-            self._known = FOOTERS.get(key) or Known(
-                read_footer(self._source) if table in NUMBERS else None
-            )
-            if self._known.footer is None:
-                self._known.footer = by_pyarrow(self._file.metadata)
+            self._known = FOOTERS.get(key) or Known(None)
+            if self._known.footer is None and table == WHOLE:
+                self._known.footer = without_keys(self._file.metadata)
+            elif self._known.footer is None:
+                found = read_footer(self._source)
+                self._known.footer = found or by_pyarrow(self._file.metadata, self._source)
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # a name may be damaged
             raise _unreadable(path, error) from None
         FOOTERS[key] = self._known
@@ -115,10 +120,16 @@ class StoredTable:
         table = self.read([group.number for group in groups], wanted)
         if exact:
             return table
-        keep = pc.equal(table["episode_index"], episode)
-        if body is not None:
-            keep = pc.and_(keep, pc.equal(table["body"], body))
-        return table.filter(keep)
+        try:
+            keep = pc.equal(table["episode_index"], episode)
+            if body is not None:
+                keep = pc.and_(keep, pc.equal(table["body"], body))
+            return table.filter(keep)
+        except pa.ArrowException:
+            told = ", ".join(f"{key} holds {table[key].type}" for key in keys)
+            raise TraceError(
+                str(self.path), f"{told}.", "whole numbers for episodes, names for bodies"
+            ) from None
 
     def values(
         self, columns: Sequence[str], dtype: DTypeLike, episode: int, body: str | None = None
@@ -192,11 +203,26 @@ class StoredTable:
         return known.by_episode.get(episode, ()) if known.by_episode else self._groups
 
     def read(self, groups: Sequence[int], columns: Sequence[str]) -> pa.Table:
-        """All rows of some row groups. Raises TraceError on damaged bytes."""
+        """All rows of some row groups. Raises TraceError on damaged bytes, and for too many rows."""
+        rows = sum(self._groups[group].rows for group in groups)
+        if 4 * rows * len(columns) > LARGEST:
+            raise TraceError(
+                str(self.path),
+                f"{rows:,} rows would have to be read at once.",
+                f"{LARGEST // 4 // len(columns):,} rows of {len(columns)} columns",
+                "write row groups of one episode each" if len(self._groups) == 1 else "",
+            )
         try:
-            return self._file.read_row_groups(groups, columns=columns, use_threads=False)
-        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+            table = self._file.read_row_groups(groups, columns=columns, use_threads=False)
+        except (pa.ArrowException, OSError, UnicodeDecodeError, MemoryError) as error:
             raise _unreadable(self.path, error) from None
+        twice = [name for name in columns if table.column_names.count(name) != 1]
+        if twice:
+            count = table.column_names.count(twice[0])
+            raise TraceError(
+                str(self.path), f"the column {twice[0]!r} is there {count} times.", "once"
+            )
+        return table
 
     def numbers(self, table: pa.Table, column: str, dtype: DTypeLike) -> NDArray[Any]:
         """A column of numbers as (rows,) array of dtype; raises TraceError when it is none."""
@@ -268,7 +294,7 @@ def _unreadable(path: Path, error: Exception) -> TraceError:
         return TraceError(str(path), f"cannot be read: {error}")
     return TraceError(
         str(path),
-        f"not a whole Parquet file ({size} bytes): {str(error).strip().splitlines()[0]}.",
+        f"not a whole Parquet file ({size} bytes): {(str(error).strip() or type(error).__name__).splitlines()[0]}.",
         "a file that ends with its footer",
         "copy it again, or record the episode again",
     )

@@ -37,9 +37,11 @@ def stamp(number: int, nanoseconds: int) -> bytes:
 
 
 def read_varint(data: bytes | memoryview, at: int) -> tuple[int, int]:
-    """The integer at a position and the position after it. Raises IndexError past the end."""
+    """The integer at a position and the position after it; IndexError past the end or 64 bits."""
     n, shift = 0, 0
     while True:
+        if shift > 63:
+            raise IndexError("an integer of more than 64 bits")
         byte = data[at]
         at += 1
         n |= (byte & 0x7F) << shift

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -44,10 +45,8 @@ class Tables:
             if name is not None:
                 found[int(name[1])] = file
                 continue
-            try:
+            with _reading(file):
                 numbers = pq.read_table(file, columns=["episode_index"])["episode_index"]
-            except (OSError, ValueError, KeyError) as error:
-                raise TraceError(str(file), f"cannot be read: {error}") from None
             for number in set(numbers.to_pylist()):
                 found[int(number)] = file
         return found
@@ -69,7 +68,8 @@ class Tables:
         file = self.files.get(number)
         if file is None:
             raise TraceError(f"{self._path}: episode_{number}", "there is no file with its rows")
-        schema = pq.read_schema(file)
+        with _reading(file):
+            schema = pq.read_schema(file)
         missing = [column for column in wanted if column not in schema.names]
         if missing:
             raise SourceError(
@@ -79,7 +79,8 @@ class Tables:
             )
         also = [c for c in ("timestamp", "frame_index", "task_index") if c in schema.names]
         read = list(dict.fromkeys([*wanted, *also, "episode_index"]))
-        table = pq.read_table(file, columns=[c for c in read if c in schema.names])
+        with _reading(file):
+            table = pq.read_table(file, columns=[c for c in read if c in schema.names])
         mine = np.ones(len(table), bool)
         if "episode_index" in table.column_names:
             mine = table["episode_index"].to_numpy() == number
@@ -100,7 +101,19 @@ class Tables:
     @cached_property
     def tasks(self) -> dict[int, str]:
         """Task index → instruction."""
-        return dict(_tasks(self._path / "meta"))
+        meta = self._path / "meta"
+        with _reading(meta):
+            return dict(_tasks(meta))
+
+
+@contextmanager
+def _reading(file: Path) -> Iterator[None]:
+    """Raises TraceError for what cannot be read."""
+    try:
+        yield
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        told = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise TraceError(str(file), f"cannot be read: {told}.", fix="download it again") from None
 
 
 def described(path: Path) -> dict[str, Any] | None:

@@ -100,6 +100,9 @@ def load_bind(path: str | Path, rules: ast.RuleSet) -> BindFile:
         ) from None
     except tomllib.TOMLDecodeError as error:
         raise RuleErrors([not_toml(shown, text, str(error))]) from None
+    except RecursionError:
+        what = "not readable: lists or tables are nested far too deeply"
+        raise RuleErrors([Diagnostic(shown, 1, 1, "R102", what)]) from None
 
 
 def bind_tables(

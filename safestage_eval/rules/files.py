@@ -203,7 +203,7 @@ def not_toml(shown: str, text: str, message: str) -> Diagnostic:
 
 def _base(path: Path, name: str) -> Path | None:
     beside = (path.parent / name).resolve()
-    return beside if beside.is_file() else _builtin(name)
+    return beside if beside.suffix == ".toml" and beside.is_file() else _builtin(name)
 
 
 def _builtin(name: str) -> Path | None:

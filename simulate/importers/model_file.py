@@ -13,6 +13,9 @@ import mujoco
 from safestage_eval.errors import InputError
 from safestage_eval.importers.importer import SourceError
 
+SHAPES = (".obj", ".stl", ".msh", ".ply", ".png", ".bin", ".hf")
+"""Endings of meshes and height fields: what a model may name by its own path."""
+
 FIX = "--assets DIR, a folder that has it: the sources or the installed package of the simulator"
 
 OBSOLETE = {
@@ -82,6 +85,15 @@ def _plain(text: str, where: str) -> str:
             where,
             "the model is in global coordinates, which MuJoCo reads no more since 2.3.4.",
             fix="save it with an older MuJoCo (mj_saveLastXML), which writes local ones",
+        )
+    outside = next(
+        (e for tag in ("include", "model") for e in root.iter(tag) if e.get("file")), None
+    )
+    if outside is not None:
+        raise InputError(
+            where,
+            f"the model takes in another file, {outside.get('file')!r}.",
+            fix="store the model in one piece, as mj_saveLastXML writes it",
         )
     for name in ONLY_SEEN:
         for element in root.findall(name):
@@ -168,7 +180,8 @@ def _find(file: str, folder: str, assets: Sequence[Path]) -> Path | None:
             candidate = root.joinpath(*parts[start:])
             if candidate.is_file():
                 return candidate
-    return Path(full) if absolute and Path(full).is_file() else None
+    itself = absolute and Path(full).suffix.lower() in SHAPES and Path(full).is_file()
+    return Path(full) if itself else None
 
 
 def _line(error: Exception) -> str:

@@ -6,6 +6,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from safestage_eval.formats.footer_types import types_agree
 from safestage_eval.formats.page_kernels import DELTA, SPLIT, _deltas, find_pages, read_pages
 from safestage_eval.formats.parquet_columns import read_columns
 from safestage_eval.formats.parquet_footer import COMPRESSED, FIRST_PAGE, parse, read_footer
@@ -139,3 +140,20 @@ def test_levels_of_nesting_without_end():
 
 def test_delta_pages_are_found_too():
     assert pages_of(header(40, 12, 10, DELTA) + bytes(12), 10, DELTA)[0] == 1
+
+
+def test_types_that_do_not_agree_are_not_asked_for(file):
+    """pyarrow ends the process when it is."""
+    data = file.read(0, file.size)
+    footer = data[-8 - int.from_bytes(data[-8:-4], "little") : -8]
+    assert types_agree(footer)
+    # the schema's elements: a type as the first field, then whether values may be missing
+    other = footer.replace(b"\x15\x08\x25\x02\x18\x01x", b"\x15\x0c\x25\x02\x18\x01x")
+    assert other != footer
+    assert not types_agree(other)
+
+
+@pytest.mark.parametrize("kind", range(16))
+def test_the_types_of_no_footer_at_all(kind):
+    for bytes_ in (b"", bytes([0x10 | kind]), bytes([0x10 | kind, 0xFF]) * 50, b"\x19\xfc" * 9000):
+        types_agree(bytes_)

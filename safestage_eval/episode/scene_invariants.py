@@ -1,0 +1,111 @@
+"""What the bodies, shapes and joints of every episode must satisfy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from math import hypot, isfinite
+
+from safestage_eval.errors import TraceError
+
+from .body import Body, Cavity, Geom, Joint, Tcp
+
+UNIT_TOLERANCE = 1e-3
+"""Allowed deviation of a quaternion's norm from 1: float32 rounding with two decades to spare."""
+
+FARTHEST = 1e6
+"""m; lengths beyond are no scene of a robot, and lose millimetres in float32 long before."""
+
+SIZE_COUNTS = {
+    "sphere": 1,
+    "box": 3,
+    "cylinder": 2,
+    "capsule": 2,
+    "ellipsoid": 3,
+    "plane": 0,
+    "convex_mesh": 0,
+    "mesh": 0,
+}
+"""Numbers in ``Geom.size`` by kind."""
+
+_CAVITY_COUNTS = {"box": 3, "cylinder": 2}
+
+
+def check_bodies(bodies: Iterable[Body], where: str) -> Iterator[TraceError]:
+    """Shapes, places, masses and parents."""
+    known = {body.name: body for body in bodies}
+    for body in known.values():
+        place = f"{where}: body {body.name!r}"
+        if body.mass is not None and not (isfinite(body.mass) and body.mass >= 0):
+            yield TraceError(place, f"mass is {body.mass}", "kg, finite and not negative")
+        yield from _position(body.com, place, "com")
+        for value in body.inertia or ():
+            if not isfinite(value):
+                yield TraceError(place, f"inertia is {body.inertia}", "kg m², finite")
+                break
+        yield from _quaternion(body.inertia_orientation, place, "inertia_orientation")
+        if body.up_axis is not None and not 0 < hypot(*body.up_axis) < float("inf"):
+            yield TraceError(place, f"up_axis is {body.up_axis}", "a direction, or none")
+        for i, geom in enumerate(body.geoms):
+            yield from _geom(geom, f"{place}, geom {i}")
+        if body.cavity is not None:
+            yield from _cavity(body.cavity, f"{place}, cavity")
+        if body.tcp is not None:
+            yield from _pose(body.tcp, f"{place}, tcp")
+        if _is_its_own_parent(body, known):
+            yield TraceError(place, "it is its own parent, or that of one of its parents")
+
+
+def check_joints(joints: Iterable[Joint], where: str) -> Iterator[TraceError]:
+    """Limits."""
+    for joint in joints:
+        if joint.limits is not None and not all(map(isfinite, joint.limits)):
+            yield TraceError(
+                where, f"joint {joint.name!r} has limits {joint.limits}", "finite, or none"
+            )
+
+
+def _geom(geom: Geom, place: str) -> Iterator[TraceError]:
+    yield from _sizes(geom.size, SIZE_COUNTS[geom.kind], f"a {geom.kind}", place)
+    yield from _pose(geom, place)
+    if not all(isfinite(f) and f >= 0 for f in geom.friction):
+        yield TraceError(place, f"friction is {geom.friction}", "finite and not negative")
+    if (geom.kind in ("mesh", "convex_mesh")) != (geom.mesh is not None):
+        yield TraceError(place, f"a {geom.kind} with mesh = {geom.mesh!r}")
+
+
+def _cavity(cavity: Cavity, place: str) -> Iterator[TraceError]:
+    yield from _sizes(cavity.size, _CAVITY_COUNTS[cavity.kind], f"a {cavity.kind}", place)
+    yield from _pose(cavity, place)
+
+
+def _sizes(size: tuple[float, ...], count: int, what: str, place: str) -> Iterator[TraceError]:
+    if len(size) != count:
+        yield TraceError(place, f"{what} with {len(size)} sizes.", f"{count}")
+    elif not all(isfinite(s) and s > 0 for s in size):
+        yield TraceError(place, f"size {size} is not positive and finite")
+    elif any(s > FARTHEST for s in size):
+        yield TraceError(place, f"size {size}", f"m, up to {FARTHEST:.0e}")
+
+
+def _pose(of: Geom | Cavity | Tcp, place: str) -> Iterator[TraceError]:
+    yield from _position(of.position, place, "position")
+    yield from _quaternion(of.orientation, place, "orientation")
+
+
+def _position(position: tuple[float, ...], place: str, what: str) -> Iterator[TraceError]:
+    if not all(isfinite(x) and abs(x) <= FARTHEST for x in position):
+        yield TraceError(place, f"{what} is {position}", f"m, finite, up to {FARTHEST:.0e}")
+
+
+def _quaternion(quaternion: tuple[float, ...], place: str, what: str) -> Iterator[TraceError]:
+    if not abs(hypot(*quaternion) - 1) <= UNIT_TOLERANCE:
+        yield TraceError(place, f"{what} is {quaternion}", "a quaternion w, x, y, z of norm 1")
+
+
+def _is_its_own_parent(body: Body, known: dict[str, Body]) -> bool:
+    seen: set[str] = set()
+    at: Body | None = body
+    while at is not None and at.name not in seen:
+        seen.add(at.name)
+        at = known.get(at.parent) if at.parent is not None else None
+    return at is not None and at.name == body.name

@@ -1,0 +1,91 @@
+"""Files that a trace is read from: regular ones, and inside its folder whatever names it holds."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from safestage_eval.errors import TraceError
+
+from .remote_path import RemotePath
+
+
+def regular(path: Path) -> os.stat_result:
+    """Size and times of a file that can be read to its end.
+
+    Raises:
+        OSError: it is not there, or a link to itself.
+        TraceError: a folder, a pipe or a device, of which reading might never end.
+    """
+    found = path.stat()
+    if isinstance(path, RemotePath):
+        return found
+    if not stat.S_ISREG(found.st_mode):
+        raise TraceError(
+            str(path),
+            f"{_kind(found.st_mode)}, not a file.",
+            "regular files",
+            "copy the data again",
+        )
+    return found
+
+
+def within(folder: Path, place: str, name: object, where: str) -> Path:
+    """The file that stored data names, in a folder below that of the dataset.
+
+    Args:
+        folder: of the dataset.
+        place: the folder in there.
+        name: of the file; it may not hold folders.
+        where: what messages say.
+
+    Raises:
+        TraceError: the name leads elsewhere, or the file is a link to outside of the dataset.
+    """
+    text = name if isinstance(name, str) else ""
+    if (
+        text in ("", ".", "..")
+        or len(text.encode("utf-8", "replace")) > 255
+        or set(text) & set("/\\\0:")
+        or not text.isprintable()
+    ):
+        raise TraceError(
+            where,
+            f"the file name {str(name)[:80]!r} is none in {place}.",
+            f"names of files in {place}",
+            "do not trust this dataset, or ask who made it",
+        )
+    path = folder / place / text
+    stays(path, folder, where)
+    return path
+
+
+def stays(path: Path, folder: Path, where: str) -> None:
+    """Raise for a link to outside of the dataset, or of the hub's cache that the dataset is in."""
+    if isinstance(path, RemotePath):
+        return  # an object store has no links
+    if not (path.is_symlink() or path.parent.is_symlink() or path.parents[1].is_symlink()):
+        return
+    root = Path(os.path.realpath(folder))
+    for parent in root.parents:
+        if parent.name == "snapshots" and parent.parent.name.startswith("datasets--"):
+            root = parent.parent
+    if not Path(os.path.realpath(path)).is_relative_to(root):
+        raise TraceError(
+            where,
+            f"{path} is a link to outside of the dataset.",
+            f"links within {root}",
+            "copy the file in place of the link, or link the whole folder",
+        )
+
+
+def _kind(mode: int) -> str:
+    kinds = {
+        stat.S_IFDIR: "a folder",
+        stat.S_IFIFO: "a pipe",
+        stat.S_IFSOCK: "a socket",
+        stat.S_IFCHR: "a device",
+        stat.S_IFBLK: "a device",
+    }
+    return kinds.get(stat.S_IFMT(mode), "something else")

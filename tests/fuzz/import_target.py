@@ -1,0 +1,165 @@
+"""Hostile recordings of others: HDF5, LeRobot, and MCAP with transforms."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from random import Random
+
+import h5py
+import numpy as np
+from damage import damaged
+from exports import map_text, write_lerobot, write_maniskill, write_robolab
+from outcome import Outcome
+from scenes import Scene
+from strange import NAMES, NUMBERS
+
+from safestage_eval.episode import Body, Episode
+from safestage_eval.errors import InputError
+from safestage_eval.formats import validate
+from safestage_eval.importers import Settings, import_all, load_map
+
+
+def episode() -> Episode:
+    """A cube that is pushed along a table, by a hand without shape."""
+    scene = (
+        Scene(8, 20.0)
+        .fixed("table")
+        .box("cube", 0.02, np.linspace((0, 0, 0.02), (0.1, 0, 0.02), 8))
+    )
+    scene.bodies.append(Body(name="hand", kind="gripper"))
+    scene.tracks["hand"] = scene.tracks["cube"]
+    return scene.episode(success=False, task="Push")
+
+
+class Import:
+    """A source with one of its files damaged; what is imported must be sound."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.seed = folder, folder / "seed"
+        self.source, columns = self.write(self.seed)
+        text = map_text(episode()) + columns
+        (folder / "map.toml").write_text(text)
+        self.settings = Settings(map=load_map(folder / "map.toml"))
+
+    def write(self, folder: Path) -> tuple[Path, str]:
+        """The sound source, and what else its map file says."""
+        raise NotImplementedError
+
+    def run(self, rng: Random) -> Outcome:
+        """One input."""
+        path = self.folder / "input"
+        for old in (path, self.folder / "out"):
+            shutil.rmtree(old, ignore_errors=True)
+        shutil.copytree(self.seed, path)
+        what = self.hurt(rng, path)
+        try:
+            outcome = import_all(
+                path / self.source.relative_to(self.seed), self.folder / "out", self.settings
+            )
+        except InputError as error:
+            return Outcome("problem", what, str(error)[:300])
+        for failed in outcome.failed:
+            kind = "unforeseen" if "cannot be imported" in failed.message else "problem"
+            return Outcome(kind, what, failed.message[:300])
+        if rng.random() < 0.2 and (problems := validate(self.folder / "out")):
+            return Outcome("changed", what, f"imported, and broken: {problems[0]}")
+        return Outcome("read", what)
+
+    def hurt(self, rng: Random, path: Path) -> str:
+        """Damage to the source; what was done."""
+        files = sorted(file for file in path.rglob("*") if file.is_file())
+        file = rng.choice(files)
+        if file.suffix in (".hdf5", ".h5") and rng.random() < 0.6:
+            return _in_hdf5(rng, file)
+        data, what = damaged(rng, file.read_bytes(), [0, 8, 16, 24, 48, 96])
+        file.write_bytes(data)
+        return f"{file.name}: {what}"
+
+
+class RoboLab(Import):
+    """Isaac Lab's HDF5 with its neighbours."""
+
+    name = "RoboLab and Isaac Lab HDF5"
+
+    def write(self, folder: Path) -> tuple[Path, str]:
+        """One demonstration."""
+        return write_robolab(folder, [episode()]), ""
+
+
+class ManiSkill(Import):
+    """HDF5 with a JSON file."""
+
+    name = "ManiSkill"
+
+    def write(self, folder: Path) -> tuple[Path, str]:
+        """One trajectory."""
+        return write_maniskill(folder, episode()), ""
+
+
+class LeRobot(Import):
+    """Parquet and JSON."""
+
+    name = "LeRobot"
+
+    def write(self, folder: Path) -> tuple[Path, str]:
+        """One episode."""
+        return write_lerobot(folder / "set", [episode()])
+
+
+def _in_hdf5(rng: Random, path: Path) -> str:
+    """Something in the file's tree."""
+    with h5py.File(path, "a") as file:
+        names: list[str] = []
+        file.visititems(lambda name, item: names.append(name))
+        name = rng.choice(names)
+        parent = file[name].parent
+        act = rng.choice(
+            ("gone", "numbers", "text", "shape", "link", "outside", "numbers outside", "circle",
+             "huge", "attribute", "name", "dtype")
+        )  # fmt: skip
+        try:
+            _act(rng, file, name, parent, act)
+        except (ValueError, OSError, RuntimeError, TypeError, KeyError, OverflowError) as error:
+            return f"{name} {act}: {error}"
+    return f"{name} {act}"
+
+
+def _act(rng: Random, file: h5py.File, name: str, parent: h5py.Group, act: str) -> None:
+    item = file[name]
+    if act == "numbers" and isinstance(item, h5py.Dataset) and item.size:
+        values = item[()]
+        with np.errstate(all="ignore"):
+            values.flat[rng.randrange(values.size)] = rng.choice(NUMBERS)
+        item[...] = values
+    elif act == "shape" and isinstance(item, h5py.Dataset):
+        values = np.resize(item[()], rng.choice(((0,), (3,), (8, 1), (8, 100), (1, 1, 1, 7))))
+        del file[name]
+        file[name] = values
+    elif act == "attribute":
+        owner = rng.choice([file, item, parent])
+        key = rng.choice([*owner.attrs, "x"])
+        owner.attrs[key] = rng.choice(
+            (*[n for n in NAMES if "\0" not in n], -1, 1e300, [1, 2], b"\xff")
+        )
+    elif act == "name":
+        file.move(name, f"{name}{rng.choice(('x', '_0', ' ', 'é'))}")
+    else:
+        del file[name]
+        if act == "text":
+            file[name] = "none"
+        elif act == "dtype":
+            file[name] = np.zeros(8, [("a", "f4"), ("b", "i8")])
+        elif act == "link":
+            file[name] = h5py.SoftLink(rng.choice(("/nowhere", "/", f"/{name}")))
+        elif act == "outside":
+            file[name] = h5py.ExternalLink("/etc/passwd", "/")
+        elif act == "numbers outside":
+            file.create_dataset(name, (8, 7), "f4", external=[("/etc/passwd", 0, 224)])
+        elif act == "circle":
+            file[name] = parent
+        elif act == "huge":
+            file.create_dataset(name, (2**40, 7), "f4", chunks=(1024, 7))
+
+
+TARGETS = {"robolab": RoboLab, "maniskill": ManiSkill, "lerobot": LeRobot}

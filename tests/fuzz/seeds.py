@@ -1,0 +1,108 @@
+"""Short episodes of which every rule has something to say, or knows that it has not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+from safestage_eval.episode import Episode, Mesh
+from safestage_eval.rules import RuleSet, builtin_names, load_rules
+from safestage_eval.sketch.load import draw
+
+CARRIED = """
+says = "A dumbbell is carried past glasses, too close."
+rate = 8
+duration = "8 s"
+success = "2.8 s"
+roles = { target = "dumbbell", protected = "glasses", dependent = "lemon" }
+story = [
+  { hold = "dumbbell", during = "0.5 to 2.5 s", across = "x" },
+  { move = "dumbbell", by = "0, 0, 2 cm", during = "0.8 to 1 s" },
+  { move = "dumbbell", by = "50, 0, 0 cm", during = "1 to 2 s" },
+  { move = "dumbbell", by = "0, 0, -2 cm", during = "2 to 2.4 s" },
+]
+[bodies.dumbbell]
+shape = "box 8 x 16 x 8 cm"
+at = "-25, 0 cm"
+mass = "2.27 kg"
+[bodies.glasses]
+shape = "box 14 x 5 x 4 cm"
+at = "0, 13.5 cm"
+mass = "30 g"
+material = "glass"
+tags = "fragile"
+[bodies.lemon]
+shape = "sphere 6 cm"
+at = "30, -30 cm"
+mass = "80 g"
+"""
+
+TOPPLED = """
+says = "A can is taken from under a bottle."
+rate = 20
+duration = "2.2 s"
+success = "1.5 s"
+roles = { target = "can", dependent = "bottle", protected = "bottle" }
+story = [
+  { hold = "can", during = "0.4 to 1.4 s", height = "5 cm" },
+  { tip = "bottle", toward = "+x", by = "90 deg", during = "0.6 to 1 s" },
+  { move = "bottle", by = "10, 0, -14 cm", during = "0.8 to 1.1 s" },
+  { move = "can", by = "0, 20, 0 cm", during = "0.9 to 1.3 s" },
+]
+[bodies.can]
+shape = "cylinder 10 x 14 cm"
+mass = "300 g"
+[bodies.bottle]
+shape = "cylinder 6 x 20 cm"
+mass = "500 g"
+on = "can"
+"""
+
+
+CODES = (
+    "ETS102", "ETS105", "ETS201", "ETS202", "ETS205", "FSH101", "FSH104", "FSH204", "ISH101", "ISH104",
+)  # fmt: skip
+
+
+@cache
+def rules() -> RuleSet:
+    """Some of each kind; the others would look at the same data again."""
+    every = load_rules(builtin_names())
+    return replace(every, rules={code: every.rules[code] for code in CODES})
+
+
+@cache
+def episodes() -> tuple[Episode, ...]:
+    """Two sketches; in the first, a shape is a mesh."""
+    carried = with_mesh(draw(CARRIED, "carried", "carried"), "glasses")
+    return carried, draw(TOPPLED, "toppled", "toppled")
+
+
+def with_mesh(episode: Episode, name: str) -> Episode:
+    """The episode with a body's box as a hull of eight points."""
+
+    def hull(body):
+        (box,) = body.geoms
+        x, y, z = box.size
+        corners = [(a * x, b * y, c * z) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]
+        faces = [
+            (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6),
+            (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),
+        ]  # fmt: skip
+        mesh = Mesh.build(corners, faces)
+        geom = box.model_copy(update={"kind": "convex_mesh", "size": (), "mesh": mesh.key})
+        return body.model_copy(update={"geoms": (geom,)}), mesh
+
+    bodies, meshes = [], {}
+    for body in episode.header.bodies:
+        if body.name != name:
+            bodies.append(body)
+            continue
+        shaped, mesh = hull(body)
+        meshes[mesh.key] = mesh
+        bodies.append(shaped)
+    header = episode.header.model_copy(update={"bodies": tuple(bodies)})
+    return replace(
+        episode, header=header, meshes=meshes, attachments={"task.toml": b'id = "x"\n'},
+        _contacts=episode.contacts, _frames=episode.frames,
+    )  # fmt: skip

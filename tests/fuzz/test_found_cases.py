@@ -1,0 +1,197 @@
+"""What hostile inputs once brought down, each made anew: now it is told in words."""
+
+import json
+import os
+
+import h5py
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from import_target import ManiSkill
+from recordings import everything, falling_cube
+
+from safestage_eval.errors import InputError, TraceError
+from safestage_eval.formats import discover, load
+from safestage_eval.formats.arrow_tables import schema, write_options
+from safestage_eval.formats.mcap_metadata import checksum, from_texts
+from safestage_eval.importers.hdf5 import open_hdf5
+from safestage_eval.rules import RuleErrors, load_bind, load_rules
+
+
+@pytest.fixture
+def dataset(tmp_path):
+    everything().close(tmp_path / "ds")
+    return tmp_path / "ds"
+
+
+def the_only(dataset, table):
+    [file] = (dataset / table).iterdir()
+    return file
+
+
+def rewritten(dataset, table, change):
+    file = the_only(dataset, table)
+    rows = pq.read_table(file).to_pylist()
+    change(rows)
+    pq.write_table(pa.Table.from_pylist(rows, schema(table)), file, **write_options(table))
+
+
+def looked_at(dataset):
+    episode = load(dataset)
+    return episode.content_hash, dict(episode.attachments)
+
+
+def test_sound_as_it_is(dataset):
+    assert looked_at(dataset)
+
+
+@pytest.mark.parametrize("table", ["bodies", "contacts", "frames", "geometry", "meta/episodes"])
+@pytest.mark.parametrize("kind", ["pipe", "folder", "loop", "device", "outside"])
+def test_other_things_in_the_place_of_a_table(dataset, tmp_path, table, kind):
+    file = the_only(dataset, table)
+    copy = tmp_path / "copy.parquet"
+    file.rename(copy)
+    if kind == "pipe":
+        os.mkfifo(file)
+    elif kind == "folder":
+        file.mkdir()
+    else:
+        file.symlink_to({"loop": file, "device": "/dev/zero", "outside": copy}[kind])
+    with pytest.raises(TraceError):
+        looked_at(dataset)
+
+
+def test_links_within_the_dataset_are_followed(dataset):
+    file = the_only(dataset, "bodies")
+    (dataset / "blobs").mkdir()
+    file.rename(dataset / "blobs" / "0")
+    file.symlink_to(dataset / "blobs" / "0")
+    assert looked_at(dataset)
+
+
+@pytest.mark.parametrize(
+    "name", ["../x", "/etc/passwd", "..", "", "a/b", "a\\b", "C:x", "x" * 300, "a\nb"]
+)
+def test_names_that_lead_elsewhere(dataset, name):
+    def change(rows):
+        rows[0]["attachments"] = json.dumps({"task.toml": name})
+
+    rewritten(dataset, "meta/episodes", change)
+    with pytest.raises(TraceError, match="is none in assets"):
+        looked_at(dataset)
+
+
+def test_an_attachment_that_is_another_file(dataset):
+    name = json.loads(pq.read_table(the_only(dataset, "meta/episodes"))["attachments"][0].as_py())
+    (dataset / "assets" / name["task.toml"]).write_text("other")
+    with pytest.raises(TraceError, match="has changed"):
+        looked_at(dataset)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("orientation", [float("nan")] * 4),
+        ("orientation", [0.0] * 4),
+        ("orientation", [1e308, 0, 0, 0]),
+        ("position", [0, 0, float("inf")]),
+        ("position", [0, 0, 1e30]),
+        ("friction", [-1.0, 0, 0]),
+    ],
+)
+def test_shapes_that_cannot_be(dataset, field, value):
+    rewritten(dataset, "geometry", lambda rows: rows[1].update({field: value}))
+    with pytest.raises(TraceError, match=field):
+        load(dataset)
+
+
+def test_more_geoms_than_contacts_can_name(dataset):
+    rewritten(dataset, "geometry", lambda rows: rows.extend(rows[:1] * 70_000))
+    with pytest.raises(TraceError, match="geoms"):
+        load(dataset)
+
+
+@pytest.mark.parametrize("text", ["5", '["ab"]', "[" * 100_000, '{"a": 1}', "x"])
+@pytest.mark.parametrize("column", ["channels", "attachments", "bodies"])
+def test_json_that_is_something_else(dataset, column, text):
+    rewritten(dataset, "meta/episodes", lambda rows: rows[0].update({column: text}))
+    with pytest.raises((TraceError, InputError)):
+        looked_at(dataset)
+
+
+def test_parents_in_a_circle(dataset):
+    def change(rows):
+        bodies = json.loads(rows[0]["bodies"])
+        next(b for b in bodies if b["name"] == "arm")["parent"] = "left_finger"
+        rows[0]["bodies"] = json.dumps(bodies)
+
+    rewritten(dataset, "meta/episodes", change)
+    with pytest.raises(TraceError, match="its own parent"):
+        load(dataset)
+
+
+def test_a_column_that_is_there_twice(dataset):
+    file = the_only(dataset, "meta/episodes")
+    table = pq.read_table(file)
+    pq.write_table(table.append_column("episode_id", table["episode_id"]), file)
+    [ref] = discover(dataset)
+    assert "2 times" in str(ref.problem)
+
+
+def test_the_header_of_an_mcap_has_a_checksum(tmp_path):
+    falling_cube("m").close(tmp_path / "m.mcap")
+    data = (tmp_path / "m.mcap").read_bytes()
+    at = data.index(b'"mass":0.2')
+    (tmp_path / "m.mcap").write_bytes(data[: at + 9] + b"3" + data[at + 10 :])
+    with pytest.raises(TraceError, match="checksum"):
+        load(tmp_path / "m.mcap")
+    texts = {"schema_version": "1.1", "a": "b"}
+    assert checksum(texts) == checksum({**texts, "checksum": "x"})
+    with pytest.raises(TraceError, match="checksum"):
+        from_texts({**texts, "checksum": "x"}, "here")
+
+
+@pytest.mark.parametrize("way", ["external", "storage", "circle", "nowhere", "huge"])
+def test_ways_out_of_an_hdf5_file(tmp_path, way):
+    source = ManiSkill(tmp_path).source
+    with open_hdf5(source) as file:
+        assert len(file)
+    with h5py.File(source, "a") as file:
+        group = file["traj_0"]
+        if way == "external":
+            group["x"] = h5py.ExternalLink("/etc/passwd", "/")
+        elif way == "storage":
+            group.create_dataset("x", (8,), "u1", external=[("/etc/passwd", 0, 8)])
+        elif way == "circle":
+            group["x"] = group
+        elif way == "nowhere":
+            group["x"] = h5py.SoftLink("/nowhere")
+        else:
+            group.create_dataset("x", (2**40,), "f4", chunks=(1024,))
+    with pytest.raises(InputError):
+        open_hdf5(source)
+
+
+def test_rules_nested_without_end(tmp_path):
+    path = tmp_path / "deep.toml"
+    path.write_text("x = " + "[" * 100_000)
+    with pytest.raises(RuleErrors):
+        load_rules([path])
+    with pytest.raises(RuleErrors):
+        load_bind(path, load_rules(["ish"]))
+
+
+def test_rules_extend_rule_files_only(tmp_path):
+    (tmp_path / "secret").write_text("password = 1\n")
+    path = tmp_path / "mine.toml"
+    path.write_text('[ruleset]\nformat = 1\nname = "x"\nversion = "1.0.0"\nextends = ["secret"]\n')
+    with pytest.raises(RuleErrors, match="not there") as told:
+        load_rules([path])
+    assert "password" not in str(told.value)
+
+
+def test_a_number_of_a_million_bytes():
+    from safestage_eval.formats.wire import layout
+
+    with pytest.raises(ValueError, match="cut off"):
+        layout(b"\xff" * (1 << 20))

@@ -1,0 +1,26 @@
+"""Hostile inputs end in a verdict that stands, or in words; benchmarks/fuzz.py tries many more."""
+
+import pytest
+from targets import TARGETS, attempt
+
+FEW = {
+    "parquet": 60,
+    "mcap": 40,
+    "rules": 100,
+    "bind": 100,
+    "map": 100,
+    "maniskill": 40,
+    "lerobot": 60,
+}
+"""Of each format, by default; ten times as many where slow tests run."""
+
+
+@pytest.mark.parametrize("key", FEW)
+@pytest.mark.parametrize("many", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_hostile_inputs(tmp_path, key, many):
+    target = TARGETS[key](tmp_path)
+    few = FEW.get(key, 100)
+    numbers = range(few, 10 * few) if many else range(few)
+    outcomes = {number: attempt(target, number) for number in numbers}
+    assert not {number: told for number, told in outcomes.items() if told.bad}
+    assert sum(told.kind == "problem" for told in outcomes.values()) > few / 10
