@@ -91,7 +91,8 @@ def check_header(header: Header, where: str) -> Iterator[TraceError]:
     for moment in ("success_time", "horizon", "post_success_hold"):
         value = getattr(header, moment)
         if value is not None and not np.isfinite(value):
-            yield TraceError(where, f"{moment} is {value}", "seconds, or none")
+            what = f"{moment} is {value}, a number that is not finite"
+            yield TraceError(where, what, "seconds, or none")
     yield from check_bodies(header.bodies, where)
     yield from check_joints(header.joints, where)
 
