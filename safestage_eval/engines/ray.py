@@ -8,7 +8,9 @@ task's own process or its machine dies, Ray runs the task again somewhere else.
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterable
+from contextlib import redirect_stdout
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -71,7 +73,16 @@ def judge(
     Raises:
         InputError: Ray is not installed, or there is no cluster at the address.
     """
-    ray = _connected(address)
+    with redirect_stdout(sys.stderr):  # Ray prints there that a task failed; stdout is for results
+        ray, own = _connected(address)
+        try:
+            _judge(ray, episodes, ledger, settings)
+        finally:
+            if own:
+                ray.shutdown()
+
+
+def _judge(ray: Any, episodes: Iterable[Numbered], ledger: Ledger, settings: Settings) -> None:
     task = ray.remote(num_cpus=1, max_retries=RETRIES, retry_exceptions=False)(_judge_chunk)
     shared = ray.put(settings)
     room = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
@@ -106,14 +117,16 @@ def _note(ray: Any, future: Any, chunk: list[Numbered], ledger: Ledger) -> None:
         ledger.written(told.part, [chunk[place][0] for place in told.written])
 
 
-def _connected(address: str | None) -> Any:
+def _connected(address: str | None) -> tuple[Any, bool]:
+    """Ray, and whether the connection was made here."""
     try:
         import ray
     except ImportError:
         raise InputError(
             "--engine ray", "Ray is not installed.", fix="pip install 'safestage[cluster]'"
         ) from None
-    if not ray.is_initialized():
+    own = not ray.is_initialized()
+    if own:
         try:
             ray.init(
                 address=address or os.environ.get("RAY_ADDRESS") or None,
@@ -126,7 +139,7 @@ def _connected(address: str | None) -> Any:
                 f"--address {address}", f"no Ray cluster answers: {error}.",
                 fix="ray status says where one is",
             ) from None  # fmt: skip
-    return ray
+    return ray, own
 
 
 _kept: list[tuple[Settings, Local]] = []
