@@ -150,8 +150,8 @@ def command(
     if golden is not None and sample is not None:
         raise click.UsageError("--golden is about all episodes: leave out --sample")
     from safestage_eval import heap
+    from safestage_eval.engines import memory as memories
     from safestage_eval.engines import run
-    from safestage_eval.engines.memory import size
     from safestage_eval.rules import builtin_names
     from safestage_eval.scoring import understood
 
@@ -168,7 +168,7 @@ def command(
         assigned_only=assigned,
         cache=kept,
         timeout=timeout,
-        memory=None if memory is None else size(memory),
+        memory=None if memory is None else memories.limit(memory),
     )
     with progress("scoring") as tell:
         heap.keep()

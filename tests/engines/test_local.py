@@ -10,7 +10,7 @@ import pytest
 from misbehaving import Crashing, CrashingOnce, Hanging, Swelling, turned
 from studio import block
 
-from safestage_eval.engines import Settings, local
+from safestage_eval.engines import Settings, local, memory
 from safestage_eval.engines.local import Local
 from safestage_eval.engines.memory import size
 from safestage_eval.errors import InputError
@@ -122,3 +122,10 @@ def test_amounts_of_memory(text, bytes_):
 def test_no_amount_of_memory():
     with pytest.raises(InputError, match="800 MB"):
         size("plenty")
+
+
+def test_a_limit_that_cannot_be_kept_is_refused(monkeypatch, tmp_path):
+    assert memory.limit("1 GB") == 2**30
+    monkeypatch.setattr(memory, "PROCESSES", tmp_path)  # a system without /proc
+    with pytest.raises(InputError, match="cannot be kept"):
+        memory.limit("1 GB")
