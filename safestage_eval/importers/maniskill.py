@@ -155,8 +155,11 @@ class ManiSkill(Importer):
     ) -> tuple[RobotFrames, tuple[Joint, ...]]:
         length = len(states["actors"][next(iter(states["actors"]))])
         position, velocity, joints = np.zeros((length, 0)), np.zeros((length, 0)), []
-        for name in sorted(states.get("articulations", ())):
-            inside = f"{where}/env_states/articulations"
+        inside = f"{where}/env_states/articulations"
+        found = states.get("articulations", {})
+        if not hasattr(found, "keys"):
+            raise TraceError(inside, "is no group.", "a dataset for each articulation")
+        for name in sorted(found):
             values = hdf5.rows(states["articulations"], name, inside)
             count, odd = divmod(values.shape[1] - ROOT, 2)
             if count < 0 or odd or len(values) != length:

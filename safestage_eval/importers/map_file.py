@@ -92,6 +92,8 @@ def load_map(path: str | Path) -> MapFile:
         raise MapErrors([Diagnostic(shown, 1, 1, "M101", what)]) from None
     except tomllib.TOMLDecodeError as error:
         raise MapErrors([not_toml(shown, text, str(error))]) from None
+    except ValueError as error:  # a number of too many digits
+        raise MapErrors([Diagnostic(shown, 1, 1, "M101", f"not readable: {error}")]) from None
     except RecursionError:
         what = "not readable: lists or tables are nested far too deeply"
         raise MapErrors([Diagnostic(shown, 1, 1, "M101", what)]) from None

@@ -100,6 +100,8 @@ def load_bind(path: str | Path, rules: ast.RuleSet) -> BindFile:
         ) from None
     except tomllib.TOMLDecodeError as error:
         raise RuleErrors([not_toml(shown, text, str(error))]) from None
+    except ValueError as error:  # a number of too many digits
+        raise RuleErrors([Diagnostic(shown, 1, 1, "R102", f"not readable: {error}")]) from None
     except RecursionError:
         what = "not readable: lists or tables are nested far too deeply"
         raise RuleErrors([Diagnostic(shown, 1, 1, "R102", what)]) from None

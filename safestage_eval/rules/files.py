@@ -178,6 +178,9 @@ class _Reader:
         except tomllib.TOMLDecodeError as error:
             self.problems.append(not_toml(shown, text, str(error)))
             return None
+        except ValueError as error:  # a number of too many digits
+            self.problems.append(Diagnostic(shown, 1, 1, "R102", f"not readable: {error}"))
+            return None
         except RecursionError:
             what = "not readable: lists or tables are nested far too deeply"
             self.problems.append(Diagnostic(shown, 1, 1, "R102", what))

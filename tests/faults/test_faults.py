@@ -3,7 +3,7 @@
 import random
 
 import pytest
-from campaign import full_disk, killed, read_only
+from fault_campaign import full_disk, killed, read_only
 from victims import prepared, writers
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")]

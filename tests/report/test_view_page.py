@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import pytest
 from browser import PHONE
@@ -60,7 +61,7 @@ def test_hostile_names_stay_text(traces, tmp_path):
     episode = load(traces, "unsafe")
     name = "</script><script>alert(1)</script>"
     header = episode.header.model_copy(update={"episode_id": name, "instruction": name})
-    save(type(episode)(**{**vars(episode), "header": header}), tmp_path / "bad.mcap")
+    save(replace(episode, header=header), tmp_path / "bad.mcap")
     out = tmp_path / "bad.html"
     assert run("view", tmp_path / "bad.mcap", "-o", out, "--no-open").code == 0
     assert "<script>alert" not in out.read_text("utf-8")

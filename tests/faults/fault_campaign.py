@@ -1,6 +1,6 @@
 """The crash campaign: everything that writes is killed, starved of disk and locked out, and goes on.
 
-``python tests/faults/campaign.py --kills 120 --write docs/reliability.md`` runs it and writes the page
+``python tests/faults/fault_campaign.py --kills 120 --write docs/reliability.md`` runs it and writes the page
 with what was tried and what came of it.
 """
 
