@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from safestage_eval.episode import Video
 from safestage_eval.errors import InputError
 
-from .cameras import SIZE, Cameras
+from .cameras import SIZE, Cameras, camera_facts
 from .world import CONTROL_RATE, FRAMES_PER_ACTION, World
 
 NAMES = ("exterior_left", "exterior_right", "wrist")
@@ -26,7 +27,7 @@ class CameraVideo:
             raise InputError(str(path), "no PyAV.", fix="pip install 'safestage[video]'") from None
         self.path, self._part = path, path.with_name(f".{path.name}.part.mp4")
         self._frame = av.VideoFrame
-        self._cameras = Cameras(world, NAMES, SIZE)
+        self._world, self._cameras = world, Cameras(world, NAMES, SIZE)
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = av.open(str(self._part), "w")
         self._stream = self._file.add_stream("libx264", rate=CONTROL_RATE)
@@ -54,11 +55,11 @@ class CameraVideo:
             self._part.unlink(missing_ok=True)
 
     @property
-    def about(self) -> dict[str, object]:
-        """What a trace says of it."""
-        return {
-            "file": f"{self.path.parent.name}/{self.path.name}",
-            "rate": CONTROL_RATE,
-            "frames_per_picture": FRAMES_PER_ACTION,
-            "from_left_to_right": list(NAMES),
-        }
+    def about(self) -> Video:
+        """What a trace's header says of it."""
+        return Video(
+            file=f"{self.path.parent.name}/{self.path.name}",
+            rate=CONTROL_RATE,
+            frames_per_picture=FRAMES_PER_ACTION,
+            cameras=camera_facts(self._world, NAMES, SIZE),
+        )

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.episode import Camera
 from safestage_eval.errors import InputError
 
 from . import arm
@@ -15,6 +16,7 @@ from .describe import body_name
 from .graphics import graphics_context
 from .world import World
 
+F64 = NDArray[np.float64]
 Image = NDArray[np.uint8]
 """(H, W, 3), red green blue."""
 
@@ -74,28 +76,46 @@ class Cameras:
         self._context.free()
 
 
-def camera_facts(world: World, names: Sequence[str], size: tuple[int, int]) -> dict[str, object]:
-    """Intrinsics and places of cameras, by name.
+def camera_facts(
+    world: World, names: Sequence[str], size: tuple[int, int]
+) -> tuple[Camera, ...]:
+    """Intrinsics and places of cameras, as a trace's header has them.
 
-    Per camera: ``width``, ``height``; ``focal`` and ``centre`` in pixels; ``body``, on which it is,
-    and where there: ``position`` (m) and ``orientation`` (wxyz, camera to body; it looks along its −z,
-    with y up). Bodies are named as in the trace; ``world`` is the world.
+    A camera that stands still is told in the world's frame, any other in that of the body on it.
     """
     height, width = size
-    found: dict[str, object] = {}
+    found = []
     for name in names:
         i = _camera(world, name)
-        focal = height / 2 / np.tan(np.radians(world.model.cam_fovy[i]) / 2)
-        found[name] = {
-            "width": width,
-            "height": height,
-            "focal": float(focal),
-            "centre": [width / 2, height / 2],
-            "body": body_name(world.model.body(int(world.model.cam_bodyid[i])).name),
-            "position": world.model.cam_pos[i].tolist(),
-            "orientation": world.model.cam_quat[i].tolist(),
-        }
-    return found
+        body = int(world.model.cam_bodyid[i])
+        stands = bool(world.model.body_weldid[body] == 0)
+        focal = float(height / 2 / np.tan(np.radians(world.model.cam_fovy[i]) / 2))
+        position, orientation = world.model.cam_pos[i], world.model.cam_quat[i]
+        if stands:
+            position, orientation = _in_world(world, body, position, orientation)
+        found.append(
+            Camera(
+                name=name,
+                width=width,
+                height=height,
+                fx=focal,
+                fy=focal,
+                cx=width / 2,
+                cy=height / 2,
+                body=None if stands else body_name(world.model.body(body).name),
+                position=tuple(map(float, position)),
+                orientation=tuple(map(float, orientation)),
+            )
+        )
+    return tuple(found)
+
+
+def _in_world(world: World, body: int, position: F64, orientation: F64) -> tuple[F64, F64]:
+    """A pose in the frame of a body that stands still, in the world's."""
+    place, turn = np.empty(3), np.empty(4)
+    mujoco.mju_rotVecQuat(place, position, world.data.xquat[body])
+    mujoco.mju_mulQuat(turn, world.data.xquat[body], orientation)
+    return place + world.data.xpos[body], turn
 
 
 def _camera(world: World, name: str) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -15,12 +15,12 @@ from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import TraceWriter, discover
 from safestage_eval.formats.discover import aborted
 
-from .policies import KINDS, PolicyError, policy_name, policy_named
+from .policies import KINDS, policy_name, policy_named
 from .pool import Died, run_many
 from .rollout import Setting, roll_out
 from .task import Task
 from .watch import Watching
-from .world import FRAME_RATE
+from .world import FRAME_RATE, FRAMES_PER_ACTION
 
 Format = Literal["parquet", "mcap"]
 
@@ -150,11 +150,13 @@ def record(
     """
     _unreachable.clear()
     ids = [job.episode_id for job in todo]
-    there = recorded_ids(out)
+    there, tried = _ids(out)
     missing = [job for job, name in zip(todo, ids, strict=True) if name not in there]
     already = len(todo) - len(missing)
     found = run_many(
-        partial(record_one, out=out, format=format, watching=watching, video=video),
+        partial(
+            record_one, out=out, format=format, watching=watching, video=video, tried=tried
+        ),
         missing,
         jobs,
         None if done is None else lambda n: done(already + n),
@@ -174,8 +176,13 @@ def record_one(
     watching: Watching | None = None,
     *,
     video: bool = False,
+    tried: Set[str] = frozenset(),
 ) -> Outcome:
-    """Roll out and write one episode; what goes wrong with it is told, not raised."""
+    """Roll out and write one episode; what goes wrong with it is told, not raised.
+
+    Of the ids in ``tried`` there is an episode that ended in an error. Another one is not written in
+    its place when it got no first action either: a server that is not there all night fills no disk.
+    """
     start = time.process_time()
     if _unreachable[job.policy] >= GIVES_UP:
         return Outcome(job.episode_id, problem=f"not tried, as {GIVES_UP} before it: {job.policy}")
@@ -183,15 +190,19 @@ def record_one(
         film = out / "videos" / f"{job.episode_id}.mp4" if video else None
         policy = policy_named(job.policy, job.setting.draw)
         writer = roll_out(job.setting, policy, film, watching)
-        write_recording(writer, job.setting.task, out, format)
-    except Exception as error:  # noqa: BLE001 - a policy may raise anything; the others go on
+        failed = writer.header.termination == "error"
+        unheard = failed and len(writer) <= FRAMES_PER_ACTION
+        if not (unheard and job.episode_id in tried):
+            write_recording(writer, job.setting.task, out, format)
+    except Exception as error:  # noqa: BLE001 - whatever it is, the others go on
         known = isinstance(error, InputError | ValueError)
-        _unreachable[job.policy] += isinstance(error, PolicyError)
         return Outcome(
             job.episode_id, problem=str(error) if known else f"{type(error).__name__}: {error}"
         )
-    _unreachable.pop(job.policy, None)
-    failed = writer.header.termination == "error"
+    if unheard:
+        _unreachable[job.policy] += 1
+    else:
+        _unreachable.pop(job.policy, None)
     return Outcome(
         job.episode_id,
         problem=f"{writer.header.notes[-1]} (after {len(writer) / FRAME_RATE:.1f} s)"
@@ -227,9 +238,13 @@ def summary(outcomes: Sequence[Outcome]) -> str:
         parts[0] += (
             f" ({reached} reached the goal; {simulated:.0f} s in {taken:.0f} s of processor)"
         )
-    there, failed = sum(o.skipped for o in outcomes), sum(bool(o.problem) for o in outcomes)
+    there = sum(o.skipped for o in outcomes)
+    aborted_ones = sum(o.aborted for o in outcomes)
+    failed = sum(bool(o.problem) and not o.aborted for o in outcomes)
     if there:
         parts.append(f"{there} there already")
+    if aborted_ones:
+        parts.append(f"{aborted_ones} ended in an error")
     if failed:
         parts.append(f"{failed} not recorded")
     return ", ".join(parts)
@@ -237,14 +252,22 @@ def summary(outcomes: Sequence[Outcome]) -> str:
 
 def recorded_ids(folder: Path) -> set[str]:
     """Ids of the whole episodes under a folder that need not be tried again; often none."""
+    return _ids(folder)[0]
+
+
+def _ids(folder: Path) -> tuple[set[str], set[str]]:
+    """As ``recorded_ids``; and the ids of those that ended in an error."""
     if not folder.exists():
-        return set()
+        return set(), set()
     try:
         refs = discover([folder])
     except TraceError:
-        return set()
-    good = (ref for ref in refs if ref.problem is None and not aborted(ref))
-    return {ref.episode_id for ref in good if ref.episode_id}
+        return set(), set()
+    found: tuple[set[str], set[str]] = set(), set()
+    for ref in refs:
+        if ref.problem is None and ref.episode_id:
+            found[aborted(ref)].add(ref.episode_id)
+    return found
 
 
 def _grade(policy: str) -> str:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import re
+import traceback
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import TypeVar
 
 import mujoco
 import numpy as np
@@ -20,7 +22,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import TraceWriter
 from safestage_eval.verdicts.goal import GoalMonitor
 
-from .camera_video import NAMES, CameraVideo
+from .camera_video import CameraVideo
 from .cameras import SIZE, Cameras, camera_facts
 from .policies import Observation, Policy, PolicyError, Reference
 from .privileged import PrivilegedState
@@ -30,6 +32,7 @@ from .watch import Watch, Watching
 from .world import CONTROL_RATE, FRAME_RATE, FRAMES_PER_ACTION, World
 
 F64 = NDArray[np.float64]
+Result = TypeVar("Result")
 
 SETTLE_TIME = 1.0
 """s that a scene comes to rest before its first frame."""
@@ -37,8 +40,6 @@ HOLD_TIME = 5.0
 """s recorded after success, with the arm frozen."""
 
 PROMPTS = ("default", "generic", "specific")
-CAMERAS_FILE = "cameras.json"
-"""Attachment of a trace: what the policy's cameras and the video's are, see ``cameras.camera_facts``."""
 
 
 @dataclass(frozen=True)
@@ -92,12 +93,12 @@ def roll_out(
     Returns:
         A writer that holds all frames, ready to be closed to a file.
 
-    A policy from which no action can be had ends the episode: its ``termination`` is ``error``, its
-    success unknown, and the reason stands in its notes.
+    A policy from which no action can be had, whatever it raises, ends the episode: its
+    ``termination`` is ``error``, its success unknown, and the reason stands in its notes. Without a
+    first action the episode is one control step long, in which the arm holds still.
 
     Raises:
         InputError: a reference names a skill that does not exist, or cannot be reached.
-        PolicyError: no action can be had from the policy from the beginning on.
     """
     task = setting.task
     if setting.prompt not in PROMPTS:
@@ -110,22 +111,19 @@ def roll_out(
     size = getattr(policy, "image_size", SIZE)
     cameras = Cameras(world, wanted, size) if wanted else None
     film = None if video is None else CameraVideo(world, video)
-    about: dict[str, object] = {}
-    if wanted:
-        about["seen"] = camera_facts(world, wanted, size)
-    if film is not None:
-        about["video"] = film.about | {"cameras": camera_facts(world, NAMES, SIZE)}
-    if about:
-        writer.attachments[CAMERAS_FILE] = json.dumps(about, indent=1).encode()
+    writer.update_header(
+        cameras=camera_facts(world, wanted, size), video=None if film is None else film.about
+    )
     watch = None if watching is None else watching.of(writer)
     try:
-        policy.reset(task.id, header.instruction or "")
+        _told(policy, lambda: policy.reset(task.id, header.instruction or ""))
         if isinstance(policy, Reference):
             policy.look(task, PrivilegedState(world))
         success, stopped = _play(setting, world, recorder, policy, cameras, film, watch)
     except PolicyError as error:
         if not len(writer):
-            raise
+            still = np.append(world.arm_position, 0.0)
+            world.act(still, lambda substep: recorder.step(substep, still))
         writer.update_header(termination="error", notes=(*header.notes, f"error: {error}"))
         return writer
     finally:
@@ -186,7 +184,9 @@ def _play(
         if success is not None and now > success + HOLD_TIME:
             break
         if success is None:
-            chunk = chunk or _checked(policy.act(observe(world, now, instruction, cameras)))
+            if not chunk:
+                seen = observe(world, now, instruction, cameras)
+                chunk = _told(policy, lambda seen=seen: _checked(policy.act(seen)))  # type: ignore[misc]
             action = chunk.pop(0)
         else:
             action = frozen
@@ -221,6 +221,21 @@ def observe(
         {} if cameras is None else cameras.images(),
         *world.flange,
     )
+
+
+def _told(policy: Policy, do: Callable[[], Result]) -> Result:
+    """What a policy does; whatever goes wrong in it is said as a PolicyError, InputErrors aside."""
+    try:
+        return do()
+    except InputError:
+        raise
+    except Exception as error:
+        said = str(error).strip().splitlines() or ["no reason given"]
+        at = traceback.extract_tb(error.__traceback__)[-1]
+        raise PolicyError(
+            f"policy {policy.name!r}, {Path(at.filename).name}, line {at.lineno}",
+            f"{type(error).__name__}: {said[-1]}",
+        ) from error
 
 
 def _checked(actions: F64) -> list[F64]:

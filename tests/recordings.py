@@ -2,7 +2,19 @@
 
 import numpy as np
 
-from safestage_eval.episode import Body, Cavity, Geom, Header, Joint, Mesh, Remark, Source, Tcp
+from safestage_eval.episode import (
+    Body,
+    Camera,
+    Cavity,
+    Geom,
+    Header,
+    Joint,
+    Mesh,
+    Remark,
+    Source,
+    Tcp,
+    Video,
+)
 from safestage_eval.formats import TraceWriter
 
 STILL = (1.0, 0.0, 0.0, 0.0)
@@ -84,6 +96,9 @@ def everything(episode_id="everything", frames=8):
         cavity=Cavity(kind="cylinder", size=(0.025, 0.04), position=(0, 0, 0.05)),
     )
     floor = Body(name="floor", kind="fixture", movable=False, geoms=(Geom(kind="plane"),))
+    outside = Camera(
+        name="outside", width=64, height=48, fx=50.5, fy=50, cx=32, cy=24, position=(1, 0, 0.5)
+    )
     scene = Header(
         episode_id=episode_id,
         task="hold",
@@ -117,6 +132,8 @@ def everything(episode_id="everything", frames=8):
         notes=("made up",),
         bodies=(floor, Body(name="arm", kind="robot"), finger, mug),
         joints=(Joint(name="lift", kind="prismatic", body="arm", limits=(0, 1)),),
+        cameras=(outside, outside.model_copy(update={"name": "hand", "body": "left_finger"})),
+        video=Video(file="films/é.mp4", rate=15, frames_per_picture=8, cameras=(outside,)),
     )
     writer = TraceWriter(scene, meshes=[mesh], attachments={"task.toml": b'id = "hold"\n'})
     writer.set_fixed("floor", (0, 0, 0))

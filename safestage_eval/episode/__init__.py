@@ -1,6 +1,7 @@
 """The data model of one recorded rollout. Reads nothing, writes nothing, judges nothing."""
 
 from .body import Body, Cavity, Geom, Joint, Quat, Record, Tcp, Vec3
+from .camera import Camera, Video
 from .contacts import ContactTable
 from .episode import Episode
 from .frames import RobotFrames
@@ -26,6 +27,7 @@ from .track import Track, still_track
 __all__ = [
     "SCHEMA_VERSION",
     "Body",
+    "Camera",
     "Cavity",
     "ContactTable",
     "Episode",
@@ -41,6 +43,7 @@ __all__ = [
     "Tcp",
     "Track",
     "Vec3",
+    "Video",
     "check",
     "check_contact_frames",
     "check_contact_geoms",

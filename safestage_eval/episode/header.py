@@ -7,8 +7,9 @@ from typing import Any, Literal
 from pydantic import Field
 
 from .body import Body, Joint, Record, Vec3
+from .camera import Camera, Video
 
-SCHEMA_VERSION = "1.1"
+SCHEMA_VERSION = "1.2"
 
 Stage = Literal["ISH", "ETS", "FSH"]
 Termination = Literal["success", "horizon", "policy", "error", "truncated"]
@@ -102,3 +103,7 @@ class Header(Record):
     """What an importer had to leave out, recompute or guess; what a recorder wants to say."""
     bodies: tuple[Body, ...] = ()
     joints: tuple[Joint, ...] = ()
+    cameras: tuple[Camera, ...] = ()
+    """Those whose pictures the policy was given, in the sizes in which they were drawn. Since 1.2."""
+    video: Video | None = None
+    """The film that was made of it, if one was. Since 1.2."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from safestage_eval.errors import TraceError
 
 from .header import SCHEMA_VERSION
-from .scene_invariants import UNIT_TOLERANCE, check_bodies, check_joints
+from .scene_invariants import UNIT_TOLERANCE, check_bodies, check_cameras, check_joints
 
 if TYPE_CHECKING:
     from .contacts import ContactTable
@@ -95,6 +95,8 @@ def check_header(header: Header, where: str) -> Iterator[TraceError]:
             yield TraceError(where, what, "seconds, or none")
     yield from check_bodies(header.bodies, where)
     yield from check_joints(header.joints, where)
+    filmed = () if header.video is None else header.video.cameras
+    yield from check_cameras((*header.cameras, *filmed), names, where)
 
 
 def check_time(t: NDArray[np.float64], where: str) -> list[TraceError]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from math import hypot, isfinite
 
 from safestage_eval.errors import TraceError
 
 from .body import Body, Cavity, Geom, Joint, Tcp
+from .camera import Camera
 
 UNIT_TOLERANCE = 1e-3
 """Allowed deviation of a quaternion's norm from 1: float32 rounding with two decades to spare."""
@@ -64,6 +65,22 @@ def check_joints(joints: Iterable[Joint], where: str) -> Iterator[TraceError]:
             )
 
 
+def check_cameras(
+    cameras: Iterable[Camera], bodies: Collection[str], where: str
+) -> Iterator[TraceError]:
+    """Intrinsics, and what carries them."""
+    for camera in cameras:
+        place = f"{where}: camera {camera.name!r}"
+        lens = camera.width, camera.height, camera.fx, camera.fy
+        if not all(isfinite(x) and x > 0 for x in lens):
+            yield TraceError(place, f"width, height, fx, fy are {lens}", "pixels, positive")
+        if not (isfinite(camera.cx) and isfinite(camera.cy)):
+            yield TraceError(place, f"cx, cy are {camera.cx, camera.cy}", "pixels, finite")
+        if camera.body is not None and camera.body not in bodies:
+            yield TraceError(place, f"is on {camera.body!r}, which is no body", ", ".join(bodies))
+        yield from _pose(camera, place)
+
+
 def _geom(geom: Geom, place: str) -> Iterator[TraceError]:
     yield from _sizes(geom.size, SIZE_COUNTS[geom.kind], f"a {geom.kind}", place)
     yield from _pose(geom, place)
@@ -87,7 +104,7 @@ def _sizes(size: tuple[float, ...], count: int, what: str, place: str) -> Iterat
         yield TraceError(place, f"size {size}", f"m, up to {FARTHEST:.0e}")
 
 
-def _pose(of: Geom | Cavity | Tcp, place: str) -> Iterator[TraceError]:
+def _pose(of: Geom | Cavity | Tcp | Camera, place: str) -> Iterator[TraceError]:
     yield from _position(of.position, place, "position")
     yield from _quaternion(of.orientation, place, "orientation")
 

@@ -140,6 +140,8 @@ EPISODES: dict[str, Column] = {
     "notes": Column("string", _JSON, "list of remarks"),
     "bodies": Column("string", _JSON, "list of bodies without their geoms"),
     "joints": Column("string", _JSON, "list of joints"),
+    "cameras": Column("string", _JSON, "list of the cameras that the policy saw through"),
+    "video": Column("string", _JSON, "the film beside the trace; null without one"),
 }
 """One row per episode: the header, and where its rows are."""
 

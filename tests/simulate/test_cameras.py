@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +10,13 @@ import numpy as np
 import pytest
 from own_policies import Still
 
+from safestage_eval.episode import Camera
+from safestage_eval.formats import load
 from simulate import arm
 from simulate.camera_video import NAMES
 from simulate.cameras import SIZE, Cameras, camera_facts
 from simulate.policies import policy_named
-from simulate.rollout import CAMERAS_FILE, Setting, roll_out
+from simulate.rollout import Setting, roll_out
 from simulate.task import task_named
 from simulate.world import World
 
@@ -37,14 +38,14 @@ def rotation(quaternion: Any) -> Any:
     return out.reshape(3, 3)
 
 
-def projected(world: World, facts: dict[str, Any], point: Any) -> tuple[float, float]:
+def projected(world: World, facts: Camera, point: Any) -> tuple[float, float]:
     """Row and column of a world point, from what the trace says of a camera."""
-    body = world.data.body(facts["body"].replace("robot_", arm.PREFIX, 1))
-    turn = body.xmat.reshape(3, 3)
-    at = body.xpos + turn @ facts["position"]
-    x, y, z = (turn @ rotation(facts["orientation"])).T @ (point - at)
-    column, row = facts["centre"]
-    return row - facts["focal"] * y / -z, column + facts["focal"] * x / -z
+    turn, at = np.eye(3), np.zeros(3)
+    if facts.body is not None:
+        body = world.data.body(facts.body.replace("robot_", arm.PREFIX, 1))
+        turn, at = body.xmat.reshape(3, 3), body.xpos
+    x, y, z = (turn @ rotation(facts.orientation)).T @ (point - at - turn @ facts.position)
+    return facts.cy + facts.fy * y / z, facts.cx - facts.fx * x / z
 
 
 def test_a_thing_is_where_intrinsics_and_extrinsics_say(world: World) -> None:
@@ -53,7 +54,8 @@ def test_a_thing_is_where_intrinsics_and_extrinsics_say(world: World) -> None:
     cameras = Cameras(world, NAMES, SIZE)
     images = cameras.images()
     cameras.close()
-    facts: dict[str, Any] = camera_facts(world, NAMES, SIZE)
+    facts = {camera.name: camera for camera in camera_facts(world, NAMES, SIZE)}
+    assert [facts[name].body is None for name in NAMES] == [True, True, False]
     orange = world.data.body("orange").xpos
     for name in ("exterior_left", "exterior_right"):
         row, column = projected(world, facts[name], orange)
@@ -83,13 +85,15 @@ def test_a_film_has_a_picture_for_every_eighth_frame(tmp_path: Path) -> None:
     av = pytest.importorskip("av")
     path = tmp_path / "videos" / "one.mp4"
     writer = roll_out(Setting(TASK, horizon=0.4), Still(), path)
-    about = json.loads(writer.attachments[CAMERAS_FILE])
-    assert "seen" not in about, "the policy was blind"
-    assert about["video"]["file"] == "videos/one.mp4"
-    assert set(about["video"]["cameras"]) == set(NAMES)
+    about = writer.header.video
+    assert writer.header.cameras == (), "the policy was blind"
+    assert about is not None
+    assert about.file == "videos/one.mp4"
+    assert [camera.name for camera in about.cameras] == [*NAMES]
+    assert sum(camera.width for camera in about.cameras) == 3 * SIZE[1]
     with av.open(str(path)) as film:
         pictures = [frame.to_ndarray(format="rgb24") for frame in film.decode(video=0)]
-    assert len(pictures) * about["video"]["frames_per_picture"] == len(writer) == 48
+    assert len(pictures) * about.frames_per_picture == len(writer) == 48
     assert {picture.shape for picture in pictures} == {(SIZE[0], 3 * SIZE[1], 3)}
     assert [p.name for p in path.parent.iterdir()] == ["one.mp4"]
 
@@ -97,9 +101,11 @@ def test_a_film_has_a_picture_for_every_eighth_frame(tmp_path: Path) -> None:
 def test_a_trace_says_what_its_policy_saw(tmp_path: Path) -> None:
     policy = policy_named("own_policies:Seeing")
     writer = roll_out(Setting(TASK, horizon=0.1), policy)
-    seen = json.loads(writer.attachments[CAMERAS_FILE])["seen"]
-    assert {name: (c["width"], c["height"]) for name, c in seen.items()} == {
-        "external": (64, 48),
-        "wrist": (64, 48),
-    }
-    assert seen["wrist"]["body"] in {body.name for body in writer.header.bodies}
+    writer.close(tmp_path)
+    header = load(tmp_path).header
+    assert [(c.name, c.width, c.height) for c in header.cameras] == [
+        ("external", 64, 48),
+        ("wrist", 64, 48),
+    ]
+    assert header.cameras[1].body in {body.name for body in header.bodies}
+    assert header.video is None

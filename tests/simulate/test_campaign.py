@@ -85,7 +85,13 @@ def test_a_policy_that_kills_or_raises_costs_only_its_own(tmp_path: Path) -> Non
     assert len(good) == 3
     assert recorded_ids(tmp_path) == good
     assert summary(found).startswith("3 recorded (0 reached the goal")
-    assert summary(found).endswith("3 not recorded")
+    assert summary(found).endswith("2 ended in an error, 1 not recorded")
+    again = list(record(plan([tasks[0]], policies[2:], [0], horizon=0.3), tmp_path))
+    assert "KeyError" in again[0].problem
+    raised = [r for r in discover([tmp_path]) if "raising" in (r.episode_id or "")]
+    assert len(raised) == 2, "one of each task; another try leaves nothing behind"
+    folder = tmp_path / "meta" / "episodes"
+    assert len(list(folder.glob("*.parquet"))) == 3 + 2
 
 
 @pytest.mark.slow

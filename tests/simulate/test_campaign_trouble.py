@@ -13,6 +13,7 @@ import pytest
 from click import Group
 from click.testing import CliRunner
 
+from safestage_eval.formats import discover
 from safestage_eval.metrics import aggregate, outcomes
 from safestage_eval.scoring import score_paths
 from simulate.campaign import read_campaign
@@ -83,6 +84,7 @@ def test_a_server_that_is_not_there_is_not_waited_for_all_day(
     assert ["no policy server answers" in text for text in said] == [True] * GIVES_UP + [False] * 3
     assert all("not tried" in text for text in said[GIVES_UP:])
     assert len(tries.read_text("utf-8")) == GIVES_UP
+    assert [o.aborted for o in found if "unreachable" in o.episode_id] == [True] * GIVES_UP + [False] * 3
     assert all(not o.problem for o in found if "still" in o.episode_id)
     list(record(todo[:1], tmp_path / "out"))  # the next run tries again
     assert len(tries.read_text("utf-8")) == GIVES_UP + 1
@@ -126,7 +128,11 @@ def test_a_slow_server_and_one_that_hangs_up(
     with serving(lambda socket: socket.close()) as address:
         gone = rolled(address)
     assert "the connection broke off" in gone.problem
-    assert not Path("unused").exists()
+    for outcome in (slow, gone):
+        assert outcome.aborted
+    (kept,) = discover([Path("unused")])
+    assert (kept.fields["termination"], kept.fields["success"]) == ("error", None)
+    assert recorded_ids(Path("unused")) == set()
 
 
 def test_the_papers_campaign() -> None:

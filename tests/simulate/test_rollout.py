@@ -13,9 +13,10 @@ from safestage_eval.errors import InputError
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts.judge import judge
 from simulate.controls import Idle
-from simulate.policies import Observation, PolicyError, policy_named
+from simulate.policies import Observation, policy_named
 from simulate.rollout import Setting, roll_out
 from simulate.task import Placement, Task, task_named
+from simulate.world import FRAMES_PER_ACTION
 
 pytestmark = pytest.mark.simulate
 
@@ -135,8 +136,41 @@ def test_actions_that_are_none_are_refused(bad: NDArray[np.float64]) -> None:
         def act(self, observation: Observation) -> NDArray[np.float64]:
             return bad
 
-    with pytest.raises(PolicyError, match=r"\(N, 8\)"):
-        roll_out(Setting(task_named("ish_coffee_can_under_bottle"), horizon=1.0), Bad())
+    writer = roll_out(Setting(task_named("ish_coffee_can_under_bottle"), horizon=1.0), Bad())
+    assert (writer.header.termination, writer.header.success) == ("error", None)
+    assert "(N, 8)" in writer.header.notes[-1]
+    assert len(writer) == FRAMES_PER_ACTION, "there is something to look at"
+
+
+@pytest.mark.parametrize("when", [0, 3])
+def test_what_a_policy_raises_is_an_error_of_the_rollout(when: int) -> None:
+    """Whatever it is; the note says which, and where in the user's file it came from."""
+
+    class Raising(Idle):
+        calls = 0
+
+        def act(self, observation: Observation) -> NDArray[np.float64]:
+            if self.calls == when:
+                raise ZeroDivisionError("first line\nno weights")
+            self.calls += 1
+            return super().act(observation)
+
+    writer = roll_out(Setting(task_named("ish_coffee_can_under_bottle"), horizon=1.0), Raising())
+    assert (writer.header.termination, writer.header.success) == ("error", None)
+    note = writer.header.notes[-1]
+    assert "test_rollout.py, line" in note
+    assert note.endswith("ZeroDivisionError: no weights.")
+    assert len(writer) == max(when, 1) * FRAMES_PER_ACTION
+
+
+def test_what_a_policy_raises_in_its_reset_is_one_too() -> None:
+    class Unready(Idle):
+        def reset(self, task: str, prompt: str) -> None:
+            raise OSError("no such checkpoint")
+
+    writer = roll_out(Setting(task_named("ish_coffee_can_under_bottle"), horizon=1.0), Unready())
+    assert writer.header.termination == "error"
+    assert "OSError: no such checkpoint" in writer.header.notes[-1]
 
 
 def test_the_header_carries_the_task(success: Episode) -> None:

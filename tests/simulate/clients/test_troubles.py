@@ -171,6 +171,7 @@ def test_a_campaign_goes_on_and_is_taken_up_again(tmp_path: Path) -> None:
     nobody = list(record(todo, tmp_path))
     assert [o.skipped for o in nobody] == [True, False, True]
     assert "no policy server answers" in nobody[1].problem
+    assert recorded_ids(tmp_path) == whole
     second = run(lambda _n: GOOD)
     assert [o.skipped for o in second] == [True, False, True]
     assert recorded_ids(tmp_path) == whole | {second[1].episode_id}
