@@ -51,6 +51,8 @@ class Still:
         request = unpack(message)
         if request.get("endpoint") == "reset":
             return DONE if self._dialect.schemes[0] == "ws" else pack({})
+        if request.get("endpoint") == "get_modality_config":
+            return pack(self._dialect.described())
         seen = self._dialect.asked(request).observation
         return pack(self._dialect.answer(self._rows, seen), self._dialect.style)
 

@@ -76,9 +76,7 @@ class Cameras:
         self._context.free()
 
 
-def camera_facts(
-    world: World, names: Sequence[str], size: tuple[int, int]
-) -> tuple[Camera, ...]:
+def camera_facts(world: World, names: Sequence[str], size: tuple[int, int]) -> tuple[Camera, ...]:
     """Intrinsics and places of cameras, as a trace's header has them.
 
     A camera that stands still is told in the world's frame, any other in that of the body on it.

@@ -38,6 +38,7 @@ class Observation:
         joint_velocity: (7,) rad/s, measured.
         images: camera → (H, W, 3) red green blue; empty unless the policy names ``cameras``. Drawn
             of the same moment as everything else.
+        past: pictures of the earlier moments that the policy looks back to, oldest first.
         flange_position: (3,) m, of the arm's flange in the frame of its base, measured.
         flange_orientation: (4,) wxyz, flange to base; z points out of the flange.
     """
@@ -48,6 +49,7 @@ class Observation:
     instruction: str
     joint_velocity: F64 = field(default_factory=lambda: np.zeros(7))
     images: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    past: tuple[Mapping[str, NDArray[np.uint8]], ...] = ()
     flange_position: F64 = field(default_factory=lambda: np.zeros(3))
     flange_orientation: F64 = field(default_factory=lambda: np.array([1.0, 0.0, 0.0, 0.0]))
 
@@ -63,7 +65,8 @@ class Policy(Protocol):
     """Anything that can be rolled out.
 
     A policy that wants to see has two attributes more: ``cameras``, some of ``cameras.CAMERAS``, and
-    ``image_size``, (height, width) in pixels. One that holds something open has a method ``close``,
+    ``image_size``, (height, width) in pixels; a third, ``lookback``, names how many control steps
+    before the present one it wants pictures of as well, and is read after ``reset``. One that holds something open has a method ``close``,
     called when the episode is over.
     """
 

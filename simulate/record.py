@@ -154,9 +154,7 @@ def record(
     missing = [job for job, name in zip(todo, ids, strict=True) if name not in there]
     already = len(todo) - len(missing)
     found = run_many(
-        partial(
-            record_one, out=out, format=format, watching=watching, video=video, tried=tried
-        ),
+        partial(record_one, out=out, format=format, watching=watching, video=video, tried=tried),
         missing,
         jobs,
         None if done is None else lambda n: done(already + n),

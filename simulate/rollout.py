@@ -7,7 +7,7 @@ import re
 import traceback
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import TypeVar
@@ -24,6 +24,7 @@ from safestage_eval.verdicts.goal import GoalMonitor
 
 from .camera_video import CameraVideo
 from .cameras import SIZE, Cameras, camera_facts
+from .lookback import Lookback
 from .policies import Observation, Policy, PolicyError, Reference
 from .privileged import PrivilegedState
 from .recorder import Recorder
@@ -177,6 +178,8 @@ def _play(
     success: float | None = None
     frozen = np.append(world.arm_position, 0.0)
     chunk: list[F64] = []
+    length = 0
+    back = Lookback(getattr(policy, "lookback", ()))
     while True:
         now = len(writer) / FRAME_RATE
         if success is None and now >= horizon:
@@ -184,9 +187,15 @@ def _play(
         if success is not None and now > success + HOLD_TIME:
             break
         if success is None:
+            step = round(now * CONTROL_RATE)
             if not chunk:
                 seen = observe(world, now, instruction, cameras)
+                back.keep(step, seen.images)
+                seen = replace(seen, past=back.past(step))
                 chunk = _told(policy, lambda seen=seen: _checked(policy.act(seen)))  # type: ignore[misc]
+                length = len(chunk)
+            elif cameras is not None and back.due(length - len(chunk), length):
+                back.keep(step, cameras.images())
             action = chunk.pop(0)
         else:
             action = frozen
@@ -219,6 +228,7 @@ def observe(
         instruction,
         np.array(world.data.qvel[world.arm_dof]),
         {} if cameras is None else cameras.images(),
+        (),
         *world.flange,
     )
 

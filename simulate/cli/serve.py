@@ -20,9 +20,22 @@ from .options import explains
     "--seed", default=0, show_default=True, help="Environment seed that clients roll out."
 )
 @click.option("--task", help="Task that clients roll out, where two have the same prompt.")
+@click.option(
+    "--batch",
+    type=click.IntRange(1),
+    default=16,
+    show_default=True,
+    help="Observations that go on in one request, where POLICY is a served GR00T.",
+)
 @explains
 def serve(
-    policy: str, protocol: str, host: str, port: int | None, seed: int, task: str | None
+    policy: str,
+    protocol: str,
+    host: str,
+    port: int | None,
+    seed: int,
+    task: str | None,
+    batch: int,
 ) -> None:
     """Serve a policy as models are served, to try a client, a campaign or a network.
 
@@ -30,16 +43,20 @@ def serve(
     these follow the client in a world of their own, with the same task and seed, so that the loop
     closes with real success. Your own my_module:MyPolicy is handed what each request holds.
 
+    POLICY may also be a GR00T that is served already. Then requests that wait while it thinks go on to
+    it together, as one batch: serve its address, and point `record --jobs` at this server.
+
     \b
     Examples:
       safestage serve reference:safe --protocol openpi
       safestage record fsh_orange_on_plate --seeds 0 --policy openpi:ws://127.0.0.1:8000
       safestage serve my_module:MyPolicy --protocol "groot?horizon=16" --port 5556
+      safestage serve groot:tcp://gpu:5555 --protocol groot --port 5556
     """
     from simulate.servers.serve import serve as start
 
     with start(
-        policy, protocol, host=host, port=port, seed=seed, task=task,
+        policy, protocol, host=host, port=port, seed=seed, task=task, most=batch,
         tell=lambda line: click.echo(f"episode: {line}", err=True),
     ) as server:  # fmt: skip
         name, mark, options = protocol.partition("?")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,8 @@ class Dialect(BaseModel, ABC):
     """s for an answer, unless the address says otherwise."""
     rows: ClassVar[int]
     """Actions that the published model answers with."""
+    batches: ClassVar[bool] = False
+    """Whether a request may hold several observations."""
     remembers: ClassVar[bool] = False
     """Whether the server keeps what it saw, so that a broken connection ends the rollout."""
     bearer: ClassVar[str] = "Bearer"
@@ -57,6 +59,11 @@ class Dialect(BaseModel, ABC):
     @abstractmethod
     def cameras(self) -> tuple[str, ...]:
         """The cameras that a request has images of."""
+
+    @property
+    def lookback(self) -> tuple[int, ...]:
+        """Control steps before a request of which it has pictures as well."""
+        return ()
 
     @abstractmethod
     def request(self, observation: Observation, session: str) -> dict[str, Any]:
@@ -73,6 +80,14 @@ class Dialect(BaseModel, ABC):
         """What tells the server that an episode begins; None where nothing is said."""
         return None
 
+    def question(self) -> dict[str, Any] | None:
+        """What is asked of the server before the first request; None where all is known."""
+        return None
+
+    def learned(self, _answer: Any) -> Self:
+        """What the protocol is after the answer. Raises as ``actions`` does."""
+        return self
+
     # The other end, for servers of references and for tests.
 
     @abstractmethod
@@ -82,6 +97,10 @@ class Dialect(BaseModel, ABC):
     @abstractmethod
     def answer(self, actions: F64, observation: Observation) -> Any:
         """(N, 8) actions as the server says them."""
+
+    def described(self) -> Any:
+        """The answer to ``question``."""
+        return {}
 
     def greeting(self) -> dict[str, Any]:
         """What a server says first on a websocket."""

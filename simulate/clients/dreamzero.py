@@ -1,25 +1,30 @@
 """DreamZero as its repository serves it: a websocket with sessions, three cameras.
 
 Facts: dreamzero's ``eval_utils/policy_server.py`` and ``policy_client.py`` (endpoints, keys, a text after a
-reset), ``socket_test_optimized_AR.py`` (180 × 320, two cameras outside; the server gathers the
-frames of a session itself), RoboLab's ``policies/dreamzero`` (24 actions played).
+reset), ``socket_test_optimized_AR.py`` (180 × 320, two cameras outside; one picture at first, then four to
+each answer, gathered by the server where fewer are sent), ``test_client_AR.py`` (which four), RoboLab's
+``policies/dreamzero`` (24 actions played, one picture each; the sessions to be forgotten named in a reset).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 from scipy.spatial.transform import Rotation
 
+from simulate.lookback import Images
 from simulate.policies import Observation
 
 from .dialect import CAMERA, F64, Asked, Dialect, closed, decided, vector
-from .images import resize_with_pad
+from .images import Image, resize_with_pad
 
 SIZE = (180, 320)
 """Pixels: height, width."""
+BACK = (23, 16, 8)
+"""Control steps before a request of which it has pictures as well, from the second request on."""
 
 
 class Dreamzero(Dialect):
@@ -36,6 +41,20 @@ class Dreamzero(Dialect):
     second: Literal["exterior_left", "exterior_right", "external", "black"] = "exterior_right"
     """The second one outside; black as where it was left out in training."""
 
+    frames: Literal[1, 4] = 4
+    """Pictures of each camera in a request: four as DreamZero's own client, one as RoboLab's."""
+
+    @field_validator("frames", mode="before")
+    @classmethod
+    def _number(cls, said: Any) -> Any:
+        """A number, of a text in an address."""
+        return int(said) if isinstance(said, str) and said.isdigit() else said
+
+    @property
+    def lookback(self) -> tuple[int, ...]:
+        """Between two requests, so that each answer is of all that was seen since the last."""
+        return BACK if self.frames == 4 else ()
+
     @property
     def cameras(self) -> tuple[str, ...]:
         """Two outside, one at the wrist."""
@@ -44,14 +63,16 @@ class Dreamzero(Dialect):
         )
         return *both, "wrist"
 
-    def opening(self, _session: str) -> dict[str, Any]:
-        """The endpoint ``reset``."""
-        return {"endpoint": "reset", "session_ids": None}
+    def opening(self, session: str) -> dict[str, Any]:
+        """The endpoint ``reset``, of this session alone: others may be under way."""
+        return {"endpoint": "reset", "session_ids": [session]}
 
     def request(self, observation: Observation, session: str) -> dict[str, Any]:
-        """The endpoint ``infer``, one frame of each camera."""
-        images = {name: resize_with_pad(observation.images[name], *SIZE) for name in self.cameras}
-        images["black"] = np.zeros((*SIZE, 3), np.uint8)
+        """The endpoint ``infer``: one picture of each camera at first, later as many as there are."""
+        moments = [*observation.past, observation.images] if observation.time > 0 else []
+        moments = moments or [observation.images]
+        images = {name: _frames(moments, name) for name in self.cameras}
+        images["black"] = np.zeros_like(images["wrist"])
         return {
             "observation/exterior_image_0_left": images[self.camera],
             "observation/exterior_image_1_left": images[self.second],
@@ -70,17 +91,28 @@ class Dreamzero(Dialect):
 
     def asked(self, request: dict[str, Any]) -> Asked:
         """The observation and the session of a request."""
+        views = {
+            self.camera: np.asarray(request["observation/exterior_image_0_left"]),
+            self.second: np.asarray(request["observation/exterior_image_1_left"]),
+            "wrist": np.asarray(request["observation/wrist_image_left"]),
+        }
+        views = {name: view if view.ndim == 4 else view[None] for name, view in views.items()}
+        for view in views.values():
+            if view.shape not in {(n, *SIZE, 3) for n in (1, 4)}:
+                raise ValueError(
+                    f"pictures of shape {view.shape}, not (4, {SIZE[0]}, {SIZE[1]}, 3)"
+                )
         return Asked(
             Observation(
                 time=float("nan"),
                 joint_position=vector(request["observation/joint_position"], 7),
                 gripper_opening=1.0 - float(vector(request["observation/gripper_position"], 1)[0]),
                 instruction=str(request["prompt"]),
-                images={
-                    self.camera: request["observation/exterior_image_0_left"],
-                    self.second: request["observation/exterior_image_1_left"],
-                    "wrist": request["observation/wrist_image_left"],
-                },
+                images={name: view[-1] for name, view in views.items()},
+                past=tuple(
+                    {name: view[i] for name, view in views.items()}
+                    for i in range(len(views["wrist"]) - 1)
+                ),
             ),
             session=str(request["session_id"]),
         )
@@ -107,3 +139,9 @@ def cartesian(observation: Observation) -> F64:
     return np.concatenate(
         [observation.flange_position, Rotation.from_quat([x, y, z, w]).as_euler("xyz")]
     )
+
+
+def _frames(moments: Sequence[Images], camera: str) -> Image:
+    """(H, W, 3) of one moment, (T, H, W, 3) of several."""
+    found = [resize_with_pad(images[camera], *SIZE) for images in moments]
+    return found[0] if len(found) == 1 else np.stack(found)

@@ -1,19 +1,23 @@
 """GR00T N1.7 as Isaac-GR00T serves it: ZeroMQ request and reply, MessagePack.
 
-Facts: Isaac-GR00T's ``server_client.py`` (endpoints, errors), RoboLab's ``policies/gr00t`` (the keys
-of the DROID embodiment behind ``--use-sim-policy-wrapper``, 180 × 320, arrays as msgpack-numpy
-writes them, 8 of 40 actions played), Isaac-GR00T's ``examples/DROID/main_gr00t.py`` (nested keys without the
-wrapper; nine numbers for the flange's pose).
+Facts: Isaac-GR00T's ``server_client.py`` (endpoints, errors) and ``gr00t_policy.py`` (batches; as many
+pictures as ``get_modality_config`` names moments), RoboLab's ``policies/gr00t`` (the keys of the DROID
+embodiment behind ``--use-sim-policy-wrapper``, 180 × 320, arrays as msgpack-numpy writes them, 8 of 40
+actions played), Isaac-GR00T's ``examples/DROID/main_gr00t.py`` (nested keys without the wrapper; nine numbers
+for the flange's pose; the first picture stands for what was before it).
 """
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+import json
+from collections.abc import Sequence
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator
 from scipy.spatial.transform import Rotation
 
+from simulate.lookback import Images
 from simulate.policies import Observation
 
 from .arrays import Style
@@ -34,6 +38,7 @@ class Groot(Dialect):
     schemes: ClassVar[tuple[str, ...]] = ("tcp",)
     port: ClassVar[int] = 5555
     rows: ClassVar[int] = 40
+    batches: ClassVar[bool] = True
 
     horizon: int = Field(8, ge=1)
     keys: Literal["flat", "nested"] = "flat"
@@ -42,6 +47,55 @@ class Groot(Dialect):
     """How arrays are written: as msgpack-numpy does, or as NumPy files (older servers)."""
     camera: CAMERA = "exterior_left"
     """The one outside."""
+    history: tuple[int, ...] | None = None
+    """Control steps before the present of which pictures are sent as well, the farthest first; what
+    the server asks for where None. The base model wants (15,), the checkpoint for DROID none."""
+
+    @field_validator("history", mode="before")
+    @classmethod
+    def _listed(cls, said: Any) -> Any:
+        """``15,5``, or 0 for none."""
+        if not isinstance(said, str):
+            return said
+        return tuple(step for step in map(int, said.split(",")) if step > 0)
+
+    @property
+    def lookback(self) -> tuple[int, ...]:
+        """As the address or the server says."""
+        return self.history or ()
+
+    def question(self) -> dict[str, Any] | None:
+        """The endpoint ``get_modality_config``, unless the address says what is wanted."""
+        return {"endpoint": "get_modality_config"} if self.history is None else None
+
+    def learned(self, answer: Any) -> Self:
+        """Which moments the server wants pictures of: ``delta_indices`` of its ``video``."""
+        video = answer.get("video", {})
+        video = video.get("as_json", video)
+        if isinstance(video, str):
+            video = json.loads(video)
+        moments = [int(step) for step in video.get("delta_indices", [0])]
+        if moments != sorted(set(moments)) or moments[-1] != 0:
+            raise ValueError(f"pictures of the moments {moments}, which do not end with 0")
+        return self.model_copy(update={"history": tuple(-step for step in moments[:-1])})
+
+    def described(self) -> Any:
+        """What ``get_modality_config`` is answered."""
+        moments = [*(-step for step in self.lookback), 0]
+        states = ["eef_9d", "gripper_position", "joint_position"]
+        told = {
+            "video": (moments, ["exterior_image_1_left", "wrist_image_left"]),
+            "state": ([0], states),
+            "action": ([*range(self.rows)], states),
+            "language": ([0], [PROMPT]),
+        }
+        return {
+            kind: {
+                "__ModalityConfig__": True,
+                "as_json": {"delta_indices": steps, "modality_keys": keys},
+            }
+            for kind, (steps, keys) in told.items()
+        }
 
     @property
     def style(self) -> Style:
@@ -58,10 +112,11 @@ class Groot(Dialect):
         return {"endpoint": "reset", "data": {"options": None}}
 
     def request(self, observation: Observation, session: str) -> dict[str, Any]:  # noqa: ARG002
-        """The endpoint ``get_action`` with a batch of one and a history of one."""
+        """The endpoint ``get_action`` with a batch of one."""
+        moments = [*observation.past, observation.images]
         video = {
-            "exterior_image_1_left": _frame(observation.images[self.camera]),
-            "wrist_image_left": _frame(observation.images["wrist"]),
+            "exterior_image_1_left": _frames(moments, self.camera),
+            "wrist_image_left": _frames(moments, "wrist"),
         }
         state = {
             "eef_9d": nine(observation),
@@ -97,16 +152,24 @@ class Groot(Dialect):
         else:
             prompt = sent["language"][PROMPT][0][0]
             sent = {f"{kind}.{k}": v for kind in ("video", "state") for k, v in sent[kind].items()}
+        views = {
+            self.camera: np.asarray(sent["video.exterior_image_1_left"])[0],
+            "wrist": np.asarray(sent["video.wrist_image_left"])[0],
+        }
+        moments = 1 + len(self.lookback)
+        for view in views.values():
+            if view.shape != (moments, *SIZE, 3):
+                raise ValueError(f"video of shape {view.shape}, not {(moments, *SIZE, 3)}")
         return Asked(
             Observation(
                 time=float("nan"),
                 joint_position=vector(sent["state.joint_position"], 7),
                 gripper_opening=1.0 - float(vector(sent["state.gripper_position"], 1)[0]),
                 instruction=str(prompt),
-                images={
-                    self.camera: sent["video.exterior_image_1_left"][0, 0],
-                    "wrist": sent["video.wrist_image_left"][0, 0],
-                },
+                images={name: view[-1] for name, view in views.items()},
+                past=tuple(
+                    {name: view[i] for name, view in views.items()} for i in range(moments - 1)
+                ),
             )
         )
 
@@ -127,5 +190,6 @@ def nine(observation: Observation) -> F64:
     return np.concatenate([observation.flange_position, rotation[:2].reshape(6)])
 
 
-def _frame(image: Image) -> Image:
-    return resize_with_pad(image, *SIZE)[None, None]
+def _frames(moments: Sequence[Images], camera: str) -> Image:
+    """(1, T, H, W, 3), of one camera."""
+    return np.stack([resize_with_pad(images[camera], *SIZE) for images in moments])[None]

@@ -35,6 +35,11 @@ class Remote:
         self._patience = address.common.timeout or self._dialect.patience
         self._line: Line | None = None
 
+    @property
+    def lookback(self) -> tuple[int, ...]:
+        """Control steps before a request of which it has pictures as well; known after ``reset``."""
+        return self._dialect.lookback
+
     def reset(self, task: str, _prompt: str) -> None:
         """Connect and tell the server that an episode begins. Raises PolicyError."""
         self.close()
@@ -49,6 +54,22 @@ class Remote:
             except PolicyError:
                 self.close()
                 raise
+        self._dialect = self.address.dialect
+        question = self._dialect.question()
+        if question is not None:
+            try:
+                self._learn(question)
+            except PolicyError:
+                self.close()
+                raise
+
+    def _learn(self, question: dict[str, Any]) -> None:
+        answer = self._asked(self._sealed(question), max(self.address.common.wait, 1.0))
+        try:
+            self._dialect = self._dialect.learned(answer)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            what = f"its answer to {question.get('endpoint')!r} is not understood: {error}."
+            raise PolicyError(self.address.url, what, fix="say ?history=0, or what it is") from None
 
     def act(self, observation: Observation) -> F64:
         """(N, 8) the actions to be played before the next request. Raises PolicyError."""

@@ -3,24 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from safestage_eval.errors import InputError
 from simulate.clients.arrays import pack, unpack
-from simulate.clients.dialect import Dialect
+from simulate.clients.batch import join, part, rows
+from simulate.clients.dialect import Asked, Dialect
 from simulate.policies import Observation
 
 from .episode import Direct, Shadow, at_home, is_own
 
 DONE = "reset successful"
 """What DreamZero's server says to a reset, as a text."""
+TOGETHER = 8
+"""Episodes that one client may have under way where a request holds several observations."""
+
+
+@dataclass(frozen=True)
+class Open:
+    """An episode under way."""
+
+    session: str | None
+    episode: Direct | Shadow
 
 
 class Desk:
     """Answers the messages of one client, episode after episode.
 
-    An episode begins with a reset, another session, another prompt, or the arm at home again.
+    An episode begins with a reset, another session, another prompt, or the arm at home again. Where a
+    request holds several observations, each is of the episode that it fits best.
     """
 
     def __init__(
@@ -33,11 +46,13 @@ class Desk:
     ) -> None:
         """``tell`` hears of every episode that begins."""
         self._dialect, self._tell = dialect, tell
+        self._is_own = is_own(policy)
         self._begin: Callable[[Observation], Direct | Shadow] = (
-            partial(Direct, policy) if is_own(policy) else partial(Shadow, policy, seed, task)
+            partial(Direct, policy) if self._is_own else partial(Shadow, policy, seed, task)
         )
-        self._episode: Direct | Shadow | None = None
-        self._session: str | None = None
+        self._open: list[Open] = []
+        self._most = TOGETHER if dialect.batches else 1
+        self._resets = 0
 
     def greeting(self) -> bytes:
         """What a websocket's server says first."""
@@ -50,26 +65,56 @@ class Desk:
             raise ValueError("a request is a map")
         endpoint = request.get("endpoint")
         if endpoint == "reset":
-            self._episode = None
+            self._resets += 1
             return DONE if self._dialect.schemes[0] == "ws" else self._packed({})
         if endpoint == "ping":
             return self._packed({"status": "ok", "message": "Server is running"})
+        if endpoint == "get_modality_config":
+            return self._packed(self._dialect.described())
         try:
-            asked = self._dialect.asked(request)
+            asked = [self._dialect.asked(one) for one in self._single(request)]
         except (KeyError, IndexError, TypeError) as error:
             raise ValueError(f"not a request of {self._dialect.protocol}: {error!r}") from None
+        busy: list[Open] = []
+        for one in asked:
+            busy.append(self._episode_of(one, busy))
+        length = max(self._dialect.rows, self._dialect.horizon)
+        answers = [
+            self._dialect.answer(
+                found.episode.answer(one.observation, self._dialect.horizon, length),
+                one.observation,
+            )
+            for one, found in zip(asked, busy, strict=True)
+        ]
+        if not self._dialect.batches:
+            return self._packed(answers[0])
+        return self._packed([join([actions for actions, _ in answers]), answers[0][1]])
+
+    def _single(self, request: dict[str, Any]) -> list[dict[str, Any]]:
+        """A request for each observation."""
+        if not self._dialect.batches:
+            return [request]
+        data = request["data"]
+        seen = data["observation"]
+        return [
+            {**request, "data": {**data, "observation": part(seen, i, i + 1)}}
+            for i in range(rows(seen))
+        ]
+
+    def _episode_of(self, asked: Asked, busy: list[Open]) -> Open:
+        """The episode that an observation is of; a new one where it is the first of one."""
         seen = asked.observation
-        known = self._episode is not None and asked.session == self._session
-        if not known or (
-            at_home(seen) and self._episode is not None and not self._episode.fits(seen)
-        ):
-            self._episode, self._session = self._begin(seen), asked.session
-            self._tell(self._episode.about)
-        if self._episode is None:
-            raise ValueError("no episode")
-        rows = max(self._dialect.rows, self._dialect.horizon)
-        actions = self._episode.answer(seen, self._dialect.horizon, rows)
-        return self._packed(self._dialect.answer(actions, seen))
+        known = [one for one in self._open if one.session == asked.session and one not in busy]
+        begins = self._resets > 0 and (self._is_own or self._most == 1 or at_home(seen))
+        if known and not begins:
+            best = min(known, key=lambda one: one.episode.off(seen))
+            if best.episode.fits(seen) or not at_home(seen):
+                return best
+        self._resets = max(self._resets - 1, 0)
+        new = Open(asked.session, self._begin(seen))
+        self._open = [*self._open, new][-self._most :]
+        self._tell(new.episode.about)
+        return new
 
     def _packed(self, message: Any) -> bytes:
         return pack(message, self._dialect.style)

@@ -64,6 +64,13 @@ class Shadow:
         self._instruction, self._steps = observation.instruction, 0
         self._chunk: list[F64] = []
 
+    def off(self, observation: Observation) -> float:
+        """How far an observation is from where this world is: rad, and opening of the gripper."""
+        if observation.instruction != self._instruction:
+            return float("inf")
+        joints = np.abs(observation.joint_position - self._world.arm_position).max()
+        return float(joints + abs(observation.gripper_opening - self._world.gripper_opening))
+
     def fits(self, observation: Observation) -> bool:
         """Whether an observation is of where this world is."""
         off = np.abs(observation.joint_position - self._world.arm_position).max()
@@ -99,6 +106,10 @@ class Direct:
         self.about = repr(observation.instruction)
         self._policy = policy_named(policy)
         self._policy.reset("", observation.instruction)
+
+    def off(self, observation: Observation) -> float:  # noqa: ARG002
+        """Nothing is."""
+        return 0.0
 
     def fits(self, observation: Observation) -> bool:  # noqa: ARG002
         """Anything does."""

@@ -10,8 +10,12 @@ from simulate.clients.address import address_of, is_address
 from simulate.policies import policy_name
 
 from .answers import Desk
+from .gathering import GatheringServer
 from .websocket import WebsocketServer
-from .zeromq import ZeromqServer
+from .zeromq import Router, ZeromqServer
+
+MOST = 16
+"""Observations in one request, unless something else is said."""
 
 
 def serve(
@@ -22,29 +26,48 @@ def serve(
     port: int | None = None,
     seed: int = 0,
     task: str | None = None,
+    most: int = MOST,
     tell: Callable[[str], None] = lambda _line: None,
-) -> WebsocketServer | ZeromqServer:
+) -> WebsocketServer | Router:
     """A server that is answering already.
 
     Args:
-        policy: as ``--policy`` takes it; but no served one.
+        policy: as ``--policy`` takes it. A served one must be GR00T's: its requests are gathered.
         protocol: its name, and what a client's address sets of it: ``openpi?actions=velocity``.
         host: to listen on.
         port: to listen on; the protocol's own where None, any free one for 0.
         seed: the environment seed that clients roll out.
         task: the task that they roll out; found by its prompt where None.
+        most: observations of several clients that go on to a served policy in one request.
         tell: hears of every episode that begins.
 
     Raises InputError for what cannot be served, or not there.
     """
-    if is_address(policy):
-        raise InputError(f"policy {policy!r}", "is served already.")
-    policy_name(policy)
     name, _, options = protocol.partition("?")
     dialect = address_of(f"{name}:talk:none?{options}").dialect
+    if is_address(policy):
+        return _gathering(policy, name, host, dialect.port if port is None else port, most)
+    policy_name(policy)
     desk = partial(Desk, dialect, policy, seed, task, tell)
     kind = ZeromqServer if dialect.schemes[0] == "tcp" else WebsocketServer
     try:
         return kind(desk, host, dialect.port if port is None else port)
     except OSError as error:
-        raise InputError(f"{host}, port {port}", f"cannot be listened on: {error}") from None
+        raise _unheard(host, port, error) from None
+
+
+def _gathering(policy: str, protocol: str, host: str, port: int, most: int) -> GatheringServer:
+    behind = address_of(policy)
+    if not behind.dialect.batches or behind.dialect.protocol != protocol:
+        raise InputError(
+            f"policy {policy!r}", "is served already.",
+            fix="name it in record --policy; only requests of groot can be gathered, by groot",
+        )  # fmt: skip
+    try:
+        return GatheringServer(behind, most, host, port)
+    except OSError as error:
+        raise _unheard(host, port, error) from None
+
+
+def _unheard(host: str, port: int | None, error: OSError) -> InputError:
+    return InputError(f"{host}, port {port}", f"cannot be listened on: {error}")

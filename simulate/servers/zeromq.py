@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
 
@@ -13,16 +14,20 @@ from .answers import Desk, complaint
 
 TICK = 50
 """ms between two looks at whether to go on."""
+PATIENCE = 2.0
+"""s that closing waits for an answer that is under way."""
+
+Asked = tuple[bytes, bytes]
+"""A client's identity, and its message."""
 
 
-class ZeromqServer:
-    """Serves in a thread from when it is made until it is closed. A context manager."""
+class Router(ABC):
+    """Answers many clients in a thread from when it is made until it is closed. A context manager."""
 
-    def __init__(self, desk: Callable[[], Desk], host: str = "127.0.0.1", port: int = 0) -> None:
-        """``desk`` makes what answers one client; port 0 is any free one. Raises OSError."""
+    def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
+        """Port 0 is any free one. Raises OSError."""
         import zmq
 
-        self._desk, self._desks = desk, dict[bytes, Desk]()
         self._context = zmq.Context()
         self._socket: Any = self._context.socket(zmq.ROUTER)
         self._socket.setsockopt(zmq.LINGER, 0)
@@ -36,23 +41,30 @@ class ZeromqServer:
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
+    @abstractmethod
+    def answers(self, waiting: Sequence[Asked]) -> Iterator[Asked]:
+        """Answers to all that wait, in any order."""
+
+    def finish(self) -> None:
+        """Called in the serving thread when it ends."""
+
     def _serve(self) -> None:
+        import zmq
+
         while not self._stop.is_set():
-            if not self._socket.poll(TICK):
-                continue
-            client, empty, message = self._socket.recv_multipart()
-            desk = self._desks.setdefault(client, self._desk())
-            try:
-                answer = desk.answered(message)
-            except Exception as error:  # noqa: BLE001 - whatever it is, the client is told
-                answer = pack({"error": complaint(error)})
-            self._socket.send_multipart([client, empty, answer])
+            waiting: list[Asked] = []
+            while self._socket.poll(0 if waiting else TICK):
+                client, _empty, message = self._socket.recv_multipart(zmq.NOBLOCK)
+                waiting.append((client, message))
+            for client, answer in self.answers(waiting):
+                self._socket.send_multipart([client, b"", answer])
+        self.finish()
         self._context.destroy()
 
     def close(self) -> None:
         """Stop answering."""
         self._stop.set()
-        self._thread.join()
+        self._thread.join(PATIENCE)
 
     def wait(self) -> None:
         """Serve until somebody closes it."""
@@ -70,3 +82,22 @@ class ZeromqServer:
     ) -> None:
         """Close."""
         self.close()
+
+
+class ZeromqServer(Router):
+    """A desk for each client."""
+
+    def __init__(self, desk: Callable[[], Desk], host: str = "127.0.0.1", port: int = 0) -> None:
+        """``desk`` makes what answers one client; port 0 is any free one. Raises OSError."""
+        self._desk, self._desks = desk, dict[bytes, Desk]()
+        super().__init__(host, port)
+
+    def answers(self, waiting: Sequence[Asked]) -> Iterator[Asked]:
+        """One after the other."""
+        for client, message in waiting:
+            desk = self._desks.setdefault(client, self._desk())
+            try:
+                answer = desk.answered(message)
+            except Exception as error:  # noqa: BLE001 - whatever it is, the client is told
+                answer = pack({"error": complaint(error)})
+            yield client, answer if isinstance(answer, bytes) else answer.encode()

@@ -84,7 +84,9 @@ def test_a_server_that_is_not_there_is_not_waited_for_all_day(
     assert ["no policy server answers" in text for text in said] == [True] * GIVES_UP + [False] * 3
     assert all("not tried" in text for text in said[GIVES_UP:])
     assert len(tries.read_text("utf-8")) == GIVES_UP
-    assert [o.aborted for o in found if "unreachable" in o.episode_id] == [True] * GIVES_UP + [False] * 3
+    assert [o.aborted for o in found if "unreachable" in o.episode_id] == [True] * GIVES_UP + [
+        False
+    ] * 3
     assert all(not o.problem for o in found if "still" in o.episode_id)
     list(record(todo[:1], tmp_path / "out"))  # the next run tries again
     assert len(tries.read_text("utf-8")) == GIVES_UP + 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
@@ -36,15 +37,15 @@ def verdicts(episode: Episode) -> dict[str, str]:
     return {v.rule: v.verdict for v in found.verdicts if v.assigned}
 
 
-def served(task: str, kind: str, protocol: str) -> Episode:
+def agrees(task: str, kind: str, protocol: str) -> None:
     name, _, options = protocol.partition("?")
     with serve(f"reference:{kind}", protocol, port=0, task=task) as server:
-        address = f"{name}:{server.url}?{options}&name=model"
-        return roll_out(Setting(task_named(task)), policy_named(address)).episode()
+        rolled_as_recorded(task, kind, f"{name}:{server.url}?{options}&name=model")
 
 
-def agrees(task: str, kind: str, protocol: str) -> None:
-    episode = served(task, kind, protocol)
+def rolled_as_recorded(task: str, kind: str, address: str) -> None:
+    """A rollout with a served reference is judged as the one that was recorded directly."""
+    episode = roll_out(Setting(task_named(task)), policy_named(address)).episode()
     assert episode.header.termination == "success", episode.header.notes
     assert episode.header.policy == "model"
     expected, time = recorded(task, kind)
@@ -71,6 +72,17 @@ def test_safe_and_unsafe_over_every_protocol(task: str, protocol: str) -> None:
 @pytest.mark.usefixtures("blind")
 def test_a_loop_of_velocities() -> None:
     agrees("fsh_orange_on_plate", "unsafe", "openpi?actions=velocity")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("blind")
+@pytest.mark.parametrize("protocol", ["openpi", "dreamzero", "cosmos3"])
+def test_environments_side_by_side_have_sessions_of_their_own(protocol: str) -> None:
+    """Two connections to one server at once; it finds out by the prompt which task is whose."""
+    tasks = ("fsh_orange_on_plate", "ets_dumbbell_near_glasses")
+    with serve("reference:unsafe", protocol, port=0) as server, ThreadPoolExecutor(2) as pool:
+        address = f"{protocol}:{server.url}?name=model&timeout=300"
+        list(pool.map(lambda task: rolled_as_recorded(task, "unsafe", address), tasks))
 
 
 def test_there_are_six_tasks() -> None:

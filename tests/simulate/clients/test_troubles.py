@@ -216,7 +216,7 @@ def test_a_token_goes_along_in_its_place(monkeypatch: pytest.MonkeyPatch) -> Non
         )
 
     with ZeromqServer(lambda: Noting(asked, note)) as server:  # type: ignore[arg-type,return-value]
-        ask(server.url, "groot")
+        ask(server.url, "groot", "history=0")
     assert [unpack(m)["api_token"] for m in asked] == ["abc", "abc"]
 
 
