@@ -91,6 +91,7 @@ def camera_facts(world: World, names: Sequence[str], size: tuple[int, int]) -> t
         position, orientation = world.model.cam_pos[i], world.model.cam_quat[i]
         if stands:
             position, orientation = _in_world(world, body, position, orientation)
+        (x, y, z), (qw, qx, qy, qz) = position, orientation
         found.append(
             Camera(
                 name=name,
@@ -101,8 +102,8 @@ def camera_facts(world: World, names: Sequence[str], size: tuple[int, int]) -> t
                 cx=width / 2,
                 cy=height / 2,
                 body=None if stands else body_name(world.model.body(body).name),
-                position=tuple(map(float, position)),
-                orientation=tuple(map(float, orientation)),
+                position=(float(x), float(y), float(z)),
+                orientation=(float(qw), float(qx), float(qy), float(qz)),
             )
         )
     return tuple(found)

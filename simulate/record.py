@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -174,7 +175,7 @@ def record_one(
     watching: Watching | None = None,
     *,
     video: bool = False,
-    tried: Set[str] = frozenset(),
+    tried: AbstractSet[str] = frozenset(),
 ) -> Outcome:
     """Roll out and write one episode; what goes wrong with it is told, not raised.
 

@@ -63,7 +63,8 @@ class GatheringServer(Router):
 
     def _in_batches(self, asked: list[tuple[bytes, dict[str, Any]]]) -> Iterator[Asked]:
         while asked:
-            batch, total = [], 0
+            batch: list[tuple[bytes, dict[str, Any]]] = []
+            total = 0
             for client, request in asked:
                 total += rows(request["data"]["observation"])
                 if batch and total > self._most:

@@ -45,7 +45,7 @@ class Router(ABC):
     def answers(self, waiting: Sequence[Asked]) -> Iterator[Asked]:
         """Answers to all that wait, in any order."""
 
-    def finish(self) -> None:
+    def finish(self) -> None:  # noqa: B027 - most have nothing to do
         """Called in the serving thread when it ends."""
 
     def _serve(self) -> None:
