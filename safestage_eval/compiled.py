@@ -1,4 +1,4 @@
-"""How the kernels of rooms before geometry are compiled, and where the machine code is kept.
+"""How numerical kernels are compiled, and where the machine code is kept.
 
 Numba's own cache looks only at the file of the function it compiles: a kernel that calls an edited
 helper in another file would keep the old helper. So the cache folder is named after the content of
@@ -35,24 +35,33 @@ def cache_folder(room: Path) -> Path:
 def kernel(function: F) -> F:
     """Compile on first call, with IEEE arithmetic (no fast-math), without the GIL, and keep it.
 
-    References to arrays are not counted: whoever calls it holds them until it returns. So it cannot
-    allocate; that is an error when it is compiled.
+    References to arrays are not counted: whoever calls it holds them until it returns. Counting
+    them, at every row of an array that is looked at, took four fifths of a distance. So it cannot
+    allocate (that is an error when it is compiled); what must is ``allocating``.
     """
     return _compiled(function, inline=False)
 
 
 def helper(function: F) -> F:
-    """As kernel, for a small function: its code goes into its callers."""
+    """As kernel, for a small function: its code goes into its callers.
+
+    A call hands over every array of a named tuple, which takes longer than such a function.
+    """
     return _compiled(function, inline=True)
 
 
-def _compiled(function: F, *, inline: bool) -> F:
+def allocating(function: F) -> F:
+    """As kernel, for a function that makes arrays of its own."""
+    return _compiled(function, inline=False, counted=True)
+
+
+def _compiled(function: F, *, inline: bool, counted: bool = False) -> F:
     chosen = numba.config.CACHE_DIR
     if not chosen:
         numba.config.CACHE_DIR = str(cache_folder(Path(function.__code__.co_filename).parent))
     try:
         compile_it = numba.njit(
-            cache=True, nogil=True, error_model="numpy", forceinline=inline, _nrt=False
+            cache=True, nogil=True, error_model="numpy", forceinline=inline, _nrt=counted
         )
         return cast(F, compile_it(function))
     finally:

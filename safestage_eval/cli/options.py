@@ -115,9 +115,11 @@ def wants_color(stream: Any) -> bool:
 
 def announce_compiling() -> None:
     """Say on stderr why the very first verdict takes a while."""
-    from safestage_eval.geometry.compiled import cache_folder
+    from safestage_eval import geometry
+    from safestage_eval.compiled import cache_folder
 
-    if not cache_folder().exists() and not os.environ.get("NUMBA_CACHE_DIR"):
+    room = Path(geometry.__file__).parent
+    if not cache_folder(room).exists() and not os.environ.get("NUMBA_CACHE_DIR"):
         click.echo("compiling the geometry kernels, once: half a minute or so …", err=True)
 
 

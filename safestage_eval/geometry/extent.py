@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .compiled import allocating, helper, owned
+from safestage_eval.compiled import allocating, helper
+
+from .arrays import owned
 from .mover import Motion, Mover, rotation_at
 from .shape import BOX, CYLINDER, HULL, PLANE, SEGMENT, Packed
 from .support import support_point, support_value

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import allocating, helper, kernel
+from safestage_eval.compiled import allocating, helper, kernel
+
 from .penetration import penetration_depth
 from .shape import BOX, PLANE, Packed
 from .simplex import nearest_weights

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .compiled import as_numbers, kernel
+from safestage_eval.compiled import kernel
+
+from .arrays import as_numbers
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

@@ -10,7 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .compiled import allocating, helper, owned
+from safestage_eval.compiled import allocating, helper
+
+from .arrays import owned
 from .pose import angle as turn_angle
 from .shape import BodyShape
 

@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import allocating, kernel
+from safestage_eval.compiled import allocating, kernel
+
 from .shape import Packed
 from .support import support_point
 

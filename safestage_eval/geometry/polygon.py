@@ -12,7 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import kernel, owned
+from safestage_eval.compiled import kernel
+
+from .arrays import owned
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .compiled import as_numbers, owned
+from .arrays import as_numbers, owned
 from .turns import angles, turn_all
 
 F64 = NDArray[np.float64]

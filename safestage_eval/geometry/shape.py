@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Geom, Mesh
 
-from .compiled import owned
+from .arrays import owned
 from .polytope import Faces, Pieces, Polytope, faces_of, hull_centroid, pieces_of, polytope
 from .pose import matrix
 

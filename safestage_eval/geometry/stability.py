@@ -7,7 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from .compiled import allocating, kernel, owned
+from safestage_eval.compiled import allocating, kernel
+
+from .arrays import owned
 from .polygon import chain
 
 F64 = NDArray[np.float64]

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from bodies import KINDS, any_geom, any_shape, box, put, shape, sphere, wanderer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from safestage_eval import compiled
 from safestage_eval.episode import Geom, Mesh
-from safestage_eval.geometry import compiled, pose
+from safestage_eval.geometry import pose
 from safestage_eval.geometry.edge import edge_margin
 from safestage_eval.geometry.mover import BLOCK, Mover
 from safestage_eval.geometry.stillness import still_runs
@@ -110,12 +113,13 @@ def test_later_frames_of_what_never_moves_may_be_asked_for() -> None:
 def test_machine_code_is_kept_by_the_content_of_the_sources(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    before = compiled.cache_folder()
+    room = Path(pose.__file__).parent
+    before = compiled.cache_folder(room)
     assert before.name.startswith("kernels-")
     monkeypatch.setattr(compiled.os, "access", lambda *_: False)
     monkeypatch.setenv("XDG_CACHE_HOME", "/somewhere")
     compiled.cache_folder.cache_clear()
     try:
-        assert str(compiled.cache_folder()) == f"/somewhere/safestage/{before.name}"
+        assert str(compiled.cache_folder(room)) == f"/somewhere/safestage/{before.name}"
     finally:
         compiled.cache_folder.cache_clear()

@@ -1,0 +1,23 @@
+"""Arrays as the kernels of this room take them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def owned(array: ArrayLike) -> NDArray[np.float64]:
+    """A writable C-ordered float64 copy: the one array type that kernels are compiled for."""
+    return np.array(array, np.float64, order="C")
+
+
+def as_numbers(array: ArrayLike) -> NDArray[np.floating[Any]]:
+    """Writable, C-ordered, of float32 or float64: the array itself if it is so, or an owned copy.
+
+    For kernels that only read, of tracks as they are stored; each type is compiled for itself.
+    """
+    found = np.asarray(array)
+    usual = found.dtype in (np.float32, np.float64) and found.flags.carray
+    return found if usual else owned(found)
