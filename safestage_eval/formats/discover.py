@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -96,11 +97,18 @@ def find(paths: str | Path | Iterable[str | Path]) -> Iterator[EpisodeRef]:
         raise TraceError("traces", "no path given.", "MCAP files, datasets, folders")
     seen: set[Path] = set()
     for path in map(as_path, given):
-        if not path.exists():
-            raise TraceError(str(path), "no such file or folder", fix="check the spelling")
+        with _reached(path):
+            if not path.exists():
+                raise TraceError(str(path), "no such file or folder", fix="check the spelling")
     for path in map(as_path, given):
         empty = True
-        for refs in [refs_of_file(path)] if path.is_file() else _refs_of_folder(path):
+        with _reached(path):
+            files = iter([refs_of_file(path)] if path.is_file() else _refs_of_folder(path))
+        while True:
+            with _reached(path):
+                refs = next(files, None)
+            if refs is None:
+                break
             empty = empty and not refs
             place = _real(refs[0].path) if refs else path
             if place not in seen:
@@ -113,6 +121,19 @@ def find(paths: str | Path | Iterable[str | Path]) -> Iterator[EpisodeRef]:
                 "MCAP files, or datasets (a folder with meta/info.json)",
                 "record some first, or give the folder that holds them",
             )
+
+
+@contextmanager
+def _reached(path: Path) -> Iterator[None]:
+    """What goes wrong with a file system or a store while one looks for episodes, in words."""
+    try:
+        yield
+    except OSError as error:
+        raise TraceError(
+            str(path),
+            f"cannot be read: {error.strerror or error}",
+            fix="look whether it can be reached from here, and with which rights",
+        ) from None
 
 
 def _each_once(refs: list[EpisodeRef]) -> Iterable[EpisodeRef]:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from object_store import object_store, upload
-from studio import block
+from studio import block, run
 
 from safestage_eval.engines import run as runs
 from safestage_eval.engines.run import Choice
@@ -143,6 +143,21 @@ class TestRemote:
         assert {r.episode_id for r in found.results} == {"m0", "m2", "m3"}
         assert all(result == truth[result.episode_id] for result in told(found))
         assert len(found.problems) == len(refs) - 3
+
+    @pytest.mark.parametrize("what", ["nobody there", "always fails", "fails later"])
+    def test_a_store_that_cannot_be_listed_is_told_in_words(self, uri, store, monkeypatch, what):
+        monkeypatch.setattr(remote_path, "TRIES", 2)
+        if what == "nobody there":
+            monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:1")
+            remote_path.filesystem.cache_clear()
+        elif what == "always fails":
+            store.failing = lambda number, path: True
+        else:
+            store.failing = lambda number, path: "deeper" in path
+        done = run("score", uri, "-r", "fsh")
+        assert done.code == 2
+        assert "Traceback" not in done.err
+        assert "cannot be read" in done.err
 
     def test_what_is_not_there_is_told(self, uri):
         with pytest.raises(TraceError, match="no such file or folder"):
