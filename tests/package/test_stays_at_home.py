@@ -157,12 +157,16 @@ def hostile(folder, secret):
         "home": f"~/../{secret.name}/secret",
     }
     for way, place in places.items():
-        changed(another(f"table {way}"), "meta/episodes", lambda rows: rows[0].update(file=place))
+        changed(
+            another(f"table {way}"),
+            "meta/episodes",
+            lambda rows, place=place: rows[0].update(file=place),
+        )
         told = json.dumps({"task.toml": f"{place}.parquet"})
         changed(
             another(f"attached {way}"),
             "meta/episodes",
-            lambda rows: rows[0].update(attachments=told),
+            lambda rows, told=told: rows[0].update(attachments=told),
         )
         copy = another(f"mesh {way}")
         mesh = next(
