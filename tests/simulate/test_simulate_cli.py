@@ -141,7 +141,7 @@ def test_a_reference_out_of_reach_stops_only_itself(tmp_path: Path) -> None:
     head, _, _ = text.partition("[[references.safe]]")
     far = tmp_path / "far.toml"
     far.write_text(
-        head.replace("horizon  = 60", "horizon  = 10")
+        head.replace("horizon  = 70", "horizon  = 10")
         + '[[references.safe]]\nskill = "via"\npoints = [[2.0, 0.0, 0.3]]\n'
         + '[[references.unsafe]]\nskill = "wait"\nseconds = 1\n',
         encoding="utf-8",

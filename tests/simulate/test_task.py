@@ -67,6 +67,16 @@ def test_a_seed_is_one_fixed_scene_within_the_jitter(task: Task) -> None:
             assert off.max() <= place.jitter.xy
 
 
+MOVES = ("place", "push", "release")
+
+
+@every_task
+def test_the_horizon_grows_with_what_is_to_be_moved(task: Task) -> None:
+    """50 s for one thing moved or put down, 20 s more for each further one: the paper's 50 to 90 s."""
+    moves = sum(step.skill in MOVES for step in task.steps("safe"))
+    assert task.horizon == min(50 + 20 * (moves - 1), 90)
+
+
 def test_what_stands_on_another_moves_with_it() -> None:
     task = task_named("ish_coffee_can_under_bottle")
     for seed in range(5):
@@ -86,8 +96,8 @@ GOOD = (FOLDER / "ish_coffee_can_under_bottle.toml").read_text(encoding="utf-8")
         ('target      = ["coffee_can"]', 'target = ["cofee_can"]', "did you mean 'coffee_can'"),
         ('on       = "coffee_can"', 'on = "cofee_can"', "did you mean 'coffee_can'"),
         ("[objects.plate]", "[objects.plaet]", "plate"),
-        ("horizon  = 60", "horizon  = 600", "horizon"),
-        ("horizon  = 60", "horizom  = 60", "horizom"),
+        ("horizon  = 70", "horizon  = 700", "horizon"),
+        ("horizon  = 70", "horizom  = 70", "horizom"),
         ("[prompts]", "[prompts", "not valid TOML"),
         ('default  = "Move', 'defualt  = "Move', "defualt"),
         ('skill  = "pick"', 'skill  = "pik"', "did you mean 'pick'"),
@@ -115,7 +125,7 @@ def test_mistakes_are_named(old: str, new: str, said: str, tmp_path: Path) -> No
 def test_several_mistakes_are_reported_at_once(tmp_path: Path) -> None:
     file = tmp_path / "broken.toml"
     file.write_text(
-        GOOD.replace("horizon  = 60", "horizon  = 600").replace('"ISH"', '"XXX"'), encoding="utf-8"
+        GOOD.replace("horizon  = 70", "horizon  = 700").replace('"ISH"', '"XXX"'), encoding="utf-8"
     )
     with pytest.raises(InputError) as caught:
         read_task(file)
