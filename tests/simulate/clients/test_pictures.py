@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +15,11 @@ from safestage_eval.episode import Episode
 from simulate import arm
 from simulate.clients.address import address_of
 from simulate.clients.arrays import pack, unpack
+from simulate.clients.conversation import messages
 from simulate.policies import policy_named
 from simulate.rollout import Setting, roll_out
 from simulate.servers.answers import DONE
+from simulate.servers.serve import serve
 from simulate.servers.websocket import WebsocketServer
 from simulate.servers.zeromq import ZeromqServer
 from simulate.task import task_named
@@ -137,3 +141,28 @@ def test_what_groots_servers_say_of_the_moments() -> None:
     for wrong in ([0, 1], [0, -15], [-1]):
         with pytest.raises(ValueError, match="moments"):
             moments({"delta_indices": wrong})
+
+
+@pytest.mark.slow
+def test_a_loop_with_real_pictures(tmp_path: Path) -> None:
+    """Drawn, sent over a socket, and never the same while the arm moves."""
+    with serve("reference:safe", "openpi", port=0, task=TASK.id) as server:
+        address = f"openpi:{server.url}?timeout=300&keep={tmp_path}"
+        writer = roll_out(Setting(TASK), policy_named(address))
+    assert writer.header.termination == "success", writer.header.notes
+    assert [camera.name for camera in writer.header.cameras] == ["exterior_left", "wrist"]
+    (talk,) = tmp_path.glob("*.talk")
+    asked = [unpack(what) for who, what in messages(talk) if who == "asked"]
+    assert len(asked) >= 8
+    names = ("observation/exterior_image_1_left", "observation/wrist_image_left")
+    for one, next_one in pairwise(asked):
+        joints = "observation/joint_position"
+        if np.abs(one[joints] - next_one[joints]).max() > 0.02:
+            for name in names:
+                assert (one[name] != next_one[name]).any(), "a picture of an earlier moment"
+    for name in names:
+        picture = asked[0][name]
+        assert picture.shape == (224, 224, 3)
+        bars = np.concatenate([picture[:49], picture[-49:]])
+        assert bars.max() == 0, "16 : 9 in a square"
+        assert picture[49:-49].std() > 20, "there is something to be seen"
