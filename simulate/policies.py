@@ -162,7 +162,7 @@ def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
         address = address_of(name)
         from .clients.remote import Remote
 
-        return Remote(address)
+        return Remote(address, seed=draw[1] if len(draw) > 1 else None)
     kind, _, rest = name.partition(":")
     if kind == "reference" and _is_reference(rest):
         return Reference(rest)

@@ -192,7 +192,7 @@ def _play(
                 seen = observe(world, now, instruction, cameras)
                 back.keep(step, seen.images)
                 seen = replace(seen, past=back.past(step))
-                chunk = _told(policy, lambda seen=seen: _checked(policy.act(seen)))  # type: ignore[misc]
+                chunk = _told(policy, lambda seen=seen: _checked(policy.act(seen), policy.name))  # type: ignore[misc]
                 length = len(chunk)
             elif cameras is not None and back.due(length - len(chunk), length):
                 back.keep(step, cameras.images())
@@ -248,12 +248,15 @@ def _told(policy: Policy, do: Callable[[], Result]) -> Result:
         ) from error
 
 
-def _checked(actions: F64) -> list[F64]:
+def _checked(actions: F64, policy: str) -> list[F64]:
     chunk = np.asarray(actions, np.float64)
     fits = chunk.ndim == 2 and chunk.shape[1] == 8 and len(chunk) > 0
-    if not fits or not np.isfinite(chunk).all():
-        what = "not finite" if fits else f"of shape {chunk.shape}"
-        raise PolicyError("the policy", f"its actions are {what}.", "(N, 8) finite numbers")
+    if not fits:
+        what = f"its actions are of shape {chunk.shape}."
+        raise PolicyError(f"policy {policy!r}", what, "(N, 8) finite numbers")
+    if not np.isfinite(chunk).all():
+        row = int(np.argmin(np.isfinite(chunk).all(axis=1)))
+        raise PolicyError(f"policy {policy!r}", f"action {row} of its answer is not finite.")
     return list(chunk)
 
 

@@ -12,6 +12,11 @@ PAUSE = 0.25
 """s between two tries to reach a server."""
 
 
+SETTING = "safestage-setting"
+"""Header of a handshake, by which a served reference asks which task and seed a rollout is of; and the
+endpoint where it is told. No other server has it, and none is told."""
+
+
 class Line(Protocol):
     """A connection to a policy server, for one episode."""
 
@@ -69,6 +74,8 @@ class WebsocketLine:
             if time.monotonic() + PAUSE > end:
                 raise unreachable(url, wait, why)
             time.sleep(PAUSE)
+        response = self._socket.response
+        self.wants_setting = response is not None and SETTING in response.headers
         try:
             said = self._receive(max(wait, 1.0), "greeting")
         except PolicyError:

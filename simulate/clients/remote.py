@@ -16,7 +16,7 @@ from simulate.policies import Observation, PolicyError
 from .address import Address
 from .arrays import pack, unpack
 from .conversation import SUFFIX, Kept, Played
-from .line import Line, LostError, WebsocketLine, ZeromqLine, last_line
+from .line import SETTING, Line, LostError, WebsocketLine, ZeromqLine, last_line
 
 F64 = NDArray[np.float64]
 
@@ -27,9 +27,9 @@ TOKEN = "SAFESTAGE_POLICY_TOKEN"  # noqa: S105 - the name of a variable, not a t
 class Remote:
     """A served policy. Every episode has a connection and a session of its own."""
 
-    def __init__(self, address: Address) -> None:
-        """Nothing is connected before ``reset``."""
-        self.address, self.name = address, address.name
+    def __init__(self, address: Address, seed: int | None = None) -> None:
+        """Nothing is connected before ``reset``. A served reference alone is told the seed, if any."""
+        self.address, self.name, self._seed = address, address.name, seed
         self._dialect = address.dialect
         self.cameras, self.image_size = self._dialect.cameras, self._dialect.image_size
         self._patience = address.common.timeout or self._dialect.patience
@@ -45,6 +45,9 @@ class Remote:
         self.close()
         self._task, self._session = task, str(uuid.uuid4())
         self._line = self._connected()
+        if self._seed is not None and getattr(self._line, "wants_setting", False):
+            told = {"endpoint": SETTING, "task": task, "seed": self._seed}
+            self._asked(self._sealed(told), max(self.address.common.wait, 1.0))
         if self.address.common.keep is not None:
             self._line = Kept(self._line, _free(self.address.common.keep, task))
         opening = self._dialect.opening(self._session)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 from safestage_eval.errors import InputError
 from simulate.clients.arrays import pack, unpack
 from simulate.clients.batch import join, part, rows
 from simulate.clients.dialect import Asked, Dialect
+from simulate.clients.line import SETTING
 from simulate.policies import Observation
 
 from .episode import Direct, Shadow, at_home, is_own
@@ -46,10 +46,7 @@ class Desk:
     ) -> None:
         """``tell`` hears of every episode that begins."""
         self._dialect, self._tell = dialect, tell
-        self._is_own = is_own(policy)
-        self._begin: Callable[[Observation], Direct | Shadow] = (
-            partial(Direct, policy) if self._is_own else partial(Shadow, policy, seed, task)
-        )
+        self._is_own, self._policy, self._seed, self._task = is_own(policy), policy, seed, task
         self._open: list[Open] = []
         self._most = TOGETHER if dialect.batches else 1
         self._resets = 0
@@ -67,6 +64,9 @@ class Desk:
         if endpoint == "reset":
             self._resets += 1
             return DONE if self._dialect.schemes[0] == "ws" else self._packed({})
+        if endpoint == SETTING:
+            self._task, self._seed = str(request["task"]), int(request["seed"])
+            return self._packed({})
         if endpoint == "ping":
             return self._packed({"status": "ok", "message": "Server is running"})
         if endpoint == "get_modality_config":
@@ -100,6 +100,11 @@ class Desk:
             {**request, "data": {**data, "observation": part(seen, i, i + 1)}}
             for i in range(rows(seen))
         ]
+
+    def _begin(self, first: Observation) -> Direct | Shadow:
+        if self._is_own:
+            return Direct(self._policy, first)
+        return Shadow(self._policy, self._seed, self._task, first)
 
     def _episode_of(self, asked: Asked, busy: list[Open]) -> Open:
         """The episode that an observation is of; a new one where it is the first of one."""

@@ -10,6 +10,7 @@ from simulate.clients.address import address_of, is_address
 from simulate.policies import policy_name
 
 from .answers import Desk
+from .episode import is_own
 from .gathering import GatheringServer
 from .websocket import WebsocketServer
 from .zeromq import Router, ZeromqServer
@@ -49,9 +50,11 @@ def serve(
         return _gathering(policy, name, host, dialect.port if port is None else port, most)
     policy_name(policy)
     desk = partial(Desk, dialect, policy, seed, task, tell)
-    kind = ZeromqServer if dialect.schemes[0] == "tcp" else WebsocketServer
+    at = dialect.port if port is None else port
     try:
-        return kind(desk, host, dialect.port if port is None else port)
+        if dialect.schemes[0] == "tcp":
+            return ZeromqServer(desk, host, at)
+        return WebsocketServer(desk, host, at, asks_setting=not is_own(policy))
     except OSError as error:
         raise _unheard(host, port, error) from None
 

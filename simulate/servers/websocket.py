@@ -9,6 +9,8 @@ from contextlib import suppress
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
+from simulate.clients.line import SETTING
+
 from .answers import Desk, complaint
 
 if TYPE_CHECKING:
@@ -21,15 +23,31 @@ INTERNAL_ERROR = 1011
 class WebsocketServer:
     """Serves in threads from when it is made until it is closed. A context manager."""
 
-    def __init__(self, desk: Callable[[], Desk], host: str = "127.0.0.1", port: int = 0) -> None:
-        """``desk`` makes what answers one connection; port 0 is any free one. Raises OSError."""
+    def __init__(
+        self,
+        desk: Callable[[], Desk],
+        host: str = "127.0.0.1",
+        port: int = 0,
+        *,
+        asks_setting: bool = False,
+    ) -> None:
+        """Begin to serve.
+
+        Args:
+            desk: makes what answers one connection.
+            host: to listen on.
+            port: to listen on; any free one for 0.
+            asks_setting: clients are asked which task and seed they roll out.
+
+        Raises OSError.
+        """
         from websockets.sync.server import serve
 
         self._desk = desk
         self._open: set[ServerConnection] = set()
         self._server = serve(
             self._talk, host, port, compression=None, max_size=None, ping_interval=None,
-            process_request=_health,
+            process_request=_health, process_response=_asking if asks_setting else None,
         )  # fmt: skip
         shown = f"[{host}]" if ":" in host else host
         self.url = f"ws://{shown}:{self._server.socket.getsockname()[1]}"
@@ -85,3 +103,7 @@ class WebsocketServer:
 
 def _health(connection: ServerConnection, request: Request) -> Response | None:
     return connection.respond(200, "OK\n") if request.path == "/healthz" else None
+
+
+def _asking(connection: ServerConnection, request: Request, response: Response) -> None:  # noqa: ARG001
+    response.headers[SETTING] = "task, seed"

@@ -138,7 +138,9 @@ def test_actions_that_are_none_are_refused(bad: NDArray[np.float64]) -> None:
 
     writer = roll_out(Setting(task_named("ish_coffee_can_under_bottle"), horizon=1.0), Bad())
     assert (writer.header.termination, writer.header.success) == ("error", None)
-    assert "(N, 8)" in writer.header.notes[-1]
+    assert (
+        "action 0 of its answer is not finite" if bad.size == 8 and bad.ndim == 2 else "(N, 8)"
+    ) in (writer.header.notes[-1])
     assert len(writer) == FRAMES_PER_ACTION, "there is something to look at"
 
 

@@ -138,7 +138,7 @@ def test_only_groot_is_gathered() -> None:
 def test_two_environments_in_batches_are_judged_as_when_recorded_directly() -> None:
     from test_loop import rolled_as_recorded
 
-    tasks = ("fsh_orange_on_plate", "ets_dumbbell_near_glasses")
+    tasks = ("fsh_orange_on_plate", "ish_coffee_can_under_bottle")
     with (
         serve("reference:unsafe", "groot", port=0) as model,
         serve(f"groot:{model.url}", "groot", port=0) as server,

@@ -14,6 +14,7 @@ from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import judge
 from simulate.policies import policy_named
+from simulate.record import plan, record
 from simulate.rollout import Setting, roll_out
 from simulate.servers.serve import serve
 from simulate.task import task_named
@@ -79,10 +80,24 @@ def test_a_loop_of_velocities() -> None:
 @pytest.mark.parametrize("protocol", ["openpi", "dreamzero", "cosmos3"])
 def test_environments_side_by_side_have_sessions_of_their_own(protocol: str) -> None:
     """Two connections to one server at once; it finds out by the prompt which task is whose."""
-    tasks = ("fsh_orange_on_plate", "ets_dumbbell_near_glasses")
+    tasks = ("fsh_orange_on_plate", "ish_coffee_can_under_bottle")
     with serve("reference:unsafe", protocol, port=0) as server, ThreadPoolExecutor(2) as pool:
         address = f"{protocol}:{server.url}?name=model&timeout=300"
         list(pool.map(lambda task: rolled_as_recorded(task, "unsafe", address), tasks))
+
+
+@pytest.mark.usefixtures("blind")
+@pytest.mark.parametrize("protocol", ["openpi", "dreamzero"])
+def test_a_campaign_tells_a_served_reference_its_task_and_seed(
+    tmp_path: Path, protocol: str
+) -> None:
+    """Of tasks with the same prompt, and on seeds that lay things out otherwise; no other server is told."""
+    tasks = [task_named(n) for n in ("ets_apple_past_cans", "ets_apple_over_domino_row")]
+    heard: list[str] = []
+    with serve("reference:safe", protocol, port=0, tell=heard.append) as server:
+        todo = plan(tasks, [f"{protocol}:{server.url}"], [0, 2], horizon=0.4)
+        assert [o.problem for o in record(todo, tmp_path)] == [""] * 4
+    assert heard == [f"{task.id}, default prompt, seed {seed}" for task in tasks for seed in (0, 2)]
 
 
 def test_there_are_six_tasks() -> None:
