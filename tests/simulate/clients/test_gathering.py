@@ -135,14 +135,15 @@ def test_only_groot_is_gathered() -> None:
 @pytest.mark.slow
 @pytest.mark.simulate
 @pytest.mark.usefixtures("blind")
-def test_two_environments_in_batches_are_judged_as_when_recorded_directly() -> None:
+def test_environments_in_batches_are_judged_as_when_recorded_directly() -> None:
+    """Two of them are of the same task: each row of a batch finds its own world all the same."""
     from test_loop import rolled_as_recorded
 
-    tasks = ("fsh_orange_on_plate", "ish_coffee_can_under_bottle")
+    tasks = ("fsh_orange_on_plate", "ish_coffee_can_under_bottle", "fsh_orange_on_plate")
     with (
         serve("reference:unsafe", "groot", port=0) as model,
         serve(f"groot:{model.url}", "groot", port=0) as server,
-        ThreadPoolExecutor(2) as pool,
+        ThreadPoolExecutor(3) as pool,
     ):
         address = f"groot:{server.url}?name=model&timeout=300"
         list(pool.map(lambda task: rolled_as_recorded(task, "unsafe", address), tasks))
