@@ -3,8 +3,10 @@
     python benchmarks/fuzz.py                        # 10,000 inputs of every format
     python benchmarks/fuzz.py mcap --inputs 500      # of one format
     python benchmarks/fuzz.py mcap --only 1234       # one input again, which is left in --folder
+    python benchmarks/fuzz.py mcap --write docs/security.md  # its row into the page's table
 
-Each input follows from the format's name and its number alone.
+Each input follows from the format's name and its number alone. ``--write`` puts a format's row in when it is
+done, in the place of its row of an earlier run; the other rows stay.
 """
 
 from __future__ import annotations
@@ -12,6 +14,8 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import platform
+import re
 import resource
 import select
 import shutil
@@ -20,7 +24,10 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -45,8 +52,10 @@ def worker(key: str, first: int, last: int, folder: Path) -> None:
     target = TARGETS[key](folder)
     for number in range(first, last):
         print(json.dumps([number]), flush=True)
+        began = time.process_time()
         kind, what, said = attempt(target, number)
-        print(json.dumps([number, kind, what, said]), flush=True)
+        used = time.process_time() - began
+        print(json.dumps([number, kind, what, said[:2000], used]), flush=True)
 
 
 @dataclass
@@ -55,17 +64,41 @@ class Tally:
 
     counts: Counter[str] = field(default_factory=Counter)
     found: list[tuple[int, str, str, str]] = field(default_factory=list)
+    seconds: float = 0.0
 
-    def note(self, number: int, kind: str, what: str, said: str) -> None:
-        """One input."""
+    def note(self, number: int, kind: str, what: str, said: str, used: float = 0.0) -> None:
+        """One input, and s of the processor that it took."""
         self.counts[kind] += 1
+        self.seconds += used
         if kind not in BAD and kind not in ("crash", "hang"):
             return
         self.found.append((number, kind, what, said))
+        print(f"{number} {kind}: {what}: {said}", file=sys.stderr, flush=True)
+
+    def add(self, other: Tally) -> None:
+        """What another came to."""
+        self.counts += other.counts
+        self.found += other.found
+        self.seconds += other.seconds
 
 
-def campaign(key: str, inputs: int, folder: Path, first: int = 0) -> Tally:
-    """All inputs of a format; the process is begun anew after each that kills it."""
+def campaign(key: str, inputs: int, folder: Path, first: int, jobs: int) -> Tally:
+    """All inputs of a format, shared out among processes."""
+    edges = [first + inputs * job // jobs for job in range(jobs + 1)]
+    whole = Tally()
+    with ThreadPoolExecutor(jobs) as pool:
+        parts = [
+            pool.submit(stretch, key, end - begin, folder / str(begin), begin)
+            for begin, end in zip(edges, edges[1:], strict=False)
+            if end > begin
+        ]
+        for part in parts:
+            whole.add(part.result())
+    return whole
+
+
+def stretch(key: str, inputs: int, folder: Path, first: int) -> Tally:
+    """Inputs one after the other; the process is begun anew after each that kills it."""
     tally, at, last = Tally(), first, first + inputs
     while at < last:
         shutil.rmtree(folder, ignore_errors=True)
@@ -118,35 +151,62 @@ def campaign(key: str, inputs: int, folder: Path, first: int = 0) -> Tally:
     return tally
 
 
+def memory_folder() -> str | None:
+    """A folder that is no disk, where there is one."""
+    return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # noqa: S108
+
+
 def processor_time(process: int) -> float:
     """S that a process has computed so far."""
     told = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     return (int(told[11]) + int(told[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def table(tallies: dict[str, Tally]) -> str:
-    """The outcomes as Markdown."""
-    kinds = (
-        "same",
-        "unknown",
-        "problem",
-        "read",
-        "unforeseen",
-        "changed",
-        "false pass",
-        "crash",
-        "hang",
+HEAD = (
+    "format", "inputs", "same verdicts", "inconclusive", "listed problem", "read",
+    "unforeseen error", "other verdict", "false pass", "crash", "hang", "ms each", "with",
+)  # fmt: skip
+
+KINDS = (
+    "same", "unknown", "problem", "read", "unforeseen", "changed", "false pass", "crash", "hang",
+)  # fmt: skip
+
+MARKS = ("<!-- fuzz table -->", "<!-- end of the fuzz table -->")
+"""Around the table in a page."""
+
+
+def row(key: str, tally: Tally) -> str:
+    """The outcomes of one format as a row of Markdown."""
+    inputs = tally.counts.total()
+    cells = [TARGETS[key].name, f"{inputs:,}", *(f"{tally.counts[kind]:,}" for kind in KINDS)]
+    read_by = ", ".join(f"{name} {version(name)}" for name in TARGETS[key].read_by)
+    cells += [f"{1e3 * tally.seconds / inputs:.1f}", read_by]
+    return "| " + " | ".join(cells) + " |"
+
+
+def table(rows: Iterable[str]) -> str:
+    """Rows under their heads, in the order of the formats."""
+    order = {target.name: place for place, target in enumerate(TARGETS.values())}
+    known = [line for line in rows if _named(line) in order]
+    known.sort(key=lambda line: order[_named(line)])
+    return "\n".join(["| " + " | ".join(HEAD) + " |", "|---" * len(HEAD) + "|", *known])
+
+
+def write(page: Path, line: str) -> None:
+    """A format's row into the table of a page, in the place of an earlier one of this format."""
+    before, inside, after = re.split("|".join(map(re.escape, MARKS)), page.read_text("utf-8"))
+    rows = {_named(old): old for old in inside.strip().splitlines() if old.startswith("| ")}
+    rows[_named(line)] = line
+    ran = (
+        f"Python {platform.python_version()} on {platform.system()} {platform.machine()}; "
+        f"\"ms each\" is processor time."
     )
-    head = (
-        "format", "inputs", "same verdicts", "inconclusive", "listed problem", "read",
-        "unforeseen error", "other verdict", "false pass", "crash", "hang",
-    )  # fmt: skip
-    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-    for key, tally in tallies.items():
-        cells = [TARGETS[key].name, f"{tally.counts.total():,}"]
-        cells += [f"{tally.counts[kind]:,}" for kind in kinds]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+    text = f"{before}{MARKS[0]}\n{table(rows.values())}\n\n{ran}\n{MARKS[1]}{after}"
+    page.write_text(text, "utf-8")
+
+
+def _named(line: str) -> str:
+    return line.split("|")[1].strip()
 
 
 def main() -> int:
@@ -156,11 +216,13 @@ def main() -> int:
     parser.add_argument("--inputs", type=int, default=10_000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=int)
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--write", type=Path, help="a page with the table's marks")
     parser.add_argument("--worker", type=int, nargs=2, help=argparse.SUPPRESS)
     parser.add_argument("--folder", type=Path)
     asked = parser.parse_args()
     formats = asked.formats or list(TARGETS)
-    folder = asked.folder or Path(tempfile.mkdtemp(prefix="fuzz"))
+    folder = asked.folder or Path(tempfile.mkdtemp(prefix="fuzz", dir=memory_folder()))
     if asked.worker:
         worker(formats[0], *asked.worker, folder)
         return 0
@@ -169,20 +231,20 @@ def main() -> int:
         print(attempt(TARGETS[formats[0]](folder), asked.only))
         print(folder)
         return 0
-    tallies = {}
+    rows, found = [], 0
     for key in formats:
         began = time.monotonic()
-        tallies[key] = campaign(key, asked.inputs, folder / key, asked.first)
-        print(
-            f"{key}: {dict(tallies[key].counts)} in {time.monotonic() - began:.0f} s",
-            file=sys.stderr,
-        )
-        for number, kind, what, said in tallies[key].found:
-            print(f"{key} {number} {kind}: {what}: {said}", file=sys.stderr)
-    print(table(tallies))
+        tally = campaign(key, asked.inputs, folder / key, asked.first, asked.jobs)
+        took = f"{time.monotonic() - began:.0f} s, of the processor {tally.seconds:.0f} s"
+        print(f"{key}: {dict(tally.counts)} in {took}", file=sys.stderr)
+        found += len(tally.found)
+        rows.append(row(key, tally))
+        if asked.write is not None:
+            write(asked.write, rows[-1])
+    print(table(rows))
     if asked.folder is None:
         shutil.rmtree(folder, ignore_errors=True)
-    return int(any(tally.found for tally in tallies.values()))
+    return int(found > 0)
 
 
 if __name__ == "__main__":

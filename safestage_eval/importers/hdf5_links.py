@@ -1,7 +1,8 @@
 """What an HDF5 file may not hold when it comes from a stranger: ways out of the file.
 
 A dataset can have its numbers in any other file of this machine (external storage, virtual
-datasets), a link can lead into another file, and hard links can lead round in a circle.
+datasets), a link can lead into another file, and links can lead round in a circle, or to so few groups
+by so many ways that nobody comes to an end.
 """
 
 from __future__ import annotations
@@ -12,6 +13,9 @@ from .importer import SourceError
 
 DEEPEST = 32
 """Groups inside each other."""
+
+MOST_WAYS = 10_000
+"""To things that are there once and linked again; hardly any file has one."""
 
 MOST_BYTES = 1 << 33
 """That one dataset may unpack to."""
@@ -25,7 +29,11 @@ def check_links(file: Any, where: str) -> None:
             memory.
     """
     try:
-        _group(file, where, (file.id,))
+        known: dict[Any, Unfolded] = {}
+        ways, _ = _group(file, where, (_key(file),), known)
+        there = len(file) + sum(own for _, _, own in known.values())
+        if ways > there + MOST_WAYS:
+            raise _refused(where, "its links", f"{ways:,} ways to {there:,} things")
     except (RuntimeError, KeyError, OSError, ValueError) as error:
         told = str(error).strip("'\"").splitlines() or [type(error).__name__]
         raise SourceError(
@@ -33,26 +41,51 @@ def check_links(file: Any, where: str) -> None:
         ) from None
 
 
-def _group(group: Any, where: str, trail: tuple[Any, ...]) -> None:
+Unfolded = tuple[int, int, int]
+"""Of a group: entries below it by every way, groups inside each other, entries of its own."""
+
+
+def _group(
+    group: Any, where: str, trail: tuple[Any, ...], known: dict[Any, Unfolded]
+) -> tuple[int, int]:
     import h5py
 
-    if len(trail) > DEEPEST:
-        raise _refused(where, group.name, f"more than {DEEPEST} groups inside each other")
+    entries, height = 0, 0
     for name in group:
         link = group.get(name, getlink=True)
         if isinstance(link, h5py.ExternalLink):
             raise _refused(where, f"{group.name}/{name}", f"a link to the file {link.filename!r}")
-        if isinstance(link, h5py.SoftLink):
-            if group.get(name) is None:
-                raise _refused(where, f"{group.name}/{name}", f"a link to {link.path!r}, nowhere")
-            continue  # it leads to what is looked at elsewhere
+        if isinstance(link, h5py.SoftLink) and group.get(name) is None:
+            raise _refused(where, f"{group.name}/{name}", f"a link to {link.path!r}, nowhere")
+        entries += 1
         item = group[name]
         if isinstance(item, h5py.Group):
-            if any(item.id == seen for seen in trail):
-                raise _refused(where, item.name, "a group inside itself")
-            _group(item, where, (*trail, item.id))
+            key = _key(item)
+            if key in trail:
+                raise _refused(where, f"{group.name}/{name}", "a group inside itself")
+            if key not in known:
+                if len(trail) == DEEPEST:
+                    raise _too_deep(where, item.name)
+                known[key] = (*_group(item, where, (*trail, key), known), len(item))
+            inside, below, _ = known[key]
+            entries, height = entries + inside, max(height, below + 1)
         elif isinstance(item, h5py.Dataset):
             _dataset(item, where)
+    if len(trail) + height > DEEPEST:
+        raise _too_deep(where, group.name)
+    return entries, height
+
+
+def _key(item: Any) -> tuple[int, Any]:
+    """Of a group, whatever the way that led to it."""
+    import h5py
+
+    told = h5py.h5o.get_info(item.id)
+    return told.fileno, told.addr
+
+
+def _too_deep(where: str, name: str) -> SourceError:
+    return _refused(where, name, f"more than {DEEPEST} groups inside each other")
 
 
 def _dataset(data: Any, where: str) -> None:

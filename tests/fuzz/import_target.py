@@ -81,6 +81,7 @@ class RoboLab(Import):
     """Isaac Lab's HDF5 with its neighbours."""
 
     name = "RoboLab and Isaac Lab HDF5"
+    read_by = ("h5py",)
 
     def write(self, folder: Path) -> tuple[Path, str]:
         """One demonstration."""
@@ -91,6 +92,7 @@ class ManiSkill(Import):
     """HDF5 with a JSON file."""
 
     name = "ManiSkill"
+    read_by = ("h5py",)
 
     def write(self, folder: Path) -> tuple[Path, str]:
         """One trajectory."""
@@ -101,6 +103,7 @@ class LeRobot(Import):
     """Parquet and JSON."""
 
     name = "LeRobot"
+    read_by = ("pyarrow",)
 
     def write(self, folder: Path) -> tuple[Path, str]:
         """One episode."""

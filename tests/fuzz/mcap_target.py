@@ -28,6 +28,7 @@ class Mcap:
     """One file of one episode."""
 
     name = "MCAP"
+    read_by = ("lz4", "zstandard", "protobuf")
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

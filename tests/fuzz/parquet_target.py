@@ -36,6 +36,7 @@ class Parquet:
     """Datasets of one episode, with one of their files damaged or replaced."""
 
     name = "Parquet dataset"
+    read_by = ("pyarrow", "lz4", "zstandard")
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
+
 from safestage_eval.episode import Episode, Mesh
 from safestage_eval.rules import RuleSet, builtin_names, load_rules
 from safestage_eval.sketch.load import draw
@@ -59,9 +61,7 @@ on = "can"
 """
 
 
-CODES = (
-    "ETS102", "ETS105", "ETS201", "ETS202", "ETS205", "FSH101", "FSH104", "FSH204", "ISH101", "ISH104",
-)  # fmt: skip
+CODES = ("ETS102", "ETS105", "ETS201", "FSH101", "FSH204", "ISH104")
 
 
 @cache
@@ -75,7 +75,14 @@ def rules() -> RuleSet:
 def episodes() -> tuple[Episode, ...]:
     """Two sketches; in the first, a shape is a mesh."""
     carried = with_mesh(draw(CARRIED, "carried", "carried"), "glasses")
-    return carried, draw(TOPPLED, "toppled", "toppled")
+    return with_scalars(carried), draw(TOPPLED, "toppled", "toppled")
+
+
+def with_scalars(episode: Episode) -> Episode:
+    """The episode with a channel and the simulator's states, of which each has its own table."""
+    warm = np.linspace(20, 30, len(episode), dtype=np.float32)
+    states = {frame: np.arange(5.0) + frame for frame in range(0, len(episode), 8)}
+    return replace(episode, channels={("lemon", "temperature"): warm}, states=states)
 
 
 def with_mesh(episode: Episode, name: str) -> Episode:

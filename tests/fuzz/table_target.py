@@ -17,7 +17,8 @@ from outcome import Outcome
 from seeds import episodes, rules
 from strange import altered, strange
 
-from safestage_eval.cli import main
+from safestage_eval.cli import group
+from safestage_eval.errors import InputError
 from safestage_eval.formats import save
 from safestage_eval.report import render
 from safestage_eval.scoring import Scores, score_episode
@@ -37,6 +38,7 @@ class Tables:
     """One table, read by the command that is for such tables."""
 
     name = "result, outcome and label tables"
+    read_by = ("pyarrow",)
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -64,10 +66,12 @@ class Tables:
             if rng.random() < 0.05:
                 commands = [("report", path, "--output", self.folder / "report.html")]
         asked = [str(part) for part in rng.choice(commands)]
-        done = CliRunner().invoke(main, asked)
+        done = CliRunner().invoke(group, asked)
         what = f"{asked[0]}, {seed}: {what}"
         if done.exception is None or isinstance(done.exception, SystemExit):
             return Outcome("read" if done.exit_code == 0 else "problem", what, done.output[-300:])
+        if isinstance(done.exception, InputError):
+            return Outcome("problem", what, str(done.exception)[:300])
         place = done.exc_info[2]
         while place.tb_next is not None:
             place = place.tb_next

@@ -151,7 +151,10 @@ def test_the_header_of_an_mcap_has_a_checksum(tmp_path):
         from_texts({**texts, "checksum": "x"}, "here")
 
 
-@pytest.mark.parametrize("way", ["external", "storage", "circle", "nowhere", "huge"])
+@pytest.mark.parametrize(
+    "way",
+    ["external", "storage", "circle", "soft circle", "two in a circle", "ways", "nowhere", "huge"],
+)
 def test_ways_out_of_an_hdf5_file(tmp_path, way):
     source = ManiSkill(tmp_path).source
     with open_hdf5(source) as file:
@@ -164,6 +167,17 @@ def test_ways_out_of_an_hdf5_file(tmp_path, way):
             group.create_dataset("x", (8,), "u1", external=[("/etc/passwd", 0, 8)])
         elif way == "circle":
             group["x"] = group
+        elif way == "soft circle":
+            group["x"] = h5py.SoftLink("/")
+        elif way == "two in a circle":
+            for here, there in ("ab", "ba"):
+                file.create_group(here)["x"] = h5py.SoftLink(f"/{there}")
+        elif way == "ways":  # twice as many with each group: 2 ** 25
+            for n in range(25):
+                inner = file.create_group(f"g{n}")
+                for name in "xy":
+                    if n:
+                        inner[name] = file[f"g{n - 1}"]
         elif way == "nowhere":
             group["x"] = h5py.SoftLink("/nowhere")
         else:

@@ -114,6 +114,7 @@ class Rules(Text):
     """Rule files."""
 
     name = "rule file"
+    read_by = ()
 
     def seeds(self) -> list[str]:
         """Those that are built in."""
@@ -128,6 +129,7 @@ class Bind(Text):
     """Bind files."""
 
     name = "bind file"
+    read_by = ()
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
@@ -150,6 +152,7 @@ class Map(Text):
     """Map files of an import."""
 
     name = "map file"
+    read_by = ("pydantic",)
 
     def seeds(self) -> list[str]:
         """One with every kind of table."""
