@@ -28,10 +28,13 @@ from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / place) for place in ("tests/fuzz", "tests", "tests/importers", ".")]
+sys.path[:0] = [
+    str(ROOT / place) for place in ("tests/fuzz", "tests", "tests/importers", "tests/simulate", ".")
+]
 
 from outcome import BAD  # noqa: E402
 from targets import TARGETS, attempt  # noqa: E402
@@ -47,15 +50,16 @@ MEMORY = 6 << 30
 
 
 def worker(key: str, first: int, last: int, folder: Path) -> None:
-    """Inputs one after the other; a line about each on stdout."""
+    """Inputs one after the other; a line about each on stdout, and nothing else."""
+    tell, sys.stdout = sys.stdout, sys.stderr
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     target = TARGETS[key](folder)
     for number in range(first, last):
-        print(json.dumps([number]), flush=True)
+        print(json.dumps([number]), file=tell, flush=True)
         began = time.process_time()
         kind, what, said = attempt(target, number)
         used = time.process_time() - began
-        print(json.dumps([number, kind, what, said[:2000], used]), flush=True)
+        print(json.dumps([number, kind, what, said[:2000], used]), file=tell, flush=True)
 
 
 @dataclass
@@ -89,7 +93,7 @@ def campaign(key: str, inputs: int, folder: Path, first: int, jobs: int) -> Tall
     with ThreadPoolExecutor(jobs) as pool:
         parts = [
             pool.submit(stretch, key, end - begin, folder / str(begin), begin)
-            for begin, end in zip(edges, edges[1:], strict=False)
+            for begin, end in pairwise(edges)
             if end > begin
         ]
         for part in parts:
@@ -153,7 +157,7 @@ def stretch(key: str, inputs: int, folder: Path, first: int) -> Tally:
 
 def memory_folder() -> str | None:
     """A folder that is no disk, where there is one."""
-    return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # noqa: S108
+    return "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
 
 
 def processor_time(process: int) -> float:
@@ -199,7 +203,7 @@ def write(page: Path, line: str) -> None:
     rows[_named(line)] = line
     ran = (
         f"Python {platform.python_version()} on {platform.system()} {platform.machine()}; "
-        f"\"ms each\" is processor time."
+        f'"ms each" is processor time.'
     )
     text = f"{before}{MARKS[0]}\n{table(rows.values())}\n\n{ran}\n{MARKS[1]}{after}"
     page.write_text(text, "utf-8")

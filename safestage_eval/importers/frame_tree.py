@@ -11,6 +11,9 @@ from safestage_eval.errors import TraceError
 from safestage_eval.geometry.pose import compose, unit
 
 F64 = NDArray[np.float64]
+
+DEEPEST = 1000
+"""Frames below one another; an arm has ten."""
 Pose = tuple[F64, F64]
 
 
@@ -116,13 +119,15 @@ class FrameTree:
 
     def chain(self, name: str) -> list[str]:
         """The frame, its parent, …, down to the one below a root."""
-        found: list[str] = []
+        found: dict[str, None] = {}
         while name in self.edges:
             if name in found:
                 raise TraceError(self.where, f"frame {name!r} is its own ancestor.", "a tree")
-            found.append(name)
+            if len(found) == DEEPEST:
+                raise TraceError(self.where, f"more than {DEEPEST} frames below one another.")
+            found[name] = None
             name = self.edges[name].parent
-        return found
+        return list(found)
 
     def root(self, name: str) -> str:
         """Where the chain of a frame ends."""

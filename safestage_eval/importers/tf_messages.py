@@ -13,7 +13,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from safestage_eval.errors import TraceError
+from safestage_eval.errors import InputError, TraceError
 
 from .frame_tree import Samples
 from .importer import SourceError
@@ -28,6 +28,9 @@ TRANSFORMS = {
 }
 SCENES = {"foxglove.SceneUpdate", "foxglove_msgs/msg/SceneUpdate"}
 DESCRIPTION = "std_msgs/msg/String"
+
+LATEST = 1 << 62
+"""ns; a difference of two times still has 64 bits."""
 
 
 @dataclass
@@ -51,7 +54,6 @@ class Found:
 
 def has_transforms(path: Path) -> bool:
     """Whether the file is a whole MCAP of somebody else's with transforms in it; raises nothing."""
-    from mcap.exceptions import McapError
     from mcap.reader import make_reader
 
     try:
@@ -62,7 +64,7 @@ def has_transforms(path: Path) -> bool:
             summary = reader.get_summary()
             names = {s.name for s in summary.schemas.values()} if summary is not None else set()
             return bool(names & TRANSFORMS)
-    except (McapError, OSError, ValueError, UnicodeDecodeError):
+    except Exception:  # noqa: BLE001 — the readers of others fail in many ways on damaged bytes
         return False
 
 
@@ -73,7 +75,6 @@ def read_messages(paths: Iterable[Path]) -> Found:
         TraceError: a file is damaged.
         SourceError: messages in an encoding that cannot be read here.
     """
-    from mcap.exceptions import McapError
     from mcap.reader import make_reader
 
     found = Found()
@@ -89,11 +90,19 @@ def read_messages(paths: Iterable[Path]) -> Found:
                     if channel.id not in decoders:
                         decoders[channel.id] = _decoder(channel.message_encoding, schema, path)
                     take(found, decoders[channel.id](message.data), message.log_time)
-        except (McapError, OSError, ValueError, AttributeError, KeyError, EOFError) as error:
-            raise TraceError(
-                str(path), f"cannot be read: {error or type(error).__name__}"
-            ) from None
+        except InputError:
+            raise
+        except Exception as error:  # noqa: BLE001 — as above
+            raise TraceError(str(path), f"cannot be read: {told(error)}.") from None
     return found
+
+
+def told(error: Exception) -> str:
+    """What a message lacks or has too much, in a line."""
+    if isinstance(error, AttributeError) and error.name is not None:
+        return f"a message without {error.name!r}"
+    lines = str(error).splitlines() or [""]
+    return f"{type(error).__name__}: {lines[0][:200]}" if lines[0] else type(error).__name__
 
 
 def _taker(schema: str, topic: str) -> Callable[[Found, Any, int], None] | None:
@@ -150,7 +159,7 @@ def _take_transforms(found: Found, message: Any, log_time: int) -> None:
         if samples.parent != parent:
             found.disagreeing.add(child)
             continue
-        samples.time.append(_nanoseconds(stamp) or log_time)
+        samples.time.append(_within(_nanoseconds(stamp) or log_time))
         samples.position.append((float(moved.x), float(moved.y), float(moved.z)))
         turn = (float(turned.w), float(turned.x), float(turned.y), float(turned.z))
         samples.orientation.append(turn)
@@ -162,6 +171,13 @@ def _nanoseconds(stamp: Any) -> int:
     names = ("nanosec", "nsec", "nanos")
     part = next((getattr(stamp, name) for name in names if hasattr(stamp, name)), 0)
     return int(whole) * 10**9 + int(part)
+
+
+def _within(time: int) -> int:
+    """The same ns. Raises ValueError for what no clock of 64 bits shows."""
+    if abs(time) > LATEST:
+        raise ValueError(f"a transform at {time} ns")
+    return time
 
 
 def _take_scene(found: Found, message: Any, _: int) -> None:

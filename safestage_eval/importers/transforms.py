@@ -27,10 +27,13 @@ from .importer import Importer, SourceError
 from .motion import fixed_if_still, track
 from .scene import added, dressed, need_shapes
 from .scene_shapes import scene_geoms
-from .tf_messages import Found, has_transforms, read_messages
+from .tf_messages import Found, has_transforms, read_messages, told
 from .urdf_links import Link, urdf_links
 
 F64 = NDArray[np.float64]
+
+LONGEST = 5_000_000
+"""Frames of a recording, about half a day; times that belong to two clocks come to more."""
 
 GAP = 5
 """Spacings of frames, above which a stretch without transforms is told."""
@@ -83,7 +86,10 @@ class Transforms(Importer):
         tree = FrameTree(found.samples, where)
         world = self._world(tree)
         meshes: dict[str, Mesh] = {}
-        scene, left_out = scene_geoms(found.entities.values(), meshes)
+        try:
+            scene, left_out = scene_geoms(found.entities.values(), meshes)
+        except (ValueError, TypeError, AttributeError, OverflowError, IndexError) as error:
+            raise TraceError(where, f"its scene cannot be read: {told(error)}.") from None
         links = {k: v for text in found.descriptions for k, v in urdf_links(text, where).items()}
         bodies = self._bodies(tree, world, scene, links, meshes, account)
         need_shapes(bodies, where, among=_NO_SHAPES)
@@ -209,6 +215,11 @@ class Transforms(Importer):
         else:
             finest = min(float(np.median(np.diff(e.time))) for e in moving if len(e.time) > 1)
             dt = dt or finest
+            if (end - start) / dt > LONGEST:
+                raise TraceError(
+                    str(self.path), f"{end - start:.4g} s, every {dt:.3g} s.",
+                    f"{LONGEST:,} frames", "--dt, or leave out transforms of another time",
+                )  # fmt: skip
             times = np.asarray(start + dt * np.arange(int((end - start) / dt + 1e-6) + 1))
             account.recomputed(
                 "poses at common times",

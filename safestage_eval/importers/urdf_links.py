@@ -65,12 +65,16 @@ def _joints(root: ET.Element) -> tuple[dict[str, str], Any]:
         if joint.get("type") in JOINTED:
             moving.add(child.get("link", ""))
 
+    known: dict[str, str] = {}
+
     def base(name: str) -> str:
         seen = set()
-        while name in parents and name not in seen:
+        while name in parents and name not in seen and name not in known:
             seen.add(name)
             name = parents[name]
-        return name
+        end = known.get(name, name)
+        known.update(dict.fromkeys(seen, end))
+        return end
 
     bases = {base(name) for name in moving}
     return parents, lambda name: base(name) in bases

@@ -52,11 +52,10 @@ class Import:
         for old in (path, self.folder / "out"):
             shutil.rmtree(old, ignore_errors=True)
         shutil.copytree(self.seed, path)
+        source = self.chosen(rng, path)
         what = self.hurt(rng, path)
         try:
-            outcome = import_all(
-                path / self.source.relative_to(self.seed), self.folder / "out", self.settings
-            )
+            outcome = import_all(source, self.folder / "out", self.settings)
         except InputError as error:
             return Outcome("problem", what, str(error)[:300])
         for failed in outcome.failed:
@@ -65,6 +64,10 @@ class Import:
         if rng.random() < 0.2 and (problems := validate(self.folder / "out")):
             return Outcome("changed", what, f"imported, and broken: {problems[0]}")
         return Outcome("read", what)
+
+    def chosen(self, rng: Random, path: Path) -> Path:
+        """What is imported, of a copy of the seed."""
+        return path / self.source.relative_to(self.seed)
 
     def hurt(self, rng: Random, path: Path) -> str:
         """Damage to the source; what was done."""

@@ -6,6 +6,8 @@ import traceback
 from random import Random
 
 import import_target
+import states_target
+import transforms_target
 from mcap_target import Mcap
 from outcome import Outcome
 from parquet_target import Parquet
@@ -16,6 +18,8 @@ TARGETS = {
     "parquet": Parquet,
     "mcap": Mcap,
     **import_target.TARGETS,
+    **transforms_target.TARGETS,
+    **states_target.TARGETS,
     "rules": Rules,
     "bind": Bind,
     "map": Map,

@@ -14,6 +14,8 @@ from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import discover, load
 from safestage_eval.formats.arrow_tables import schema, write_options
 from safestage_eval.formats.mcap_metadata import checksum, from_texts
+from safestage_eval.importers import Settings, import_all
+from safestage_eval.importers.frame_tree import FrameTree, Samples
 from safestage_eval.importers.hdf5 import open_hdf5
 from safestage_eval.rules import RuleErrors, load_bind, load_rules
 
@@ -184,6 +186,64 @@ def test_ways_out_of_an_hdf5_file(tmp_path, way):
             group.create_dataset("x", (2**40,), "f4", chunks=(1024,))
     with pytest.raises(InputError):
         open_hdf5(source)
+
+
+def json_recording(path, transforms, scene=None):
+    """What an importer may make of one message of transforms, and one of a scene."""
+    from transforms_target import _in_json
+
+    path.write_bytes(_in_json({"tf": [transforms, transforms], "scene": scene or {"entities": []}}))
+    return import_all(path, path.with_suffix(""), Settings())
+
+
+@pytest.mark.parametrize("lost", ["translation", "timestamp", "child_frame_id"])
+def test_a_message_without_one_of_its_fields(tmp_path, lost):
+    here = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+    one = {
+        "timestamp": {"seconds": 1, "nanos": 0}, "parent_frame_id": "a", "child_frame_id": "b",
+        "translation": here, "rotation": here,
+    }  # fmt: skip
+    del one[lost]
+    [failed] = json_recording(tmp_path / "x.mcap", [one]).failed
+    assert f"without {lost!r}" in failed.message
+    one[lost] = here
+    one["timestamp"] = {"seconds": 10**30, "nanos": 0}
+    one["parent_frame_id"], one["child_frame_id"] = "a", "b"
+    [failed] = json_recording(tmp_path / "y.mcap", [one]).failed
+    assert "ns" in failed.message
+
+
+def test_a_scene_without_one_of_its_fields(tmp_path):
+    here = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+    one = {
+        "timestamp": {"seconds": 1, "nanos": 0}, "parent_frame_id": "a", "child_frame_id": "b",
+        "translation": here, "rotation": here,
+    }  # fmt: skip
+    for cube in ({"pose": {"position": here, "orientation": here}}, {"size": here}):
+        scene = {"entities": [{"id": "b", "frame_id": "b", "cubes": [cube]}]}
+        path = tmp_path / f"{len(cube)}{'size' in cube}.mcap"
+        [failed] = json_recording(path, [one], scene).failed
+        assert "its scene cannot be read: a message without" in failed.message
+
+
+def test_frames_below_one_another_without_end():
+    still = ([0], [(0.0, 0, 0)], [(1.0, 0, 0, 0)])
+    with pytest.raises(TraceError, match="below one another"):
+        FrameTree({f"f{n}": Samples(f"f{n + 1}", *still) for n in range(2000)}, "x")
+
+
+def test_times_of_two_clocks(tmp_path):
+    from transforms_target import Foxglove
+
+    target = Foxglove(tmp_path)
+    tree = json.loads(json.dumps(target.sound))
+    tree["tf"][-1][0]["timestamp"]["seconds"] = 1_700_000_000
+    tree["tf"][0][1]["timestamp"]["nanos"] = 1
+    tree["tf"][-1][1]["timestamp"]["seconds"] = 1_700_000_001
+    tree["tf"][-1][1]["translation"]["x"] = 1.0
+    (tmp_path / "x.mcap").write_bytes(target.forms()[1](tree))
+    [failed] = import_all(tmp_path / "x.mcap", tmp_path / "out", target.settings).failed
+    assert "frames" in failed.message
 
 
 def test_rules_nested_without_end(tmp_path):

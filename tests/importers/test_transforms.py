@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bags import ARM, TF_MESSAGE, ros_transform
 from exports import map_text
 from mcap.writer import Writer
 from mcap_ros2.writer import Writer as RosWriter
@@ -23,64 +24,6 @@ from safestage_eval.importers.frame_tree import Edge, FrameTree, Samples, slerp
 from safestage_eval.importers.urdf_links import urdf_links
 
 TRACES = Path(__file__).resolve().parents[2] / "traces"
-STAMP = "builtin_interfaces/Time stamp\nstring frame_id"
-TF_MESSAGE = f"""geometry_msgs/TransformStamped[] transforms
-{"=" * 80}
-MSG: geometry_msgs/TransformStamped
-std_msgs/Header header
-string child_frame_id
-geometry_msgs/Transform transform
-{"=" * 80}
-MSG: std_msgs/Header
-{STAMP}
-{"=" * 80}
-MSG: geometry_msgs/Transform
-geometry_msgs/Vector3 translation
-geometry_msgs/Quaternion rotation
-{"=" * 80}
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-{"=" * 80}
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
-{"=" * 80}
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec
-"""
-ARM = """<robot name="arm">
-  <link name="base"/>
-  <link name="upper">
-    <inertial><mass value="2.5"/><origin xyz="0 0 0.1"/></inertial>
-    <visual><geometry><box size="1 1 1"/></geometry></visual>
-    <collision><origin xyz="0 0 0.2" rpy="0 1.5707963267948966 0"/>
-      <geometry><cylinder radius="0.05" length="0.4"/></geometry></collision>
-  </link>
-  <link name="hand"><collision><geometry><mesh filename="package://arm/hand.stl"/></geometry></collision>
-    <collision><geometry><sphere radius="0.04"/></geometry></collision></link>
-  <joint name="j" type="revolute"><parent link="base"/><child link="upper"/></joint>
-  <joint name="f" type="fixed"><parent link="upper"/><child link="hand"/></joint>
-</robot>"""
-
-
-def ros_transform(stamp_ns, parent, child, position, orientation):
-    w, x, y, z = map(float, orientation)
-    return {
-        "header": {
-            "stamp": {"sec": stamp_ns // 10**9, "nanosec": stamp_ns % 10**9},
-            "frame_id": parent,
-        },
-        "child_frame_id": child,
-        "transform": {
-            "translation": dict(zip("xyz", map(float, position), strict=True)),
-            "rotation": {"x": x, "y": y, "z": z, "w": w},
-        },
-    }
 
 
 def write_bag(path, episode, *, names=None, urdf=None, rates=None, epoch=1_700_000_000 * 10**9):
