@@ -41,6 +41,9 @@ class Import:
         text = map_text(episode()) + columns
         (folder / "map.toml").write_text(text)
         self.settings = Settings(map=load_map(folder / "map.toml"))
+        sound = import_all(self.seed, folder / "sound", self.settings)
+        assert sound.imported
+        assert not sound.failed
 
     def write(self, folder: Path) -> tuple[Path, str]:
         """The sound source, and what else its map file says."""
@@ -72,7 +75,8 @@ class Import:
     def hurt(self, rng: Random, path: Path) -> str:
         """Damage to the source; what was done."""
         files = sorted(file for file in path.rglob("*") if file.is_file())
-        file = rng.choice(files)
+        numbers = [file for file in files if file.suffix in (".hdf5", ".h5", ".parquet")]
+        file = rng.choice(numbers if rng.random() < 0.5 else files)
         if file.suffix in (".hdf5", ".h5") and rng.random() < 0.6:
             return _in_hdf5(rng, file)
         data, what = damaged(rng, file.read_bytes(), [0, 8, 16, 24, 48, 96])

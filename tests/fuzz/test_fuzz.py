@@ -4,9 +4,9 @@ import pytest
 from targets import TARGETS, attempt
 
 FEW = {
-    "parquet": 40,
+    "parquet": 30,
     "mcap": 40,
-    "robolab": 15,
+    "robolab": 25,
     "maniskill": 30,
     "lerobot": 40,
     "ros": 30,

@@ -38,8 +38,10 @@ class Recording(Import):
         folder.mkdir()
         self.sound = self.messages()
         self.seeds = [form(self.sound) for form in self.forms()]
-        (folder / "run.mcap").write_bytes(self.seeds[0])
-        return folder / "run.mcap", ""
+        for n, seed in enumerate(self.seeds):
+            (folder / f"run{n}").mkdir()
+            (folder / f"run{n}/run.mcap").write_bytes(seed)
+        return folder / "run0/run.mcap", ""
 
     def messages(self) -> Tree:
         """What the sound recording says."""
@@ -51,7 +53,7 @@ class Recording(Import):
 
     def hurt(self, rng: Random, path: Path) -> str:
         """Damage to the records, or another message."""
-        file = path / "run.mcap"
+        file = path / "run0/run.mcap"
         if rng.random() < 0.45:
             act = rng.choice(ON_RECORDS)
             data, what, _ = act(rng, rng.choice(self.seeds))
@@ -97,7 +99,7 @@ class RosBag(Recording):
         """Now and then, a folder of a bag that has another thing in it."""
         if rng.random() < 0.05:
             name = rng.choice(("metadata.yaml", "run_1.mcap", "run_1.db3", "\udcff.mcap"))
-            (path / name).write_bytes(
+            (path / "run0" / name).write_bytes(
                 rng.choice((b"", b"rosbag2_bagfile_information:", b"\x89MCAP"))
             )
             return f"{name!r} beside it"
@@ -124,7 +126,8 @@ class Foxglove(Recording):
             ]
             for n in range(FRAMES)
         ]  # fmt: skip
-        here = {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"w": 1.0}}
+        none = {"x": 0.0, "y": 0.0, "z": 0.0}
+        here = {"position": none, "orientation": {**none, "w": 1.0}}
         size = {"x": 0.04, "y": 0.04, "z": 0.04}
         entity = {
             "id": "cube", "frame_id": "cube", "frame_locked": True,
@@ -133,7 +136,7 @@ class Foxglove(Recording):
             "cylinders": [{"pose": here, "size": size, "bottom_scale": 1.0, "top_scale": 1.0}],
             "triangles": [
                 {
-                    "pose": here, "points": [size, {"x": 0.0}, {"y": 1.0}, {"z": 1.0}],
+                    "pose": here, "points": [size, none, {**none, "y": 1.0}, {**none, "z": 1.0}],
                     "indices": [0, 1, 2, 0, 2, 3, 0, 1, 3, 1, 2, 3],
                 }
             ],
