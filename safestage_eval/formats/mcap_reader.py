@@ -135,7 +135,8 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
     points = clouds.points(min(count, clouds.count))
     if not clouds.count:
         points = points._replace(counts=np.zeros(count, np.int64))
-    episode = _episode(path, metadata, records, columns, t, points, states.first(count), checked)
+    full = states.first(count, where)
+    episode = _episode(path, metadata, records, columns, t, points, full, checked)
     if checked:
         _check(episode, metadata, rows.sound)
     return episode
@@ -242,11 +243,16 @@ class _States:
     def take(self, batch: Batch) -> None:
         self._messages += batch.messages()
 
-    def first(self, frames: int) -> dict[int, NDArray[np.float64]]:
-        """Frame → state, of the first frames."""
+    def first(self, frames: int, where: str) -> dict[int, NDArray[np.float64]]:
+        """Frame → state, of the first frames. Raises TraceError for a message that is damaged."""
+        from google.protobuf.message import DecodeError
+
         found = {}
         for message in self._messages:
-            state = message_class("State").FromString(message)
+            try:
+                state = message_class("State").FromString(message)
+            except DecodeError as error:
+                raise TraceError(where, f"a state cannot be read: {error}.") from None
             if state.frame_index < frames:
                 found[int(state.frame_index)] = np.array(state.state, np.float64)
         return found

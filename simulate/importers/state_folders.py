@@ -47,7 +47,7 @@ def read(folder: Path) -> Stored:
         with (folder / "states.npz").open("rb") as stream:
             arrays = np.load(stream, allow_pickle=False)
             if not isinstance(arrays, np.lib.npyio.NpzFile):
-                raise ValueError("it is no archive")  # noqa: TRY301
+                raise ValueError("it is no archive")
             states = np.asarray(arrays["states"]) if "states" in arrays else None
     except Exception as error:  # noqa: BLE001 — zipfile and numpy fail in many ways on damaged bytes
         said = str(error) or type(error).__name__
@@ -59,7 +59,7 @@ def read(folder: Path) -> Stored:
                 with opened(folder / name, "rb") as file:
                     model = file.read(LONGEST_MODEL + 1).decode("utf-8")
                 if len(model) > LONGEST_MODEL:
-                    raise ValueError("more than 256 MiB of text")  # noqa: TRY301
+                    raise ValueError("more than 256 MiB of text")
             except (OSError, EOFError, zlib.error, ValueError) as error:
                 raise InputError(f"{folder}/{name}", f"cannot be read: {error}") from None
             break

@@ -76,7 +76,7 @@ class Import:
         """Damage to the source; what was done."""
         files = sorted(file for file in path.rglob("*") if file.is_file())
         numbers = [file for file in files if file.suffix in (".hdf5", ".h5", ".parquet")]
-        file = rng.choice(numbers if rng.random() < 0.5 else files)
+        file = rng.choice(numbers if numbers and rng.random() < 0.5 else files)
         if file.suffix in (".hdf5", ".h5") and rng.random() < 0.6:
             return _in_hdf5(rng, file)
         data, what = damaged(rng, file.read_bytes(), [0, 8, 16, 24, 48, 96])

@@ -269,3 +269,21 @@ def test_a_number_of_a_million_bytes():
 
     with pytest.raises(ValueError, match="cut off"):
         layout(b"\xff" * (1 << 20))
+
+
+def test_a_damaged_state_of_an_mcap(tmp_path):
+    import mcap_target as mcap
+
+    target = mcap.Mcap(tmp_path)
+    data, _ = target.seeds[0]
+    found = mcap.records(data[: -len(mcap.MAGIC)])
+    place = next(i for i, (kind, _) in enumerate(found) if kind == mcap.CHUNK)
+    inside = mcap._unpacked(found[place][1])
+    [channel] = [c[:2] for kind, c in inside if kind == mcap.CHANNEL and b"/safestage/state" in c]
+    states = [i for i, r in enumerate(inside) if r[0] == mcap.MESSAGE and r[1][:2] == channel]
+    for i in states:
+        inside[i] = mcap.MESSAGE, inside[i][1][:-3]
+    found[place] = mcap.CHUNK, mcap._chunk(mcap.written(inside))
+    (tmp_path / "x.mcap").write_bytes(mcap._all(found))
+    with pytest.raises(TraceError, match="state cannot be read"):
+        load(tmp_path / "x.mcap")
