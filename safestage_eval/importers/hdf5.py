@@ -62,6 +62,8 @@ def rows(group: Any, key: str, where: str, width: int | None = None) -> NDArray[
     Raises:
         TraceError: it is not there, no numbers, or not ``width`` wide.
     """
+    if not hasattr(group, "get"):
+        raise TraceError(where, f"numbers where {key!r} should be in a group.", "an HDF5 group")
     found = group.get(key)
     if found is None or not hasattr(found, "shape"):
         inside = ", ".join(sorted(group)) or "nothing"

@@ -19,6 +19,7 @@ _NUMBERS = (
     "margin", "margin_normalised", "value", "limit", "time", "worst_time", "success_time",
     "exposure_time",
 )  # fmt: skip
+_LISTS = ("bodies", "intervals", "raw_intervals", "sources", "notes")
 _SAID = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
 
 
@@ -40,14 +41,46 @@ def read_rows(
     except OSError as error:
         raise InputError(str(path), f"cannot be read: {error.strerror}.", allowed) from None
     if data.startswith(b"PAR1"):
-        return _parquet(file, columns, allowed)
+        return _checked(str(path), _parquet(file, columns, allowed))
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(str(path), "not a table.", allowed) from None
     if not text.strip():
         raise InputError(str(path), "it is empty.", allowed)
-    return _text(str(path), text, allowed)
+    rows = _text(str(path), text, allowed)
+    if "\\ud" in text.lower():
+        _whole_characters(str(path), rows)
+    return _checked(str(path), rows)
+
+
+def _checked(where: str, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows. Raises InputError for lists where none belong, and numbers that are none."""
+    for name in dict.fromkeys(name for row in rows for name in row):
+        kinds = {type(row.get(name)) for row in rows}
+        if name in _NUMBERS:
+            wrong = kinds - {int, float, type(None)}
+        else:
+            wrong = kinds & ({dict} if name in _LISTS else {dict, list})
+        if int in kinds and any(
+            type(row.get(name)) is int and abs(row[name]) >= 2**63 for row in rows
+        ):
+            wrong |= {int}
+        for number, row in enumerate(rows if wrong else (), 1):
+            value = row.get(name)
+            if type(value) in wrong and not (type(value) is int and abs(value) < 2**63):
+                is_ = "a number" if name in _NUMBERS else "text or a number"
+                raise InputError(f"{where}, row {number}", f"{name} is {str(value)[:60]}.", is_)
+    return rows
+
+
+def _whole_characters(where: str, rows: list[dict[str, Any]]) -> None:
+    """Raises InputError for half of a pair of UTF-16 in JSON, which no file can hold as text."""
+    for number, row in enumerate(rows, 1):
+        try:
+            json.dumps(row, ensure_ascii=False).encode()
+        except UnicodeEncodeError:
+            raise InputError(f"{where}, row {number}", "it has half of a character.") from None
 
 
 def truth(value: Any, where: str, name: str) -> bool | None:
@@ -74,7 +107,7 @@ def _parquet(path: Path, columns: Collection[str] | None, allowed: str) -> list[
         if columns is not None:
             wanted = [name for name in file.schema_arrow.names if name in columns]
         rows: list[dict[str, Any]] = file.read(columns=wanted).to_pylist()
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError) as error:
         raise InputError(str(path), f"a broken Parquet file: {error}.", allowed) from None
     return rows
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any
 
+from safestage_eval.errors import InputError
 from safestage_eval.metrics import Outcome
+from safestage_eval.metrics.read_rows import truth
 
 from .packed import columns
 
@@ -37,17 +41,17 @@ def of_results(rows: Sequence[Row], drawn: Mapping[str, int]) -> str:
             "episode": name,
             "verdict": verdict,
             "own": bool(row["assigned"]),
-            "success": row["success"],
-            **{key: row.get(key) for key in ("stage", "rule", "task", "policy", "prompt")},
+            "success": truth(row["success"], name, "success"),
+            **{key: _said(row.get(key)) for key in ("stage", "rule", "task", "policy", "prompt")},
             **{key: _whole(row.get(key)) for key in ("seed", "rollout")},
             "time": _number(row.get("time")),
             "worst": _number(row.get("worst_time")),
-            **{key: row.get(key) for key in ("phase", "signal", "unit", "severity")},
+            **{key: _said(row.get(key)) for key in ("phase", "signal", "unit", "severity")},
             **{key: _number(row.get(key)) for key in ("value", "limit", "margin")},
             "normalised": _number(row.get("margin_normalised")),
-            "follows": row.get("consequence_of"),
-            "explanation": row.get("explanation") or "",
-            "intervals": _intervals(row.get("intervals")) if verdict == "violation" else 0,
+            "follows": _said(row.get("consequence_of")),
+            "explanation": _said(row.get("explanation")) or "",
+            "intervals": _intervals(row.get("intervals"), name) if verdict == "violation" else 0,
             "section": drawn.get(name, -1),
         }
         for key, values in table.items():
@@ -87,16 +91,30 @@ def _number(value: Any) -> float | None:
 
 
 def _whole(value: Any) -> int | str | None:
-    if value is None or (isinstance(value, float) and math.isnan(value)):
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return None
     return int(value) if isinstance(value, int | float) else str(value)
 
 
-def _intervals(value: Any) -> list[list[float]] | int:
-    """[begin, end] of the stretches in violation; those of a CSV file are JSON; 0 if there are none."""
-    if isinstance(value, str):
-        import json
+def _said(value: Any) -> str | None:
+    """Text; None where a data frame has NaN for nothing."""
+    nothing = value is None or (isinstance(value, float) and math.isnan(value))
+    return None if nothing else str(value)
 
-        value = json.loads(value)
-    pairs = [[round(float(a), 2), round(float(b), 2)] for a, b in value or ()]
+
+def _intervals(value: Any, episode: str) -> list[list[float]] | int:
+    """[begin, end] of the stretches in violation; those of a CSV file are JSON; 0 if there are none.
+
+    Raises InputError for anything else.
+    """
+    try:
+        given = json.loads(value) if isinstance(value, str) else value
+        pairs = [[round(float(a), 2), round(float(b), 2)] for a, b in given or ()]
+        if not all(map(math.isfinite, chain.from_iterable(pairs))):
+            raise ValueError("not finite")
+    except (ValueError, TypeError, OverflowError):
+        said = str(value)[:60]
+        raise InputError(
+            f"episode {episode!r}", f"intervals is {said}.", "[[0.5, 1.2], …]"
+        ) from None
     return pairs[:40] or 0
