@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.errors import TraceError
+from safestage_eval.errors import InputError, TraceError
 
 from .hdf5_links import check_links
 from .importer import SourceError
@@ -62,8 +63,6 @@ def rows(group: Any, key: str, where: str, width: int | None = None) -> NDArray[
     Raises:
         TraceError: it is not there, no numbers, or not ``width`` wide.
     """
-    if not hasattr(group, "get"):
-        raise TraceError(where, f"numbers where {key!r} should be in a group.", "an HDF5 group")
     found = group.get(key)
     if found is None or not hasattr(found, "shape"):
         inside = ", ".join(sorted(group)) or "nothing"
@@ -80,6 +79,18 @@ def rows(group: Any, key: str, where: str, width: int | None = None) -> NDArray[
             f"{where}/{key}", f"{values.shape[1]} numbers in a row.", f"{width} numbers"
         )
     return values
+
+
+@contextmanager
+def layout(where: str) -> Iterator[None]:
+    """Raises TraceError where the block finds a group for numbers, or numbers for a group."""
+    try:
+        yield
+    except InputError:
+        raise
+    except (AttributeError, TypeError, KeyError, IndexError, ValueError, OverflowError) as error:
+        lines = str(error).splitlines() or [type(error).__name__]
+        raise TraceError(where, f"is laid out in another way: {lines[0][:200]}.") from None
 
 
 def fingerprint(group: Any) -> str:

@@ -70,7 +70,8 @@ class IsaacLab(Importer):
 
     def read(self, name: str, account: Account) -> Episode:
         """One demo."""
-        return Demo(self, name, account).episode()
+        with hdf5.layout(f"{self.path}: {name}"):
+            return Demo(self, name, account).episode()
 
     # what all demos of a file share
 

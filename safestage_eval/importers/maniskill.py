@@ -76,6 +76,10 @@ class ManiSkill(Importer):
     def read(self, name: str, account: Account) -> Episode:
         """One trajectory."""
         where = f"{self.path}: {name}"
+        with hdf5.layout(where):
+            return self._trajectory(name, where, account)
+
+    def _trajectory(self, name: str, where: str, account: Account) -> Episode:
         group = self._file[name]
         states = group.get("env_states")
         if states is None or not hasattr(states, "keys") or not states.get("actors"):

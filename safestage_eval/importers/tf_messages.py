@@ -117,7 +117,7 @@ def _taker(schema: str, topic: str) -> Callable[[Found, Any, int], None] | None:
 
 def _decoder(encoding: str, schema: Any, path: Path) -> Callable[[bytes], Any]:
     if encoding == "json":
-        return lambda data: json.loads(data, object_hook=lambda d: SimpleNamespace(**d))
+        return _from_json
     factory: Any
     if encoding == "protobuf":
         from mcap_protobuf.decoder import DecoderFactory
@@ -143,6 +143,12 @@ def _decoder(encoding: str, schema: Any, path: Path) -> Callable[[bytes], Any]:
             "ros2msg, protobuf, jsonschema",
         )  # fmt: skip
     return decode  # type: ignore[no-any-return]
+
+
+def _from_json(data: bytes) -> Any:
+    if b"\\ud" in data.lower():  # half of a pair of UTF-16 is no name that could be written
+        json.dumps(json.loads(data), ensure_ascii=False).encode()
+    return json.loads(data, object_hook=lambda d: SimpleNamespace(**d))
 
 
 def _take_transforms(found: Found, message: Any, log_time: int) -> None:

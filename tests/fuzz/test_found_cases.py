@@ -4,6 +4,7 @@ import json
 import os
 
 import h5py
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -17,6 +18,7 @@ from safestage_eval.formats.mcap_metadata import checksum, from_texts
 from safestage_eval.importers import Settings, import_all
 from safestage_eval.importers.frame_tree import FrameTree, Samples
 from safestage_eval.importers.hdf5 import open_hdf5
+from safestage_eval.metrics.read_rows import read_rows
 from safestage_eval.rules import RuleErrors, load_bind, load_rules
 
 
@@ -186,6 +188,32 @@ def test_ways_out_of_an_hdf5_file(tmp_path, way):
             group.create_dataset("x", (2**40,), "f4", chunks=(1024,))
     with pytest.raises(InputError):
         open_hdf5(source)
+
+
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [("env_states/actors", "text"), ("success", "pairs"), ("env_states/articulations", "text")],
+)
+def test_other_things_in_the_place_of_numbers(tmp_path, name, what):
+    target = ManiSkill(tmp_path)
+    with h5py.File(target.source, "a") as file:
+        group = file["traj_0"]
+        del group[name]
+        group[name] = "none" if what == "text" else np.zeros(8, [("a", "f4"), ("b", "i8")])
+    [failed] = import_all(target.source, tmp_path / "out", target.settings).failed
+    assert failed.message.startswith(f"{target.source}: traj_0")
+    assert "cannot be imported" not in failed.message
+
+
+@pytest.mark.parametrize(
+    "row",
+    [{"verdict": ["pass"]}, {"value": "cube"}, {"rollout": 10**30}, {"task": "\ud800"}],
+)
+def test_cells_that_cannot_be(tmp_path, row):
+    path = tmp_path / "rows.json"
+    path.write_text(json.dumps([row]))
+    with pytest.raises(InputError, match="row 1"):
+        read_rows(path)
 
 
 def json_recording(path, transforms, scene=None):
