@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import platform
 import re
@@ -86,13 +87,15 @@ class Tally:
         self.seconds += other.seconds
 
 
-def campaign(key: str, inputs: int, folder: Path, first: int, jobs: int) -> Tally:
-    """All inputs of a format, shared out among processes."""
+def campaign(
+    key: str, inputs: int, folder: Path, first: int, jobs: int, seconds: float = math.inf
+) -> Tally:
+    """All inputs of a format, or as many as fit into s of the processor, shared out among processes."""
     edges = [first + inputs * job // jobs for job in range(jobs + 1)]
     whole = Tally()
     with ThreadPoolExecutor(jobs) as pool:
         parts = [
-            pool.submit(stretch, key, end - begin, folder / str(begin), begin)
+            pool.submit(stretch, key, end - begin, folder / str(begin), begin, seconds / jobs)
             for begin, end in pairwise(edges)
             if end > begin
         ]
@@ -101,10 +104,10 @@ def campaign(key: str, inputs: int, folder: Path, first: int, jobs: int) -> Tall
     return whole
 
 
-def stretch(key: str, inputs: int, folder: Path, first: int) -> Tally:
+def stretch(key: str, inputs: int, folder: Path, first: int, seconds: float) -> Tally:
     """Inputs one after the other; the process is begun anew after each that kills it."""
     tally, at, last = Tally(), first, first + inputs
-    while at < last:
+    while at < last and tally.seconds < seconds:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         command = [sys.executable, __file__, key, "--worker", str(at), str(last)]
@@ -115,7 +118,7 @@ def stretch(key: str, inputs: int, folder: Path, first: int) -> Tally:
         under_way, began, used = None, time.monotonic(), 0.0
         try:
             buffer = b""
-            while True:
+            while tally.seconds < seconds:
                 ready, _, _ = select.select([child.stdout], [], [], 1.0)
                 if not ready:
                     waited = time.monotonic() - began
@@ -221,6 +224,9 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=int)
     parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument(
+        "--seconds", type=float, default=math.inf, help="of the processor for each format, at most"
+    )
     parser.add_argument("--write", type=Path, help="a page with the table's marks")
     parser.add_argument("--worker", type=int, nargs=2, help=argparse.SUPPRESS)
     parser.add_argument("--folder", type=Path)
@@ -238,7 +244,7 @@ def main() -> int:
     rows, found = [], 0
     for key in formats:
         began = time.monotonic()
-        tally = campaign(key, asked.inputs, folder / key, asked.first, asked.jobs)
+        tally = campaign(key, asked.inputs, folder / key, asked.first, asked.jobs, asked.seconds)
         took = f"{time.monotonic() - began:.0f} s, of the processor {tally.seconds:.0f} s"
         print(f"{key}: {dict(tally.counts)} in {took}", file=sys.stderr)
         found += len(tally.found)
