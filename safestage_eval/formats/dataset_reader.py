@@ -220,12 +220,9 @@ class _StoredEpisode:
             )
 
     def time(self) -> NDArray[np.float64]:
-        table = self.frames_table.rows(("frame_index", "timestamp"), self.index)
-        self.in_order(
-            self.frames_table.numbers(table, "frame_index", np.int32), "frames", self.length
-        )
-        t: NDArray[np.float64] = self.frames_table.numbers(table, "timestamp", np.float64)
-        return t
+        frame = self.frames_table.values(("frame_index",), np.int32, self.index)
+        self.in_order(frame[:, 0], "frames", self.length)
+        return self.frames_table.values(("timestamp",), np.float64, self.index)[:, 0]
 
     def track(self, body: str) -> Track:
         return StoredTrack(lambda columns: self.track_columns(body, columns))

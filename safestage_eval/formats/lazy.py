@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, ClassVar, TypeVar
 
+import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Track
@@ -61,3 +62,22 @@ class StoredTrack(StoredColumns, Track):
     """A track that reads each column by itself: speeds need no turning, and lengths no velocity."""
 
     _groups = (("position",), ("orientation",), ("linear_velocity",), ("angular_velocity",))
+
+    def over(self, frames: int) -> Track:
+        """As in the base class; of a fixed body, too, only what is looked at is read."""
+        return _Repeated(self, frames) if len(self) == 1 != frames else super().over(frames)
+
+
+class _Repeated(StoredColumns, Track):
+    """The one row of a fixed body, as often as there are frames."""
+
+    _groups = (("position",), ("orientation",), ("linear_velocity",), ("angular_velocity",))
+
+    def __init__(self, row: Track, frames: int) -> None:
+        super().__init__(
+            lambda names: {name: _repeated(getattr(row, name), frames) for name in names}
+        )
+
+
+def _repeated(row: NDArray[Any], frames: int) -> NDArray[Any]:
+    return np.broadcast_to(row, (frames, row.shape[1]))

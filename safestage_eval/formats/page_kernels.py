@@ -131,6 +131,22 @@ def _split(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any) ->
     return True
 
 
+@helper
+def _split_long(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any) -> bool:
+    """As ``_split``, of 8 bytes each."""
+    if at + 8 * count != len(room):
+        return False
+    target = out[first : first + count, column]
+    target[:] = 0
+    for part in range(8):
+        stored = room[at + part * count : at + (part + 1) * count]
+        shift = np.uint64(8 * part)
+        for k in range(count):
+            i = np.uintp(k)
+            target[i] |= np.uint64(stored[i]) << shift
+    return True
+
+
 @kernel
 def _deltas(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any) -> bool:
     """Whole numbers as differences, in blocks of equal bit width above the block's least."""
@@ -192,7 +208,7 @@ def read_pages(room: Any, pages: Any, optional: Any, out: Any) -> bool:
         room: (N,) uint8, the pages' bytes once they are unpacked, one after the other.
         pages: (P, 7) from ``find_pages``.
         optional: (C,) whether values of a column may be missing.
-        out: (rows, C) uint32 to be filled with the values' bits.
+        out: (rows, C) uint32 or uint64 to be filled with the values' bits.
 
     Returns:
         False for what is not as it should be; ``out`` means nothing then.
@@ -210,7 +226,9 @@ def read_pages(room: Any, pages: Any, optional: Any, out: Any) -> bool:
             at = _all_there(values, 0, count) if size >= 4 else -1
         if at < 0:
             return False
-        if page[ENCODING] == SPLIT:
+        if page[ENCODING] == SPLIT and out.itemsize == 8:
+            good = _split_long(values, at, count, out, first, column)
+        elif page[ENCODING] == SPLIT:
             good = _split(values, at, count, out, first, column)
         else:
             good = _deltas(values, at, count, out, first, column)

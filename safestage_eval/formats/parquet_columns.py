@@ -1,4 +1,4 @@
-"""Columns of 32-bit numbers of a Parquet file, straight into the array that is wanted."""
+"""Columns of numbers of a Parquet file, straight into the array that is wanted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from .checksum import crc32
 from .parquet_footer import CODEC, COMPRESSED, DICTIONARY, FIRST_PAGE, TYPE, VALUES, Footer
 from .source import Source
 
-INT32, FLOAT = 1, 4
+KINDS = {np.dtype(np.int32): 1, np.dtype(np.float32): 4, np.dtype(np.float64): 5}
+"""Physical types of the numbers that are read."""
+
 LZ4 = 7
 _WASTE = 1 << 16
 """Bytes between columns that are rather read than skipped."""
@@ -31,12 +33,12 @@ def read_columns(
         footer: of the file.
         group: number of the row group.
         names: of the columns.
-        out: (rows, C) float32 or int32, to be filled.
+        out: (rows, C) float32, float64 or int32, to be filled.
     """
     if footer.chunks is None:
         return False
     told, optional = [], []
-    rows, kind = len(out), FLOAT if out.dtype == np.float32 else INT32
+    rows, kind = len(out), KINDS[out.dtype]
     for name in names:
         leaf = footer.leaves.get(name)
         if leaf is None or not leaf.number:
@@ -68,7 +70,7 @@ def _decode(
     found, stack = np.empty((64, 3), np.int64), np.empty((16, 4), np.int64)
     # 20,000 values at most share a page as pyarrow writes them
     pages = np.empty((columns * (1 + rows // 1000), 7), np.int64)
-    encoding = SPLIT if out.dtype == np.float32 else DELTA
+    encoding = SPLIT if out.dtype.kind == "f" else DELTA
     values = np.frombuffer(data, np.uint8)
     count = find_pages(values, encoding, chunks, rows, found, stack, pages)
     if count < 0:
@@ -86,7 +88,7 @@ def _decode(
         if len(unpacked[-1]) != size:
             return False
     room = np.frombuffer(unpacked[0] if count == 1 else b"".join(unpacked), np.uint8)
-    return bool(read_pages(room, pages, optional, out.view(np.uint32)))
+    return bool(read_pages(room, pages, optional, out.view(f"u{out.itemsize}")))
 
 
 def _one_by_one(

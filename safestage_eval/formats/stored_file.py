@@ -65,7 +65,8 @@ def stays(path: Path, folder: Path, where: str) -> None:
     """Raise for a link to outside of the dataset, or of the hub's cache that the dataset is in."""
     if isinstance(path, RemotePath):
         return  # an object store has no links
-    if not (path.is_symlink() or path.parent.is_symlink() or path.parents[1].is_symlink()):
+    parent = os.path.dirname(path)  # noqa: PTH120 - a third of the time, for every file
+    if not any(map(os.path.islink, (path, parent, os.path.dirname(parent)))):  # noqa: PTH120
         return
     root = Path(os.path.realpath(folder))
     for parent in root.parents:

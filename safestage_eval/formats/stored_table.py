@@ -17,7 +17,7 @@ from numpy.typing import DTypeLike, NDArray
 from safestage_eval.errors import TraceError
 
 from .arrow_tables import schema
-from .parquet_columns import read_columns
+from .parquet_columns import KINDS, read_columns
 from .parquet_footer import Footer, Group, by_pyarrow, read_footer, without_keys
 from .remote_path import source_of
 from .source import LocalSource, SourceStream
@@ -145,9 +145,9 @@ class StoredTable:
     ) -> NDArray[Any]:
         """Columns of numbers as (rows, columns), all rows of some row groups; raises as ``rows``."""
         self._demand(columns)
-        stored = np.dtype(dtype if np.dtype(dtype).itemsize == 4 else np.int32)
+        stored = np.dtype(dtype if np.dtype(dtype) in KINDS else np.int32)
         rows = [self._groups[group].rows for group in groups]
-        if 4 * sum(rows) * len(columns) > MOST_UNPACKED * self._source.size:
+        if stored.itemsize * sum(rows) * len(columns) > MOST_UNPACKED * self._source.size:
             return self._stacked(self.read(groups, columns), columns, dtype)
         out, first = np.empty((sum(rows), len(columns)), stored), 0
         for group, count in zip(groups, rows, strict=True):

@@ -18,6 +18,7 @@ OURS = {
     "column_encoding": {
         "x": "BYTE_STREAM_SPLIT",
         "y": "BYTE_STREAM_SPLIT",
+        "time": "BYTE_STREAM_SPLIT",
         "frame_index": "DELTA_BINARY_PACKED",
     },
     "write_page_checksum": True,
@@ -38,6 +39,7 @@ def numbers(rows, seed=0, roughness=1):
             "x": floats[0],
             "list": pa.array([[1.0]] * rows),
             "y": floats[1],
+            "time": rng.integers(0, 2**64, rows, np.uint64).view(np.float64),
             "frame_index": np.cumsum(steps).astype(np.int32),
         }
     )
@@ -48,7 +50,7 @@ def both(path, names, group=0):
     file = LocalSource(path)
     footer = read_footer(file)
     rows = footer.groups[group].rows
-    dtype = np.int32 if names == ["frame_index"] else np.float32
+    dtype = {"frame_index": np.int32, "time": np.float64}.get(names[0], np.float32)
     out = np.empty((rows, len(names)), dtype)
     known = read_columns(file, footer, group, names, out)
     table = pq.ParquetFile(path).read_row_group(group, names)
@@ -68,7 +70,7 @@ def test_the_same_bits(tmp_path_factory, rows, seed, roughness, optional):
     if not optional:
         table = table.cast(pa.schema([field.with_nullable(False) for field in table.schema]))
     pq.write_table(table, path, row_group_size=max(1, rows), **OURS)
-    for names in (["x", "y"], ["y"], ["frame_index"]):
+    for names in (["x", "y"], ["y"], ["time"], ["frame_index"]):
         found, told = both(path, names)
         assert found is not None
         for i, name in enumerate(names):
