@@ -149,9 +149,14 @@ REQUIRED = ("episode_index", "file", "length", "contacts", "episode_id", "physic
 """Columns of meta/episodes that no reader can do without; any other may be missing."""
 
 
+def columns_of(table: str) -> dict[str, Column]:
+    """The columns of a table by name (``meta/episodes`` for the headers)."""
+    return EPISODES if table == "meta/episodes" else TABLES[table]
+
+
 @cache
 def schema(table: str) -> pa.Schema:
-    """Arrow schema of a table by name (``meta/episodes`` for the headers)."""
+    """Arrow schema of a table by name, as ``columns_of``."""
     types = {
         "int16": pa.int16(),
         "uint16": pa.uint16(),
@@ -165,8 +170,8 @@ def schema(table: str) -> pa.Schema:
         "list<float>": pa.list_(pa.float32()),
         "list<double>": pa.list_(pa.float64()),
     }
-    columns = EPISODES if table == "meta/episodes" else TABLES[table]
-    return pa.schema([pa.field(name, types[column.type]) for name, column in columns.items()])
+    columns = columns_of(table).items()
+    return pa.schema([pa.field(name, types[column.type]) for name, column in columns])
 
 
 @cache
@@ -177,7 +182,7 @@ def write_options(table: str) -> dict[str, Any]:
     A dictionary on strings only (on floats it makes files 1.8 times larger), floats split into
     byte streams, integers as deltas.
     """
-    columns = EPISODES if table == "meta/episodes" else TABLES[table]
+    columns = columns_of(table)
     encoding, strings = {}, []
     for name, column in columns.items():
         path = f"{name}.list.element" if column.type.startswith("list") else name

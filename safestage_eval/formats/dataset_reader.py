@@ -38,6 +38,7 @@ from .stored_file import regular, stays, within
 from .stored_table import StoredTable
 
 Kind = TypeVar("Kind")
+Shapes = TypeVar("Shapes", pa.Table, list[dict[str, Any]])
 
 MOST_GEOMS = 1 << 16
 """Contacts tell geoms by numbers of 16 bits."""
@@ -55,7 +56,11 @@ def read_rows(file: Path, columns: tuple[str, ...] | None = None) -> list[dict[s
     if missing:
         raise TraceError(str(file), f"the column {missing[0]!r} is missing.", ", ".join(EPISODES))
     wanted = [name for name in columns or EPISODES if name in table.columns]
-    return _records(table.all(wanted), wanted, file)
+    rows = table.records(wanted)
+    needed = [name for name in REQUIRED if name in wanted]
+    if rows is None or any(row[name] is None for name in needed for row in rows):
+        return _records(table.all(wanted), wanted, file)
+    return rows
 
 
 def _records(table: pa.Table, columns: Sequence[str], file: Path) -> list[dict[str, Any]]:
@@ -124,11 +129,10 @@ class _StoredEpisode:
 
     def episode(self) -> Episode:
         geometry = self.table("geometry")
-        found = geometry.rows(geometry.names, self.index)
-        if len(found) > MOST_GEOMS:
-            raise TraceError(self.where, f"{len(found):,} geoms.", f"{MOST_GEOMS:,} at most")
-        shapes = found.to_pylist()
-        header = from_row(self.row, shapes, self.where)
+        shapes = geometry.records(geometry.names, self.index)
+        if shapes is None:
+            shapes = self.few(geometry.rows(geometry.names, self.index)).to_pylist()
+        header = from_row(self.row, self.few(shapes), self.where)
         self.frames_table = self.table("frames")
         t = self.time()
         if self.checked:
@@ -161,6 +165,12 @@ class _StoredEpisode:
             attachments=StoredItems(attachments, lambda name: self.attachment(attachments[name])),
             path=self.file,
         )
+
+    def few(self, shapes: Shapes) -> Shapes:
+        """The same; raises TraceError for more geoms than contacts can tell apart."""
+        if len(shapes) > MOST_GEOMS:
+            raise TraceError(self.where, f"{len(shapes):,} geoms.", f"{MOST_GEOMS:,} at most")
+        return shapes
 
     def named(self, column: str, kind: type[Kind], default: str) -> Kind:
         """A column of the row that holds JSON; raises TraceError for another kind of value."""

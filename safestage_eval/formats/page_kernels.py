@@ -161,7 +161,10 @@ def _deltas(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any) -
     value = _signed(value)
     size = block // parts
     target = out[first : first + count, column]
-    target[0] = np.uint32(value & 0xFFFFFFFF)
+    if out.itemsize == 8:
+        target[0] = np.uint64(value)
+    else:
+        target[0] = np.uint32(value & 0xFFFFFFFF)
     done = 1
     while done < count:
         least, at = _varint(room, at)
@@ -196,7 +199,10 @@ def _part(room: Any, width: Any, least: Any, value: Any, target: Any) -> Any:
         value += least + np.int64(held & mask)
         held >>= np.uint64(width)
         bits -= width
-        target[np.uintp(k)] = np.uint32(value & 0xFFFFFFFF)
+        if target.itemsize == 8:
+            target[np.uintp(k)] = np.uint64(value)
+        else:
+            target[np.uintp(k)] = np.uint32(value & 0xFFFFFFFF)
     return value
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ _OPTIONAL = 1
 
 # fields of an element of the schema
 _REPETITION, _NAME, _INSIDE, _MEANING = 3, 4, 5, 6
+_TEXT, _LIST = 0, 3
 _WHOLE_NUMBERS = range(11, 19)
 """UINT_8 to INT_64."""
 
@@ -62,17 +64,25 @@ class Group(NamedTuple):
 
 
 class Leaf(NamedTuple):
-    """A column of single values.
+    """A column of values, or of lists of them.
 
     Attributes:
         place: among the columns that hold values.
-        optional: values may be missing.
+        levels: how often the elements around a value, and it itself, occur: 0 once, 1 perhaps,
+            2 any number of times.
         number: it is of numbers, as far as it says: no dates, no decimals.
+        text: it is of text.
     """
 
     place: int
-    optional: bool
+    levels: tuple[int, ...]
     number: bool
+    text: bool = False
+
+    @property
+    def optional(self) -> bool:
+        """Values may be missing."""
+        return self.levels[-1] == _OPTIONAL
 
 
 class Footer(NamedTuple):
@@ -82,6 +92,7 @@ class Footer(NamedTuple):
         groups: in the file's order.
         columns: names, of lists and records too.
         leaves: name → where the column is; without those in lists and records.
+        lists: likewise, of those in lists.
         chunks: (groups, columns, 16) int64, fields of each column's metadata by number; None where
             only pyarrow can tell.
     """
@@ -90,6 +101,7 @@ class Footer(NamedTuple):
     columns: frozenset[str]
     leaves: Mapping[str, Leaf]
     chunks: NDArray[np.int64] | None
+    lists: Mapping[str, Leaf] = MappingProxyType({})
 
 
 def by_pyarrow(metadata: pq.FileMetaData, file: Source) -> Footer:
@@ -157,7 +169,7 @@ def parse(data: bytes) -> Footer | None:
         return None
     schema, rows, chunks, statistics = told
     try:
-        leaves, columns, places = _schema(data, schema.tolist())
+        leaves, lists, columns, places = _schema(data, schema.tolist())
         chunks = chunks.reshape(len(rows), places, -1)
         limits = _limits(data, leaves, chunks, statistics.reshape(len(rows), places, -1, 2))
         if rows.min(initial=0) < 0:
@@ -165,35 +177,42 @@ def parse(data: bytes) -> Footer | None:
     except (IndexError, ValueError):  # UnicodeDecodeError is a ValueError
         return None
     groups = tuple(map(Group, range(len(rows)), rows.tolist(), limits))
-    return Footer(groups, columns, leaves, chunks)
+    return Footer(groups, columns, leaves, chunks, lists)
 
 
 def _schema(
     data: bytes, elements: list[list[list[int]]]
-) -> tuple[dict[str, Leaf], frozenset[str], int]:
-    """Columns of plain values, names of all columns, and how many columns of values there are."""
+) -> tuple[dict[str, Leaf], dict[str, Leaf], frozenset[str], int]:
+    """Columns of plain values, those of lists, all names, and how many columns of values there are."""
     leaves: dict[str, Leaf] = {}
+    lists: dict[str, Leaf] = {}
     names, place = [], 0
     todo = [elements[0][_INSIDE][0]]  # elements that are left on each level
+    around: list[tuple[str, int, int, int]] = []  # of each: name, repetition, meaning, elements
     for element in elements[1:]:
         while todo[-1] == 0:
             todo.pop()
+            around.pop()
         todo[-1] -= 1
         at, size = element[_NAME]
         name, top = data[at : at + size].decode(), len(todo) == 1
+        repetition, meaning, inside = (element[i][0] for i in (_REPETITION, _MEANING, _INSIDE))
         if top:
             names.append(name)
-        if element[_INSIDE][0] > 0:
-            todo.append(element[_INSIDE][0])
-        else:
-            repetition, meaning = element[_REPETITION][0], element[_MEANING][0]
-            if top and 0 <= repetition <= _OPTIONAL:
-                number = meaning == -1 or meaning in _WHOLE_NUMBERS
-                leaves[name] = Leaf(place, repetition == _OPTIONAL, number)
-            place += 1
+        if inside > 0:
+            todo.append(inside)
+            around.append((name, repetition, meaning, inside))
+            continue
+        number, text = meaning == -1 or meaning in _WHOLE_NUMBERS, meaning == _TEXT
+        if top and 0 <= repetition <= _OPTIONAL:
+            leaves[name] = Leaf(place, (repetition,), number, text)
+        elif [about[2:] for about in around] == [(_LIST, 1), (-1, 1)] and around[1][0] == "list":
+            levels = around[0][1], around[1][1], repetition
+            lists[around[0][0]] = Leaf(place, levels, number, text)
+        place += 1
     if len(set(names)) < len(names):
         raise ValueError
-    return leaves, frozenset(names), place
+    return leaves, lists, frozenset(names), place
 
 
 def _limits(

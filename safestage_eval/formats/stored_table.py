@@ -16,10 +16,11 @@ from numpy.typing import DTypeLike, NDArray
 
 from safestage_eval.errors import TraceError
 
-from .arrow_tables import schema
+from .arrow_tables import columns_of, schema
 from .parquet_columns import KINDS, read_columns
 from .parquet_footer import Footer, Group, by_pyarrow, read_footer, without_keys
 from .remote_path import source_of
+from .small_table import read_records
 from .source import LocalSource, SourceStream
 from .stored_file import regular
 
@@ -60,7 +61,7 @@ class StoredTable:
 
     def __init__(self, path: Path, table: str) -> None:
         self.path = path
-        self.names = schema(table).names
+        self._table, self.names = table, schema(table).names
         try:
             stat = regular(path)
         except (FileNotFoundError, NotADirectoryError):
@@ -75,11 +76,12 @@ class StoredTable:
         try:
             self._source = source_of(path)
             self._known = FOOTERS.get(key) or Known(None)
+            if self._known.footer is None:
+                self._known.footer = read_footer(self._source)
             if self._known.footer is None and table == WHOLE:
                 self._known.footer = without_keys(self._file.metadata)
             elif self._known.footer is None:
-                found = read_footer(self._source)
-                self._known.footer = found or by_pyarrow(self._file.metadata, self._source)
+                self._known.footer = by_pyarrow(self._file.metadata, self._source)
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:  # a name may be damaged
             raise _unreadable(path, error) from None
         FOOTERS[key] = self._known
@@ -130,6 +132,27 @@ class StoredTable:
             raise TraceError(
                 str(self.path), f"{told}.", "whole numbers for episodes, names for bodies"
             ) from None
+
+    def records(
+        self, columns: Sequence[str], episode: int | None = None
+    ) -> list[dict[str, Any]] | None:
+        """Rows, of one episode or all, as records; None where only ``rows`` or ``all`` can tell.
+
+        Raises TraceError when the file cannot be read.
+        """
+        groups, exact = (self._groups, True) if episode is None else self._of_body(episode, None)
+        types = columns_of(self._table)
+        found: list[dict[str, Any]] = []
+        for group in groups if exact else ():
+            try:
+                kinds = {name: types[name].type for name in columns}
+                part = read_records(self._source, self._footer, group.number, kinds)
+            except OSError as error:
+                raise _unreadable(self.path, error) from None
+            if part is None:
+                return None
+            found += part
+        return found if exact else None
 
     def values(
         self, columns: Sequence[str], dtype: DTypeLike, episode: int, body: str | None = None

@@ -68,6 +68,13 @@ def test_only_what_is_looked_at_is_read(dataset, monkeypatch):
     ref = discover(dataset)[1]
     for method in ("read", "block"):
         monkeypatch.setattr(StoredTable, method, spy(getattr(StoredTable, method)))
+    records = StoredTable.records
+
+    def spied_records(self, columns, *episode):
+        read.append((self.path.parent.name, (), tuple(columns)))
+        return records(self, columns, *episode)
+
+    monkeypatch.setattr(StoredTable, "records", spied_records)
     episode = ref.open()
     assert {table for table, _, _ in read} == {"episodes", "geometry", "frames"}
     assert [columns for table, _, columns in read if table == "frames"] == [
