@@ -85,20 +85,25 @@ def _to_body(rotation: F64, direction: F64, row: int, out: F64) -> None:
 def _reach(geoms: Packed, motion: Motion, direction: F64, out: F64) -> None:
     rotation, body, local, point = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
     last, last_direction = motion.centre.shape[0] - 1, direction.shape[0] - 1
+    best = -np.inf
     for t in range(out.shape[0]):
         s, row = min(t, last), min(t, last_direction)
-        rotation_at(motion.orientation, s, rotation)
-        _to_body(rotation, direction, row, body)
-        best = -np.inf
-        for g in range(geoms.kind.shape[0]):
-            _to_geom(geoms, g, body, local)
-            value = support_value(geoms, g, local[0], local[1], local[2], point)
-            for i in range(3):
-                value += body[i] * geoms.offset[g, i]
-            best = max(best, value)
-        for i in range(3):
-            best += motion.centre[s, i] * direction[row, i]
+        turned = t in (0, row)
+        for i in range(4):
+            turned |= motion.orientation[s, i] != motion.orientation[max(s, 1) - 1, i]
+        if turned:  # what rests keeps its turn to the bit
+            rotation_at(motion.orientation, s, rotation)
+            _to_body(rotation, direction, row, body)
+            best = -np.inf
+            for g in range(geoms.kind.shape[0]):
+                _to_geom(geoms, g, body, local)
+                value = support_value(geoms, g, local[0], local[1], local[2], point)
+                for i in range(3):
+                    value += body[i] * geoms.offset[g, i]
+                best = max(best, value)
         out[t] = best
+        for i in range(3):
+            out[t] += motion.centre[s, i] * direction[row, i]
 
 
 @helper

@@ -48,6 +48,19 @@ def test_over_time_each_frame_is_its_own() -> None:
     assert reach(put(a, p[0], q[0]), d).shape == (40,)
 
 
+def test_what_keeps_its_turn_for_a_while_reaches_as_far_as_in_each_frame_alone() -> None:
+    rng = np.random.default_rng(1)
+    p, q = rng.normal(size=(40, 3)), np.repeat(rng.normal(size=(8, 4)), 5, axis=0)
+    q[20:] = q[20]
+    a = any_shape(rng)
+    for part in (slice(40), slice(0, 1)):
+        for d in (rng.normal(size=3), rng.normal(size=(40, 3))):
+            whole = reach(put(a, p[part], q[part]), d)
+            for t in range(len(whole)):
+                s = min(t, part.stop - 1)
+                assert whole[t] == reach(put(a, p[s], q[s]), d if d.ndim == 1 else d[t])[0]
+
+
 @given(st.integers(0, 2**32 - 1))
 @few
 def test_polytopes_lie_within_a_tenth_of_a_millimetre(seed: int) -> None:
