@@ -295,10 +295,12 @@ class _StoredEpisode:
 
     def states(self) -> StoredItems[int, NDArray[np.float64]]:
         source = self.table("states")
-        frames = source.rows(("frame_index",), self.index)["frame_index"].to_pylist()
+        column = source.rows(("frame_index",), self.index)
+        frames = source.numbers(column, "frame_index", np.int64).tolist()
 
         def load(frame: int) -> NDArray[np.float64]:
             table = source.rows(("state",), self.index)
-            return np.array(table["state"][frames.index(frame)].as_py(), np.float64)
+            row = table.slice(frames.index(frame), 1)
+            return source.lists(row, "state", np.float64)[0]
 
         return StoredItems(frames, load)

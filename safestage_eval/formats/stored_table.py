@@ -266,6 +266,10 @@ class StoredTable:
     def lists(self, table: pa.Table, column: str, dtype: DTypeLike) -> NDArray[Any]:
         """A column of lists of equal length as (rows, width); raises TraceError when they are not."""
         chunks = [chunk for chunk in table[column].chunks if len(chunk)]
+        kind = table[column].type
+        many = pa.types.is_list(kind) or pa.types.is_large_list(kind)
+        if chunks and not (many and _is_number(kind.value_type)):
+            raise TraceError(str(self.path), f"the column {column!r} holds {kind}.", "number lists")
         widths = {int(w) for c in chunks for w in np.unique(np.diff(_values(c.offsets)))}
         if len(widths) > 1 or any(chunk.null_count for chunk in chunks):
             raise TraceError(
@@ -281,6 +285,10 @@ class StoredTable:
     def codes(self, table: pa.Table, column: str, index: dict[str, int]) -> NDArray[np.int16]:
         """A column of names as (rows,) numbers; raises TraceError for a name not in the index."""
         found = []
+        kind = table[column].type
+        word = kind.value_type if pa.types.is_dictionary(kind) else kind
+        if not (pa.types.is_string(word) or pa.types.is_large_string(word)):
+            raise TraceError(str(self.path), f"the column {column!r} holds {kind}.", "names")
         for chunk in table[column].chunks:
             words = chunk if isinstance(chunk, pa.DictionaryArray) else chunk.dictionary_encode()
             names = words.dictionary.to_pylist()
@@ -305,9 +313,13 @@ def _values(array: pa.Array) -> NDArray[Any]:
     ``Array.to_numpy`` imports pandas, which takes 50 MB and 0.3 s.
     """
     kind = array.type
-    if (pa.types.is_integer(kind) or pa.types.is_floating(kind)) and not array.null_count:
+    if _is_number(kind) and not array.null_count:
         return np.from_dlpack(array)
     return np.asarray(array.to_numpy(zero_copy_only=False))
+
+
+def _is_number(kind: pa.DataType) -> bool:
+    return pa.types.is_integer(kind) or pa.types.is_floating(kind)
 
 
 def _unreadable(path: Path, error: Exception) -> TraceError:

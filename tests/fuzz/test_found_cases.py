@@ -142,6 +142,25 @@ def test_a_column_that_is_there_twice(dataset):
     assert "2 times" in str(ref.problem)
 
 
+@pytest.mark.parametrize(
+    ("table", "column"),
+    [("contacts", "body1"), ("bodies", "body"), ("frames", "action"), ("states", "state")],
+)
+@pytest.mark.parametrize("kind", ["number", "text lists", "lists"])
+def test_columns_of_another_kind(dataset, table, column, kind):
+    if kind == "lists" and table in ("frames", "states"):
+        return
+    file = the_only(dataset, table)
+    rows = pq.read_table(file)
+    value = {"number": 1, "text lists": ["x"], "lists": [1.0]}[kind]
+    place = rows.column_names.index(column)
+    pq.write_table(rows.set_column(place, column, pa.array([value] * len(rows))), file)
+    with pytest.raises(TraceError, match=column):
+        episode = load(dataset)
+        assert episode.content_hash
+        assert [state.sum() for state in episode.states.values()]
+
+
 def test_the_header_of_an_mcap_has_a_checksum(tmp_path):
     falling_cube("m").close(tmp_path / "m.mcap")
     data = (tmp_path / "m.mcap").read_bytes()
