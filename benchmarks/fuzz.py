@@ -20,9 +20,11 @@ import re
 import resource
 import select
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
 from collections.abc import Iterable
@@ -45,6 +47,9 @@ TIMEOUT = 20.0
 
 ASLEEP = 300.0
 """s after which an input hangs however little of the processor it took: it waits for something."""
+
+STOPPED = threading.Event()
+"""Set by SIGTERM: the rows are written of what was tried until then."""
 
 MEMORY = 6 << 30
 """Bytes of address space of the process: what it reserves, of which it uses far less."""
@@ -107,7 +112,7 @@ def campaign(
 def stretch(key: str, inputs: int, folder: Path, first: int, seconds: float) -> Tally:
     """Inputs one after the other; the process is begun anew after each that kills it."""
     tally, at, last = Tally(), first, first + inputs
-    while at < last and tally.seconds < seconds:
+    while at < last and tally.seconds < seconds and not STOPPED.is_set():
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         command = [sys.executable, __file__, key, "--worker", str(at), str(last)]
@@ -118,7 +123,7 @@ def stretch(key: str, inputs: int, folder: Path, first: int, seconds: float) -> 
         under_way, began, used = None, time.monotonic(), 0.0
         try:
             buffer = b""
-            while tally.seconds < seconds:
+            while tally.seconds < seconds and not STOPPED.is_set():
                 ready, _, _ = select.select([child.stdout], [], [], 1.0)
                 if not ready:
                     waited = time.monotonic() - began
@@ -187,7 +192,7 @@ def row(key: str, tally: Tally) -> str:
     inputs = tally.counts.total()
     cells = [TARGETS[key].name, f"{inputs:,}", *(f"{tally.counts[kind]:,}" for kind in KINDS)]
     read_by = ", ".join(f"{name} {version(name)}" for name in TARGETS[key].read_by)
-    cells += [f"{1e3 * tally.seconds / inputs:.1f}", read_by]
+    cells += [f"{1e3 * tally.seconds / max(inputs, 1):.1f}", read_by]
     return "| " + " | ".join(cells) + " |"
 
 
@@ -241,6 +246,7 @@ def main() -> int:
         print(attempt(TARGETS[formats[0]](folder), asked.only))
         print(folder)
         return 0
+    signal.signal(signal.SIGTERM, lambda *_: STOPPED.set())
     rows, found = [], 0
     for key in formats:
         began = time.monotonic()
@@ -249,7 +255,7 @@ def main() -> int:
         print(f"{key}: {dict(tally.counts)} in {took}", file=sys.stderr)
         found += len(tally.found)
         rows.append(row(key, tally))
-        if asked.write is not None:
+        if asked.write is not None and tally.counts:
             write(asked.write, rows[-1])
     print(table(rows))
     if asked.folder is None:

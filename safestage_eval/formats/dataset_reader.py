@@ -301,6 +301,7 @@ class _StoredEpisode:
         def load(frame: int) -> NDArray[np.float64]:
             table = source.rows(("state",), self.index)
             row = table.slice(frames.index(frame), 1)
-            return source.lists(row, "state", np.float64)[0]
+            state: NDArray[np.float64] = source.lists(row, "state", np.float64)[0]
+            return state
 
         return StoredItems(frames, load)

@@ -245,6 +245,13 @@ class StoredTable:
             raise TraceError(
                 str(self.path), f"the column {twice[0]!r} is there {count} times.", "once"
             )
+        short = [name for name in columns if len(table[name]) != rows]
+        if short:
+            raise TraceError(
+                str(self.path),
+                f"{len(table[short[0]])} values of {short[0]!r} in {rows} rows.",
+                fix="copy the dataset again",
+            )
         return table
 
     def numbers(self, table: pa.Table, column: str, dtype: DTypeLike) -> NDArray[Any]:
@@ -319,7 +326,7 @@ def _values(array: pa.Array) -> NDArray[Any]:
 
 
 def _is_number(kind: pa.DataType) -> bool:
-    return pa.types.is_integer(kind) or pa.types.is_floating(kind)
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind))
 
 
 def _unreadable(path: Path, error: Exception) -> TraceError:

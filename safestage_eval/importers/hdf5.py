@@ -110,7 +110,7 @@ def datasets(group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
         item = group[name]
         if hasattr(item, "shape"):
             yield f"{prefix}{name}", item
-        else:
+        elif hasattr(item, "keys"):  # the rest are types with a name
             yield from datasets(item, f"{prefix}{name}/")
 
 

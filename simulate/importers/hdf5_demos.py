@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.errors import InputError
-from safestage_eval.importers.hdf5 import fingerprint, numbered, open_hdf5
+from safestage_eval.importers.hdf5 import fingerprint, layout, numbered, open_hdf5
 
 from .stored import Stored
 
@@ -65,11 +65,12 @@ class DemoFile:
         data = self._file["data"]
         demo, where = data[name], f"{self.path}:data/{name}"
         try:
-            columns = {
-                key: np.asarray(demo[key][()])
-                for key in ("states", "actions", "rewards")
-                if key in demo
-            }
+            with layout(where):
+                columns = {
+                    key: np.asarray(demo[key][()])
+                    for key in ("states", "actions", "rewards")
+                    if key in demo
+                }
         except OSError as error:
             raise InputError(where, f"cannot be read: {error}") from None
         actions = columns.get("actions", np.zeros((0, 0)))
