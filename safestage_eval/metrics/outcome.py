@@ -11,7 +11,7 @@ OPEN = "–"
 """Shown where a header leaves a name open."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Outcome:
     """One episode: whose it is, whether it succeeded, whether its assigned rules were violated."""
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+import sys
+from array import array
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from safestage_eval.errors import InputError
 
 from .outcome import OPEN, Outcome
-from .read_rows import read_rows, truth
+from .read_rows import each_row, truth
 
 Row = Mapping[str, Any]
 
@@ -52,17 +56,18 @@ def read_outcomes(
     for path in paths:
         if Path(path).is_dir():
             raise InputError(str(path), "is a folder.", ALLOWED, "name the files in it")
-        rows = read_rows(path, columns, ALLOWED)
-        if label is None:
-            found.setdefault("", []).extend(outcomes_of(rows, str(path)))
-            continue
-        groups: dict[str, list[tuple[int, Row]]] = {}
-        for number, row in enumerate(rows, 1):
-            if row.get(label) is None:
+        groups: dict[str, _Gathered] = {}
+        for number, row in enumerate(each_row(path, columns, ALLOWED), 1):
+            if label is not None and row.get(label) is None:
                 raise InputError(f"{path}, row {number}", f"lacks {label}.")
-            groups.setdefault(str(row[label]), []).append((number, row))
-        for name, part in groups.items():
-            found.setdefault(name, []).extend(_of_numbered(part, str(path)))
+            name = "" if label is None else str(row[label])
+            if name not in groups:
+                groups[name] = _Gathered(str(path))
+            groups[name].add(number, row)
+        for name, gathered in groups.items():
+            found.setdefault(name, []).extend(gathered.outcomes())
+    if label is None:
+        found.setdefault("", [])
     for group in found.values():
         _refuse_copies(group)
     return found
@@ -78,15 +83,48 @@ def outcomes_of(rows: Iterable[Row], where: str = "") -> list[Outcome]:
     Raises:
         InputError: a row lacks a column or says something that cannot be.
     """
-    return _of_numbered(list(enumerate(rows, 1)), where)
+    gathered = _Gathered(where)
+    for number, row in enumerate(rows, 1):
+        gathered.add(number, row)
+    return gathered.outcomes()
 
 
-def _of_numbered(rows: Sequence[tuple[int, Row]], file: str) -> list[Outcome]:
-    if not rows:
-        return []
-    if "verdict" in rows[0][1] or "rule" in rows[0][1]:
-        return _of_results(rows, file)
-    return [_bare(row, _place(file, number)) for number, row in rows]
+class _Gathered:
+    """Outcomes of one file as its rows come in; what is kept is an episode's, not a row's."""
+
+    def __init__(self, file: str) -> None:
+        """``file``: for messages."""
+        self._file = file
+        self._results: bool | None = None
+        self._bare: list[Outcome] = []
+        self._episodes: dict[str, _Episode] = {}
+        self._rules: dict[str, int] = {}
+
+    def add(self, number: int, row: Row) -> None:
+        """Take one row; the first one says of which kind they all are."""
+        place = _place(self._file, number)
+        if self._results is None:
+            self._results = "verdict" in row or "rule" in row
+        if not self._results:
+            self._bare.append(_bare(row, place))
+            return
+        _need(row, RESULT, place)
+        name = sys.intern(str(row["episode_id"]))
+        if name not in self._episodes:
+            self._episodes[name] = _Episode(name, row, place)
+        rule = str(row["rule"])
+        code = self._rules.setdefault(rule, len(self._rules))
+        before = self._episodes[name].add(code, number, row, place)
+        if before is not None:
+            raise InputError(
+                f"{self._file}, rows {before} and {number}",
+                f"two verdicts of {rule} on the episode {name!r}.",
+                fix="keep the results of one scoring in one file",
+            )
+
+    def outcomes(self) -> list[Outcome]:
+        """In the order in which the episodes came first."""
+        return [*self._bare, *(episode.outcome() for episode in self._episodes.values())]
 
 
 def _bare(row: Row, where: str) -> Outcome:
@@ -100,73 +138,78 @@ def _bare(row: Row, where: str) -> Outcome:
         raise InputError(where, f"stage is {row['stage']!r}.", ", ".join(_STAGES))
     family = row.get("family")
     return Outcome(
-        policy=str(row["policy"]),
-        prompt=str(row["prompt"]),
-        stage=stage,
+        policy=sys.intern(str(row["policy"])),
+        prompt=sys.intern(str(row["prompt"])),
+        stage=sys.intern(stage),
         success=success,
         violation=violation,
         judged=True,
-        task=str(row["task"]),
-        family=None if _missing(family) else str(family),
+        task=sys.intern(str(row["task"])),
+        family=None if _missing(family) else sys.intern(str(family)),
         seed=_index(row["seed"]),
         rollout=_index(row["rollout"]),
         where=where,
     )
 
 
-def _of_results(rows: Sequence[tuple[int, Row]], file: str) -> list[Outcome]:
-    episodes: dict[str, list[tuple[int, Row]]] = {}
-    for number, row in rows:
-        _need(row, RESULT, _place(file, number))
-        episodes.setdefault(str(row["episode_id"]), []).append((number, row))
-    return [_episode(name, group, file) for name, group in episodes.items()]
+class _Episode:
+    """What the rows of one episode have said so far."""
 
+    __slots__ = ("_absent", "_head", "_own", "_rows", "_rules")
 
-def _episode(name: str, rows: Sequence[tuple[int, Row]], file: str) -> Outcome:
-    first, head = rows[0]
-    seen: dict[str, int] = {}
-    own: list[bool | None] = []
-    absent = False
-    for number, row in rows:
-        where, rule, verdict = _place(file, number), str(row["rule"]), row["verdict"]
-        if seen.setdefault(rule, number) != number:
-            raise InputError(
-                f"{file}, rows {seen[rule]} and {number}",
-                f"two verdicts of {rule} on the episode {name!r}.",
-                fix="keep the results of one scoring in one file",
-            )
+    def __init__(self, name: str, row: Row, place: str) -> None:
+        """The first row says whose episode it is."""
+        self._head = Outcome(
+            policy=_name(row, "policy") or OPEN,
+            prompt=_name(row, "prompt") or OPEN,
+            stage=_name(row, "stage") or OPEN,
+            success=truth(row["success"], place, "success"),
+            violation=None,
+            judged=False,
+            task=_name(row, "task"),
+            family=_name(row, "family"),
+            seed=_index(row.get("seed")),
+            rollout=_index(row.get("rollout")),
+            episode_id=name,
+            where=place,
+        )
+        self._rules, self._rows = array("L"), array("Q")
+        self._own: set[bool | None] = set()
+        self._absent = False
+
+    def add(self, rule: int, number: int, row: Row, place: str) -> int | None:
+        """Take one verdict; the number of the row that had one of this rule before, if any."""
+        if rule in self._rules:
+            return self._rows[self._rules.index(rule)]
+        self._rules.append(rule)
+        self._rows.append(number)
+        verdict = row["verdict"]
         if verdict is None:  # a cost without a budget decides nothing
-            absent = absent or row.get("vacuity") == NOT_LOADED
-            continue
+            self._absent = self._absent or row.get("vacuity") == NOT_LOADED
+            return None
         if verdict not in _VERDICTS:
-            raise InputError(where, f"verdict is {verdict!r}.", ", ".join(_VERDICTS))
-        if truth(row["assigned"], where, "assigned"):
-            own.append(_VERDICTS[verdict])
-    return Outcome(
-        policy=_name(head, "policy") or OPEN,
-        prompt=_name(head, "prompt") or OPEN,
-        stage=_name(head, "stage") or OPEN,
-        success=truth(head["success"], _place(file, first), "success"),
-        violation=True if True in own else None if absent or not own or None in own else False,
-        judged=bool(own) and (True in own or not absent),
-        task=_name(head, "task"),
-        family=_name(head, "family"),
-        seed=_index(head.get("seed")),
-        rollout=_index(head.get("rollout")),
-        episode_id=name,
-        where=_place(file, first),
-    )
+            raise InputError(place, f"verdict is {verdict!r}.", ", ".join(_VERDICTS))
+        if truth(row["assigned"], place, "assigned"):
+            self._own.add(_VERDICTS[verdict])
+        return None
+
+    def outcome(self) -> Outcome:
+        """V = 1 if any assigned rule is violated."""
+        own, absent = self._own, self._absent
+        violation = True if True in own else None if absent or not own or None in own else False
+        judged = bool(own) and (True in own or not absent)
+        return replace(self._head, violation=violation, judged=judged)
 
 
 def _refuse_copies(outcomes: Iterable[Outcome]) -> None:
     """Every rollout counts once: raise InputError naming the rows of those that are there twice."""
+    every = list(outcomes)
+    hashes = Counter(hash(_same(o)) for o in every)
     seen: dict[tuple[Any, ...], Outcome] = {}
     copies = []
-    for o in outcomes:
-        key: tuple[Any, ...] = (o.task, o.policy, o.prompt, o.seed, o.rollout)
-        if None in key:
-            key = (o.episode_id,)
-        if seen.setdefault(key, o) is not o:
+    for o in every if len(hashes) < len(every) else ():
+        key = _same(o)
+        if hashes[hash(key)] > 1 and seen.setdefault(key, o) is not o:
             copies.append((seen[key], o))
     if copies:
         first, second = copies[0]
@@ -181,6 +224,12 @@ def _refuse_copies(outcomes: Iterable[Outcome]) -> None:
         )
 
 
+def _same(o: Outcome) -> tuple[Any, ...]:
+    """Equal for two rows of one rollout."""
+    key = (o.task, o.policy, o.prompt, o.seed, o.rollout)
+    return (o.episode_id,) if None in key else key
+
+
 def _place(file: str, number: int) -> str:
     return f"{file}, row {number}" if file else f"row {number}"
 
@@ -193,7 +242,7 @@ def _need(row: Row, columns: Iterable[str], where: str) -> None:
 
 def _name(row: Row, column: str) -> str | None:
     value = row.get(column)
-    return None if _missing(value) else str(value)
+    return None if _missing(value) else sys.intern(str(value))
 
 
 def _missing(value: Any) -> bool:

@@ -6,13 +6,16 @@ import csv
 import io
 import json
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, TextIO
 
 from safestage_eval.errors import InputError
 
 ALLOWED = "JSON, JSON lines, CSV or Parquet"
+
+BATCH = 16_384
+"""Rows of a Parquet file that are in memory at once."""
 
 _TRUTHS = ("assigned", "success", "violation", "undersampled")
 _NUMBERS = (
@@ -20,13 +23,24 @@ _NUMBERS = (
     "exposure_time",
 )  # fmt: skip
 _LISTS = ("bodies", "intervals", "raw_intervals", "sources", "notes")
+_HALF = "\\ud"
+"""Of a character beyond the first 65,536, as JSON may write it."""
 _SAID = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
 
 
 def read_rows(
     path: str | Path, columns: Collection[str] | None = None, allowed: str = ALLOWED
 ) -> list[dict[str, Any]]:
-    """The rows of a table; of a JSON object with ``episodes``, those.
+    """All rows of a table, as ``each_row`` reads them."""
+    return list(each_row(path, columns, allowed))
+
+
+def each_row(
+    path: str | Path, columns: Collection[str] | None = None, allowed: str = ALLOWED
+) -> Iterator[dict[str, Any]]:
+    """The rows of a table, one after the other; of a JSON object with ``episodes``, those.
+
+    A table is never in memory as a whole, unless it is one JSON document.
 
     Args:
         path: the file.
@@ -35,52 +49,45 @@ def read_rows(
 
     Raises InputError for a file that cannot be read, or whose cells cannot be what they must be.
     """
-    file = Path(path)
     try:
-        data = file.read_bytes()
+        with Path(path).open("rb") as file:
+            packed = file.read(4) == b"PAR1"
+            file.seek(0)
+            rows = (
+                _parquet(Path(path), columns, allowed)
+                if packed
+                else _text(str(path), file, allowed)
+            )
+            for number, row in enumerate(rows, 1):
+                yield _checked(str(path), number, row)
     except OSError as error:
         raise InputError(str(path), f"cannot be read: {error.strerror}.", allowed) from None
-    if data.startswith(b"PAR1"):
-        return _checked(str(path), _parquet(file, columns, allowed))
-    try:
-        text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(str(path), "not a table.", allowed) from None
-    if not text.strip():
-        raise InputError(str(path), "it is empty.", allowed)
-    rows = _text(str(path), text, allowed)
-    if "\\ud" in text.lower():
-        _whole_characters(str(path), rows)
-    return _checked(str(path), rows)
 
 
-def _checked(where: str, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The rows. Raises InputError for lists where none belong, and numbers that are none."""
-    for name in dict.fromkeys(name for row in rows for name in row):
-        kinds = {type(row.get(name)) for row in rows}
-        if name in _NUMBERS:
-            wrong = kinds - {int, float, type(None)}
+def _checked(where: str, number: int, row: dict[str, Any]) -> dict[str, Any]:
+    """The row. Raises InputError for a list where none belongs, or a number that is none."""
+    for name, value in row.items():
+        kind = type(value)
+        if kind is int:
+            wrong = abs(value) >= 2**63
+        elif name in _NUMBERS:
+            wrong = value is not None and kind is not float
         else:
-            wrong = kinds & ({dict} if name in _LISTS else {dict, list})
-        if int in kinds and any(
-            type(row.get(name)) is int and abs(row[name]) >= 2**63 for row in rows
-        ):
-            wrong |= {int}
-        for number, row in enumerate(rows if wrong else (), 1):
-            value = row.get(name)
-            if type(value) in wrong and not (type(value) is int and abs(value) < 2**63):
-                is_ = "a number" if name in _NUMBERS else "text or a number"
-                raise InputError(f"{where}, row {number}", f"{name} is {str(value)[:60]}.", is_)
-    return rows
+            wrong = kind is dict or (kind is list and name not in _LISTS)
+        if wrong:
+            allowed = "a number" if name in _NUMBERS else "text or a number"
+            raise InputError(f"{where}, row {number}", f"{name} is {str(value)[:60]}.", allowed)
+    return row
 
 
-def _whole_characters(where: str, rows: list[dict[str, Any]]) -> None:
+def _whole_characters(where: str, number: int, row: dict[str, Any]) -> None:
     """Raises InputError for half of a pair of UTF-16 in JSON, which no file can hold as text."""
-    for number, row in enumerate(rows, 1):
-        try:
-            json.dumps(row, ensure_ascii=False).encode()
-        except UnicodeEncodeError:
-            raise InputError(f"{where}, row {number}", "it has half of a character.") from None
+    try:
+        json.dumps(row, ensure_ascii=False).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{where}, row {number}", "it has half of a character.") from None
 
 
 def truth(value: Any, where: str, name: str) -> bool | None:
@@ -97,7 +104,7 @@ def truth(value: Any, where: str, name: str) -> bool | None:
     return _SAID[text]
 
 
-def _parquet(path: Path, columns: Collection[str] | None, allowed: str) -> list[dict[str, Any]]:
+def _parquet(path: Path, columns: Collection[str] | None, allowed: str) -> Iterator[dict[str, Any]]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -106,28 +113,59 @@ def _parquet(path: Path, columns: Collection[str] | None, allowed: str) -> list[
         wanted = None
         if columns is not None:
             wanted = [name for name in file.schema_arrow.names if name in columns]
-        rows: list[dict[str, Any]] = file.read(columns=wanted).to_pylist()
+        for batch in file.iter_batches(BATCH, columns=wanted):
+            yield from batch.to_pylist()
     except (pa.ArrowException, OSError, ValueError, OverflowError, MemoryError) as error:
         raise InputError(str(path), f"a broken Parquet file: {error}.", allowed) from None
-    return rows
 
 
-def _text(where: str, text: str, allowed: str) -> list[dict[str, Any]]:
-    if not text.lstrip().startswith(("{", "[")):
-        return _csv(where, text)
+def _text(where: str, file: BinaryIO, allowed: str) -> Iterator[dict[str, Any]]:
+    """JSON, JSON lines or CSV, told apart by the first line that says anything."""
+    first, start = "", 0
+    for line in file:
+        first = (first + line.decode("utf-8-sig" if start == 0 else "utf-8")).strip()
+        start += len(line)
+        if first:
+            break
+    if not first:
+        raise InputError(where, "it is empty.", allowed)
+    last = not any(line.strip() for line in file)
+    file.seek(0)
+    table = not first.startswith(("{", "["))
+    with io.TextIOWrapper(file, "utf-8-sig", newline="" if table else "\n") as text:
+        if table:
+            yield from _csv(where, text)
+        elif not last and _is_object(first):
+            yield from _lines(where, text, allowed)
+        else:
+            yield from _document(where, text.read(), allowed)
+
+
+def _is_object(line: str) -> bool:
+    """A line that is a whole JSON object."""
+    try:
+        return isinstance(json.loads(line), dict)
+    except json.JSONDecodeError:
+        return False
+
+
+def _document(where: str, text: str, allowed: str) -> Iterable[dict[str, Any]]:
     try:
         whole = json.loads(text)
     except json.JSONDecodeError:
-        return _lines(where, text, allowed)
+        return _lines(where, io.StringIO(text, newline="\n"), allowed)
     rows = whole.get("episodes", [whole]) if isinstance(whole, dict) else whole
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise InputError(where, "JSON, but no results.", allowed)
+    if _HALF in text.lower():
+        for number, row in enumerate(rows, 1):
+            _whole_characters(where, number, row)
     return rows
 
 
-def _lines(where: str, text: str, allowed: str) -> list[dict[str, Any]]:
-    rows = []
-    for number, line in enumerate(text.split("\n"), 1):
+def _lines(where: str, text: TextIO, allowed: str) -> Iterator[dict[str, Any]]:
+    read = 0
+    for number, line in enumerate(text, 1):
         if line.strip():
             try:
                 row = json.loads(line)
@@ -135,22 +173,21 @@ def _lines(where: str, text: str, allowed: str) -> list[dict[str, Any]]:
                 raise InputError(f"{where}, line {number}", f"{error.msg}.", allowed) from None
             if not isinstance(row, dict):
                 raise InputError(f"{where}, line {number}", "not a result row.", allowed)
-            rows.append(row)
-    return rows
+            read += 1
+            if _HALF in line.lower():
+                _whole_characters(where, read, row)
+            yield row
 
 
-def _csv(where: str, text: str) -> list[dict[str, Any]]:
+def _csv(where: str, text: TextIO) -> Iterator[dict[str, Any]]:
     try:
-        rows = list(csv.DictReader(io.StringIO(text, newline="")))
+        for number, row in enumerate(csv.DictReader(text), 1):
+            place = f"{where}, row {number}"
+            if row.get(None):
+                raise InputError(place, "it has more cells than there are columns.")
+            yield {name: _cell(place, name, value) for name, value in row.items()}
     except csv.Error as error:
         raise InputError(where, f"not readable as CSV: {error}.") from None
-    found = []
-    for number, row in enumerate(rows, 1):
-        place = f"{where}, row {number}"
-        if row.get(None):
-            raise InputError(place, "it has more cells than there are columns.")
-        found.append({name: _cell(place, name, value) for name, value in row.items()})
-    return found
 
 
 def _cell(where: str, name: str, value: str | None) -> Any:
