@@ -192,7 +192,9 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
 )  # fmt: skip
 @click.option(
     "--kind", "kinds", multiple=True,
-    type=click.Choice(["operator", "unit", "role", "obligation", "truth"]),
+    type=click.Choice(
+        ["operator", "unit", "duration", "role", "scope", "obligation", "truth"]
+    ),
     help="With --mutate: only such mistakes. Repeatable.",
 )  # fmt: skip
 @click.option("--deep", is_flag=True, help="With --mutate: break the states it rests on as well.")
@@ -230,7 +232,9 @@ def test(
     knobs of a sketch. What is missing, or cannot be decided, is wrong.
 
     --mutate tests the examples: it turns comparisons round, mistakes units (ten times too much or
-    too little), exchanges roles, drops obligations and swaps true and false, one at a time.
+    too little) and durations (twice, half, none), exchanges roles and widens them, judges too much
+    (no given, no until, the other end of an event), drops obligations and swaps true and false, one
+    at a time.
 
     \b
     Examples:
@@ -249,7 +253,7 @@ def test(
     from safestage_eval.rules import load_rules
     from safestage_eval.rules.find import groups
     from safestage_eval.whatif.check import check_sets
-    from safestage_eval.whatif.mutants import KINDS
+    from safestage_eval.whatif.mistakes import KINDS
 
     recorded = discover(list(traces)) if traces else []
     sets = {str(group[0]): load_rules(group) for group in groups(rules, each=True)}

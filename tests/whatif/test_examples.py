@@ -9,7 +9,8 @@ from studio import block, run
 from safestage_eval.formats import discover, save
 from safestage_eval.rules import load_rules
 from safestage_eval.whatif.examples import Library
-from safestage_eval.whatif.mutants import KINDS, hunt, mutants
+from safestage_eval.whatif.mistakes import KINDS
+from safestage_eval.whatif.mutants import hunt, mutants
 
 RULE = """
 [ruleset]
@@ -157,6 +158,7 @@ def test_every_kind_of_mistake_is_made(house):
         ("obligation", "without: always edge_margin(target) at least 2 cm (edge)"),
         ("obligation", "without: always supported(target)"),
         ("operator", "edge_margin(target) at least 2 cm (edge) → at most 2 cm (edge)"),
+        ("scope", "during settle(target) → always"),
         ("truth", "supported(target) → not supported(target)"),
         ("unit", "edge_margin(target) at least 2 cm (edge) → at least 0.2 cm"),
         ("unit", "edge_margin(target) at least 2 cm (edge) → at least 20.0 cm"),
@@ -199,7 +201,7 @@ def test_survivors_are_listed_and_fail(house):
     done = run("rules", "test", rules, "-t", traces, "--mutate")
     assert done.code == 1
     assert "FSH901  obligation  without: always supported(target)" in done.text
-    assert "5 of 6 mistakes noticed" in done.text
+    assert "6 of 7 mistakes noticed" in done.text
     only = ("--kind", "operator", "--kind", "unit", "--kind", "role")
     done = run("rules", "test", rules, "-t", traces, "--mutate", *only)
     assert (done.code, done.text.splitlines()[-1]) == (0, "3 of 3 mistakes noticed")

@@ -1,0 +1,290 @@
+"""The mistakes that somebody may make in writing a rule: each change of one place in its tree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, Literal, NamedTuple
+
+from safestage_eval.rules import RuleSet, words
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.uses import own_params, uses_of
+
+from .symmetry import symmetric
+
+Kind = Literal["operator", "unit", "duration", "role", "scope", "obligation", "truth"]
+
+KINDS: tuple[Kind, ...] = (
+    "operator", "unit", "duration", "role", "scope", "obligation", "truth",
+)  # fmt: skip
+
+FACTOR = 10.0
+"""A unit mistaken: mm for cm."""
+
+LONGER = (2.0, 0.5, 0.0)
+"""A duration mistaken: twice as long, half as long, none at all."""
+
+_FLIPPED: dict[str, Literal[">=", "<=", ">", "<"]] = {">=": "<=", "<=": ">=", ">": "<", "<": ">"}
+
+_NOT_WALKED = ("roles", "severity", "set")
+
+
+class Mistake(NamedTuple):
+    """A part of a rule, changed in one place.
+
+    Attributes:
+        kind: of mistake.
+        what: in words.
+        changed: the part with it.
+    """
+
+    kind: Kind
+    what: str
+    changed: Any
+
+
+class _Place(NamedTuple):
+    """Where a mistake is made."""
+
+    rules: RuleSet
+    params: words.Values
+    roles: tuple[str, ...]
+
+
+def mistakes(rules: RuleSet, rule: ast.Rule, *, deep: bool) -> Iterator[Mistake]:
+    """Every mistake in a rule; ``changed`` is the whole rule set with it.
+
+    Args:
+        rules: the set that the rule belongs to.
+        rule: as meant.
+        deep: also mistakes in the states and phases that it rests on.
+    """
+    params = own_params(rules, rule)
+    place = _Place(rules, params, tuple(name for name, _ in rule.roles))
+    for kind, what, changed in _of_rule(rule, place):
+        yield Mistake(kind, what, replace(rules, rules={**rules.rules, rule.code: changed}))
+    uses = uses_of(rules, rule, params)
+    for column in uses.columns:
+        for factor in (FACTOR, 1 / FACTOR):
+            rows = {
+                material: {
+                    name: _scaled(value, factor) if name == column else value
+                    for name, value in row.items()
+                }
+                for material, row in rules.materials.items()
+            }
+            what = f"the {column} of materials × {factor:g}"
+            yield Mistake("unit", what, replace(rules, materials=rows))
+    if not deep:
+        return
+    for name in uses.states:
+        state = rules.states[name]
+        for kind, what, changed in _of_tree(state, place._replace(roles=state.of)):
+            states = {**rules.states, name: changed}
+            yield Mistake(kind, f"in {name}: {what}", replace(rules, states=states))
+    for name in uses.phases:
+        phase = rules.phases[name]
+        for kind, what, changed in _of_tree(phase, place._replace(roles=phase.of)):
+            phases = {**rules.phases, name: changed}
+            yield Mistake(kind, f"in {name}: {what}", replace(rules, phases=phases))
+
+
+def _of_rule(rule: ast.Rule, place: _Place) -> Iterator[Mistake]:
+    yield from _of_tree(rule, place)
+    yield from _of_roles(rule)
+    for i, item in enumerate(rule.forbid):
+        if isinstance(item, ast.Event) and item.call is not None and item.edge is None:
+            turned = ast.Condition((ast.StateAtom(item.call, want=False),))
+            forbid = (*rule.forbid[:i], turned, *rule.forbid[i + 1 :])
+            what = f"never {item.call} → never not {item.call}"
+            yield Mistake("truth", what, replace(rule, forbid=forbid))
+    if rule.given is not None:
+        yield from _without("scope", "only if", rule, "given", place)
+    if rule.at is not None:
+        yield Mistake("scope", f"at {words.event(rule.at)} → always", replace(rule, at=None))
+    if rule.during is not None:
+        what = f"during {words.span(rule.during, place.params)} → always"
+        yield Mistake("scope", what, replace(rule, during=None))
+    if rule.until is not None:
+        what = f"until {words.event(rule.until)} → to the end"
+        yield Mistake("scope", what, replace(rule, until=None))
+    asked = len(rule.require.atoms) if rule.require is not None else 0
+    if asked + len(rule.forbid) + (rule.reach is not None) < 2:
+        return  # a rule that asks for nothing is no rule
+    if rule.require is not None:
+        yield from _without("obligation", "always", rule, "require", place)
+    for i, alternative in enumerate(rule.forbid):
+        rest = rule.forbid[:i] + rule.forbid[i + 1 :]
+        said = words.alternative(alternative, place.params)
+        yield Mistake("obligation", f"without: never {said}", replace(rule, forbid=rest))
+    if rule.reach is not None:
+        said = words.alternative(rule.reach, place.params)
+        yield Mistake("obligation", f"without: at some time {said}", replace(rule, reach=None))
+
+
+def _without(kind: Kind, link: str, rule: ast.Rule, field: str, place: _Place) -> Iterator[Mistake]:
+    """Each atom of a condition of the rule left out."""
+    condition: ast.Condition = getattr(rule, field)
+    for i, atom in enumerate(condition.atoms):
+        rest = condition.atoms[:i] + condition.atoms[i + 1 :]
+        left = ast.Condition(rest) if rest else None
+        what = f"without: {link} {words.atom(atom, place.params)}"
+        yield Mistake(kind, what, replace(rule, **{field: left}))  # type: ignore[arg-type]
+
+
+def _of_roles(rule: ast.Rule) -> Iterator[Mistake]:
+    """Too many bodies play a role."""
+    for i, (name, spec) in enumerate(rule.roles):
+        wider = [replace(spec, tag=None, text="")] if spec.tag else []
+        wider += [
+            replace(spec, excluding=tuple(e for e in spec.excluding if e != out), text="")
+            for out in spec.excluding
+        ]
+        for other in wider:
+            roles = (*rule.roles[:i], (name, other), *rule.roles[i + 1 :])
+            what = f"{name} = {words.role(spec)} → {words.role(other)}"
+            yield Mistake("role", what, replace(rule, roles=roles))
+
+
+def _of_tree(node: Any, place: _Place) -> Iterator[Mistake]:
+    """One mistake anywhere in a rule, state or phase: each node that can be mistaken, in turn."""
+    yield from _of_node(node, place)
+    if is_dataclass(node) and not isinstance(node, type):
+        for item in fields(node):
+            if not item.compare or item.name in _NOT_WALKED:
+                continue
+            value = getattr(node, item.name)
+            for kind, what, changed in _of_tree(value, place):
+                yield Mistake(kind, what, replace(node, **{item.name: changed}))
+            if item.name in ("for_", "gap", "duration") and value is not None:
+                for what, changed in _of_duration(value, place, item.name != "gap"):
+                    said = f"{item.name.rstrip('_')} {what}"
+                    yield Mistake("duration", said, replace(node, **{item.name: changed}))
+            if isinstance(value, ast.Event):
+                yield from _of_event(node, item.name, value)
+    elif isinstance(node, tuple):
+        for i, value in enumerate(node):
+            for kind, what, changed in _of_tree(value, place):
+                yield Mistake(kind, what, (*node[:i], changed, *node[i + 1 :]))
+
+
+def _of_node(node: Any, place: _Place) -> Iterator[Mistake]:
+    match node:
+        case ast.SignalAtom():
+            yield from _of_limits(node, place)
+            if node.since is not None:
+                what = f"{node.call} since {words.event(node.since)} → since the start"
+                yield Mistake("scope", what, replace(node, since=None))
+        case ast.StateAtom():
+            turned = replace(node, want=not node.want)
+            yield _told("truth", node, turned, place)
+        case ast.CountAtom():
+            bound: Literal["least", "most"] = "most" if node.bound == "least" else "least"
+            yield _told("operator", node, replace(node, bound=bound), place)
+            yield _told("unit", node, replace(node, count=node.count + 1), place)
+        case ast.Call():
+            yield from _of_call(node, place)
+        case ast.Column():
+            for other in place.roles:
+                if other != node.role:
+                    what = f"{node.name}({node.role}) → {node.name}({other})"
+                    yield Mistake("role", what, replace(node, role=other))
+        case ast.Part() | ast.Around() | ast.While():
+            yield from _of_span(node, place)
+        case ast.StateDef() | ast.PhaseDef():
+            yield from _of_definition(node)
+
+
+def _told(kind: Kind, atom: ast.Atom, other: ast.Atom, place: _Place) -> Mistake:
+    said = f"{words.atom(atom, place.params)} → {words.atom(other, place.params)}"
+    return Mistake(kind, said, other)
+
+
+def _of_limits(atom: ast.SignalAtom, place: _Place) -> Iterator[Mistake]:
+    params = place.params
+    for i, limit in enumerate(atom.limits):
+        changes: list[tuple[Kind, ast.Limit]] = [
+            ("operator", replace(limit, op=_FLIPPED[limit.op], text=""))
+        ]
+        number = limit.value
+        if isinstance(number, ast.Parameter) and isinstance(params[number.name], ast.Quantity):
+            value = params[number.name]
+            assert isinstance(value, ast.Quantity)
+            number = _scaled(value, -1.0 if number.negative else 1.0)
+        if isinstance(number, ast.Quantity) and number.value:
+            changes += [
+                ("unit", replace(limit, value=_scaled(number, factor), text=""))
+                for factor in (FACTOR, 1 / FACTOR)
+            ]
+        for kind, changed in changes:
+            said, other = words.limit(limit, params), words.limit(changed, params)
+            limits = (*atom.limits[:i], changed, *atom.limits[i + 1 :])
+            yield Mistake(kind, f"{atom.call} {said} → {other}", replace(atom, limits=limits))
+
+
+def _of_call(call: ast.Call, place: _Place) -> Iterator[Mistake]:
+    """Arguments exchanged, or another role in the place of one."""
+    args = call.args
+    if len(args) == 2 and args[0] != args[1] and not symmetric(place.rules, call.name):
+        turned = ast.Call(call.name, args[::-1])
+        yield Mistake("role", f"{call} → {turned}", turned)
+    for i, arg in enumerate(args):
+        for other in place.roles:
+            if arg in place.roles and other not in args:
+                wrong = ast.Call(call.name, (*args[:i], other, *args[i + 1 :]))
+                yield Mistake("role", f"{call} → {wrong}", wrong)
+
+
+def _of_duration(
+    found: ast.Duration | ast.Parameter, place: _Place, least: int
+) -> Iterator[tuple[str, ast.Duration]]:
+    """``least``: whole frames that mean something."""
+    lasts = place.params[found.name] if isinstance(found, ast.Parameter) else found
+    assert isinstance(lasts, ast.Duration)
+    said = words.duration(found, place.params)
+    for factor in LONGER:
+        amount = lasts.amount * factor
+        if lasts.frames:
+            amount = float(max(least, round(amount)))
+        if amount == lasts.amount:
+            continue  # one frame is the least there is
+        changed = ast.Duration(amount, lasts.frames, lasts.least if factor else 1)
+        yield f"{said} → {words.duration(changed, place.params)}", changed
+
+
+def _of_event(node: Any, field: str, event: ast.Event) -> Iterator[Mistake]:
+    """The other end of a state. A bare state has both; it is mistaken for the frame after it."""
+    if event.call is None:
+        return
+    moved = replace(event, edge="start" if event.edge == "end" else "end", text="")
+    said = f"{field} {words.event(event)} → {words.event(moved)}"
+    yield Mistake("scope", said, replace(node, **{field: moved}))
+
+
+def _of_span(node: ast.Part | ast.Around | ast.While, place: _Place) -> Iterator[Mistake]:
+    said = words.span(node, place.params)
+    if isinstance(node, ast.Around):
+        after: Literal["before", "after"] = "after" if node.which == "before" else "before"
+        other: ast.Span = replace(node, which=after)
+    elif isinstance(node, ast.Part):
+        last: Literal["first", "last"] = "last" if node.which == "first" else "first"
+        other = replace(node, which=last)
+    else:
+        other = node.of
+    yield Mistake("scope", f"{said} → {words.span(other, place.params)}", other)
+
+
+def _of_definition(node: ast.StateDef | ast.PhaseDef) -> Iterator[Mistake]:
+    """What a state or phase says besides its condition, left out."""
+    if isinstance(node, ast.StateDef):
+        if node.until is not None:
+            yield Mistake("scope", "not kept", replace(node, until=None))
+        if node.perhaps is not None:
+            yield Mistake("scope", "no doubt", replace(node, perhaps=None))
+    if node.fallback is not None:
+        lost = {"fallback": None} | ({"perhaps": None} if isinstance(node, ast.StateDef) else {})
+        yield Mistake("scope", "no fallback", replace(node, **lost))  # type: ignore[arg-type]
+
+
+def _scaled(value: ast.Quantity, factor: float) -> ast.Quantity:
+    return ast.Quantity(value.value * factor, value.dimension)
