@@ -14,7 +14,7 @@ from safestage_eval.errors import InputError
 
 ALLOWED = "JSON, JSON lines, CSV or Parquet"
 
-BATCH = 16_384
+BATCH = 4096
 """Rows of a Parquet file that are in memory at once."""
 
 _TRUTHS = ("assigned", "success", "violation", "undersampled")

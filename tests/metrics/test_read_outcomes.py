@@ -1,5 +1,6 @@
 """The same outcomes from every format, and clear words about files that hold none."""
 
+import tracemalloc
 from dataclasses import replace
 
 import polars as pl
@@ -16,6 +17,11 @@ WRITERS = {
     "json": lambda table, path: table.to_json(path, orient="records"),
     "jsonl": lambda table, path: table.to_json(path, orient="records", lines=True),
 }
+
+ROW = (
+    b'{"task": "a", "stage": "FSH", "policy": "p", "prompt": "default", "seed": 0, "rollout": 0, '
+    b'"success": true, "violation": false}'
+)
 
 
 def stored(tmp_path, outcomes, form="csv", name="table"):
@@ -133,7 +139,9 @@ def test_two_verdicts_of_a_rule_on_an_episode():
         (b"\xff\xfe\x00", "not a table"),
         (b"PAR1 no", "a broken Parquet file"),
         (b"task,stage\na,FSH\n", "lacks policy, prompt, seed, rollout, success, violation"),
-        (b'{"a": 1}\n{"b"', "line 2"),
+        (b'{"a": 1}\n{"b": 2}', "row 1: lacks task"),
+        (ROW + b'\n{"b"', "line 2"),
+        (b'{"a"', "line 1"),
         (b"[1, 2]", "no results"),
         (b"task,stage\na,FSH,x\n", "row 1: it has more cells than there are columns"),
         (b"3\n", "row 1|there are none"),
@@ -161,3 +169,38 @@ def test_a_label_tells_sets_apart(tmp_path):
     found = read_outcomes([tmp_path / "both.parquet"], "rules")
     assert list(found) == ["old", "new"]
     assert [replace(o, where="") for o in found["new"]] == outcomes
+
+
+def results(episodes, rules):
+    """Rows of ``score``: the episodes turn about, so that no two rows of one stand together."""
+    return [
+        {
+            "episode_id": f"e{e}", "rule": f"FSH{r}", "assigned": r == 0,
+            "verdict": "violation" if r == 0 and e % 3 == 0 else "pass", "success": True,
+            "task": f"t{e}", "stage": "FSH", "policy": "p", "prompt": "default", "seed": 0,
+            "rollout": 0, "vacuity": None,
+        }
+        for r in range(rules)
+        for e in range(episodes)
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ["parquet", "csv", "jsonl"])
+def test_memory_grows_with_episodes_and_not_with_their_rows(tmp_path, form):
+    def peak(rules):
+        path = tmp_path / f"{rules}.{form}"
+        table = pl.DataFrame(results(40, rules), infer_schema_length=None)
+        {"parquet": table.write_parquet, "csv": table.write_csv, "jsonl": table.write_ndjson}[form](
+            path
+        )
+        tracemalloc.start()
+        try:
+            found = read(path)
+            most = tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+        assert [o.violation for o in found] == [e % 3 == 0 for e in range(40)]
+        return most
+
+    rows = 40 * 800
+    assert peak(1000) - peak(200) < 100 * rows  # a row as a dict takes about 1,000 bytes
