@@ -34,6 +34,10 @@ class Disk:
 
         return bound
 
+    def used(self) -> int:
+        """Bytes that are taken."""
+        return shutil.disk_usage(self.place).used
+
     def make_room(self) -> None:
         """Free again."""
         self._filler.unlink(missing_ok=True)

@@ -18,7 +18,12 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 if __name__ == "__main__":
-    sys.path[:0] = [str(HERE), str(HERE.parent), str(HERE.parents[1])]
+    sys.path[:0] = [
+        str(HERE),
+        str(HERE.parent / "importers"),
+        str(HERE.parent),
+        str(HERE.parents[1]),
+    ]
 
 from child import Child  # noqa: E402
 from disk import small_disk  # noqa: E402
@@ -27,7 +32,6 @@ from victims import (  # noqa: E402
     Victim,
     children,
     is_worker,
-    names,
     pid_alive,
     prepared,
     writers,
@@ -65,7 +69,7 @@ def after(row: Row, victim: Victim, folder: Path, committed: set[str]) -> None:
     code = again.wait()
     again.committed()
     try:
-        whole = code == 0 and victim.left(folder) == set(names())
+        whole = code == 0 and victim.left(folder) == victim.everything
     except AssertionError:
         whole = False
     if not whole:
@@ -86,7 +90,7 @@ def killed(victim: Victim, kills: int, chance: random.Random, place: Path) -> Ro
     before: set[str] = set()
     for _ in range(kills):
         # half of the time go on with what a killed run left, which is killed in its turn
-        if chance.random() < 0.5 or before == set(names()):
+        if chance.random() < 0.5 or before == victim.everything:
             shutil.rmtree(folder, ignore_errors=True)
             before = set()
         child = Child(victim, folder)
@@ -100,7 +104,7 @@ def killed(victim: Victim, kills: int, chance: random.Random, place: Path) -> Ro
         committed = child.committed() | before
         if chance.random() < 0.5:
             after(row, victim, folder, committed)
-            before = set(names())
+            before = victim.everything
         else:
             try:
                 before = victim.left(folder)
@@ -147,8 +151,8 @@ def workers_killed(victim: Scorer, kills: int, chance: random.Random, place: Pat
         if code not in (0, 2):  # 2: an episode whose process was killed twice is listed
             row.next_failed += 1
             row.said.add(f"exit code {code}: {child.said()}")
-        row.kept += len(names())
-        after(row, victim, folder, set(names()) if code == 0 else set())
+        row.kept += len(victim.everything)
+        after(row, victim, folder, victim.everything if code == 0 else set())
     return row
 
 
@@ -159,9 +163,12 @@ def full_disk(victim: Victim, times: int, chance: random.Random, place: Path) ->
         if not disk.mounted:
             fault = "file grows beyond its bound (no file system could be mounted)"
         row = Row(victim.name, fault)
+        whole = Child(victim, disk.folder)
+        assert whole.wait() == 0, whole.said()
+        whole.committed()
+        most = disk.used() if disk.mounted else 20_000
         for _ in range(times):
             shutil.rmtree(disk.folder, ignore_errors=True)
-            most = 400_000 if disk.mounted else 20_000
             child = Child(victim, disk.folder, disk.fill(chance.randrange(4096, most)))
             code = child.wait()
             committed = child.committed()
@@ -191,7 +198,7 @@ def read_only(victim: Victim, chance: random.Random, place: Path) -> Row:
             code = child.wait()
             child.committed()
             row.tried, row.hit = 1, int(code != 0)
-            if code not in (0, 1, 2) or (code == 0 and before != set(names())):
+            if code not in (0, 1, 2) or (code == 0 and before != victim.everything):
                 row.next_failed += 1
                 row.said.add(f"exit code {code}: {child.said()}")
             row.lost += len(before - victim.left(disk.folder))
@@ -206,13 +213,21 @@ def campaign(kills: int, disks: int, seed: int, place: Path) -> list[Row]:
     copying, scorer = writers(source), Scorer(source)
     few = max(1, kills // 12)
     share = -(-(kills - 2 * few) // len(copying))
-    rows = [killed(victim, share, chance, place / f"kill{i}") for i, victim in enumerate(copying)]
-    rows.append(killed(scorer, few, chance, place / "kill scorer"))
-    rows.append(workers_killed(scorer, few, chance, place / "kill workers"))
-    everyone = [*copying, scorer]
-    rows += [full_disk(v, disks, chance, place / f"full{i}") for i, v in enumerate(copying)]
-    rows.append(full_disk(scorer, max(1, disks // 5), chance, place / "full scorer"))
-    rows += [read_only(v, chance, place / f"ro{i}") for i, v in enumerate(everyone)]
+    rows: list[Row] = []
+
+    def add(row: Row) -> None:
+        rows.append(row)
+        print(f"{time.process_time():.0f} s: {row}", file=sys.stderr, flush=True)
+
+    for i, victim in enumerate(copying):
+        add(killed(victim, share, chance, place / f"kill{i}"))
+    add(killed(scorer, few, chance, place / "kill scorer"))
+    add(workers_killed(scorer, few, chance, place / "kill workers"))
+    for i, victim in enumerate(copying):
+        add(full_disk(victim, disks, chance, place / f"full{i}"))
+    add(full_disk(scorer, max(1, disks // 5), chance, place / "full scorer"))
+    for i, victim in enumerate([*copying, scorer]):
+        add(read_only(victim, chance, place / f"ro{i}"))
     return rows
 
 

@@ -9,7 +9,7 @@ from victims import prepared, writers
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")]
 
 
-@pytest.mark.parametrize("number", range(5))
+@pytest.mark.parametrize("number", range(6))
 def test_whatever_happens_to_what_writes(tmp_path, number):
     victim = writers(prepared(tmp_path))[number]
     chance = random.Random(number)

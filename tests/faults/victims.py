@@ -8,8 +8,12 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import numpy as np
+from exports import map_text, write_lerobot
 from recordings import falling_cube
+from scenes import Scene
 
 from safestage_eval.cli import main
 from safestage_eval.engines.parts import ENDING, Parts
@@ -38,6 +42,11 @@ def recording(name: str):
     )  # fmt: skip
 
 
+def truth(folder: Path) -> dict[str | None, str]:
+    """Id → content hash of the episodes in a folder."""
+    return {ref.episode_id: ref.open().content_hash for ref in discover(folder)}
+
+
 class Victim(ABC):
     """Something that writes."""
 
@@ -46,7 +55,12 @@ class Victim(ABC):
     def __init__(self, source: Path) -> None:
         """``source``: a folder with all episodes, ready."""
         self.source = source
-        self.truth = {ref.episode_id: ref.open().content_hash for ref in discover(source)}
+        self.truth = truth(source)
+
+    @property
+    def everything(self) -> set[str]:
+        """Ids of all episodes that there are in the end."""
+        return set(self.truth)
 
     @abstractmethod
     def go(self, folder: Path, commit: Commit) -> int:
@@ -109,6 +123,31 @@ class Command(Victim):
         """The command's own exit code."""
         words = [a.format(source=self.source, out=folder) for a in self._arguments]
         return main_with(words)
+
+
+class Importer(Command):
+    """Imports a LeRobot dataset with a map file, both made beside the source."""
+
+    def __init__(self, source: Path) -> None:
+        foreign, scene = source.parent / "foreign", source.parent / "map.toml"
+        super().__init__(
+            source, "importer", "import", str(foreign), "--to", "{out}", "--map", str(scene),
+            "-r", RULES, "-j", "1",
+        )  # fmt: skip
+        shutil.rmtree(foreign, ignore_errors=True)
+        pushed = [
+            Scene(frames, 20.0)
+            .fixed("table")
+            .box("cube", 0.02, np.linspace((0, 0, 0.02), (0.1, 0, 0.02), frames))
+            .episode(task="push", stage="FSH", success=False)
+            for frames in range(30, 30 + EPISODES)
+        ]
+        columns = write_lerobot(foreign, pushed)[1]
+        scene.write_text(map_text(pushed[0]) + columns, "utf-8")
+        with TemporaryDirectory() as place:
+            assert self.go(Path(place) / "all", lambda name: None) == 0
+            self.truth = truth(Path(place) / "all")
+        assert len(self.truth) == EPISODES
 
 
 class Scorer(Victim):
@@ -187,6 +226,7 @@ def writers(source: Path) -> list[Victim]:
             source, "packer", "pack", "{source}", "--out", "{out}", "--by", "task",
             "--shard-episodes", "2",
         ),
+        Importer(source),
     ]  # fmt: skip
 
 
