@@ -1,8 +1,9 @@
 """A corpus of many thousand episodes: what scoring it takes, in time and in memory.
 
     python benchmarks/corpus.py make DIR --distinct 2000 --episodes 35000
-    python benchmarks/corpus.py score DIR                 # cold, warm, again, under another rule
-    python benchmarks/corpus.py score DIR --ray --kill    # the same through Ray, a worker killed
+    python benchmarks/corpus.py score DIR                 # cold, all, again, under another limit
+    python benchmarks/corpus.py score DIR --ray --kill    # and through Ray, a worker killed
+    python benchmarks/corpus.py score DIR --visits 4      # only four of the datasets
 
 ``make`` writes ``--distinct`` episodes of full size (made.py), each another place of the same scene,
 in shards of 50, and then as many datasets that visit the same files under other ids as the corpus
@@ -162,13 +163,15 @@ def scored(traces: list[Path], out: Path, *options: str, kill: bool = False) -> 
     before, began = os.times(), time.monotonic()
     run = subprocess.Popen([*command, *words], stderr=subprocess.PIPE, text=True)
     driver: list[int] = []
-    worker, killed = 0, False
+    worker: list[int] = []
+    killed = False
     while run.poll() is None:
-        for pid, (line, held) in processes(run.pid).items():
-            if pid == run.pid:
-                driver.append(held)
-            elif "spawn_main" in line or "ray::_judge_chunk" in line:
-                worker = max(worker, held)
+        found = processes(run.pid)
+        driver.append(found.get(run.pid, ("", 0))[1])
+        at_work = [held for line, held in found.values() if "spawn_main" in line]
+        worker.append(max(at_work, default=0))
+        for pid, (line, _) in found.items():
+            if pid != run.pid:
                 old_enough = time.monotonic() - began > 20
                 if kill and not killed and old_enough and "ray::_judge_chunk" in line:
                     os.kill(pid, signal.SIGKILL)
@@ -176,14 +179,15 @@ def scored(traces: list[Path], out: Path, *options: str, kill: bool = False) -> 
         time.sleep(0.5)
     taken, after = time.monotonic() - began, os.times()
     said = run.stderr.read().strip() if run.stderr else ""
-    half = driver[len(driver) // 2] if driver else 0
+    half = len(driver) // 2
     return {
         "exit code": run.returncode,
         "s": round(taken, 1),
         "processor s": round(sum(after[2:4]) - sum(before[2:4]), 1),
         "driver MB": round(max(driver, default=0) / 2**20),
-        "driver MB halfway": round(half / 2**20),
-        "worker MB": round(worker / 2**20),
+        "driver MB until halfway": round(max(driver[:half], default=0) / 2**20),
+        "worker MB": round(max(worker, default=0) / 2**20),
+        "worker MB until halfway": round(max(worker[:half], default=0) / 2**20),
         "killed": killed,
         "said": said.splitlines()[-1] if said else "",
     }
@@ -194,9 +198,9 @@ def same(one: Path, other: Path) -> bool:
     return bool(pq.read_table(one).equals(pq.read_table(other)))
 
 
-def score(folder: Path, work: Path, jobs: int, *, ray: bool, kill: bool) -> None:
+def score(folder: Path, work: Path, jobs: int, most: int | None, *, ray: bool, kill: bool) -> None:
     """Print one JSON line per run."""
-    visits = sorted(folder.glob("visit-*"))
+    visits = sorted(folder.glob("visit-*"))[:most]
     count = sum(
         pq.read_metadata(path).num_rows
         for visit in visits
@@ -223,8 +227,8 @@ def score(folder: Path, work: Path, jobs: int, *, ray: bool, kill: bool) -> None
     told("all", count, scored(visits, work / "all.parquet", *kept))
     told("again, all known", count, scored(visits, work / "again.parquet", *kept))
     print("again says the same:", same(work / "all.parquet", work / "again.parquet"))
-    changed = scored(visits, work / "other.parquet", *kept, "--set", "edge=3 cm")
-    told("another limit", count, changed)
+    changed = scored(visits[:1], work / "other.parquet", *kept, "--set", "edge=3 cm")
+    told("each distinct one, another limit of FSH101", distinct, changed)
     if ray:
         options = ("--engine", "ray", "--resume", str(work / "ray"))
         found = scored(visits, work / "ray.parquet", *options, kill=kill)
@@ -246,6 +250,7 @@ def main() -> None:
     scoring = commands.add_parser("score")
     scoring.add_argument("folder", type=Path)
     scoring.add_argument("--work", type=Path, help="results go there; default: DIR-results")
+    scoring.add_argument("--visits", type=int, help="only so many of the datasets")
     scoring.add_argument("--ray", action="store_true")
     scoring.add_argument("--kill", action="store_true")
     for command in (making, scoring):
@@ -255,7 +260,7 @@ def main() -> None:
         make(args.folder, args.distinct, args.episodes, args.frames, args.jobs)
         return
     work = args.work or args.folder.with_name(f"{args.folder.name}-results")
-    score(args.folder, work, args.jobs, ray=args.ray, kill=args.kill)
+    score(args.folder, work, args.jobs, args.visits, ray=args.ray, kill=args.kill)
 
 
 if __name__ == "__main__":

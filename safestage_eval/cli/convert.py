@@ -101,9 +101,9 @@ def _hashes(folder: Path) -> dict[str, str | None]:
     """Id → content hash of the episodes that are in a folder already."""
     from safestage_eval.formats import discover
 
-    if not folder.is_dir() or not any(folder.iterdir()):
+    if not folder.is_dir():
         return {}
-    return {ref.episode_id: ref.content_hash for ref in discover([folder])}
+    return {ref.episode_id: ref.content_hash for ref in discover([folder], maybe_none=True)}
 
 
 def _file_for(name: str, out: Path) -> Path:

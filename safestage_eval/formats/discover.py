@@ -73,20 +73,28 @@ def load(
     return found[0].open(recover=recover, checked=checked)
 
 
-def discover(paths: str | Path | Iterable[str | Path]) -> list[EpisodeRef]:
+def discover(
+    paths: str | Path | Iterable[str | Path], *, maybe_none: bool = False
+) -> list[EpisodeRef]:
     """Every episode under the paths, in the order of their names.
 
     A file or row that cannot be read becomes a reference with a ``problem``, so that it does not
     stop the others. A rollout that ended in an error is left out where it was tried again: another
     episode has its id.
 
+    Args:
+        paths: files and folders.
+        maybe_none: of a folder that is written to, which may have no episode yet.
+
     Raises:
         TraceError: a path does not exist, or there is no episode under it.
     """
-    return _without_tried_again(list(find(paths)))
+    return _without_tried_again(list(find(paths, maybe_none=maybe_none)))
 
 
-def find(paths: str | Path | Iterable[str | Path]) -> Iterator[EpisodeRef]:
+def find(
+    paths: str | Path | Iterable[str | Path], *, maybe_none: bool = False
+) -> Iterator[EpisodeRef]:
     """The same one by one, each file of episodes opened when its turn comes.
 
     That nothing is under one of several paths is noticed when its turn comes as well. Those that
@@ -114,7 +122,7 @@ def find(paths: str | Path | Iterable[str | Path]) -> Iterator[EpisodeRef]:
             if place not in seen:
                 seen.add(place)
                 yield from _each_once(refs)
-        if empty:
+        if empty and not maybe_none:
             raise TraceError(
                 str(path),
                 "no episode in here.",

@@ -139,9 +139,9 @@ def _episodes_exist(settings: Settings, names: set[str]) -> None:
 
 def _there(folder: Path) -> dict[str, EpisodeRef]:
     """Id → where it is, of the episodes that the target has already."""
-    if not folder.is_dir() or not any(folder.iterdir()):
+    if not folder.is_dir():
         return {}
-    return {ref.episode_id: ref for ref in discover([folder])}
+    return {ref.episode_id: ref for ref in discover([folder], maybe_none=True)}
 
 
 def _kept(task: Task, target: Target, ref: EpisodeRef) -> Imported:

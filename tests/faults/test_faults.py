@@ -3,8 +3,11 @@
 import random
 
 import pytest
+from child import Child
 from fault_campaign import full_disk, killed, read_only
 from victims import prepared, writers
+
+from safestage_eval.formats import dataset_layout as layout
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")]
 
@@ -21,3 +24,17 @@ def test_whatever_happens_to_what_writes(tmp_path, number):
     for row in rows:
         assert (row.lost, row.halves, row.next_failed) == (0, 0, 0), row
     assert rows[0].tried == 4
+
+
+@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("left", ["nothing but a folder", "a dataset without episodes"])
+def test_what_was_left_without_an_episode_is_no_obstacle(tmp_path, number, left):
+    victim = writers(prepared(tmp_path))[number]
+    folder = tmp_path / "out" / "data"
+    (folder / "meta" / "episodes").mkdir(parents=True)
+    (folder / "meta" / ".info.json.part").write_bytes(b"{")
+    if left == "a dataset without episodes":
+        layout.prepare(folder)
+    child = Child(victim, folder)
+    assert child.wait() == 0, child.said()
+    assert child.committed() <= victim.everything == victim.left(folder)
