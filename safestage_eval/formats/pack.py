@@ -14,6 +14,7 @@ from safestage_eval.episode import Episode, check
 from safestage_eval.errors import InputError, TraceError
 
 from . import dataset_layout as layout
+from .atomic import PART
 from .dataset_reader import open_episode
 from .dataset_writer import highest_index
 from .discover import discover
@@ -177,10 +178,15 @@ def _there(out: Path) -> dict[str, str | None]:
     return {ref.episode_id: ref.content_hash for ref in discover(out)}
 
 
+def _holds_files(folder: Path) -> bool:
+    """Other ones than what a run that was killed was about to write."""
+    return any(path.is_file() and not path.name.endswith(PART) for path in folder.rglob("*"))
+
+
 @contextmanager
 def _alone_in(out: Path) -> Iterator[None]:
     """Nobody else packs into the folder meanwhile; the claim ends with the process."""
-    if out.is_dir() and any(out.iterdir()) and not layout.is_dataset(out):
+    if not layout.is_dataset(out) and _holds_files(out):
         raise TraceError(
             str(out), "holds something that is no dataset.", fix="give a new or an empty folder"
         )

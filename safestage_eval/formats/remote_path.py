@@ -7,7 +7,6 @@ import os
 import re
 import time
 from collections.abc import Generator, Iterator
-from datetime import timedelta
 from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path, PosixPath
@@ -185,14 +184,7 @@ def filesystem(scheme: str) -> Any:
             request_timeout=60,
         )
     if scheme == "gs":
-        patience = timedelta(seconds=15)  # ``tried`` asks again; by itself it would for 15 minutes
-        protocol, _, host = os.environ.get("STORAGE_EMULATOR_HOST", "").rpartition("://")
-        if host:
-            return fs.GcsFileSystem(
-                anonymous=True, scheme=protocol or "http", endpoint_override=host,
-                retry_time_limit=patience,
-            )  # fmt: skip
-        return fs.GcsFileSystem(retry_time_limit=patience)
+        return fs.GcsFileSystem()
     try:
         import fsspec  # type: ignore[import-untyped]
 
