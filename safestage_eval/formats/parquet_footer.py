@@ -31,7 +31,8 @@ INT32, INT64, BYTES = 1, 2, 6
 _OPTIONAL = 1
 
 # fields of an element of the schema
-_REPETITION, _NAME, _INSIDE, _MEANING = 3, 4, 5, 6
+_SAID = slice(3, 7)
+"""Its repetition, name, number of elements inside, and meaning."""
 _TEXT, _LIST = 0, 3
 _WHOLE_NUMBERS = range(11, 19)
 """UINT_8 to INT_64."""
@@ -169,7 +170,7 @@ def parse(data: bytes) -> Footer | None:
         return None
     schema, rows, chunks, statistics = told
     try:
-        leaves, lists, columns, places = _schema(data, schema.tolist())
+        leaves, lists, columns, places = _schema(data, schema[:, _SAID].tolist())
         chunks = chunks.reshape(len(rows), places, -1)
         limits = _limits(data, leaves, chunks, statistics.reshape(len(rows), places, -1, 2))
         if rows.min(initial=0) < 0:
@@ -187,16 +188,14 @@ def _schema(
     leaves: dict[str, Leaf] = {}
     lists: dict[str, Leaf] = {}
     names, place = [], 0
-    todo = [elements[0][_INSIDE][0]]  # elements that are left on each level
+    todo = [elements[0][2][0]]  # elements that are left on each level
     around: list[tuple[str, int, int, int]] = []  # of each: name, repetition, meaning, elements
-    for element in elements[1:]:
+    for (repetition, _), (at, size), (inside, _), (meaning, _) in elements[1:]:
         while todo[-1] == 0:
             todo.pop()
             around.pop()
         todo[-1] -= 1
-        at, size = element[_NAME]
         name, top = data[at : at + size].decode(), len(todo) == 1
-        repetition, meaning, inside = (element[i][0] for i in (_REPETITION, _MEANING, _INSIDE))
         if top:
             names.append(name)
         if inside > 0:

@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from safestage_eval.errors import TraceError
 
-from .arrow_tables import columns_of, schema
+from .arrow_tables import columns_of
 from .parquet_columns import KINDS, read_columns
 from .parquet_footer import Footer, Group, by_pyarrow, read_footer, without_keys
 from .remote_path import source_of
@@ -61,7 +61,7 @@ class StoredTable:
 
     def __init__(self, path: Path, table: str) -> None:
         self.path = path
-        self._table, self.names = table, schema(table).names
+        self._table, self.names = table, list(columns_of(table))
         try:
             stat = regular(path)
         except (FileNotFoundError, NotADirectoryError):
