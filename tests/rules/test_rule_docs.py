@@ -53,4 +53,4 @@ def test_the_examples_of_the_example_hold(tmp_path: Path, monkeypatch) -> None:
     Path("examples/vase_pressed.toml").write_text(sketch, "utf-8")
     done = run("rules", "test", "mine.toml", "--mutate")
     assert done.code == 0, done.text + done.err
-    assert "4 of 4 examples" in done.text
+    assert "6 of 6 examples" in done.text
