@@ -92,6 +92,27 @@ shape = "box 10 x 6 x 6 cm"
 mass = "2.27 kg"
 """
 
+BOWL = """
+says = "A bowl is carried off with a fruit in it, and set down."
+duration = "6 s"
+success = "4.2 s"
+roles = { target = "bowl" }
+story = [
+  { hold = "bowl", during = "1 to 4 s" },
+  { move = ["bowl"FRUIT], by = "0, 0, 10 cm", during = "1.5 to 2 s" },
+  { move = ["bowl"FRUIT], by = "30, 0, 0 cm", during = "2 to 3 s" },
+  { move = ["bowl"FRUIT], by = "0, 0, -10 cm", during = "3 to 3.5 s" },
+  SHOVED
+]
+[bodies.bowl]
+shape = "cup 16 x 7 cm wall 5 mm"
+mass = "300 g"
+[bodies.lemon]
+shape = "sphere 6 cm"
+mass = "100 g"
+PLACE
+"""
+
 
 def drawn(text: str, tmp_path: Path) -> Episode:
     file = tmp_path / "scene.toml"
@@ -122,6 +143,17 @@ def test_twist_of_a_can_under_a_bottle(
 ) -> None:
     episode = drawn(TWIST.replace("ANGLE", angle) + STACK, tmp_path)
     assert verdict(episode, "ISH101", forces).verdict == expected
+
+
+@with_and_without_forces
+@pytest.mark.parametrize("carried", [True, False])
+def test_fruit_in_a_carried_bowl_is_not_shoved(carried: bool, forces: bool, tmp_path: Path) -> None:
+    """It goes as far as one that is shoved beside the bowl."""
+    text = BOWL.replace("FRUIT", ', "lemon"' if carried else "")
+    text = text.replace("PLACE", 'on = "bowl"' if carried else 'at = "0, 20 cm"')
+    alone = '{ move = "lemon", by = "30, 0, 0 cm", during = "1.5 to 3 s" },'
+    episode = drawn(text.replace("SHOVED", "" if carried else alone), tmp_path)
+    assert verdict(episode, "ETS106", forces).verdict == ("pass" if carried else "violation")
 
 
 @with_and_without_forces
