@@ -83,11 +83,13 @@ def rows(group: Any, key: str, where: str, width: int | None = None) -> NDArray[
 
 @contextmanager
 def layout(where: str) -> Iterator[None]:
-    """Raises TraceError where the block finds a group for numbers, or numbers for a group."""
+    """Raises TraceError where the block finds a group for numbers, or what cannot be read."""
     try:
         yield
     except InputError:
         raise
+    except (OSError, RuntimeError) as error:
+        raise TraceError(where, f"cannot be read: {error}.") from None
     except (AttributeError, TypeError, KeyError, IndexError, ValueError, OverflowError) as error:
         lines = str(error).splitlines() or [type(error).__name__]
         raise TraceError(where, f"is laid out in another way: {lines[0][:200]}.") from None
@@ -96,11 +98,12 @@ def layout(where: str) -> Iterator[None]:
 def fingerprint(group: Any) -> str:
     """Of a group: names, shapes and types of all datasets below, and the ends of each."""
     digest = sha256()
-    for name, data in datasets(group):
-        digest.update(f"{name} {data.shape} {data.dtype}".encode())
-        if data.shape and data.shape[0]:
-            digest.update(np.ascontiguousarray(data[0]).tobytes())
-            digest.update(np.ascontiguousarray(data[-1]).tobytes())
+    with layout(str(group.name)):
+        for name, data in datasets(group):
+            digest.update(f"{name} {data.shape} {data.dtype}".encode())
+            if data.shape and data.shape[0]:
+                digest.update(np.ascontiguousarray(data[0]).tobytes())
+                digest.update(np.ascontiguousarray(data[-1]).tobytes())
     return digest.hexdigest()
 
 

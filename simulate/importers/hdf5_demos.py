@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from safestage_eval.errors import InputError
 from safestage_eval.importers.hdf5 import fingerprint, layout, numbered, open_hdf5
 
 from .stored import Stored
@@ -57,33 +56,33 @@ class DemoFile:
     def fingerprint(self, name: str) -> str:
         """Of the model, and of the ends of its data."""
         demo = self._file["data"][name]
-        model = sha256(str(demo.attrs.get("model_file", "")).encode()).hexdigest()
+        with layout(f"{self.path}:data/{name}"):
+            told = str(demo.attrs.get("model_file", ""))
+        model = sha256(told.encode()).hexdigest()
         return f"{model[:16]}{fingerprint(demo)[:16]}"
 
     def read(self, name: str) -> Stored:
         """One demonstration. Raises InputError when its data are damaged."""
-        data = self._file["data"]
-        demo, where = data[name], f"{self.path}:data/{name}"
-        try:
-            with layout(where):
-                columns = {
-                    key: np.asarray(demo[key][()])
-                    for key in ("states", "actions", "rewards")
-                    if key in demo
-                }
-        except OSError as error:
-            raise InputError(where, f"cannot be read: {error}") from None
-        actions = columns.get("actions", np.zeros((0, 0)))
-        return Stored(
-            where=where,
-            model=_text(demo.attrs.get("model_file")),
-            states=columns.get("states"),
-            actions=actions if actions.ndim == 2 else np.zeros((0, 0)),
-            rewards=columns.get("rewards"),
-            meta=_json(demo.attrs.get("ep_meta")),
-            about={key: _text(value) or value for key, value in data.attrs.items()},
-            index=_number(name),
-        )
+        where = f"{self.path}:data/{name}"
+        with layout(where):
+            data = self._file["data"]
+            demo = data[name]
+            columns = {
+                key: np.asarray(demo[key][()])
+                for key in ("states", "actions", "rewards")
+                if key in demo
+            }
+            actions = columns.get("actions", np.zeros((0, 0)))
+            return Stored(
+                where=where,
+                model=_text(demo.attrs.get("model_file")),
+                states=columns.get("states"),
+                actions=actions if actions.ndim == 2 else np.zeros((0, 0)),
+                rewards=columns.get("rewards"),
+                meta=_json(demo.attrs.get("ep_meta")),
+                about={key: _text(value) or value for key, value in data.attrs.items()},
+                index=_number(name),
+            )
 
 
 def _number(name: str) -> int | None:
