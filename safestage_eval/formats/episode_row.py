@@ -71,6 +71,10 @@ def from_row(row: Mapping[str, Any], geometry: list[dict[str, Any]], where: str)
     if not isinstance(listed, list) or not all(isinstance(body, dict) for body in listed):
         raise TraceError(f"{where}, column bodies", "not a list of bodies.", "JSON records")
     bodies = {str(body.get("name")): body for body in listed}
+    for geom in geometry:
+        if not (isinstance(geom["geom"], int) and isinstance(geom["body"], str)):
+            said = f"geometry has a row of body {geom['body']!r}, geom {geom['geom']!r}."
+            raise TraceError(where, said, "a name and a number")
     for geom in sorted(geometry, key=lambda geom: geom["geom"]):
         if geom["body"] not in bodies:
             raise TraceError(

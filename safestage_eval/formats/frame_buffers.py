@@ -81,13 +81,16 @@ class FrameBuffers:
 def put(row: NDArray[np.float32], values: ArrayLike, name: str) -> None:
     """Copy without broadcasting (one pose must not become everybody's); a number is a row of one.
 
+    What is too large for float32 becomes infinite, which no trace may hold.
+
     Raises:
         ValueError: the shapes differ.
     """
     shape = values.shape if isinstance(values, np.ndarray) else np.shape(values)
     if (shape or (1,)) != row.shape:
         raise ValueError(f"{name} has shape {shape}, expected {row.shape}")
-    row[...] = values
+    with np.errstate(over="ignore"):
+        row[...] = values
 
 
 def doubled(array: NDArray[Any]) -> NDArray[Any]:

@@ -302,6 +302,12 @@ class StoredTable:
             used = _values(words.indices)
             if words.null_count:
                 raise TraceError(str(self.path), f"{column} is empty in {words.null_count} rows")
+            if len(used) and not 0 <= used.min() <= used.max() < len(names):
+                raise TraceError(
+                    str(self.path),
+                    f"{column} refers to names {used.min()} to {used.max()} of its dictionary.",
+                    f"0 to {len(names) - 1}",
+                )
             codes = np.array([index.get(name, -1) for name in names], np.int16)[used]
             if len(codes) and codes.min() < 0:
                 stranger = names[used[np.argmin(codes)]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -80,6 +81,6 @@ def _xyz(vector: Any) -> tuple[float, float, float]:
 def _place(pose: Any) -> dict[str, Any]:
     q = pose.orientation
     turn = np.array([q.w, q.x, q.y, q.z], np.float64)
-    length = float(np.linalg.norm(turn))
+    length = math.hypot(*turn)  # squares of huge numbers would overflow
     turn = turn / length if length > 0 else np.array([1.0, 0, 0, 0])
     return {"position": _xyz(pose.position), "orientation": tuple(turn.tolist())}

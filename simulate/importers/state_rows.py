@@ -62,6 +62,8 @@ def split(model: mujoco.MjModel, states: NDArray[np.generic], where: str) -> tup
             f"{nv} velocities, so that a row must have {width} numbers: time, qpos, qvel.",
             fix="the model_file must be the one with which the states were stored",
         )
+    if states.dtype.kind not in "iuf":
+        raise InputError(where, f"its states are {states.dtype}.", "numbers")
     rows = np.asarray(states, np.float64)
     if not np.isfinite(rows).all():
         frame = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
@@ -112,19 +114,20 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
         writer.add_body(body, places[body.name].position[0], places[body.name].orientation[0])
     contacts = ContactReader(model, data, about.geom_index)
     motion = MotionReader(model, data, about.movable)
-    for frame, time in enumerate(rows.time):
-        _put(model, data, rows, frame)
-        motion.read()
-        writer.add_frame(
-            float(time - rows.time[0]),
-            motion.pose,
-            motion.twist,
-            contacts=contacts.frame(),
-            joint_position=data.qpos[about.joint_qpos],
-            joint_velocity=data.qvel[about.joint_dof],
-            action=rows.action[frame] if rows.action.shape[1] else None,
-            gripper=None if openness is None else [openness(data.qpos)],
-        )
+    with np.errstate(over="ignore"):  # what float32 cannot hold becomes infinite, and is refused
+        for frame, time in enumerate(rows.time):
+            _put(model, data, rows, frame)
+            motion.read()
+            writer.add_frame(
+                float(time - rows.time[0]),
+                motion.pose,
+                motion.twist,
+                contacts=contacts.frame(),
+                joint_position=data.qpos[about.joint_qpos],
+                joint_velocity=data.qvel[about.joint_dof],
+                action=rows.action[frame] if rows.action.shape[1] else None,
+                gripper=None if openness is None else [openness(data.qpos)],
+            )
     tell(rows.loaded, facts, bodies, map_, account)
     return writer.episode()
 

@@ -15,6 +15,7 @@ from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import discover, load
 from safestage_eval.formats.arrow_tables import schema, write_options
 from safestage_eval.formats.mcap_metadata import checksum, from_texts
+from safestage_eval.formats.stored_table import StoredTable
 from safestage_eval.importers import Settings, import_all
 from safestage_eval.importers.frame_tree import FrameTree, Samples
 from safestage_eval.importers.hdf5 import open_hdf5
@@ -144,7 +145,13 @@ def test_a_column_that_is_there_twice(dataset):
 
 @pytest.mark.parametrize(
     ("table", "column"),
-    [("contacts", "body1"), ("bodies", "body"), ("frames", "action"), ("states", "state")],
+    [
+        ("contacts", "body1"),
+        ("bodies", "body"),
+        ("geometry", "body"),
+        ("frames", "action"),
+        ("states", "state"),
+    ],
 )
 @pytest.mark.parametrize("kind", ["number", "text lists", "lists"])
 def test_columns_of_another_kind(dataset, table, column, kind):
@@ -159,6 +166,15 @@ def test_columns_of_another_kind(dataset, table, column, kind):
         episode = load(dataset)
         assert episode.content_hash
         assert [state.sum() for state in episode.states.values()]
+
+
+def test_a_name_that_its_dictionary_does_not_have(dataset):
+    stored = StoredTable(the_only(dataset, "contacts"), "contacts")
+    names = pa.DictionaryArray.from_arrays(
+        pa.array([0, 2], pa.int32()), pa.array(["cube", "table"]), safe=False
+    )
+    with pytest.raises(TraceError, match="body1 refers to names 0 to 2"):
+        stored.codes(pa.table({"body1": names}), "body1", {"cube": 0, "table": 1})
 
 
 def test_the_header_of_an_mcap_has_a_checksum(tmp_path):
