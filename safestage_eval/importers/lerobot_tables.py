@@ -111,7 +111,7 @@ def _reading(file: Path) -> Iterator[None]:
     """Raises TraceError for what cannot be read."""
     try:
         yield
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:  # Arrow raises these
         told = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise TraceError(str(file), f"cannot be read: {told}.", fix="download it again") from None
 

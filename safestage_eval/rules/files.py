@@ -205,8 +205,13 @@ def not_toml(shown: str, text: str, message: str) -> Diagnostic:
 
 
 def _base(path: Path, name: str) -> Path | None:
-    beside = (path.parent / name).resolve()
-    return beside if beside.suffix == ".toml" and beside.is_file() else _builtin(name)
+    try:
+        beside = (path.parent / name).resolve()
+        if beside.suffix == ".toml" and beside.is_file():
+            return beside
+    except (OSError, ValueError):  # no file system has such a name
+        return None
+    return _builtin(name)
 
 
 def _builtin(name: str) -> Path | None:

@@ -327,6 +327,14 @@ def test_rules_extend_rule_files_only(tmp_path):
     assert "password" not in str(told.value)
 
 
+@pytest.mark.parametrize("name", ["x" * 5000, "a\\u0000b"])
+def test_rules_extend_what_no_file_is_called(tmp_path, name):
+    path = tmp_path / "mine.toml"
+    path.write_text(f'[ruleset]\nformat = 1\nname = "x"\nversion = "1.0.0"\nextends = ["{name}"]\n')
+    with pytest.raises(RuleErrors, match="not there"):
+        load_rules([path])
+
+
 def test_a_number_of_a_million_bytes():
     from safestage_eval.formats.wire import layout
 
