@@ -214,7 +214,7 @@ def _watch(monitor: GoalMonitor, writer: TraceWriter) -> float | None:
     last = len(writer)
     back = monitor.window_frames
     first = 0 if back is None else max(0, last - FRAMES_PER_ACTION - back)
-    return monitor.update(writer.window(first, last))
+    return monitor.update(writer.window(first, last), FRAMES_PER_ACTION)
 
 
 def observe(

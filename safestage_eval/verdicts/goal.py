@@ -45,21 +45,27 @@ def first_success(
     goal: ast.GoalDef,
     players: Mapping[str, Sequence[str]],
     hint: int | None = None,
+    start: int = 0,
 ) -> Reached:
     """The first frame that confirms the goal.
 
     Causal: whether a frame confirms depends on no later frame. ``evaluator`` must be causal.
     ``hint``: a frame by which the goal is probably confirmed; saves looking further if it is.
+    ``start``: the first frame that may confirm it; those before are only looked back to.
     """
     if hint is not None and hint + 1 < evaluator.frames:
-        found = _first_success(evaluator, goal, players, hint + 1)
+        found = _first_success(evaluator, goal, players, start, hint + 1)
         if found.frame is not None:
             return found
-    return _first_success(evaluator, goal, players, evaluator.frames)
+    return _first_success(evaluator, goal, players, start, evaluator.frames)
 
 
 def _first_success(
-    evaluator: Evaluator, goal: ast.GoalDef, players: Mapping[str, Sequence[str]], stop: int
+    evaluator: Evaluator,
+    goal: ast.GoalDef,
+    players: Mapping[str, Sequence[str]],
+    start: int,
+    stop: int,
 ) -> Reached:
     wanted = np.arange(evaluator.frames) < stop
     evaluator.players = players
@@ -77,10 +83,11 @@ def _first_success(
         evaluator.frames,
     )
     lasting = max(evaluator.count(CONFIRM), evaluator.count(goal.for_ or CONFIRM))
-    confirmed = np.flatnonzero((held_until(found.lower, lasting) >= 0) & wanted)
+    asked = slice(start, stop)
+    confirmed = np.flatnonzero(held_until(found.lower, lasting)[asked] >= 0)
     if len(confirmed):
-        return Reached(int(confirmed[0]))
-    return Reached(None, bool(((held_until(found.upper, lasting) >= 0) & wanted).any()))
+        return Reached(start + int(confirmed[0]))
+    return Reached(None, bool((held_until(found.upper, lasting)[asked] >= 0).any()))
 
 
 class GoalMonitor:
@@ -125,16 +132,18 @@ class GoalMonitor:
             loaded, binding.goal, binding.params(None), binding.goal_players(), header.frame_dt
         )
 
-    def update(self, window: Episode) -> float | None:
-        """Time (s) of the first frame in the window that confirms the goal, None if none does.
+    def update(self, window: Episode, new: int) -> float | None:
+        """Time (s) of the first new frame that confirms the goal, None if none does.
 
-        The window must end at the newest frame and start ``window_frames`` before the first frame
-        that no earlier window held (or at the start of the episode).
+        The window's last ``new`` frames are those that no earlier window held. It must start
+        ``window_frames`` before the first of them, or at the start of the episode. Those older
+        frames confirm nothing: what had begun before the window is not known at its start.
         """
         evaluator = Evaluator(
             Relations(Signals(window)), self._rules, self._params, None, causal=True
         )
-        frame = first_success(evaluator, self._goal, self._players).frame
+        start = max(0, len(window) - new)
+        frame = first_success(evaluator, self._goal, self._players, start=start).frame
         return None if frame is None else float(window.t[frame])
 
     def _lookback(self, frame_dt: float) -> int | None:
