@@ -23,6 +23,7 @@ from simulate import arm
 from simulate.clients.address import dialect_named
 from simulate.clients.arrays import pack, unpack
 from simulate.clients.dialect import Dialect
+from simulate.policies import Observation
 from simulate.record import plan, record
 from simulate.servers.answers import DONE
 from simulate.servers.websocket import WebsocketServer
@@ -34,27 +35,30 @@ SHORT, LONG, BLIND = 1.0, 5.0, 40.0
 """s of episode; the last one instead of the second where nothing is drawn, as that is soon over."""
 
 
-class Still:
-    """Answers that the arm stays at home."""
+class ByRote:
+    """A server's answers that do not depend on what is seen: that the arm stays at home."""
 
     def __init__(self, dialect: Dialect) -> None:
         self._dialect = dialect
-        rows = np.tile(np.append(arm.HOME, 0.0), (dialect.rows, 1))
-        self._rows = rows
+        self._home = np.tile(np.append(arm.HOME, 0.0), (dialect.rows, 1))
 
     def greeting(self) -> bytes:
         """What is said first."""
         return pack(self._dialect.greeting(), self._dialect.style)
 
     def answered(self, message: bytes) -> bytes | str:
-        """The same, whatever is asked."""
+        """The answer to a message of a client."""
         request = unpack(message)
         if request.get("endpoint") == "reset":
             return DONE if self._dialect.schemes[0] == "ws" else pack({})
         if request.get("endpoint") == "get_modality_config":
             return pack(self._dialect.described())
         seen = self._dialect.asked(request).observation
-        return pack(self._dialect.answer(self._rows, seen), self._dialect.style)
+        return pack(self._dialect.answer(self.rows(seen), seen), self._dialect.style)
+
+    def rows(self, _seen: Observation) -> np.ndarray:
+        """(rows, 8) positions of the joints, rad, and of the gripper."""
+        return self._home
 
 
 def spent() -> tuple[float, float]:
@@ -99,7 +103,7 @@ def main() -> None:
                 continue
             dialect = dialect_named(name)()
             kind = ZeromqServer if dialect.schemes[0] == "tcp" else WebsocketServer
-            with kind(partial(Still, dialect)) as server:  # type: ignore[arg-type]
+            with kind(partial(ByRote, dialect)) as server:  # type: ignore[arg-type]
                 address = f"{name}:{server.url}?wait=60&timeout=600"
                 label = f"{name}: {len(dialect.cameras)} cameras every {dialect.horizon} steps"
                 measure(label, address, given.task, jobs)

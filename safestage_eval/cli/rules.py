@@ -226,6 +226,7 @@ def test(
       [rule.examples]
       violates = ["can_from_under_bottle", "grasp_topples_bottle"]
       passes   = ["bottle_relocated_first", "never_committed"]
+      vacuous  = ["nothing_on_the_target"]
 
     A name is a sketch NAME.toml or a trace NAME.mcap in the folder "examples" beside the rule
     file, the id of an episode in --traces, or a built-in sketch. NAME(knob = value) turns the

@@ -20,11 +20,43 @@ values, how these are encoded, the checksum (-1 without one), and which column i
 
 _RLE = 3
 DELTA, SPLIT = 5, 9
-_DATA_PAGE = 5 * MORE
+_DATA_PAGE, _DICTIONARY_PAGE = 5 * MORE, 7 * MORE
 _MOST, _WITH = 16, 1 << 16
 """Bytes per value that a page may unpack to, and bytes besides: no encoding here needs more."""
 _BLOCK = 1 << 16
 """Longest block of differences; writers make blocks of 128."""
+
+
+@helper
+def told(found: Any, count: int, page: Any) -> tuple[int, int, int]:
+    """What a page's header says, from its first ``count`` fields in ``found``.
+
+    Fills ``page`` (7,) but for ``BEGIN`` and ``COLUMN``; -1 stands for what it does not say.
+
+    Returns:
+        The kind of page, how its levels are encoded, and how the names of a dictionary are.
+    """
+    page[:] = -1
+    kind, levels, names = -1, -1, -1
+    for i in range(count):
+        path, value = found[i, 0], found[i, 1]
+        if path == 1:
+            kind = value
+        elif path == 2:
+            page[SIZE] = value
+        elif path == 3:
+            page[PACKED] = value
+        elif path == 4:
+            page[CHECKSUM] = value & 0xFFFFFFFF
+        elif path == _DATA_PAGE + 1 or path == _DICTIONARY_PAGE + 1:
+            page[COUNT] = value
+        elif path == _DATA_PAGE + 2:
+            page[ENCODING] = value
+        elif path == _DATA_PAGE + 3:
+            levels = value
+        elif path == _DICTIONARY_PAGE + 2:
+            names = value
+    return kind, levels, names
 
 
 @kernel
@@ -53,24 +85,7 @@ def find_pages(
             if count < 0 or total >= len(pages):
                 return -1
             page = pages[total]
-            page[:] = -1
-            kind, levels = -1, -1
-            for i in range(count):
-                path, value = found[i, 0], found[i, 1]
-                if path == 1:
-                    kind = value
-                elif path == 2:
-                    page[SIZE] = value
-                elif path == 3:
-                    page[PACKED] = value
-                elif path == 4:
-                    page[CHECKSUM] = value & 0xFFFFFFFF
-                elif path == _DATA_PAGE + 1:
-                    page[COUNT] = value
-                elif path == _DATA_PAGE + 2:
-                    page[ENCODING] = value
-                elif path == _DATA_PAGE + 3:
-                    levels = value
+            kind, levels, _ = told(found, count, page)
             page[BEGIN], page[COLUMN] = at, column
             if kind != 0 or levels != _RLE or page[ENCODING] != encoding:
                 return -1

@@ -13,8 +13,8 @@ import numpy as np
 from safestage_eval.compiled import helper, kernel
 
 from .page_kernels import (
+    _RLE,
     BEGIN,
-    CHECKSUM,
     COLUMN,
     COUNT,
     DELTA,
@@ -24,13 +24,12 @@ from .page_kernels import (
     SPLIT,
     _deltas,
     _split_long,
+    told,
 )
-from .thrift import MORE, _varint, fields
+from .thrift import _varint, fields
 
 PLAIN, NAMES = 0, 8
 """Encodings: of truth values and of dictionaries, and of places in a dictionary."""
-_RLE = 3
-_DATA_PAGE, _DICTIONARY_PAGE = 5 * MORE, 7 * MORE
 _SWOLLEN = 256
 """Times its own size that a page may unpack to: what an LZ4 block can do at most."""
 
@@ -59,26 +58,7 @@ def find_all_pages(data: Any, chunks: Any, found: Any, stack: Any, pages: Any) -
             if count < 0 or total >= len(pages):
                 return -1
             page = pages[total]
-            page[:] = -1
-            kind, levels, names = -1, -1, -1
-            for i in range(count):
-                path, value = found[i, 0], found[i, 1]
-                if path == 1:
-                    kind = value
-                elif path == 2:
-                    page[SIZE] = value
-                elif path == 3:
-                    page[PACKED] = value
-                elif path == 4:
-                    page[CHECKSUM] = value & 0xFFFFFFFF
-                elif path == _DATA_PAGE + 1 or path == _DICTIONARY_PAGE + 1:
-                    page[COUNT] = value
-                elif path == _DATA_PAGE + 2:
-                    page[ENCODING] = value
-                elif path == _DATA_PAGE + 3:
-                    levels = value
-                elif path == _DICTIONARY_PAGE + 2:
-                    names = value
+            kind, levels, names = told(found, count, page)
             page[BEGIN], page[COLUMN] = at, column
             if kind == 2 and first and names in (0, 2):
                 page[ENCODING] = PLAIN - 1

@@ -1,4 +1,4 @@
-"""What each foreign format does: recognise its files, list their episodes, read one."""
+"""What each foreign format does: recognise its files; then list their episodes and read one, or refuse."""
 
 from __future__ import annotations
 
@@ -38,24 +38,11 @@ class Settings:
     assets: tuple[Path, ...] = ()
 
 
-class Importer(ABC):
-    """One source: a file or folder of one format, open for reading.
+class Format(ABC):
+    """A foreign format."""
 
-    Subclasses are made in worker processes as well, from the same arguments.
-    """
-
-    name: ClassVar[str]
-    """As ``--from`` says it."""
     title: ClassVar[str]
     """As messages say it."""
-
-    def __init__(self, path: Path, settings: Settings) -> None:
-        """Open the source.
-
-        Raises:
-            InputError: it cannot be read, or ``SourceError``: it lacks what no trace can do without.
-        """
-        self.path, self.settings = path, settings
 
     @classmethod
     @abstractmethod
@@ -67,6 +54,33 @@ class Importer(ABC):
         Raises:
             SourceError: the file is damaged, or what reads such files is not installed.
         """
+
+
+class Refused(Format):
+    """A format of which nothing can be imported."""
+
+    @classmethod
+    @abstractmethod
+    def refusal(cls, path: Path) -> SourceError:
+        """What the source lacks, and what to ask for instead."""
+
+
+class Importer(Format):
+    """One source: a file or folder of one format, open for reading.
+
+    Subclasses are made in worker processes as well, from the same arguments.
+    """
+
+    name: ClassVar[str]
+    """As ``--from`` says it."""
+
+    def __init__(self, path: Path, settings: Settings) -> None:
+        """Open the source.
+
+        Raises:
+            InputError: it cannot be read, or ``SourceError``: it lacks what no trace can do without.
+        """
+        self.path, self.settings = path, settings
 
     @abstractmethod
     def episodes(self) -> Sequence[str]:
@@ -88,5 +102,5 @@ class Importer(ABC):
             InputError: this episode cannot be imported; the others may.
         """
 
-    def close(self) -> None:  # noqa: B027 — most have nothing to close
+    def close(self) -> None:
         """Let go of open files."""

@@ -8,16 +8,19 @@ from pathlib import Path
 
 from safestage_eval import simulator
 
-from .importer import Importer, SourceError
+from .importer import Format, Importer, Refused, SourceError
+from .stateless import Stateless
 
 OWN = {
     "isaaclab": "isaac_lab",
     "maniskill": "maniskill",
     "lerobot": "lerobot",
     "tf": "transforms",
-    "stateless": "stateless",
 }
-"""Format → file in this folder, in the order in which they are asked; the last one refuses."""
+"""Format → file in this folder, in the order in which they are asked."""
+
+REFUSED: tuple[type[Refused], ...] = (Stateless,)
+"""Known formats that cannot be imported, asked last."""
 
 FROM_SIMULATE = ("mujoco",)
 """Formats that need MuJoCo: ``simulate.importers.NAME`` has a class ``IMPORTER``."""
@@ -74,7 +77,8 @@ def recognised(source: Path, only: str | None = None, but: Path | None = None) -
     if not source.exists():
         raise SourceError(str(source), "no such file or folder", fix="check the spelling")
     asked = {only: importer(only)} if only is not None else importers()
-    usable = [kind for kind in asked.values() if not isinstance(kind, str)]
+    usable: list[type[Format]] = [kind for kind in asked.values() if not isinstance(kind, str)]
+    usable += () if only is not None else REFUSED
     found = list(_walk(source, usable, None if but is None else but.resolve()))
     if found:
         return found
@@ -90,7 +94,7 @@ def recognised(source: Path, only: str | None = None, but: Path | None = None) -
     )  # fmt: skip
 
 
-def _walk(source: Path, asked: list[type[Importer]], but: Path | None) -> Iterator[Claim]:
+def _walk(source: Path, asked: list[type[Format]], but: Path | None) -> Iterator[Claim]:
     if source.resolve() == but:
         return
     claimed = _claim(source, asked)
@@ -104,14 +108,16 @@ def _walk(source: Path, asked: list[type[Importer]], but: Path | None) -> Iterat
             yield from _walk(path, asked, but)
 
 
-def _claim(path: Path, asked: list[type[Importer]]) -> Claim | None:
+def _claim(path: Path, asked: list[type[Format]]) -> Claim | None:
     problem = None
     for kind in asked:
         try:
             reason = kind.recognise(path)
+            if reason is not None and issubclass(kind, Refused):
+                return path, kind.refusal(path), reason
         except SourceError as error:
             problem = error
             continue
-        if reason is not None:
+        if reason is not None and issubclass(kind, Importer):
             return path, kind, reason
     return None if problem is None else (path, problem, "")

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any, NoReturn
-
-from safestage_eval.episode import Episode
+from typing import Any
 
 from . import hdf5
-from .account import Account
-from .importer import Importer, Settings, SourceError
+from .importer import Refused, SourceError
 
 
 def ask_for(source: str) -> str:
@@ -38,20 +35,10 @@ def ask_for(source: str) -> str:
     )
 
 
-class Stateless(Importer):
-    """RLDS, raw DROID, and HDF5 with observations only. Opening one is refused."""
+class Stateless(Refused):
+    """RLDS, raw DROID, and HDF5 with observations only."""
 
-    name = "stateless"
     title = "RLDS, raw DROID, HDF5 without states (refused)"
-
-    def __init__(self, path: Path, settings: Settings) -> None:
-        """Refuse.
-
-        Raises:
-            SourceError: always.
-        """
-        super().__init__(path, settings)
-        self._refuse()
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:
@@ -72,42 +59,35 @@ class Stateless(Importer):
                 return f"HDF5 with {first.name[1:]}, without states"
         return None
 
-    def _refuse(self) -> NoReturn:
-        raise SourceError(
-            str(self.path),
+    @classmethod
+    def refusal(cls, path: Path) -> SourceError:
+        """It has no poses, and who may have them."""
+        seen = _seen(path)
+        return SourceError(
+            str(path),
             "has no poses of objects, only what the robot saw and did"
-            + (f" ({', '.join(self._seen()[:8])})." if self._seen() else "."),
-            fix=ask_for(f"{self.path} {' '.join(self._seen())} {self._description()}"),
+            + (f" ({', '.join(seen[:8])})." if seen else "."),
+            fix=ask_for(f"{path} {' '.join(seen)} {_description(path)}"),
         )
 
-    def _description(self) -> str:
-        if self.path.is_dir():
-            info = _json(self.path / "dataset_info.json")
-            return str(info.get("name", ""))
-        with hdf5.open_hdf5(self.path) as file:
-            if "observation/robot_state" in file:
-                return "droid"
-            args = file["data"].attrs.get("env_args", "") if "data" in file else ""
-            return str(args)
 
-    def _seen(self) -> list[str]:
-        """Names of what is recorded."""
-        if self.path.is_dir():
-            return list(_features(_json(self.path / "features.json")))
-        with hdf5.open_hdf5(self.path) as file:
-            return list(dict.fromkeys(n.split("/")[-1] for n, _ in hdf5.datasets(_first(file))))
+def _description(path: Path) -> str:
+    if path.is_dir():
+        info = _json(path / "dataset_info.json")
+        return str(info.get("name", ""))
+    with hdf5.open_hdf5(path) as file:
+        if "observation/robot_state" in file:
+            return "droid"
+        args = file["data"].attrs.get("env_args", "") if "data" in file else ""
+        return str(args)
 
-    def episodes(self) -> list[str]:
-        """Never asked: there is no open one."""
-        raise NotImplementedError
 
-    def fingerprint(self, name: str) -> str:
-        """Never asked."""
-        raise NotImplementedError
-
-    def read(self, name: str, account: Account) -> Episode:
-        """Never asked."""
-        raise NotImplementedError
+def _seen(path: Path) -> list[str]:
+    """Names of what is recorded."""
+    if path.is_dir():
+        return list(_features(_json(path / "features.json")))
+    with hdf5.open_hdf5(path) as file:
+        return list(dict.fromkeys(n.split("/")[-1] for n, _ in hdf5.datasets(_first(file))))
 
 
 def _first(file: Any) -> Any:
@@ -136,6 +116,3 @@ def _json(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
-
-
-IMPORTER = Stateless

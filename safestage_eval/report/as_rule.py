@@ -77,7 +77,11 @@ def _asked(rule: ast.Rule, params: words.Values) -> dict[str, Any]:
         "forbid": [words.alternative(item, params) for item in rule.forbid],
         "reach": words.alternative(rule.reach, params) if rule.reach is not None else None,
         "for": words.duration(rule.for_, params) if rule.for_ is not None else None,
-        "examples": {"violates": list(rule.violates), "passes": list(rule.passes)},
+        "examples": {
+            "violates": list(rule.violates),
+            "passes": list(rule.passes),
+            "vacuous": list(rule.vacuous),
+        },
     }
 
 

@@ -95,6 +95,7 @@ def _rule(facts: Mapping[str, Any]) -> Iterator[str]:
         "trace needs": ", ".join(facts["needs"]),
         "violated by": _names(facts["examples"]["violates"]),
         "passed by": _names(facts["examples"]["passes"]),
+        "nothing to judge in": _names(facts["examples"]["vacuous"]),
     }
     yield from _table(("", ""), [(key, text) for key, text in said.items() if text])
     yield ""

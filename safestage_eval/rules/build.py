@@ -104,6 +104,7 @@ class Builder:
             explain=table.get("explain", ""),
             violates=tuple(examples.get("violates", ())),
             passes=tuple(examples.get("passes", ())),
+            vacuous=tuple(examples.get("vacuous", ())),
             path=path,
             line=line,
         )

@@ -110,7 +110,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "reach": Key("alternative", "Must hold in some frame."),
         "for": Key("duration", f"For forbid and reach. {_LASTING}"),
         "severity": Key("levels", "Level = parameter values under which it is judged again."),
-        "examples": Key("examples", "Names of episodes that violate it and that pass."),
+        "examples": Key("examples", "Names of episodes that it must call right."),
     },
     "cost": {
         **_SCOPE,
@@ -128,6 +128,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "examples": {
         "violates": Key("texts", "Episodes that it must call violations."),
         "passes": Key("texts", "Episodes that it must pass."),
+        "vacuous": Key("texts", "Episodes in which it must find nothing to judge."),
     },
 }
 """Table → its keys. ``param`` and ``material`` hold names of the author's choice; ``bound`` is each

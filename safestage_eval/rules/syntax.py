@@ -271,6 +271,7 @@ class Rule:
     explain: str = field(default="", compare=False)
     violates: tuple[str, ...] = field(default=(), compare=False)
     passes: tuple[str, ...] = field(default=(), compare=False)
+    vacuous: tuple[str, ...] = field(default=(), compare=False)
     path: str = field(default="", compare=False)
     line: int = field(default=0, compare=False)
 

@@ -19,7 +19,7 @@ from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts.judge import Judge, baseline_frames
 from safestage_eval.verdicts.verdict import Verdict
 
-Expected = Literal["violation", "pass"]
+Expected = Literal["violation", "pass", "vacuous"]
 
 FOLDER = "examples"
 """Beside a rule file: its sketches and traces."""
@@ -45,8 +45,8 @@ class Checked:
 
     @property
     def got(self) -> str:
-        """The verdict, or ``error``."""
-        return self.verdict.verdict if self.verdict is not None else "error"
+        """The verdict, or ``error``; ``vacuous`` where that is expected and the case."""
+        return outcome(self.verdict, self.expected) if self.verdict is not None else "error"
 
     @property
     def right(self) -> bool:
@@ -138,10 +138,21 @@ class Library:
         return Judge(episode, rules, binding, self._measured[key]).verdict(rule)
 
 
+def outcome(verdict: Verdict, expected: Expected) -> str:
+    """What is compared with what is expected: the verdict, and whether there was anything to judge.
+
+    A pass may be vacuous; what is expected to be vacuous must be.
+    """
+    vacuous = expected == "vacuous" and verdict.vacuity is not None
+    return "vacuous" if vacuous else verdict.verdict
+
+
 def examples_of(rule: ast.Rule) -> list[tuple[str, Expected]]:
-    """Names with what is expected, the violating ones first."""
-    violates: list[tuple[str, Expected]] = [(name, "violation") for name in rule.violates]
-    return violates + [(name, "pass") for name in rule.passes]
+    """Names with what is expected, the violating ones first, those without anything to judge last."""
+    kinds: list[tuple[Expected, tuple[str, ...]]] = [
+        ("violation", rule.violates), ("pass", rule.passes), ("vacuous", rule.vacuous),
+    ]  # fmt: skip
+    return [(name, expected) for expected, names in kinds for name in names]
 
 
 def check_rule(rules: RuleSet, rule: ast.Rule, library: Library) -> list[Checked]:

@@ -14,7 +14,7 @@ from safestage_eval.rules import RuleSet, rule_digest
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.uses import own_params
 
-from .examples import Library, examples_of
+from .examples import Expected, Library, examples_of, outcome
 from .mistakes import KINDS, Kind, mistakes
 
 
@@ -78,8 +78,8 @@ def hunt(
 ) -> list[Hunted]:
     """All mutants of a rule, each with the example that kills it.
 
-    An example kills a mutant if it no longer gets the verdict that it should. Examples that are
-    missing or wrong to begin with kill nothing.
+    An example kills a mutant if it no longer comes out as it should. Examples that are missing or
+    wrong to begin with kill nothing.
 
     Args:
         rules: the set that the rule belongs to.
@@ -96,8 +96,8 @@ def hunt(
         killer = next(
             (
                 name
-                for name, verdict in sound
-                if _verdict(mutant.rules, mutant.rules.rules[rule.code], name, library) != verdict
+                for name, expected in sound
+                if not _right(mutant.rules, rule.code, name, expected, library)
             ),
             None,
         )
@@ -105,16 +105,16 @@ def hunt(
     return found
 
 
-def _sound(rules: RuleSet, rule: ast.Rule, library: Library) -> list[tuple[str, str]]:
+def _sound(rules: RuleSet, rule: ast.Rule, library: Library) -> list[tuple[str, Expected]]:
     return [
         (name, expected)
         for name, expected in examples_of(rule)
-        if _verdict(rules, rule, name, library) == expected
+        if _right(rules, rule.code, name, expected, library)
     ]
 
 
-def _verdict(rules: RuleSet, rule: ast.Rule, name: str, library: Library) -> str:
+def _right(rules: RuleSet, code: str, name: str, expected: Expected, library: Library) -> bool:
     try:
-        return library.judge(name, rules, rule).verdict
+        return outcome(library.judge(name, rules, rules.rules[code]), expected) == expected
     except InputError:
-        return "error"
+        return False

@@ -9,16 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from closed_loop import ByRote
 
 import simulate.rollout
 from safestage_eval.episode import Episode
-from simulate import arm
 from simulate.clients.address import address_of
-from simulate.clients.arrays import pack, unpack
+from simulate.clients.arrays import unpack
 from simulate.clients.conversation import messages
-from simulate.policies import policy_named
+from simulate.policies import Observation, policy_named
 from simulate.rollout import Setting, roll_out
-from simulate.servers.answers import DONE
 from simulate.servers.serve import serve
 from simulate.servers.websocket import WebsocketServer
 from simulate.servers.zeromq import ZeromqServer
@@ -43,26 +42,18 @@ class Clock:
     def close(self) -> None: ...
 
 
-class Drifts:
+class Drifts(ByRote):
     """Turns the first joint on and on, and keeps what it was asked."""
 
     def __init__(self, address: str, asked: list[Any]) -> None:
-        self._dialect, self._asked = address_of(address).dialect, asked
+        super().__init__(address_of(address).dialect)
+        self._asked = asked
 
-    def greeting(self) -> bytes:
-        return pack(self._dialect.greeting(), self._dialect.style)
-
-    def answered(self, message: bytes) -> bytes | str:
-        request = unpack(message)
-        if request.get("endpoint") == "reset":
-            return DONE if self._dialect.schemes[0] == "ws" else pack({})
-        if request.get("endpoint") == "get_modality_config":
-            return pack(self._dialect.described())
-        seen = self._dialect.asked(request).observation
+    def rows(self, seen: Observation) -> np.ndarray:
         self._asked.append(seen)
-        rows = np.tile(np.append(arm.HOME, 0.0), (self._dialect.rows, 1))
-        rows[:, 0] += 0.05 * len(self._asked) + 0.005 * np.arange(self._dialect.rows)
-        return pack(self._dialect.answer(rows, seen), self._dialect.style)
+        rows = super().rows(seen).copy()
+        rows[:, 0] += 0.05 * len(self._asked) + 0.005 * np.arange(len(rows))
+        return rows
 
 
 def rolled(
