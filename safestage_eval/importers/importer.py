@@ -41,9 +41,6 @@ class Settings:
 class Format(ABC):
     """A foreign format."""
 
-    title: ClassVar[str]
-    """As messages say it."""
-
     @classmethod
     @abstractmethod
     def recognise(cls, path: Path) -> str | None:
@@ -73,6 +70,8 @@ class Importer(Format):
 
     name: ClassVar[str]
     """As ``--from`` says it."""
+    title: ClassVar[str]
+    """As messages say it."""
 
     def __init__(self, path: Path, settings: Settings) -> None:
         """Open the source.

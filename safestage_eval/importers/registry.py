@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from safestage_eval import simulator
@@ -77,9 +77,9 @@ def recognised(source: Path, only: str | None = None, but: Path | None = None) -
     if not source.exists():
         raise SourceError(str(source), "no such file or folder", fix="check the spelling")
     asked = {only: importer(only)} if only is not None else importers()
-    usable: list[type[Format]] = [kind for kind in asked.values() if not isinstance(kind, str)]
-    usable += () if only is not None else REFUSED
-    found = list(_walk(source, usable, None if but is None else but.resolve()))
+    usable = [kind for kind in asked.values() if not isinstance(kind, str)]
+    known = (*usable, *(() if only is not None else REFUSED))
+    found = list(_walk(source, known, None if but is None else but.resolve()))
     if found:
         return found
     titles = [kind.title for kind in usable]
@@ -94,7 +94,7 @@ def recognised(source: Path, only: str | None = None, but: Path | None = None) -
     )  # fmt: skip
 
 
-def _walk(source: Path, asked: list[type[Format]], but: Path | None) -> Iterator[Claim]:
+def _walk(source: Path, asked: Sequence[type[Format]], but: Path | None) -> Iterator[Claim]:
     if source.resolve() == but:
         return
     claimed = _claim(source, asked)
@@ -108,7 +108,7 @@ def _walk(source: Path, asked: list[type[Format]], but: Path | None) -> Iterator
             yield from _walk(path, asked, but)
 
 
-def _claim(path: Path, asked: list[type[Format]]) -> Claim | None:
+def _claim(path: Path, asked: Sequence[type[Format]]) -> Claim | None:
     problem = None
     for kind in asked:
         try:

@@ -38,8 +38,6 @@ def ask_for(source: str) -> str:
 class Stateless(Refused):
     """RLDS, raw DROID, and HDF5 with observations only."""
 
-    title = "RLDS, raw DROID, HDF5 without states (refused)"
-
     @classmethod
     def recognise(cls, path: Path) -> str | None:
         """By ``features.json`` and ``dataset_info.json``, or by HDF5 groups without states."""
