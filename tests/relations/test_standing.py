@@ -1,0 +1,49 @@
+"""The margin to an edge, of whatever bears a body or of one support that is named."""
+
+import numpy as np
+import pytest
+from scenes import G, Scene
+
+from safestage_eval.relations.measure import Relations
+from safestage_eval.signals.measure import Signals
+
+
+def margin(scene: Scene, *bodies: str) -> float:
+    found = Relations(Signals(scene.episode())).signal("edge_margin", bodies)
+    (value,) = {*found.lower.tolist(), *found.upper.tolist()}
+    return value
+
+
+def standing(*names: str) -> Scene:
+    """A box, half 5 cm, at x = 3 cm on one block or two, half 10 cm, that meet at x = 0."""
+    scene = Scene(2).fixed("table")
+    for name, x in zip(names, (0.1, -0.1), strict=False):
+        scene.box(name, 0.1, (x, 0, 0.1)).rests(name, "table", 0.1, (x, 0, 0), 2 * G)
+    scene.box("box", 0.05, (0.03, 0, 0.25))
+    for name in names:
+        scene.rests("box", name, 0.02, (0.02, 0, 0.2), G / len(names))
+    return scene
+
+
+def test_of_the_one_that_bears_it_both_ways_to_ask_agree() -> None:
+    """The base reaches 2 cm beyond the block's edge."""
+    scene = standing("right")
+    assert margin(scene, "box") == pytest.approx(-0.02, abs=1e-4)
+    assert margin(scene, "box", "right") == margin(scene, "box")
+
+
+def test_of_two_that_bear_it_each_has_its_own_edge_and_both_together_one() -> None:
+    scene = standing("right", "left")
+    assert margin(scene, "box", "right") == pytest.approx(-0.02, abs=1e-4)
+    assert margin(scene, "box", "left") == pytest.approx(-0.08, abs=1e-4)
+    assert margin(scene, "box") == pytest.approx(0.05, abs=1e-4)  # to the blocks' sides
+
+
+def test_of_what_it_does_not_stand_on_there_is_none() -> None:
+    scene = standing("right")
+    assert margin(scene, "box", "table") == -np.inf
+    assert margin(scene, "right", "box") == -np.inf
+
+
+def test_of_what_hangs_in_the_air_there_is_none() -> None:
+    assert margin(Scene(2).fixed("table").box("box", 0.05, (0, 0, 0.3)), "box") == -np.inf
