@@ -16,7 +16,8 @@ from safestage_eval.episode import Episode, Header
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.episode_row import mesh_keys
 from safestage_eval.formats.lazy import StoredItems
-from safestage_eval.relations.measure import COSTLY, Partial, Relations
+from safestage_eval.relations.measure import COSTLY, Relations
+from safestage_eval.relations.partial import Partial
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.options import Options
 from safestage_eval.signals.reference import Reference

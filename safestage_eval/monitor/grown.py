@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.contacts import Pair
-from safestage_eval.relations.measure import MEASURES, Partial, Relations
+from safestage_eval.relations.measure import MEASURES, Relations
+from safestage_eval.relations.partial import Partial
 from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.options import Options

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,7 @@ from .exposure import Exposure
 from .graph import ByForce, SupportGraph
 from .held import Grip, by_fingers, by_motion
 from .load import Loads
+from .partial import Partial
 from .proximity import LIFT, TOUCH, Proximity
 from .slip import gripper_frame, slip
 from .vocabulary import RELATIONS
@@ -40,24 +41,6 @@ MEASURES: dict[str, Callable[..., Series]] = {
 
 COSTLY = (*MEASURES, "depends_on")
 """What clips polygons or solves statics: found out only at the frames that matter."""
-
-
-@dataclass(frozen=True, eq=False)
-class Partial:
-    """A signal measured at some frames only: bounds (T,) and which frames are done (T,)."""
-
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
-    done: Bool
-    notes: dict[str, Bool]
-    """Note → (T,) the frames that it is about."""
-
-    @classmethod
-    def blank(cls, frames: int) -> Partial:
-        """Nothing measured yet."""
-        return cls(
-            np.full(frames, -np.inf), np.full(frames, np.inf), np.zeros(frames, np.bool_), {}
-        )
 
 
 class Relations:
@@ -233,17 +216,10 @@ class Relations:
             self._partial[key] = Partial.blank(len(self.episode))
         partial = self._partial[key]
         todo = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
-        missing = np.flatnonzero(todo & ~partial.done)
+        missing = partial.missing(todo)
         if len(missing):
-            found = self.measure(name, missing, bodies)
-            partial.lower[missing], partial.upper[missing] = found.lower, found.upper
-            partial.done[missing] = True
-            for note in found.notes:
-                vague = np.isneginf(found.lower) & np.isposinf(found.upper)
-                about = partial.notes.setdefault(note, np.zeros(len(self.episode), np.bool_))
-                about[missing[vague] if vague.any() else missing] = True
-        notes = tuple(note for note, about in partial.notes.items() if (about & todo).any())
-        return Series(partial.lower, partial.upper, SIGNALS[name].dimension, notes)
+            partial.add(missing, self.measure(name, missing, bodies))
+        return partial.series(todo, SIGNALS[name].dimension)
 
     def measure(self, name: str, at: NDArray[np.int64], bodies: Sequence[str]) -> Series:
         """(N,) one of ``MEASURES`` at N frames."""

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from safestage_eval.relations.vocabulary import RELATIONS, RelationSpec
-from safestage_eval.signals.vocabulary import SIGNALS, SignalSpec
+from safestage_eval.signals.spec import SignalSpec
+from safestage_eval.signals.vocabulary import SIGNALS
 
 from .diagnostic import Diagnostic
 from .files import RuleFile

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
-from safestage_eval.signals.vocabulary import SIGNALS, SignalSpec
+from safestage_eval.signals.spec import SignalSpec
+from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
 from . import parse

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
-from safestage_eval.signals.vocabulary import SignalSpec
+from safestage_eval.signals.spec import SignalSpec
 
 from . import parse
 from . import syntax as ast

@@ -14,7 +14,8 @@ from typing import Any
 
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.signals.options import OptionSpec
-from safestage_eval.signals.vocabulary import SIGNALS, SignalSpec
+from safestage_eval.signals.spec import SignalSpec
+from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
 from . import parse, structure

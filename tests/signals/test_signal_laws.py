@@ -21,7 +21,8 @@ from safestage_eval.relations.measure import Relations
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.options import Options
 from safestage_eval.signals.series import Series
-from safestage_eval.signals.vocabulary import SIGNALS, SignalSpec
+from safestage_eval.signals.spec import SignalSpec
+from safestage_eval.signals.vocabulary import SIGNALS
 
 FRAMES, STARTS = 80, 30
 BOX = (-1.0, -1.0, -1.0, 1.0, 1.0, 1.0)
