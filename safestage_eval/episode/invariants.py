@@ -256,9 +256,9 @@ def check_geom_owner(
 
 
 def _in_range(column: NDArray[np.integer], limit: int, name: str, where: str) -> list[TraceError]:
-    outside = (column < 0) | (column >= limit)
-    if not outside.any():
+    if not len(column) or (column.min() >= 0 and column.max() < limit):
         return []
+    outside = (column < 0) | (column >= limit)
     allowed = f"0…{limit - 1}" if limit else f"none: there is no {name.rstrip('12')}"
     return [TraceError(where, f"contact {name} {column[outside][0]} is out of range.", allowed)]
 

@@ -32,6 +32,7 @@ from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, XYZ, schema
 from .contact_points import GeomNames
 from .episode_row import from_row, mesh_keys
 from .lazy import StoredItems, StoredTrack
+from .parquet_footer import Footer
 from .ply import from_ply
 from .stored_contacts import Source, StoredContacts
 from .stored_file import regular, stays, within
@@ -44,6 +45,13 @@ MOST_GEOMS = 1 << 16
 """Contacts tell geoms by numbers of 16 bits."""
 
 
+_LAST: list[tuple[Footer, dict[int, list[dict[str, Any]]]]] = []
+"""The footer of the file of ``meta/episodes`` that was read last, and its rows by episode.
+
+Episodes of a file are mostly opened one after the other, and it may tell of hundreds of them.
+"""
+
+
 def read_rows(file: Path, columns: tuple[str, ...] | None = None) -> list[dict[str, Any]]:
     """Rows of one file of ``meta/episodes``; of the columns asked, those that are there.
 
@@ -51,7 +59,12 @@ def read_rows(file: Path, columns: tuple[str, ...] | None = None) -> list[dict[s
         TraceError: unreadable, without a required column, or of a newer major version.
     """
     stays(file, file.parents[2], str(file))
-    table = StoredTable(file, "meta/episodes")
+    return _rows(StoredTable(file, "meta/episodes"), file, columns)
+
+
+def _rows(
+    table: StoredTable, file: Path, columns: tuple[str, ...] | None = None
+) -> list[dict[str, Any]]:
     missing = [name for name in REQUIRED if name not in table.columns]
     if missing:
         raise TraceError(str(file), f"the column {missing[0]!r} is missing.", ", ".join(EPISODES))
@@ -109,10 +122,23 @@ def open_episode(file: Path, episode_index: int, *, checked: bool = True) -> Epi
     Raises:
         TraceError: a file or column is missing or damaged, or an invariant is broken.
     """
-    rows = [row for row in read_rows(file) if row["episode_index"] == episode_index]
+    stays(file, file.parents[2], str(file))
+    table = StoredTable(file, "meta/episodes")
+    rows = _by_episode(table, file).get(episode_index, [])
     if len(rows) != 1:
         raise TraceError(str(file), f"{len(rows)} rows with episode_index {episode_index}", "one")
     return _StoredEpisode(file, rows[0], checked).episode()
+
+
+def _by_episode(table: StoredTable, file: Path) -> dict[int, list[dict[str, Any]]]:
+    for footer, known in _LAST:
+        if footer is table.footer:
+            return known
+    found: dict[int, list[dict[str, Any]]] = {}
+    for row in _rows(table, file):
+        found.setdefault(row["episode_index"], []).append(row)
+    _LAST[:] = [(table.footer, found)]
+    return found
 
 
 class _StoredEpisode:
@@ -222,7 +248,7 @@ class _StoredEpisode:
 
     def in_order(self, frame: NDArray[np.int32], what: str, rows: int) -> None:
         """Rows must stand for frames 0, 1, 2, …; otherwise they would be taken for others."""
-        if len(frame) != rows or (frame != np.arange(rows)).any():
+        if len(frame) != rows or (frame != np.arange(rows, dtype=frame.dtype)).any():
             raise TraceError(
                 self.where,
                 f"{what} has {len(frame)} rows that are not the frames 0…{rows - 1} in order.",

@@ -126,7 +126,7 @@ def _all_there(room: Any, begin: Any, count: Any) -> Any:
 
 
 @helper
-def _split(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any) -> bool:
+def _split(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any, spare: Any) -> bool:
     """Floats of which the file has all first bytes, then all second bytes, and so on."""
     if at + 4 * count != len(room):
         return False
@@ -134,15 +134,18 @@ def _split(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any) ->
     second = room[at + count : at + 2 * count]
     third = room[at + 2 * count : at + 3 * count]
     high = room[at + 3 * count : at + 4 * count]
-    target = out[first : first + count, column]
+    # side by side first: many at once, which is not done for values that lie apart
     for k in range(count):
         i = np.uintp(k)  # an index without sign need not be looked at
-        target[i] = (
+        spare[i] = (
             np.uint32(low[i])
             | np.uint32(second[i]) << np.uint32(8)
             | np.uint32(third[i]) << np.uint32(16)
             | np.uint32(high[i]) << np.uint32(24)
         )
+    target = out[first : first + count, column]
+    for k in range(count):
+        target[np.uintp(k)] = spare[np.uintp(k)]
     return True
 
 
@@ -206,6 +209,14 @@ def _part(room: Any, width: Any, least: Any, value: Any, target: Any) -> Any:
     held, bits = np.uint64(0), np.int64(0)
     mask = (np.uint64(1) << np.uint64(width)) - np.uint64(1)
     at = np.uintp(0)
+    if width == 0:  # they rise evenly, as the numbers of frames do
+        for k in range(len(target)):
+            each = value + least * (k + 1)
+            if target.itemsize == 8:
+                target[np.uintp(k)] = np.uint64(each)
+            else:
+                target[np.uintp(k)] = np.uint32(each & 0xFFFFFFFF)
+        return value + least * len(target)
     for k in range(len(target)):
         while bits < width:
             held |= np.uint64(room[at]) << np.uint64(bits)
@@ -222,7 +233,7 @@ def _part(room: Any, width: Any, least: Any, value: Any, target: Any) -> Any:
 
 
 @kernel
-def read_pages(room: Any, pages: Any, optional: Any, out: Any) -> bool:
+def read_pages(room: Any, pages: Any, optional: Any, out: Any, spare: Any) -> bool:
     """The values of pages, each column's into a column of its own.
 
     Args:
@@ -230,6 +241,7 @@ def read_pages(room: Any, pages: Any, optional: Any, out: Any) -> bool:
         pages: (P, 7) from ``find_pages``.
         optional: (C,) whether values of a column may be missing.
         out: (rows, C) uint32 or uint64 to be filled with the values' bits.
+        spare: (rows,) uint32, room to work in.
 
     Returns:
         False for what is not as it should be; ``out`` means nothing then.
@@ -250,7 +262,7 @@ def read_pages(room: Any, pages: Any, optional: Any, out: Any) -> bool:
         if page[ENCODING] == SPLIT and out.itemsize == 8:
             good = _split_long(values, at, count, out, first, column)
         elif page[ENCODING] == SPLIT:
-            good = _split(values, at, count, out, first, column)
+            good = _split(values, at, count, out, first, column, spare)
         else:
             good = _deltas(values, at, count, out, first, column)
         if not good:

@@ -15,6 +15,8 @@ from .source import Source
 KINDS = {np.dtype(np.int32): 1, np.dtype(np.float32): 4, np.dtype(np.float64): 5}
 """Physical types of the numbers that are read."""
 
+_BITS = {4: np.dtype(np.uint32), 8: np.dtype(np.uint64)}
+
 LZ4 = 7
 _WASTE = 1 << 16
 """Bytes between columns that are rather read than skipped."""
@@ -37,22 +39,23 @@ def read_columns(
     """
     if footer.chunks is None:
         return False
-    told, optional = [], []
+    leaves = [footer.leaves.get(name) for name in names]
     rows, kind = len(out), KINDS[out.dtype]
-    for name in names:
-        leaf = footer.leaves.get(name)
+    told, optional, begin, end, wanted = [], [], file.size, 0, 0
+    for leaf in leaves:
         if leaf is None or not leaf.number:
             return False
         about = footer.chunks[group, leaf.place].tolist()
+        first, packed = about[FIRST_PAGE], about[COMPRESSED]
         usual = about[TYPE] == kind and about[VALUES] == rows and about[DICTIONARY] < 0
-        if not (usual and about[CODEC] == LZ4 and min(about[FIRST_PAGE], about[COMPRESSED]) > 0):
+        if not (usual and about[CODEC] == LZ4 and first > 0 and packed > 0):
             return False
-        told.append((about[FIRST_PAGE], about[FIRST_PAGE] + about[COMPRESSED]))
+        told.append((first, first + packed))
         optional.append(leaf.optional)
-    begin, end = min(told)[0], max(end for _, end in told)
+        begin, end, wanted = min(begin, first), max(end, first + packed), wanted + packed
     if end > file.size:
         return False
-    if end - begin > sum(end - begin for begin, end in told) + _WASTE:
+    if end - begin > wanted + _WASTE:
         return _one_by_one(file, footer, group, names, out)
     data = file.read(begin, end - begin)
     return len(data) == end - begin and _decode(
@@ -77,18 +80,19 @@ def _decode(
         return False
     pages = pages[:count]
     view, unpacked = memoryview(data), []
-    for at, packed, size, _, _, checksum, _ in pages.tolist():
-        page = view[at : at + packed]
-        if checksum >= 0 and crc32(page) != checksum:
-            return False
-        try:
+    try:
+        for at, packed, size, _, _, checksum, _ in pages.tolist():
+            page = view[at : at + packed]
+            if checksum >= 0 and crc32(page) != checksum:
+                return False
             unpacked.append(decompress(page, uncompressed_size=size))
-        except (LZ4BlockError, ValueError, OverflowError):
-            return False
-        if len(unpacked[-1]) != size:
-            return False
+            if len(unpacked[-1]) != size:
+                return False
+    except (LZ4BlockError, ValueError, OverflowError):
+        return False
     room = np.frombuffer(unpacked[0] if count == 1 else b"".join(unpacked), np.uint8)
-    return bool(read_pages(room, pages, optional, out.view(f"u{out.itemsize}")))
+    bits, spare = out.view(_BITS[out.itemsize]), np.empty(rows, np.uint32)
+    return bool(read_pages(room, pages, optional, bits, spare))
 
 
 def _one_by_one(

@@ -38,6 +38,14 @@ _WHOLE_NUMBERS = range(11, 19)
 """UINT_8 to INT_64."""
 
 
+_SCHEMAS: dict[
+    tuple[bytes, bytes],
+    tuple[dict[str, Leaf], dict[str, Leaf], frozenset[str], int],
+] = {}
+"""Columns by what tells of them: the numbers of the schema's elements, and the bytes with their names."""
+_SCHEMAS_KEPT = 64
+
+
 class Group(NamedTuple):
     """A row group: its number, its rows, and the least and greatest of each key that it states."""
 
@@ -170,7 +178,7 @@ def parse(data: bytes) -> Footer | None:
         return None
     schema, rows, chunks, statistics = told
     try:
-        leaves, lists, columns, places = _schema(data, schema[:, _SAID].tolist())
+        leaves, lists, columns, places = _known_schema(data, schema[:, _SAID])
         chunks = chunks.reshape(len(rows), places, -1)
         limits = _limits(data, leaves, chunks, statistics.reshape(len(rows), places, -1, 2))
         if rows.min(initial=0) < 0:
@@ -179,6 +187,19 @@ def parse(data: bytes) -> Footer | None:
         return None
     groups = tuple(map(Group, range(len(rows)), rows.tolist(), limits))
     return Footer(groups, columns, leaves, chunks, lists)
+
+
+def _known_schema(
+    data: bytes, elements: NDArray[np.int64]
+) -> tuple[dict[str, Leaf], dict[str, Leaf], frozenset[str], int]:
+    """As ``_schema``, worked out once for all files of a kind: theirs begin with the same bytes."""
+    names = elements[:, 1]
+    key = data[: max(int(names.sum(axis=1).max()), 0)], elements.tobytes()
+    if key not in _SCHEMAS:
+        if len(_SCHEMAS) >= _SCHEMAS_KEPT:
+            _SCHEMAS.clear()
+        _SCHEMAS[key] = _schema(data, elements.tolist())
+    return _SCHEMAS[key]
 
 
 def _schema(

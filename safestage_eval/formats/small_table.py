@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -202,11 +203,18 @@ def _nested(
     levels: tuple[int, ...], depths: NDArray[np.int64], again: NDArray[np.int64], told: list[Any]
 ) -> list[Any] | None:
     """The cells of a column: values, lists of values, and None where nothing is."""
+    if len(told) == len(depths):  # nothing is missing
+        if len(levels) == 1:
+            return told
+        starts = np.flatnonzero(again == 0).tolist()
+        if len(told) and starts[:1] != [0]:
+            return None
+        return [told[i:j] for i, j in pairwise([*starts, len(told)])]
     values = iter(told)
     deepest = sum(level > 0 for level in levels)
     if len(levels) == 1:
-        if len(told) == len(depths):
-            return told
+        if not told:
+            return [None] * len(depths)
         return [next(values) if depth == deepest else None for depth in depths.tolist()]
     out: list[Any] = []
     empty = levels[0]  # as deep as a list lies that is there and has no values

@@ -115,15 +115,14 @@ class _ByPair:
         """The pairs of a row group and their rows in it; told by its statistics if there is one."""
         source = self._source
         names = [group.single(key) for key in ("body1", "body2")]
-        if None not in names and all(name in source.body_index for name in names):
-            codes = [np.array([source.body_index[name]], np.int16) for name in names]
-            cuts = [0, group.rows]
-        else:
-            rows = source.table.read([group.number], ("body1", "body2"))
-            codes = [source.table.codes(rows, key, source.body_index) for key in ("body1", "body2")]
-            new = (codes[0][1:] != codes[0][:-1]) | (codes[1][1:] != codes[1][:-1])
-            cuts = [0, *(np.flatnonzero(new) + 1).tolist(), len(codes[0])]
-            codes = [column[cuts[:-1]] for column in codes]
+        first, second = (source.body_index.get(name, -1) for name in names)
+        if 0 <= first < second:
+            return [((first, second), slice(0, group.rows))]
+        rows = source.table.read([group.number], ("body1", "body2"))
+        codes = [source.table.codes(rows, key, source.body_index) for key in ("body1", "body2")]
+        new = (codes[0][1:] != codes[0][:-1]) | (codes[1][1:] != codes[1][:-1])
+        cuts = [0, *(np.flatnonzero(new) + 1).tolist(), len(codes[0])]
+        codes = [column[cuts[:-1]] for column in codes]
         pairs = list(zip(*(column.tolist() for column in codes), strict=True))
         source.demand(check_contact_order(codes[0], codes[1], source.where))
         return [(pair, slice(*cuts[i : i + 2])) for i, pair in enumerate(pairs)]

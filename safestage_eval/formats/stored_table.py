@@ -57,6 +57,7 @@ class StoredTable:
         path: of the file.
         names: the columns that the format has for this table.
         columns: those that the file has.
+        footer: what its end says; the same object as long as the file is the same.
     """
 
     def __init__(self, path: Path, table: str) -> None:
@@ -87,9 +88,10 @@ class StoredTable:
         FOOTERS[key] = self._known
         if len(FOOTERS) > _FOOTERS_KEPT:
             FOOTERS.pop(next(iter(FOOTERS)), None)
-        self._footer = self._known.footer
+        self.footer = self._known.footer
         self._found: dict[tuple[int, str | None], tuple[list[Group], bool]] = {}
-        self._groups, self.columns = self._footer.groups, self._footer.columns
+        self._bodies: dict[int, dict[str, list[Group]] | None] = {}
+        self._groups, self.columns = self.footer.groups, self.footer.columns
 
     @cached_property
     def _file(self) -> pq.ParquetFile:
@@ -146,7 +148,7 @@ class StoredTable:
         for group in groups if exact else ():
             try:
                 kinds = {name: types[name].type for name in columns}
-                part = read_records(self._source, self._footer, group.number, kinds)
+                part = read_records(self._source, self.footer, group.number, kinds)
             except OSError as error:
                 raise _unreadable(self.path, error) from None
             if part is None:
@@ -176,7 +178,7 @@ class StoredTable:
         for group, count in zip(groups, rows, strict=True):
             part = out[first : first + count]
             try:
-                known = read_columns(self._source, self._footer, group, columns, part)
+                known = read_columns(self._source, self.footer, group, columns, part)
             except OSError as error:
                 raise _unreadable(self.path, error) from None
             if not known:
@@ -210,7 +212,18 @@ class StoredTable:
 
     def groups(self, episode: int, body: str | None = None) -> list[Group]:
         """The row groups that may hold rows of an episode (and of one body), in stored order."""
+        if body is not None and self._by_body(episode) is not None:
+            return (self._by_body(episode) or {}).get(body, [])
         return [g for g in self._near(episode) if g.may_hold(episode_index=episode, body=body)]
+
+    def _by_body(self, episode: int) -> dict[str, list[Group]] | None:
+        """Row groups of each body; None where one holds several, or does not say."""
+        if episode not in self._bodies:
+            told: dict[str, list[Group]] = {}
+            for group in self.groups(episode):
+                told.setdefault(group.single("body"), []).append(group)
+            self._bodies[episode] = None if None in told else told
+        return self._bodies[episode]
 
     def _near(self, episode: int) -> Sequence[Group]:
         """Those to look through: a shard holds thousands, of many episodes."""

@@ -91,7 +91,9 @@ def test_levels_that_claim_too_much(levels, run):
     values = levels.to_bytes(4, "little") + varint(run) + b"\1" + bytes(40)
     pages = np.array([[0, len(values), len(values), 10, SPLIT, -1, 0]])
     out = np.zeros((10, 1), np.uint32)
-    good = read_pages(np.frombuffer(values, np.uint8), pages, np.array([True]), out)
+    good = read_pages(
+        np.frombuffer(values, np.uint8), pages, np.array([True]), out, np.zeros(10, np.uint32)
+    )
     assert good == (levels == 2 and run == 20)
 
 
