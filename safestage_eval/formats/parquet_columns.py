@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from lz4.block import LZ4BlockError, decompress  # type: ignore[import-untyped]
@@ -15,7 +16,7 @@ from .source import Source
 KINDS = {np.dtype(np.int32): 1, np.dtype(np.float32): 4, np.dtype(np.float64): 5}
 """Physical types of the numbers that are read."""
 
-_BITS = {4: np.dtype(np.uint32), 8: np.dtype(np.uint64)}
+_BITS: dict[int, np.dtype[Any]] = {4: np.dtype(np.uint32), 8: np.dtype(np.uint64)}
 
 LZ4 = 7
 _WASTE = 1 << 16

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import reduce
 
 import numpy as np
+from numpy.typing import NDArray
 
 from safestage_eval.geometry.cavity import containment_depth
 from safestage_eval.geometry.clearance import clearance_series
@@ -13,6 +14,8 @@ from safestage_eval.geometry.mover import Mover
 
 from .facts import Query
 from .series import Series, exact
+
+F64 = NDArray[np.float64]
 
 
 def lift(query: Query) -> Series:
@@ -41,7 +44,7 @@ def clearance(query: Query) -> Series:
         backend=query.facts.backend,
     )
     frames = len(query.episode)
-    lower, upper = (np.broadcast_to(x, frames) for x in (found.lower, found.upper))
+    lower, upper = (over(x, frames) for x in (found.lower, found.upper))
     return complete(query, Series(lower, upper, query.dimension))
 
 
@@ -54,7 +57,7 @@ def height_above(query: Query) -> Series:
     lows = [known.lowest(mover.shape.name) for mover in movers[0]]
     highs = [known.highest(mover.shape.name) for mover in movers[1]]
     value = reduce(np.minimum, lows) - reduce(np.maximum, highs)
-    return complete(query, exact(np.broadcast_to(value, len(query.episode)), query.dimension))
+    return complete(query, exact(over(value, len(query.episode)), query.dimension))
 
 
 def containment(query: Query) -> Series:
@@ -68,6 +71,11 @@ def containment(query: Query) -> Series:
         return query.unknown(f"{container} has no declared cavity")
     depth = containment_depth(movers[0][0], movers[1][0], cavity)
     return exact(np.broadcast_to(depth, len(query.episode)), query.dimension)
+
+
+def over(values: F64, frames: int) -> F64:
+    """(T,) values, of which there may be one for all frames."""
+    return values if len(values) == frames else np.broadcast_to(values, frames)
 
 
 def shapes(query: Query) -> list[list[Mover]] | Series:

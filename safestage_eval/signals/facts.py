@@ -73,6 +73,7 @@ class Facts:
         self.backend = backend
         self.baseline = Baseline(baseline_frames)
         self.movers = Movers(episode)
+        self._unions: dict[str, list[str]] = {}
 
     @cached_property
     def contact_sums(self) -> ContactSums:
@@ -86,10 +87,14 @@ class Facts:
         """
         if name in self.episode.bodies:
             return [name]
-        kinds = {"robot": ("robot", "gripper"), "gripper": ("gripper",)}[name]
-        return [
-            body.name for body in self.episode.header.bodies if body.kind in kinds and body.movable
-        ]
+        if name not in self._unions:
+            kinds = {"robot": ("robot", "gripper"), "gripper": ("gripper",)}[name]
+            self._unions[name] = [
+                body.name
+                for body in self.episode.header.bodies
+                if body.kind in kinds and body.movable
+            ]
+        return self._unions[name]
 
 
 @dataclass(frozen=True)

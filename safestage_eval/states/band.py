@@ -10,7 +10,6 @@ over real-valued signals", 2010).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -49,9 +48,19 @@ class Band(NamedTuple):
         """Both ends are one array: what is done to the one need not be done to the other."""
         return self.lower is self.upper
 
+    @property
+    def told(self) -> bool:
+        """False where nothing is known at any frame."""
+        if len(self.lower) and (self.lower[0] > -np.inf or self.upper[0] < np.inf):
+            return True
+        return not (np.isneginf(self.lower).all() and np.isposinf(self.upper).all())
+
     def at(self, first: int, stop: int) -> Band:
         """The frames [first, stop)."""
-        return each(lambda margin: margin[first:stop], self)
+        if first == 0 and stop >= len(self.lower):
+            return self
+        lower = self.lower[first:stop]
+        return Band(lower, lower if self.exact else self.upper[first:stop])
 
 
 def each(function: Callable[..., F64], *bands: Band) -> Band:
@@ -79,7 +88,7 @@ def strict(margin: F64) -> F64:
 def crisp(truth: Bool, known: Bool | None = None) -> Band:
     """±∞ margins of a yes-or-no series (T,); where ``known`` is false, [−∞, +∞]."""
     margin = np.where(truth, np.inf, -np.inf)
-    if known is None:
+    if known is None or known.all():
         return Band(margin, margin)
     return Band(np.where(known, margin, -np.inf), np.where(known, margin, np.inf))
 
@@ -90,7 +99,7 @@ def both(bands: Sequence[Band], frames: int) -> Band:
         return crisp(np.ones(frames, np.bool_))
     if len(bands) == 1:
         return bands[0]
-    return each(lambda *margins: reduce(np.minimum, margins), *bands)
+    return _reduced(np.minimum, bands)
 
 
 def either(bands: Sequence[Band], frames: int) -> Band:
@@ -99,12 +108,27 @@ def either(bands: Sequence[Band], frames: int) -> Band:
         return crisp(np.zeros(frames, np.bool_))
     if len(bands) == 1:
         return bands[0]
-    return each(lambda *margins: reduce(np.maximum, margins), *bands)
+    return _reduced(np.maximum, bands)
+
+
+def _reduced(extreme: np.ufunc, bands: Sequence[Band]) -> Band:
+    """The least or the greatest of two margins or more."""
+    first, second, *more = bands
+    lower = extreme(first.lower, second.lower)
+    for band in more:
+        extreme(lower, band.lower, out=lower)
+    if all(band.lower is band.upper for band in bands):
+        return Band(lower, lower)
+    upper = extreme(first.upper, second.upper)
+    for band in more:
+        extreme(upper, band.upper, out=upper)
+    return Band(lower, upper)
 
 
 def opposite(band: Band) -> Band:
     """It does not hold."""
-    return each(negated, Band(band.upper, band.lower))
+    lower = negated(band.upper)
+    return Band(lower, lower if band.exact else negated(band.lower))
 
 
 def at_least(count: int, bands: Sequence[Band], frames: int) -> Band:

@@ -20,7 +20,7 @@ class Truth(NamedTuple):
     @property
     def known(self) -> bool:
         """Nothing about it is open."""
-        return bool((self.sure == self.possible).all())
+        return self.sure is self.possible or bool((self.sure == self.possible).all())
 
 
 class Moment(NamedTuple):

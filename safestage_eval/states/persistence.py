@@ -56,16 +56,21 @@ def _windows(extreme: np.ufunc, margin: F64, frames: int) -> F64:
 
 def without_short_runs(margin: F64, frames: int) -> F64:
     """Runs of truth shorter than ``frames`` vanish, a run cut by the trace's end among them."""
-    return margin if frames <= 1 else _seen_until(held_from(margin, frames), frames)
+    if frames <= 1 or not len(margin):
+        return margin
+    held = np.full(len(margin) + frames - 1, NEVER)
+    if frames <= len(margin):
+        held[frames - 1 : len(margin)] = _windows(np.minimum, margin, frames)
+    return _windows(np.maximum, held, frames)
 
 
 def without_short_gaps(margin: F64, frames: int) -> F64:
     """Gaps of at most ``frames`` frames between two true frames are closed."""
     if frames < 1 or not len(margin):
         return margin
-    pad = np.full(frames, NEVER)
-    spread = _seen_until(np.concatenate([pad, margin, pad]), frames + 1)
-    return held_from(spread, frames + 1)[frames:-frames]
+    longer = np.full(len(margin) + 2 * frames, NEVER)
+    longer[frames:-frames] = margin
+    return _windows(np.minimum, _windows(np.maximum, longer, frames + 1), frames + 1)
 
 
 def persistent(
@@ -91,9 +96,13 @@ def persistent(
 
 def _filtered(margin: F64, for_frames: int, gap_frames: int) -> F64:
     """Gaps closed, then short runs dropped; a margin that never changes has neither."""
-    if len(margin) >= for_frames and len(margin) and bool((margin == margin[0]).all()):
+    if len(margin) >= for_frames and len(margin) and _constant(margin):
         return margin
     return without_short_runs(without_short_gaps(margin, gap_frames), for_frames)
+
+
+def _constant(margin: F64) -> bool:
+    return bool(margin[0] == margin[-1] and (margin == margin[0]).all())
 
 
 def latched(band: Band, reset: Bool, perhaps: Bool | None = None) -> Band:
@@ -119,8 +128,11 @@ def _latch(margin: F64, reset: Bool) -> F64:
 
 def runs(truth: Bool) -> NDArray[np.int64]:
     """(R, 2) half-open frame intervals [first, stop) of consecutive true frames."""
-    if not truth.any():
+    if not len(truth):
         return np.zeros((0, 2), np.int64)
-    padded = np.zeros(len(truth) + 2, np.bool_)
-    padded[1:-1] = truth
-    return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
+    changes = (truth[1:] != truth[:-1]).nonzero()[0]
+    begun, open_ = int(truth[0]), int(truth[-1])
+    out = np.empty(begun + len(changes) + open_, np.int64)
+    out[:begun], out[len(out) - open_ :] = 0, len(truth)
+    np.add(changes, 1, out=out[begun : begun + len(changes)])
+    return out.reshape(-1, 2)

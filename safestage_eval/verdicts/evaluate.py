@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.digest import parameters_read
 from safestage_eval.signals.reference import Reference, latest
 from safestage_eval.signals.series import Series
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
 
+from .costly import Costly, is_costly, is_momentary
+from .known import Known
 from .memory import Memory
 from .values import Env, Values, ends_early, ends_with_success, limit_margin
+
+Found = TypeVar("Found")
 
 
 class Evaluator(Values):
@@ -63,13 +66,11 @@ class Evaluator(Values):
         self.players: Mapping[str, Sequence[str]] = {}
         """Role → all bodies that play it, for ``at least K role``."""
         self._obligation: str | None = None
-        self._states: dict[tuple[str, tuple[str, ...]], tuple[Band, dict[str, None]]] = {}
-        # by identity: what is asked about is kept beside what was found, and so stays what it is
-        self._limits: dict[tuple[Any, ...], tuple[ast.SignalAtom, Band, dict[str, None]]] = {}
-        self._lazy: dict[int, tuple[ast.Condition, bool]] = {}
+        self._known = Known(rules)
+        self._costly = Costly(rules)
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
-        """The same episode under other values; states and limits that they cannot change are shared."""
+        """The same episode under other values; what they cannot change is shared."""
         found = Evaluator(
             self.relations,
             self.rules,
@@ -80,17 +81,28 @@ class Evaluator(Values):
             memory=self.memory,
         )
         found.players = self.players
+        found._measured = self._measured  # no value of a parameter is in it
         changed = {name for name, value in params.items() if self.params.get(name) != value}
-
-        def same(node: object) -> bool:
-            return changed.isdisjoint(parameters_read(self.rules, node))
-
-        for call, state in self._states.items():
-            declared = self.rules.states.get(call[0])
-            if declared is None or same(declared):
-                found._states[call] = state
-        found._limits = {key: known for key, known in self._limits.items() if same(known[0])}
+        found._known = Known(self.rules, self._known, frozenset(changed))
         return found
+
+    def once(self, node: object, key: tuple[Any, ...], find: Callable[[], Found]) -> Found:
+        """What ``find`` says of a declared part of the rules, with its notes; or what it said before.
+
+        Args:
+            node: the part, kept beside what was found, and so stays what it is.
+            key: what else the answer depends on, and who asks.
+            find: tells it.
+        """
+        known = self._known.get(key)
+        if known is None:
+            outer, self.notes = self.notes, {}
+            try:
+                known = self._known.told[key] = node, find(), self.notes
+            finally:
+                self.notes = outer
+        self.notes.update(known[2])
+        return cast(Found, known[1])
 
     @contextmanager
     def obliged(self, kind: str | None) -> Iterator[None]:
@@ -138,45 +150,18 @@ class Evaluator(Values):
         Only the ``wanted`` frames (T,) of the result mean anything; all of them if None. Costly
         signals come last, and are measured only where no other atom has already decided.
         """
-        if not self._is_lazy(condition):
+        if not self._costly.within(condition):
             return band.both([self.atom(atom, env) for atom in condition.atoms], self.frames)
         mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
         bands: list[Band] = []
         decided = 0  # how many of them the mask knows of
-        for atom in sorted(condition.atoms, key=_is_costly):
-            if self._asks_costly(atom):
+        for atom in sorted(condition.atoms, key=is_costly):
+            if self._costly.asked(atom):
                 for found in bands[decided:]:
                     mask = mask & ~np.isneginf(found.upper)
                 decided = len(bands)
             bands.append(self.atom(atom, env, mask))
         return band.both(bands, self.frames)
-
-    def _is_lazy(self, condition: ast.Condition) -> bool:
-        """It asks for something costly, itself or through a state that merely names a condition."""
-        known = self._lazy.get(id(condition))
-        if known is None:
-            known = self._lazy[id(condition)] = (
-                condition,
-                any(self._asks_costly(atom) for atom in condition.atoms),
-            )
-        return known[1]
-
-    def _asks_costly(self, asked: ast.Atom | ast.Alternative) -> bool:
-        if isinstance(asked, ast.Condition):
-            return self._is_lazy(asked)
-        if isinstance(asked, ast.AnyOf):
-            return any(self._asks_costly(a) for a in asked.alternatives)
-        if isinstance(asked, ast.Event) and asked.edge is not None:
-            return False
-        if asked.call is None:
-            return False
-        name = asked.call.name
-        if name in self.rules.signals:
-            name = self.rules.signals[name].base
-        declared = self.rules.states.get(name)
-        if declared is not None and _is_momentary(declared):
-            return self._is_lazy(declared.when)
-        return name in COSTLY
 
     def alternative(
         self, alternative: ast.Alternative, env: Env, wanted: Bool | None = None
@@ -192,16 +177,10 @@ class Evaluator(Values):
     def atom(self, atom: ast.Atom, env: Env, wanted: Bool | None = None) -> Band:
         """One entry of a condition; ``wanted`` as in ``condition``."""
         if isinstance(atom, ast.SignalAtom):
-            if wanted is not None and self._asks_costly(atom):
+            if wanted is not None and self._costly.asked(atom):
                 return self._limited(atom, env, wanted)
             key = (id(atom), self._obligation, *env.items())
-            if key not in self._limits:
-                outer, self.notes = self.notes, {}
-                self._limits[key] = atom, self._limited(atom, env, None), self.notes
-                self.notes = outer
-            _, found, notes = self._limits[key]
-            self.notes.update(notes)
-            return found
+            return self.once(atom, key, lambda: self._limited(atom, env, None))
         if isinstance(atom, ast.StateAtom):
             found = self.state(atom.call, env, wanted)
             return found if atom.want else band.opposite(found)
@@ -248,23 +227,15 @@ class Evaluator(Values):
     def _state(self, call: ast.Call, env: Env, wanted: Bool | None) -> Band:
         bodies = tuple(env.get(arg, arg) for arg in call.args)
         declared = self.rules.states.get(call.name)
-        if wanted is not None and declared is not None and _is_momentary(declared):
+        if wanted is not None and declared is not None and is_momentary(declared):
             inner = dict(zip(declared.of, bodies, strict=True))
             return self.condition(declared.when, inner, wanted)
         if wanted is not None and declared is None and call.name in COSTLY:
             return self._relation(call.name, bodies, wanted)
-        key = (call.name, bodies)
-        if key not in self._states:
-            outer, self.notes = self.notes, {}
-            if declared is None:
-                found = self._relation(call.name, bodies)
-            else:
-                found = self._declared(call.name, bodies)
-            self._states[key] = (found, self.notes)
-            self.notes = outer
-        found, notes = self._states[key]
-        self.notes.update(notes)
-        return found
+        key = ("state", call.name, bodies)
+        if declared is None:
+            return self.once(None, key, lambda: self._relation(call.name, bodies))
+        return self.once(declared, key, lambda: self._declared(call.name, bodies))
 
     def _relation(self, name: str, bodies: tuple[str, ...], wanted: Bool | None = None) -> Band:
         truth = self.relations.get(name, bodies, wanted)
@@ -286,7 +257,7 @@ class Evaluator(Values):
         state = self.rules.states[name]
         env = dict(zip(state.of, bodies, strict=True))
         found = self.condition(state.when, env)
-        if state.fallback is None or band_known(found):
+        if state.fallback is None or found.told:
             return found
         found = self.condition(state.fallback, env)
         if state.perhaps is None:
@@ -347,19 +318,3 @@ class Evaluator(Values):
             return [Moment(0, 0)]
         truth = truth_of(self.state(event.call, env))
         return moment.ends(truth) if event.edge == "end" else moment.starts(truth)
-
-
-def _is_momentary(state: ast.StateDef) -> bool:
-    """A mere name for a condition: no frame of it depends on another."""
-    return all(part is None for part in (state.for_, state.gap, state.until, state.fallback))
-
-
-def _is_costly(atom: ast.Atom) -> bool:
-    return isinstance(atom, ast.SignalAtom | ast.StateAtom) and atom.call.name in COSTLY
-
-
-def band_known(found: Band) -> bool:
-    """False where nothing is known at any frame."""
-    if len(found.lower) and (found.lower[0] > -np.inf or found.upper[0] < np.inf):
-        return True
-    return not (np.isneginf(found.lower).all() and np.isposinf(found.upper).all())

@@ -9,7 +9,7 @@ import numpy as np
 
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import scope as scopes
-from safestage_eval.states.band import Band, Bool, negated
+from safestage_eval.states.band import TINY, Band, Bool
 from safestage_eval.states.persistence import held_from, without_short_runs
 from safestage_eval.states.scope import Scope
 
@@ -222,24 +222,33 @@ def _obligation(
         return nothing, nothing, 0
     if kind == "require":
         upper = found.upper if sure is None else np.where(sure, found.upper, np.inf)
-        broken = bool(upper.min() < 0)
-        frame = int(np.argmin(upper if broken else found.lower))
-        return float(found.lower.min()), float(upper.min()), frame
-    least = found.lower
+        least, lowest = int(upper.argmin()), int(found.lower.argmin())
+        broken = bool(upper[least] < 0)
+        return float(found.lower[lowest]), float(upper[least]), least if broken else lowest
+    held = found.lower
     if kind == "forbid" and sure is not None:
-        least = np.where(sure, found.lower, -np.inf)
-    low = held_from(least, lasting)
-    high = low if least is found.upper else held_from(found.upper, lasting)
-    best, values = (low, least) if low.max() >= 0 else (high, found.upper)
-    start = int(np.argmax(best))
-    frame = start + int(np.argmin(values[start : start + lasting]))
+        held = np.where(sure, found.lower, -np.inf)
+    low = held_from(held, lasting)
+    high = low if held is found.upper else held_from(found.upper, lasting)
+    start = int(low.argmax())
+    surely = possibly = float(low[start])
+    values = held
+    if high is not low:
+        start_high = int(high.argmax())
+        possibly = float(high[start_high])
+        if not surely >= 0:
+            start, values = start_high, found.upper
+    frame = start
+    if lasting > 1:
+        frame += int(values[start : start + lasting].argmin())
     if kind == "forbid":
-        return (
-            float(negated(np.asarray(high.max()))),
-            float(negated(np.asarray(low.max()))),
-            frame,
-        )
+        return _negated(possibly), _negated(surely), frame
     if sure is None:
-        return float(low.max()), float(high.max()), frame
+        return surely, possibly, frame
     # a stretch that is not certain may be empty, or several, each of which would have to reach it
-    return -np.inf, float(high.max()) if sure.any() else np.inf, frame
+    return -np.inf, possibly if sure.any() else np.inf, frame
+
+
+def _negated(margin: float) -> float:
+    """As ``states.band.negated``, of a single margin."""
+    return -margin if margin != 0 else -TINY

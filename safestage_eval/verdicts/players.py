@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from functools import lru_cache
 from typing import Any
 
 from safestage_eval.rules import syntax as ast
@@ -24,9 +23,22 @@ def combinations(
             yield dict(zip(free, bodies, strict=True))
 
 
-@lru_cache(maxsize=1024)
+_MANY = 1024
+_TAKEN: dict[int, tuple[ast.Scoped, tuple[str, ...]]] = {}
+"""By identity of a rule, which is kept, and so stays what it is: hashing one takes long."""
+
+
 def _taken_one_by_one(rule: ast.Scoped) -> tuple[str, ...]:
     """The roles that are not merely counted over."""
+    known = _TAKEN.get(id(rule))
+    if known is None:
+        if len(_TAKEN) >= _MANY:
+            _TAKEN.clear()
+        known = _TAKEN[id(rule)] = rule, _not_counted(rule)
+    return known[1]
+
+
+def _not_counted(rule: ast.Scoped) -> tuple[str, ...]:
     counted = {node.role for node in nodes(rule) if isinstance(node, ast.CountAtom)}
     roles = [name for name, _ in rule.roles]
     return tuple(n for n in roles if n not in counted or named_outside_counts(rule, n))

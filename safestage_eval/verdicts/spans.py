@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import moment, scope
 from safestage_eval.states.scope import Scope
@@ -16,7 +18,10 @@ def spans(evaluator: Evaluator, span: ast.Span, env: Env) -> list[Scope]:
         case ast.Whole():
             return [Scope(0, evaluator.frames, evaluator.truncated)]
         case ast.PhaseSpan(call):
-            return _phase(evaluator, call, env)
+            phase = evaluator.rules.phases[call.name]
+            bodies = tuple(env.get(actual, actual) for actual in call.args)
+            key = ("phase", call.name, bodies)
+            return evaluator.once(phase, key, lambda: _phase(evaluator, phase, bodies))
         case ast.StateSpan(call):
             truth = moment.truth_of(evaluator.state(call, env))
             return scope.of_truth(truth, truncated=evaluator.unfollowed)
@@ -42,12 +47,9 @@ def spans(evaluator: Evaluator, span: ast.Span, env: Env) -> list[Scope]:
             return scope.within(spans(evaluator, of, env), truth)
 
 
-def _phase(evaluator: Evaluator, call: ast.Call, env: Env) -> list[Scope]:
+def _phase(evaluator: Evaluator, phase: ast.PhaseDef, bodies: Sequence[str]) -> list[Scope]:
     """A declared phase; its fallback where it is empty, both perhaps where that is not known."""
-    phase = evaluator.rules.phases[call.name]
-    inner = {
-        formal: env.get(actual, actual) for formal, actual in zip(phase.of, call.args, strict=True)
-    }
+    inner = dict(zip(phase.of, bodies, strict=True))
     found = spans(evaluator, phase.span, inner)
     if phase.fallback is None or any(s.exists for s in found):
         return found

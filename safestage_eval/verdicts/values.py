@@ -12,8 +12,8 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.options import Options, OptionValue
 from safestage_eval.signals.series import Series
 from safestage_eval.signals.vocabulary import SIGNALS
-from safestage_eval.states import band
-from safestage_eval.states.band import F64, Band
+from safestage_eval.states import limits
+from safestage_eval.states.band import Band
 
 Env = Mapping[str, str]
 """Role or formal argument → name of the body or union that plays it."""
@@ -120,11 +120,9 @@ def limit_margin(series: Series, op: str, limit: float, scale: float) -> Band:
         limit: SI.
         scale: SI size that counts as one when the limit is 0.
     """
-    size, up = abs(limit) or scale, op[0] == ">"
-
-    def margin(value: F64) -> F64:
-        found = value - limit if up else limit - value
-        found /= size
-        return band.strict(found) if len(op) == 1 else found
-
-    return band.each(margin, Band(*((series.lower, series.upper)[:: 1 if up else -1])))
+    size, up, open_ = abs(limit) or scale, op[0] == ">", len(op) == 1
+    first, second = (series.lower, series.upper) if up else (series.upper, series.lower)
+    lower = limits.limit_margin(first, limit, size, up=up, open_=open_)
+    if first is second:
+        return Band(lower, lower)
+    return Band(lower, limits.limit_margin(second, limit, size, up=up, open_=open_))

@@ -9,7 +9,7 @@ import numpy as np
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import Band, Bool
 
-from .evaluate import Evaluator, band_known
+from .evaluate import Evaluator
 from .values import Env, limit_margin
 
 
@@ -120,7 +120,7 @@ class Search:
         margin = self.end(evaluator.state(call, env), frame)
         inner = dict(zip(state.of, bodies, strict=True))
         source, found = state.when, evaluator.condition(state.when, inner)
-        if state.fallback is not None and not band_known(found):
+        if state.fallback is not None and not found.told:
             source = state.fallback
             if self.upper and state.perhaps is not None:
                 source = state.perhaps

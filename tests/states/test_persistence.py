@@ -1,5 +1,8 @@
 """Persistence filters against their definitions, frame by frame."""
 
+from itertools import groupby
+from operator import itemgetter
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -44,6 +47,13 @@ def close_gaps(truth: str, frames: int) -> str:
         if b - a <= frames and a > 0 and b < len(truth):
             out[a:b] = "1" * (b - a)
     return "".join(out)
+
+
+@given(st.lists(st.booleans(), max_size=24))
+def test_runs_are_the_stretches_of_true_frames(truth: list[bool]) -> None:
+    frames = [[i for i, _ in part] for on, part in groupby(enumerate(truth), itemgetter(1)) if on]
+    expected = [(part[0], part[-1] + 1) for part in frames]
+    assert [tuple(run) for run in runs(np.array(truth, np.bool_)).tolist()] == expected
 
 
 @pytest.mark.parametrize(

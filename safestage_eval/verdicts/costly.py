@@ -1,0 +1,56 @@
+"""Which parts of a rule ask for something costly, so that it is measured only where it matters."""
+
+from __future__ import annotations
+
+from safestage_eval.relations.measure import COSTLY
+from safestage_eval.rules import syntax as ast
+
+_MANY = 4096
+"""Conditions that are remembered at once; goals in headers are new with every episode."""
+
+
+class Costly:
+    """Of one set of rules, whatever the episode."""
+
+    def __init__(self, rules: ast.RuleSet) -> None:
+        """What was found out before is kept with the rules."""
+        self._rules = rules
+        # by identity: the condition is kept beside the answer, and so stays what it is
+        self._known: dict[int, tuple[ast.Condition, bool]] = rules.digests.setdefault("costly", {})
+        if len(self._known) > _MANY:
+            self._known.clear()
+
+    def within(self, condition: ast.Condition) -> bool:
+        """It asks for something costly, itself or through a state that merely names a condition."""
+        known = self._known.get(id(condition))
+        if known is None or known[0] is not condition:
+            known = self._known[id(condition)] = condition, any(map(self.asked, condition.atoms))
+        return known[1]
+
+    def asked(self, part: ast.Atom | ast.Alternative) -> bool:
+        """As ``within``, of an atom or an alternative."""
+        if isinstance(part, ast.Condition):
+            return self.within(part)
+        if isinstance(part, ast.AnyOf):
+            return any(map(self.asked, part.alternatives))
+        if isinstance(part, ast.Event) and part.edge is not None:
+            return False
+        if part.call is None:
+            return False
+        name = part.call.name
+        if name in self._rules.signals:
+            name = self._rules.signals[name].base
+        declared = self._rules.states.get(name)
+        if declared is not None and is_momentary(declared):
+            return self.within(declared.when)
+        return name in COSTLY
+
+
+def is_momentary(state: ast.StateDef) -> bool:
+    """A mere name for a condition: no frame of it depends on another."""
+    return all(part is None for part in (state.for_, state.gap, state.until, state.fallback))
+
+
+def is_costly(atom: ast.Atom) -> bool:
+    """The atom itself names something costly."""
+    return isinstance(atom, ast.SignalAtom | ast.StateAtom) and atom.call.name in COSTLY
