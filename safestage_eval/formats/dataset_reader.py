@@ -35,7 +35,7 @@ from .lazy import StoredItems, StoredTrack
 from .parquet_footer import Footer
 from .ply import from_ply
 from .stored_contacts import Source, StoredContacts
-from .stored_file import regular, stays, within
+from .stored_file import present, regular, stays, within
 from .stored_table import StoredTable
 
 Kind = TypeVar("Kind")
@@ -168,7 +168,8 @@ class _StoredEpisode:
         self.bodies_table = self.table("bodies")
         meshes = mesh_keys(header)
         attachments = self.named("attachments", dict[str, str], "{}")
-        stored = [key for key in meshes if self.asset(f"{key}.ply").exists()]
+        files = present(self.dataset, layout.ASSETS, (f"{key}.ply" for key in meshes), self.where)
+        stored = [name.removesuffix(".ply") for name in files]
         if self.checked and stored != meshes:
             key = next(key for key in meshes if key not in stored)
             raise TraceError(

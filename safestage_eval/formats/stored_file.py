@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Iterable
 from pathlib import Path
 
 from safestage_eval.errors import TraceError
@@ -43,6 +44,36 @@ def within(folder: Path, place: str, name: object, where: str) -> Path:
     Raises:
         TraceError: the name leads elsewhere, or the file is a link to outside of the dataset.
     """
+    path = folder / place / _plain(name, place, where)
+    stays(path, folder, where)
+    return path
+
+
+def present(folder: Path, place: str, names: Iterable[str], where: str) -> list[str]:
+    """Those of the names that are there; each as ``within``, whose errors it raises.
+
+    Looks at each file once, and at the folders around them once.
+    """
+    inside = f"{folder / place}/"
+    linked = isinstance(folder, RemotePath) or _is_link(inside[:-1]) or _is_link(str(folder))
+    found: list[str] = []
+    for name in names:
+        try:
+            mode = 0 if linked else os.lstat(inside + _plain(name, place, where)).st_mode
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        if (linked or not stat.S_ISREG(mode)) and not within(folder, place, name, where).exists():
+            continue
+        found.append(name)
+    return found
+
+
+def _is_link(path: str) -> bool:
+    return os.path.islink(path)  # noqa: PTH114
+
+
+def _plain(name: object, place: str, where: str) -> str:
+    """A name of a file and of nothing else."""
     text = name if isinstance(name, str) else ""
     if (
         text in ("", ".", "..")
@@ -56,9 +87,7 @@ def within(folder: Path, place: str, name: object, where: str) -> Path:
             f"names of files in {place}",
             "do not trust this dataset, or ask who made it",
         )
-    path = folder / place / text
-    stays(path, folder, where)
-    return path
+    return text
 
 
 def stays(path: Path, folder: Path, where: str) -> None:
@@ -67,7 +96,7 @@ def stays(path: Path, folder: Path, where: str) -> None:
         return  # an object store has no links
     place = str(path)  # plain text takes a third of the time, and every file comes this way
     for _ in range(3):
-        if os.path.islink(place):  # noqa: PTH114
+        if _is_link(place):
             break
         place = os.path.dirname(place)  # noqa: PTH120
     else:

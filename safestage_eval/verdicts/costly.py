@@ -41,14 +41,12 @@ class Costly:
         if name in self._rules.signals:
             name = self._rules.signals[name].base
         declared = self._rules.states.get(name)
-        if declared is not None and is_momentary(declared):
-            return self.within(declared.when)
-        return name in COSTLY
+        return name in COSTLY if declared is None else self.named(declared)
 
-
-def is_momentary(state: ast.StateDef) -> bool:
-    """A mere name for a condition: no frame of it depends on another."""
-    return all(part is None for part in (state.for_, state.gap, state.until, state.fallback))
+    def named(self, state: ast.StateDef) -> bool:
+        """It merely names a costly condition: no frame of it depends on another."""
+        lasting = (state.for_, state.gap, state.until, state.fallback)
+        return all(part is None for part in lasting) and self.within(state.when)
 
 
 def is_costly(atom: ast.Atom) -> bool:

@@ -17,7 +17,7 @@ from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
 
-from .costly import Costly, is_costly, is_momentary
+from .costly import Costly, is_costly
 from .known import Known
 from .memory import Memory
 from .values import Env, Values, ends_early, ends_with_success, limit_margin
@@ -163,6 +163,10 @@ class Evaluator(Values):
             bands.append(self.atom(atom, env, mask))
         return band.both(bands, self.frames)
 
+    def asks_costly(self, what: ast.Alternative) -> bool:
+        """Where it is asked for makes a difference: something in it is costly."""
+        return self._costly.asked(what)
+
     def alternative(
         self, alternative: ast.Alternative, env: Env, wanted: Bool | None = None
     ) -> Band:
@@ -227,7 +231,7 @@ class Evaluator(Values):
     def _state(self, call: ast.Call, env: Env, wanted: Bool | None) -> Band:
         bodies = tuple(env.get(arg, arg) for arg in call.args)
         declared = self.rules.states.get(call.name)
-        if wanted is not None and declared is not None and is_momentary(declared):
+        if wanted is not None and declared is not None and self._costly.named(declared):
             inner = dict(zip(declared.of, bodies, strict=True))
             return self.condition(declared.when, inner, wanted)
         if wanted is not None and declared is None and call.name in COSTLY:
@@ -254,7 +258,10 @@ class Evaluator(Values):
 
     def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:
         """What a declared state is made of, before it is made to last; its fallback if need be."""
-        state = self.rules.states[name]
+        state, key = self.rules.states[name], ("momentary", name, bodies)
+        return self.once(state, key, lambda: self._momentary(state, bodies))
+
+    def _momentary(self, state: ast.StateDef, bodies: tuple[str, ...]) -> Band:
         env = dict(zip(state.of, bodies, strict=True))
         found = self.condition(state.when, env)
         if state.fallback is None or found.told:

@@ -20,11 +20,12 @@ def too_brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance
     So that a touch of 17 ms is not counted, and yet not hidden.
     """
     notes = dict[str, None]()
+    filtered = list(_forbidden_states(evaluator, rule))
     for instance in instances:
         first, stop, _, _ = instance.scope
-        for call in _forbidden_states(evaluator, rule):
+        for call in filtered:
             bodies = tuple(instance.env.get(arg, arg) for arg in call.args)
-            raw = evaluator.momentary(call.name, bodies).true[first:stop]
+            raw = evaluator.momentary(call.name, bodies).lower[first:stop] >= 0
             if not raw.any():
                 continue
             ignored = runs(raw & ~evaluator.state(call, instance.env).true[first:stop])
@@ -45,19 +46,26 @@ def raw_frames(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instanc
     Without the ``for`` of the rule, and without ``for`` and ``gap`` of the states that it names.
     """
     out = np.zeros(evaluator.frames, np.bool_)
+    filtered = list(_forbidden_states(evaluator, rule))
     for instance in instances:
-        first, stop, _, _ = instance.scope
-        judged = np.zeros(evaluator.frames, np.bool_)
-        judged[first:stop] = instance.scope.certain
-        filtered = list(_forbidden_states(evaluator, rule))
+        first, stop, _, sure = instance.scope
         for what in rule.forbid:
             call = what.call if isinstance(what, ast.Event) else None
             if call is not None and call in filtered:
                 bodies = tuple(instance.env.get(arg, arg) for arg in call.args)
                 found = evaluator.momentary(call.name, bodies)
             else:
-                found = evaluator.alternative(what, instance.env, judged)
-            out |= found.true & judged
+                wanted = _judged(evaluator, instance) if evaluator.asks_costly(what) else None
+                found = evaluator.alternative(what, instance.env, wanted)
+            true = found.lower[first:stop] >= 0
+            out[first:stop] |= true if sure is None else true & sure
+    return out
+
+
+def _judged(evaluator: Evaluator, instance: Instance) -> Bool:
+    """(T,) the frames that are certainly judged."""
+    out = np.zeros(evaluator.frames, np.bool_)
+    out[instance.scope.first : instance.scope.stop] = instance.scope.certain
     return out
 
 

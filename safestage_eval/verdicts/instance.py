@@ -186,8 +186,9 @@ def _band(
     evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope, kind: Kind | None = None
 ) -> Band:
     """The band (T,) of an obligation, of which only the scope's frames mean anything."""
+    wanted = _mask(evaluator, scope) if evaluator.asks_costly(what) else None
     with evaluator.obliged(kind):
-        return evaluator.alternative(what, env, _mask(evaluator, scope))
+        return evaluator.alternative(what, env, wanted)
 
 
 def _judge_scope(

@@ -196,7 +196,6 @@ def _with_times(
     witness: Witness,
 ) -> Verdict:
     t, dt = evaluator.episode.t, evaluator.episode.dt
-    verdict = replace(verdict, worst_time=float(t[witness.frame]))
     violated = [instance for instance in instances if instance.violated]
     bad: Bool = np.zeros(evaluator.frames, np.bool_)
     for instance in violated:
@@ -205,16 +204,18 @@ def _with_times(
     def timed(frames: Bool) -> tuple[tuple[float, float], ...]:
         return tuple((float(t[a]), float(t[b - 1]) + dt) for a, b in runs(frames))
 
-    stretches = timed(bad)
+    stretches, time, worst_time = timed(bad), verdict.time, float(t[witness.frame])
     if violated:
         at = int(np.argmax(bad)) if stretches else min(i.scope.first for i in violated)
-        verdict = replace(verdict, time=float(t[min(at, len(t) - 1)]))
+        time = float(t[min(at, len(t) - 1)])
     return replace(
         verdict,
+        time=time,
+        worst_time=worst_time,
         intervals=stretches,
         raw_intervals=timed(bad | raw_frames(evaluator, rule, instances)),
         exposure_time=sum(b - a for a, b in stretches),
-        phase=_phase(evaluator, rule, verdict.time if violated else verdict.worst_time),
+        phase=_phase(evaluator, rule, time if violated else worst_time),
     )
 
 
