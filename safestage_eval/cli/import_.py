@@ -50,6 +50,14 @@ if TYPE_CHECKING:
 @click.option("--limit", type=click.IntRange(min=1), metavar="N", help="Only the first N episodes.")
 @click.option("--jobs", "-j", type=click.IntRange(min=1), default=1, metavar="N",
               help="Worker processes.")  # fmt: skip
+@click.option(
+    "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
+    help="An episode that takes longer to import, or a source that takes longer to look at, becomes a listed "
+    "problem, and the others go on. Without it 120 s, and 2 s more for each MB of its file or folder.",
+)  # fmt: skip
+@click.option(
+    "--memory", metavar="SIZE", help="Likewise one whose process holds more: 800MB, 2GB.",
+)  # fmt: skip
 @click.option("--mcap", is_flag=True, help="One MCAP file per episode instead of a dataset.")
 @click.option(
     "--format", "-f", "form", type=click.Choice(["table", "json"]), default="table",
@@ -59,12 +67,14 @@ if TYPE_CHECKING:
 def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind: Path | None,
             rules: tuple[str, ...], only: str | None, quaternion: Any, dt: str | None,
             assets: tuple[Path, ...], prefix: str,
-            limit: int | None, jobs: int, mcap: bool, form: str) -> None:  # fmt: skip
+            limit: int | None, jobs: int, timeout: float | None, memory: str | None,
+            mcap: bool, form: str) -> None:  # fmt: skip
     """Take over other people's recordings, and say what they lack.
 
     The format is found from the content. Nothing is invented: what a source does not have stays
     out, the account of every episode says so, and rules that need it answer inconclusive.
     Episodes that the dataset has already are kept; a stopped import goes on where it was.
+    Sources are read in processes of their own, which are ended when one hangs.
 
     \b
     Examples:
@@ -73,7 +83,10 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
     """
     from safestage_eval.importers import Settings, import_all, load_map
     from safestage_eval.importers.bound import load_bound
+    from safestage_eval.importers.limits import Limits
+    from safestage_eval.memory import limit as most
 
+    limits = Limits(timeout, None if memory is None else most(memory))
     settings = Settings(
         **({} if map_ is None else {"map": load_map(map_)}),
         quaternion=quaternion,
@@ -84,7 +97,7 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
     with progress("importing") as tell:
         outcome = import_all(
             source, to, settings, only=only, bind=bound, prefix=prefix, limit=limit, jobs=jobs,
-            mcap=mcap, progress=tell,
+            mcap=mcap, limits=limits, progress=tell,
         )  # fmt: skip
     click.echo(_as_json(outcome) if form == "json" else _as_table(outcome), nl=False)
     for problem in outcome.failed:

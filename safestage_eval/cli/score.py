@@ -150,7 +150,7 @@ def command(
     if golden is not None and sample is not None:
         raise click.UsageError("--golden is about all episodes: leave out --sample")
     from safestage_eval import heap
-    from safestage_eval.engines import memory as memories
+    from safestage_eval import memory as memories
     from safestage_eval.engines import run
     from safestage_eval.rules import builtin_names
     from safestage_eval.scoring import understood

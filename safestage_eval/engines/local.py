@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import multiprocessing
 import multiprocessing.connection
-import signal
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -16,13 +15,14 @@ from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Self
 
+from safestage_eval.child import LOADING, READY, STARTS, ended
 from safestage_eval.errors import InputError
+from safestage_eval.memory import resident
 from safestage_eval.scoring import Problem
 
 from .engine import Engine, Found, Numbered
-from .memory import resident
 from .settings import Settings
-from .worker import READY, work
+from .worker import work
 
 CHUNK = 0.25
 """s that the episodes which a process is sent at a time should take."""
@@ -30,12 +30,9 @@ CHUNK = 0.25
 FIRST, MOST = 2, 64
 """Episodes that a process is sent at first, and at most."""
 
-STARTS = 5
-"""Processes in a row that may end before they begin."""
-
-COMPILING, LOADING = 180.0, 30.0
-"""s more that the very first episode of a run may take, and the first of each process: kernels are
-compiled or loaded then."""
+COMPILING = 180.0
+"""s more that the very first episode of a run may take: kernels are compiled then, and loaded
+in the first of each process."""
 
 _LOOK = 0.05
 """s between two looks at what the processes hold."""
@@ -207,15 +204,3 @@ class _Worker:
         self.process.join()
         self.pipe.close()
         return self.process.exitcode
-
-
-def ended(code: int | None) -> str:
-    """How a process ended, in words, from its exit code."""
-    if code is None or code >= 0:
-        return f"exit code {code}"
-    try:
-        name = signal.Signals(-code).name
-    except ValueError:
-        return f"signal {-code}"
-    why = {"SIGKILL": " (out of memory, or killed)", "SIGSEGV": " (a library crashed)"}
-    return name + why.get(name, "")

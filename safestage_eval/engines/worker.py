@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
-import multiprocessing.connection
-import os
 import signal
-import threading
 from multiprocessing.connection import Connection
 
 from safestage_eval import heap
+from safestage_eval.child import READY, follow
 from safestage_eval.scoring import Problem, score_episode
 from safestage_eval.verdicts import EpisodeResult
 
 from .engine import Line
 from .settings import Settings
-
-READY = "ready"
 
 
 def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
@@ -29,9 +24,7 @@ def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
         lines: answer with results as they are stored.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this process ends it
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_follow, args=(parent.sentinel,), daemon=True).start()
+    follow()
     heap.keep()
     rules, arguments = settings.load(), settings.arguments()
     try:
@@ -52,9 +45,3 @@ def line_of(found: EpisodeResult | Problem) -> Line | Problem:
 
     text = json.dumps(plain(found), separators=(",", ":"), ensure_ascii=False).encode()
     return Line(text, found.episode_id, found.trace_hash)
-
-
-def _follow(sentinel: int) -> None:
-    """A worker does not outlive the process that started it, whatever it is busy with."""
-    multiprocessing.connection.wait([sentinel])
-    os._exit(1)

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError, TraceError
 
+from .hdf5_heaps import check_heaps
 from .hdf5_links import check_links
 from .importer import SourceError
 
 _LOOKED_AT: set[tuple[Path, int, int]] = set()
-"""Files without ways out, by path, time of change and size."""
+"""Files without ways out or without end, by path, time of change and size."""
 
 MAGIC = b"\x89HDF\r\n\x1a\n"
 
@@ -44,9 +45,12 @@ def open_hdf5(path: Path) -> Any:
             str(path), "is an HDF5 file, which h5py reads.", fix="pip install 'safestage[import]'"
         ) from None
     try:
-        file = h5py.File(path, "r")
         told = path.stat()
-        if (path, told.st_mtime_ns, told.st_size) not in _LOOKED_AT:
+        known = (path, told.st_mtime_ns, told.st_size) in _LOOKED_AT
+        if not known:
+            check_heaps(path)
+        file = h5py.File(path, "r")
+        if not known:
             check_links(file, str(path))
             _LOOKED_AT.add((path, told.st_mtime_ns, told.st_size))
         return file

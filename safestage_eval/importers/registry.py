@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 from safestage_eval import simulator
 
@@ -62,11 +63,13 @@ def importer(name: str) -> type[Importer]:
     return theirs
 
 
-Claim = tuple[Path, type[Importer] | SourceError, str]
-"""A file or folder, whose it is and by what that is told; or why it cannot be looked at."""
+Claim = tuple[type[Importer] | SourceError, str]
+"""Whose a file or folder is and by what that is told; or why it cannot be looked at."""
 
 
-def recognised(source: Path, only: str | None = None, but: Path | None = None) -> list[Claim]:
+def recognised(
+    source: Path, only: str | None = None, but: Path | None = None
+) -> list[tuple[Path, type[Importer] | SourceError, str]]:
     """Each file or folder under a path that an importer takes.
 
     ``only`` asks one importer alone; the folder ``but`` is left out.
@@ -74,17 +77,73 @@ def recognised(source: Path, only: str | None = None, but: Path | None = None) -
     Raises:
         SourceError: there is none, with what was looked for; or a format that cannot be used.
     """
+    kinds = asked(only)
+    found = list(walk(source, lambda path: claimed(path, kinds), but))
+    if not found:
+        raise nothing_known(source, only)
+    return [(path, *claim) for path, claim in found]
+
+
+Found = TypeVar("Found")
+
+
+def walk(
+    source: Path, claim: Callable[[Path], Found | None], but: Path | None = None
+) -> Iterator[tuple[Path, Found]]:
+    """What ``claim`` says of each file or folder under a path; nothing below one that is claimed.
+
+    The folder ``but`` is left out. Raises SourceError when there is no such path.
+    """
     if not source.exists():
         raise SourceError(str(source), "no such file or folder", fix="check the spelling")
-    asked = {only: importer(only)} if only is not None else importers()
-    usable = [kind for kind in asked.values() if not isinstance(kind, str)]
-    known = (*usable, *(() if only is not None else REFUSED))
-    found = list(_walk(source, known, None if but is None else but.resolve()))
-    if found:
-        return found
-    titles = [kind.title for kind in usable]
-    out_of_reach = [f"{reason}" for reason in asked.values() if isinstance(reason, str)]
-    raise SourceError(
+    yield from _walk(source, claim, None if but is None else but.resolve())
+
+
+def _walk(
+    source: Path, claim: Callable[[Path], Found | None], but: Path | None
+) -> Iterator[tuple[Path, Found]]:
+    if source.resolve() == but:
+        return
+    found = claim(source)
+    if found is not None:
+        yield source, found
+        return
+    if source.is_file():
+        return
+    for path in sorted(source.iterdir()):
+        if not path.name.startswith("."):
+            yield from _walk(path, claim, but)
+
+
+def asked(only: str | None = None) -> list[type[Format]]:
+    """The formats that are known here, or one importer alone. Raises SourceError if it cannot be used."""
+    if only is not None:
+        return [importer(only)]
+    return [*(kind for kind in importers().values() if not isinstance(kind, str)), *REFUSED]
+
+
+def claimed(path: Path, kinds: Sequence[type[Format]]) -> Claim | None:
+    """Which of the formats a file or folder has; None if none of them."""
+    problem = None
+    for kind in kinds:
+        try:
+            reason = kind.recognise(path)
+            if reason is not None and issubclass(kind, Refused):
+                return kind.refusal(path), reason
+        except SourceError as error:
+            problem = error
+            continue
+        if reason is not None and issubclass(kind, Importer):
+            return kind, reason
+    return None if problem is None else (problem, "")
+
+
+def nothing_known(source: Path, only: str | None = None) -> SourceError:
+    """That nothing under a path is of a known format, with what was looked for."""
+    every = {only: importer(only)} if only is not None else importers()
+    titles = [kind.title for kind in every.values() if not isinstance(kind, str)]
+    out_of_reach = [reason for reason in every.values() if isinstance(reason, str)]
+    return SourceError(
         str(source),
         "nothing in here is of a known format.",
         "; ".join(titles),
@@ -92,32 +151,3 @@ def recognised(source: Path, only: str | None = None, but: Path | None = None) -
         else f"install what else is read: {'; '.join(out_of_reach)}" if out_of_reach
         else "give the file itself, and say with --from what it is",
     )  # fmt: skip
-
-
-def _walk(source: Path, asked: Sequence[type[Format]], but: Path | None) -> Iterator[Claim]:
-    if source.resolve() == but:
-        return
-    claimed = _claim(source, asked)
-    if claimed is not None:
-        yield claimed
-        return
-    if source.is_file():
-        return
-    for path in sorted(source.iterdir()):
-        if not path.name.startswith("."):
-            yield from _walk(path, asked, but)
-
-
-def _claim(path: Path, asked: Sequence[type[Format]]) -> Claim | None:
-    problem = None
-    for kind in asked:
-        try:
-            reason = kind.recognise(path)
-            if reason is not None and issubclass(kind, Refused):
-                return path, kind.refusal(path), reason
-        except SourceError as error:
-            problem = error
-            continue
-        if reason is not None and issubclass(kind, Importer):
-            return path, kind, reason
-    return None if problem is None else (path, problem, "")

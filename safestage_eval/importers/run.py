@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import count
 from pathlib import Path
 
 from safestage_eval.errors import InputError
@@ -12,9 +11,11 @@ from safestage_eval.formats import EpisodeRef, discover
 
 from .bound import Bound
 from .importer import Settings, SourceError
-from .one import Failed, Imported, Target, Task, fingerprint_of
-from .pool import run_all
-from .registry import importer, recognised
+from .limits import Limits
+from .one import Failed, Imported, Target, Task
+from .reading import Apart, Here, Reading
+from .registry import walk
+from .shelf import Fingerprint, Look, Names, Unknown
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,7 @@ def import_all(
     limit: int | None = None,
     jobs: int = 1,
     mcap: bool = False,
+    limits: Limits | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Outcome:
     """Import what an importer recognises under a path; an episode that is there already is kept.
@@ -56,39 +58,39 @@ def import_all(
         limit: import the first so many.
         jobs: worker processes.
         mcap: write MCAP files.
+        limits: what each look and each episode may take; they are then read in processes of their own,
+            as they are with more than one job. Without it nothing is bounded.
         progress: told (done, total) after each episode.
 
     Raises:
         SourceError: nothing was recognised, or the map file speaks of no episode of the source.
     """
     settings = settings or Settings()
-    tasks, failed, formats = _tasks(source, to, settings, only, prefix)
-    if tasks:
-        _episodes_exist(settings, {task.name for task in tasks})
-    tasks = tasks[:limit]
-    there = _there(to)
     target = Target(to, mcap, settings, bind)
-    imported: dict[str, Imported] = {}
-    todo = []
-    for task in tasks:
-        if task.episode_id not in there:
-            todo.append(task)
-            continue
-        try:
-            imported[task.source] = _kept(task, target, there[task.episode_id])
-        except InputError as error:
-            failed.append(Failed(task.source, str(error)))
-    done = count(len(tasks) - len(todo) + 1)
-
-    def note(task: Task, result: Imported | Failed) -> None:
-        if isinstance(result, Imported):
-            imported[task.source] = result
-        else:
-            failed.append(result)
-        if progress is not None:
-            progress(next(done), len(tasks))
-
-    run_all(todo, target, jobs, note)
+    apart = limits is not None or jobs > 1
+    with Apart(target, limits or Limits(), jobs) if apart else Here(target) as reading:
+        tasks, failed, formats = _tasks(source, to, reading, only, prefix)
+        if tasks:
+            _episodes_exist(settings, {task.name for task in tasks})
+        tasks = tasks[:limit]
+        there = _there(to)
+        imported: dict[str, Imported] = {}
+        todo = []
+        for task in tasks:
+            if task.episode_id not in there:
+                todo.append(task)
+                continue
+            try:
+                imported[task.source] = _kept(task, target, there[task.episode_id], reading)
+            except InputError as error:
+                failed.append(Failed(task.source, str(error)))
+        for done, (task, result) in enumerate(reading.run(todo), len(tasks) - len(todo) + 1):
+            if isinstance(result, Imported):
+                imported[task.source] = result
+            else:
+                failed.append(result)
+            if progress is not None:
+                progress(done, len(tasks))
     order = {task.source: i for i, task in enumerate(tasks)}
     return Outcome(
         formats,
@@ -98,22 +100,31 @@ def import_all(
 
 
 def _tasks(
-    source: Path, to: Path, settings: Settings, only: str | None, prefix: str
+    source: Path, to: Path, reading: Reading, only: str | None, prefix: str
 ) -> tuple[list[Task], list[Failed], dict[str, tuple[str, str]]]:
     tasks: list[Task] = []
     failed: list[Failed] = []
     formats: dict[str, tuple[str, str]] = {}
     root = source.resolve().parent
-    found = recognised(source, only, to)
-    for path, kind, reason in found:
+
+    def claim(path: Path) -> tuple[str, str] | InputError | None:
+        try:
+            found: tuple[str, str] | None = reading.ask(Look(path, only), path)
+        except InputError as error:
+            return error
+        return found
+
+    found: list[tuple[Path, tuple[str, str] | InputError]] = list(walk(source, claim, to))
+    if not found:
+        reading.ask(Unknown(source, only), source)
+    for path, whose in found:
         place = path.resolve().relative_to(root).as_posix()
         try:
-            if isinstance(kind, SourceError):
-                raise kind
-            formats[str(path)] = (kind.name, reason)
-            opened = kind(path, settings)
-            names = opened.episodes()
-            opened.close()
+            if isinstance(whose, InputError):
+                raise whose
+            formats[str(path)] = whose
+            kind, _ = whose
+            names: list[str] = reading.ask(Names(kind, path), path)
         except InputError as error:
             if len(found) == 1:
                 raise
@@ -121,8 +132,7 @@ def _tasks(
             continue
         stem = place.removesuffix(path.suffix) if path.is_file() else place
         tasks += [
-            Task(kind.name, path, name, f"{prefix}{stem}/{name}", f"{place}:{name}")
-            for name in names
+            Task(kind, path, name, f"{prefix}{stem}/{name}", f"{place}:{name}") for name in names
         ]
     return tasks, failed, formats
 
@@ -144,17 +154,14 @@ def _there(folder: Path) -> dict[str, EpisodeRef]:
     return {ref.episode_id: ref for ref in discover([folder], maybe_none=True)}
 
 
-def _kept(task: Task, target: Target, ref: EpisodeRef) -> Imported:
+def _kept(task: Task, target: Target, ref: EpisodeRef, reading: Reading) -> Imported:
     """The episode that is there already, if it came from the same data with the same settings.
 
     Raises:
         InputError: it is another one.
     """
     there = ref.open().header
-    source = importer(task.format)(task.path, target.settings)
-    same = there.source.fingerprint == fingerprint_of(source, task.name, target)
-    source.close()
-    if not same:
+    if there.source.fingerprint != reading.ask(Fingerprint(task), task.path):
         raise InputError(
             str(target.folder),
             f"holds another episode {task.episode_id!r}, from other data or imported with "

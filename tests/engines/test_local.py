@@ -10,11 +10,12 @@ import pytest
 from misbehaving import Crashing, CrashingOnce, Hanging, Swelling, turned
 from studio import block
 
-from safestage_eval.engines import Settings, local, memory
+from safestage_eval import memory
+from safestage_eval.engines import Settings, local
 from safestage_eval.engines.local import Local
-from safestage_eval.engines.memory import size
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, save
+from safestage_eval.memory import size
 from safestage_eval.scoring import Problem, score_many
 
 RULES = ("fsh",)

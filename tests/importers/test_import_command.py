@@ -10,6 +10,7 @@ from toy_importer import Toy
 
 from safestage_eval.formats import discover, load, validate
 from safestage_eval.importers import importer, registry
+from safestage_eval.importers.reading import Here
 
 MAP = """
 [every]
@@ -35,8 +36,10 @@ shapes = [{ kind = "box", size = [0.5, 0.5, 0.02] }]
 @pytest.fixture(autouse=True)
 def toys(monkeypatch):
     monkeypatch.setattr(registry, "importer", lambda name: Toy)
-    monkeypatch.setattr("safestage_eval.importers.run.importer", lambda name: Toy)
-    monkeypatch.setattr("safestage_eval.importers.pool.importer", lambda name: Toy)
+    monkeypatch.setattr("safestage_eval.importers.shelf.importer", lambda name: Toy)
+    monkeypatch.setattr(  # no other process knows toys
+        "safestage_eval.importers.run.Apart", lambda target, limits, jobs: Here(target)
+    )
     monkeypatch.setattr(registry, "OWN", {"toy": "toy"})
     monkeypatch.setattr(registry, "FROM_SIMULATE", ())
 

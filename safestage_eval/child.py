@@ -1,0 +1,267 @@
+"""Processes that answer questions; one that takes too much time or memory over one is ended."""
+
+from __future__ import annotations
+
+import multiprocessing
+import multiprocessing.connection
+import os
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from types import TracebackType
+from typing import Any, Self
+
+from .errors import InputError
+from .memory import resident
+
+READY = "ready"
+"""What a process says first."""
+
+STARTS = 5
+"""Processes in a row that may end before they begin."""
+
+STARTING = 180.0
+"""s that a process may take to begin."""
+
+LOADING, AGAIN = 30.0, 10.0
+"""s more for the first question of the first process, and of each later one: libraries and kernels are
+loaded then."""
+
+PATIENCE = 2.0
+"""s in which a process that is told to end may put away what it was writing."""
+
+_LOOK = 0.05
+"""s between two looks at what the processes hold."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a process is asked, and what it may take.
+
+    Attributes:
+        what: any object that can be pickled.
+        seconds: that the answer may take; None: any.
+    """
+
+    what: Any
+    seconds: float | None = None
+
+
+@dataclass(frozen=True)
+class Ended:
+    """Stands for an answer that there will be none.
+
+    Attributes:
+        why: what became of the process, as the end of a sentence on the question.
+        bound: it was ended for what it took, and did not die of itself.
+    """
+
+    why: str
+    bound: bool
+
+
+class Children:
+    """Spawned processes; each has one question at a time, and is replaced when it ends over it.
+
+    A process that dies may be killed for no fault of the question, which is therefore asked once more.
+    """
+
+    def __init__(
+        self, size: int, opened: Callable[..., Callable[[Any], Any]], *args: Any,
+        memory: int | None = None,
+    ) -> None:  # fmt: skip
+        """Nothing is started before there is a question.
+
+        Args:
+            size: processes at a time.
+            opened: a module's function that is called in each with ``args`` and returns what answers.
+            args: can be pickled.
+            memory: bytes that a process may hold; None: any.
+        """
+        self._size, self._opened, self._args, self._memory = size, opened, args, memory
+        self._children: list[_Child] = []
+        self._warm, self._stillborn = False, 0
+
+    def __enter__(self) -> Self:
+        """Processes stay between questions until the block ends."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
+    ) -> None:
+        """Ends the processes, at once or when they have put away what they were writing."""
+        for child in self._children:
+            child.tell_to_end()
+        for child in self._children:
+            child.end()
+        self._children.clear()
+
+    def ask(self, question: Question) -> Any:
+        """One answer, or ``Ended``. Raises InputError when no process can be started at all."""
+        for _, answer in self.run([question]):
+            return answer
+        raise AssertionError("every question has an answer")
+
+    def run(self, questions: Iterable[Question]) -> Iterator[tuple[Question, Any]]:
+        """Each question with its answer, or ``Ended``, in whatever order.
+
+        Questions are taken as processes are free for them. Raises InputError when no process can
+        be started at all.
+        """
+        source, again = iter(questions), deque[Question]()
+        tried: dict[int, Question] = {}
+        while True:
+            self._hand_out(source, again)
+            busy = [child for child in self._children if child.asked is not None]
+            if not busy:
+                return
+            ready = multiprocessing.connection.wait([child.pipe for child in busy], _LOOK)
+            for child in busy:
+                question = child.asked
+                assert question is not None
+                if child.pipe not in ready:
+                    more = 0.0 if child.warm else AGAIN if self._warm else LOADING
+                    if why := child.exceeds(self._memory, more):
+                        self._dismiss(child)
+                        yield question, Ended(why, bound=True)
+                    continue
+                try:
+                    answer = child.pipe.recv()
+                except (EOFError, OSError):
+                    how = self._death(child)
+                    if not child.ready or id(question) not in tried:
+                        if child.ready:
+                            tried[id(question)] = question
+                        again.append(question)
+                    else:
+                        yield question, Ended(f"its process died twice: {how}", bound=False)
+                    continue
+                if not child.ready:
+                    child.ready, self._stillborn = answer == READY, 0
+                    child.began = time.monotonic()
+                    continue
+                child.asked, child.warm, self._warm = None, True, True
+                yield question, answer
+
+    def _hand_out(self, source: Iterator[Question], again: deque[Question]) -> None:
+        while True:
+            child = next((child for child in self._children if child.asked is None), None)
+            if child is None and len(self._children) >= self._size:
+                return
+            question = again.popleft() if again else next(source, None)
+            if question is None:
+                return
+            if child is None:
+                child = _Child.start(self._opened, self._args)
+                self._children.append(child)
+            child.ask(question)
+
+    def _death(self, child: _Child) -> str:
+        """How it ended. Raises InputError when none can begin."""
+        child.process.join(PATIENCE)
+        how = ended(child.process.exitcode)
+        self._dismiss(child)
+        if not child.ready:
+            self._stillborn += 1
+            if self._stillborn >= STARTS:
+                raise InputError("worker processes", f"{STARTS} in a row could not begin: {how}.")
+        return how
+
+    def _dismiss(self, child: _Child) -> None:
+        child.tell_to_end()
+        child.end()
+        self._children.remove(child)
+
+
+@dataclass
+class _Child:
+    process: BaseProcess
+    pipe: Connection
+    asked: Question | None = None
+    began: float = field(default_factory=time.monotonic)
+    """When it began with what it was asked."""
+    ready: bool = False
+    warm: bool = False
+    """It has answered before."""
+
+    @classmethod
+    def start(cls, opened: Callable[..., Callable[[Any], Any]], args: tuple[Any, ...]) -> _Child:
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(target=_serve, args=(theirs, opened, *args), daemon=True)
+        process.start()
+        theirs.close()
+        return cls(process, ours)
+
+    def ask(self, question: Question) -> None:
+        self.asked, self.began = question, time.monotonic()
+        try:
+            self.pipe.send(question.what)
+        except OSError:
+            return  # it died; reading from it will tell
+
+    def exceeds(self, memory: int | None, more: float) -> str:
+        """Which bound it is beyond, with s more for the time; empty if none."""
+        assert self.asked is not None
+        if memory is not None and self.process.pid and resident(self.process.pid) > memory:
+            return f"took more than {memory / 2**20:.0f} MiB of memory (--memory)"
+        taken, limit = time.monotonic() - self.began, self.asked.seconds
+        if not self.ready:
+            return f"had no process that began within {STARTING:g} s" if taken > STARTING else ""
+        if limit is not None and taken > limit + more:
+            return f"took longer than {limit:g} s (--timeout)"
+        return ""
+
+    def tell_to_end(self) -> None:
+        """It may put away what it was writing, unless a library does not let it."""
+        self.process.terminate()
+
+    def end(self) -> None:
+        self.process.join(PATIENCE)
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+
+def _serve(pipe: Connection, opened: Callable[..., Callable[[Any], Any]], *args: Any) -> None:
+    """Answer what comes, one after the other, until there is nobody to ask."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this process ends it
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    follow()
+    answer = opened(*args)
+    try:
+        pipe.send(READY)
+        while True:
+            pipe.send(answer(pipe.recv()))
+    except (EOFError, OSError):
+        return
+
+
+def follow() -> None:
+    """This process does not outlive the one that started it, whatever it is busy with."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_wait_for, args=(parent.sentinel,), daemon=True).start()
+
+
+def _wait_for(sentinel: int) -> None:
+    multiprocessing.connection.wait([sentinel])
+    os._exit(1)
+
+
+def ended(code: int | None) -> str:
+    """How a process ended, in words, from its exit code."""
+    if code is None or code >= 0:
+        return f"exit code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        return f"signal {-code}"
+    why = {"SIGKILL": " (out of memory, or killed)", "SIGSEGV": " (a library crashed)"}
+    return name + why.get(name, "")
