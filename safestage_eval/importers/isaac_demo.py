@@ -55,6 +55,7 @@ class Demo:
                 "has no states of objects, only observations or actions.",
                 fix="ask for a recording with the states recorder (PostStepStatesRecorder)",
             )
+        self._need_all(states)
         for name in sorted(states.get("rigid_object", ())):
             self._object(name, states["rigid_object"][name])
         for name in sorted(states.get("articulation", ())):
@@ -111,6 +112,18 @@ class Demo:
         self.length = getattr(self, "length", rows)
         if rows != self.length:
             raise TraceError(where, f"{rows} frames, other bodies have {self.length}")
+
+    def _need_all(self, states: Any) -> None:
+        """Raises TraceError when a body of the initial state has no later ones."""
+        if self.first is None:
+            return
+        for kind in ("rigid_object", "articulation"):
+            lost = sorted(set(self.first.get(kind, ())) - set(states.get(kind, ())))
+            if lost:
+                raise TraceError(
+                    f"{self.where}/states/{kind}", f"{lost[0]!r} is missing.",
+                    "every body of initial_state", "download it again",
+                )  # fmt: skip
 
     def _initial(self, kind: str, name: str) -> Any:
         """The group of a body in ``initial_state``, if that is there."""

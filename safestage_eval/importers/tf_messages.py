@@ -17,6 +17,7 @@ from safestage_eval.errors import InputError, TraceError
 
 from .frame_tree import Samples
 from .importer import SourceError
+from .mcap_whole import whole_messages
 
 TRANSFORMS = {
     "tf2_msgs/msg/TFMessage",
@@ -75,14 +76,12 @@ def read_messages(paths: Iterable[Path]) -> Found:
         TraceError: a file is damaged.
         SourceError: messages in an encoding that cannot be read here.
     """
-    from mcap.reader import make_reader
-
     found = Found()
     for path in paths:
         decoders: dict[int, Callable[[bytes], Any]] = {}
         try:
             with path.open("rb") as stream:
-                for schema, channel, message in make_reader(stream).iter_messages():
+                for schema, channel, message in whole_messages(stream):
                     take = _taker(schema.name if schema else "", channel.topic)
                     if take is None:
                         found.others[channel.topic] = schema.name if schema else "-"

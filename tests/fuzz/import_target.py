@@ -1,7 +1,13 @@
-"""Hostile recordings of others: HDF5, LeRobot, and MCAP with transforms."""
+"""Hostile recordings of others: HDF5, LeRobot, and MCAP with transforms.
+
+A file without checksums that says something else is another sound source. Damage, whose verdicts are
+compared with the sound source's, is what is gone, cut off or no number any more, and whatever happens to bytes
+that have a checksum.
+"""
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from random import Random
@@ -13,11 +19,14 @@ from exports import map_text, write_lerobot, write_maniskill, write_robolab
 from outcome import Outcome
 from scenes import Scene
 from strange import NAMES, NUMBERS
+from trace_target import judged
 
 from safestage_eval.episode import Body, Episode
 from safestage_eval.errors import InputError
-from safestage_eval.formats import validate
+from safestage_eval.formats import EpisodeRef, discover, validate
 from safestage_eval.importers import Settings, import_all, load_map
+from safestage_eval.rules import load_rules
+from safestage_eval.scoring import score_episode
 
 
 def episode() -> Episode:
@@ -29,7 +38,7 @@ def episode() -> Episode:
     )
     scene.bodies.append(Body(name="hand", kind="gripper"))
     scene.tracks["hand"] = scene.tracks["cube"]
-    return scene.episode(success=False, task="Push")
+    return scene.episode(success=False, task="Push", roles={"target": ("cube",)})
 
 
 class Import:
@@ -44,6 +53,14 @@ class Import:
         sound = import_all(self.seed, folder / "sound", self.settings)
         assert sound.imported
         assert not sound.failed
+        self.rules = load_rules([Path(__file__).with_name("imports.toml")])
+        truths = [self.judge(ref) for ref in discover(folder / "sound")]
+        assert all(truth == truths[0] for truth in truths)
+        self.truth = truths[0]
+
+    def judge(self, ref: EpisodeRef) -> dict[str, str]:
+        """Rule → verdict."""
+        return {found.rule: found.verdict for found in score_episode(ref, self.rules).verdicts}
 
     def write(self, folder: Path) -> tuple[Path, str]:
         """The sound source, and what else its map file says."""
@@ -56,7 +73,7 @@ class Import:
             shutil.rmtree(old, ignore_errors=True)
         shutil.copytree(self.seed, path)
         source = self.chosen(rng, path)
-        what = self.hurt(rng, path)
+        what, is_damage = self.hurt(rng, path)
         try:
             outcome = import_all(source, self.folder / "out", self.settings)
         except InputError as error:
@@ -66,14 +83,14 @@ class Import:
             return Outcome(kind, what, failed.message[:300])
         if rng.random() < 0.2 and (problems := validate(self.folder / "out")):
             return Outcome("changed", what, f"imported, and broken: {problems[0]}")
-        return Outcome("read", what)
+        return judged(self.folder / "out", self.truth if is_damage else None, what, self.rules)
 
     def chosen(self, rng: Random, path: Path) -> Path:
         """What is imported, of a copy of the seed."""
         return path / self.source.relative_to(self.seed)
 
-    def hurt(self, rng: Random, path: Path) -> str:
-        """Damage to the source; what was done."""
+    def hurt(self, rng: Random, path: Path) -> tuple[str, bool]:
+        """Damage to the source; what was done, and whether it is damage."""
         files = sorted(file for file in path.rglob("*") if file.is_file())
         numbers = [file for file in files if file.suffix in (".hdf5", ".h5", ".parquet")]
         file = rng.choice(numbers if numbers and rng.random() < 0.5 else files)
@@ -81,7 +98,8 @@ class Import:
             return _in_hdf5(rng, file)
         data, what = damaged(rng, file.read_bytes(), [0, 8, 16, 24, 48, 96])
         file.write_bytes(data)
-        return f"{file.name}: {what}"
+        lost = what.startswith(("cut", "headless"))
+        return f"{file.name}: {what}", lost or file.suffix in (".npz", ".gz")
 
 
 class RoboLab(Import):
@@ -117,7 +135,14 @@ class LeRobot(Import):
         return write_lerobot(folder / "set", [episode()])
 
 
-def _in_hdf5(rng: Random, path: Path) -> str:
+NO_DAMAGE = ("attribute", "name")
+"""Acts on a tree after which it is another one."""
+
+ACTOR = re.compile(r"traj_0/env_states/(actors|articulations)/\w+")
+"""What ManiSkill's file mentions nowhere else: without it, it is a scene of fewer bodies."""
+
+
+def _in_hdf5(rng: Random, path: Path) -> tuple[str, bool]:
     """Something in the file's tree."""
     with h5py.File(path, "a") as file:
         names: list[str] = []
@@ -129,19 +154,20 @@ def _in_hdf5(rng: Random, path: Path) -> str:
              "huge", "attribute", "name", "dtype")
         )  # fmt: skip
         try:
-            _act(rng, file, name, parent, act)
+            is_damage = _act(rng, file, name, parent, act)
         except (ValueError, OSError, RuntimeError, TypeError, KeyError, OverflowError) as error:
-            return f"{name} {act}: {error}"
-    return f"{name} {act}"
+            return f"{name} {act}: {error}", False
+    return f"{name} {act}", is_damage
 
 
-def _act(rng: Random, file: h5py.File, name: str, parent: h5py.Group, act: str) -> None:
+def _act(rng: Random, file: h5py.File, name: str, parent: h5py.Group, act: str) -> bool:
     item = file[name]
     if act == "numbers" and isinstance(item, h5py.Dataset) and item.size:
         values = item[()]
         with np.errstate(all="ignore"):
             values.flat[rng.randrange(values.size)] = rng.choice(NUMBERS)
         item[...] = values
+        return values.dtype.kind == "f" and not np.isfinite(values).all()
     elif act == "shape" and isinstance(item, h5py.Dataset):
         values = np.resize(item[()], rng.choice(((0,), (3,), (8, 1), (8, 100), (1, 1, 1, 7))))
         del file[name]
@@ -170,6 +196,8 @@ def _act(rng: Random, file: h5py.File, name: str, parent: h5py.Group, act: str) 
             file[name] = parent
         elif act == "huge":
             file.create_dataset(name, (2**40, 7), "f4", chunks=(1024, 7))
+    left_out = ACTOR.fullmatch(name) and name not in file
+    return act not in NO_DAMAGE and not left_out
 
 
 TARGETS = {"robolab": RoboLab, "maniskill": ManiSkill, "lerobot": LeRobot}

@@ -77,7 +77,7 @@ class States(Import):
         self.other = rng.random() < 0.4
         return path / ("npz" if self.other else "hdf5/demo.hdf5")
 
-    def hurt(self, rng: Random, path: Path) -> str:
+    def hurt(self, rng: Random, path: Path) -> tuple[str, bool]:
         """The model, the states, or bytes of a file."""
         place, act = self.chosen_place(path), rng.random()
         if act < 0.45:
@@ -86,7 +86,7 @@ class States(Import):
                 (place / "model.xml.gz").write_bytes(gzip.compress(model, 1))
             else:
                 _with_model(place / "demo.hdf5", model)
-            return f"model: {what}"
+            return f"model: {what}", False
         if act < 0.6:
             states, what = self.stated(rng)
             if self.other:
@@ -95,7 +95,8 @@ class States(Import):
                 with h5py.File(place / "demo.hdf5", "a") as file:
                     del file["data/demo_1/states"]
                     file["data/demo_1/states"] = states
-            return f"states: {what}"
+            lost = what == "number" and not np.isfinite(states).all()
+            return f"states: {what}", lost
         return super().hurt(rng, place)
 
     def chosen_place(self, path: Path) -> Path:

@@ -10,28 +10,31 @@ from seeds import rules
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, load, save, validate
+from safestage_eval.rules import RuleSet
 from safestage_eval.scoring import Problem, score_episode
 
 UNFORESEEN = ": cannot be judged: "
 """Of ``score_episode``, where no error of ours came up but some other one."""
 
 
-def verdicts(path: Path) -> dict[str, str] | Outcome:
+def verdicts(path: Path, by: RuleSet | None = None) -> dict[str, str] | Outcome:
     """Rule → verdict of the only episode under a path, or what became of it."""
     refs = discover(path)
     if len(refs) != 1:
         return Outcome("problem", "", f"{len(refs)} episodes")
-    result = score_episode(refs[0], rules())
+    result = score_episode(refs[0], by or rules())
     if isinstance(result, Problem):
         kind = "unforeseen" if UNFORESEEN in result.message else "problem"
         return Outcome(kind, "", result.message)
     return {verdict.rule: verdict.verdict for verdict in result.verdicts}
 
 
-def judged(path: Path, truth: dict[str, str] | None, what: str) -> Outcome:
+def judged(
+    path: Path, truth: dict[str, str] | None, what: str, by: RuleSet | None = None
+) -> Outcome:
     """What becomes of a damaged trace; without ``truth`` it may have become another, sound one."""
     try:
-        found = verdicts(path)
+        found = verdicts(path, by)
     except InputError as error:
         return Outcome("problem", what, str(error))
     if isinstance(found, Outcome):

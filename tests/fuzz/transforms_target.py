@@ -51,14 +51,14 @@ class Recording(Import):
         """Ways to write messages."""
         raise NotImplementedError
 
-    def hurt(self, rng: Random, path: Path) -> str:
+    def hurt(self, rng: Random, path: Path) -> tuple[str, bool]:
         """Damage to the records, or another message."""
         file = path / "run0/run.mcap"
         if rng.random() < 0.45:
             act = rng.choice(ON_RECORDS)
-            data, what, _ = act(rng, rng.choice(self.seeds))
+            data, what, is_damage = act(rng, rng.choice(self.seeds))
             file.write_bytes(data)
-            return f"{act.__name__.strip('_')}: {what}"
+            return f"{act.__name__.strip('_')}: {what}", is_damage
         while True:
             tree, what = self.sound, ""
             try:
@@ -67,7 +67,7 @@ class Recording(Import):
                 file.write_bytes(rng.choice(self.forms())(tree))
             except Exception:  # noqa: BLE001 — what a writer refuses is no input
                 continue
-            return what
+            return what, False
 
 
 class RosBag(Recording):
@@ -95,14 +95,14 @@ class RosBag(Recording):
         """CDR alone."""
         return [_in_cdr]
 
-    def hurt(self, rng: Random, path: Path) -> str:
+    def hurt(self, rng: Random, path: Path) -> tuple[str, bool]:
         """Now and then, a folder of a bag that has another thing in it."""
         if rng.random() < 0.05:
             name = rng.choice(("metadata.yaml", "run_1.mcap", "run_1.db3", "\udcff.mcap"))
             (path / "run0" / name).write_bytes(
                 rng.choice((b"", b"rosbag2_bagfile_information:", b"\x89MCAP"))
             )
-            return f"{name!r} beside it"
+            return f"{name!r} beside it", False
         return super().hurt(rng, path)
 
 
