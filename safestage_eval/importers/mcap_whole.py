@@ -39,7 +39,8 @@ def whole_messages(stream: BinaryIO) -> Iterator[tuple[Any, Any, Any]]:
         stream.seek(0)
         reader = NonSeekingReader(stream, validate_crcs=True)
     count = 0
-    for count, found in enumerate(reader.iter_messages(), 1):
+    for found in reader.iter_messages():
+        count += 1
         yield found
     told = None if summary is None else summary.statistics
     if told is not None and told.message_count != count:

@@ -168,7 +168,7 @@ def _act(rng: Random, file: h5py.File, name: str, parent: h5py.Group, act: str) 
             values.flat[rng.randrange(values.size)] = rng.choice(NUMBERS)
         item[...] = values
         return values.dtype.kind == "f" and not np.isfinite(values).all()
-    elif act == "shape" and isinstance(item, h5py.Dataset):
+    if act == "shape" and isinstance(item, h5py.Dataset):
         values = np.resize(item[()], rng.choice(((0,), (3,), (8, 1), (8, 100), (1, 1, 1, 7))))
         del file[name]
         file[name] = values
