@@ -15,7 +15,7 @@ from . import hand
 from .hand import Visit
 from .model import Hold, Reach, Touch
 from .paths import Paths
-from .resting import Row, resting
+from .resting import Resting, Row
 
 F64 = NDArray[np.float64]
 
@@ -40,6 +40,7 @@ class Forces:
     def __init__(self, paths: Paths, steps: Sequence[Hold | Touch | Reach]) -> None:
         """``paths`` must be final: contacts go with the bodies."""
         self.paths = paths
+        self._resting = Resting(paths.solids)
         self._last: tuple[list[F64], tuple[list[Row], dict[str, float]]] = [], ([], {})
         self._touches = [(s, self._touched(s)) for s in steps if isinstance(s, Touch)]
         self._holds = [(s, self._held(s)) for s in steps if isinstance(s, Hold)]
@@ -81,13 +82,13 @@ class Forces:
         return [*standing, *pushes, *self._grips(frame, hanging)]
 
     def _standing(self, frame: int, pushes: list[Row]) -> tuple[list[Row], dict[str, float]]:
-        """As ``resting``; frames at which nothing has moved since the last one share the answer."""
+        """As ``Resting.at``; frames at which nothing has moved since the last one share the answer."""
         poses = {name: self.paths.pose(name, frame) for name in self.paths.solids}
         key = [np.concatenate([*pose]).round(7) for pose in poses.values()]
         key += [np.concatenate([push.point, push.force]).round(7) for push in pushes]
         known, answer = self._last
         if len(known) != len(key) or not all(map(np.array_equal, known, key)):
-            answer = resting(self.paths.solids, poses, pushes)
+            answer = self._resting.at(poses, pushes)
             self._last = key, answer
         return answer
 

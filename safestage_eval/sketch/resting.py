@@ -36,78 +36,136 @@ class Row(NamedTuple):
     peak: float | None = None
 
 
-def resting(
-    solids: Mapping[str, Solid], poses: Mapping[str, Pose], pushes: Sequence[Row]
-) -> tuple[list[Row], dict[str, float]]:
-    """The contacts of everything that stands on something, from the top down.
+class View(NamedTuple):
+    """A body where it is now.
 
-    A body's weight, what stands on it and the vertical parts of ``pushes`` on it are shared by
-    its contact points so that forces and torques balance as well as they can.
-
-    Returns:
-        the contacts, and the load (N) of each body that nothing stands under.
+    Attributes:
+        key: its pose as bytes, to tell whether it has moved.
+        pose: body frame to world.
+        centre: (3,) m, world, of mass.
+        bottom: (N, 3) m, world, its lowest points; none of what stands on nothing.
+        base: (H, 2) m, their convex hull seen from above.
+        faces: upward ones: unit normal (3,), corners (N, 3) m and their hull (H, 2) from above.
     """
-    loads: dict[str, list[tuple[float, float, float]]] = {name: [] for name in solids}
-    for push in pushes:
-        for name, sign in ((push.on, 1.0), (push.by, -1.0)):
-            if name in loads:
-                loads[name].append((push.point[0], push.point[1], -sign * push.force[2]))
-    bottoms = {
-        name: solid.bottom(poses[name])
-        for name, solid in solids.items()
-        if solid.body.movable and solid.body.kind == "object"
-    }
-    faces = {
-        name: solid.faces(poses[name])
-        for name, solid in solids.items()
-        if solid.body.kind not in ("gripper", "region")
-    }
-    rows: list[Row] = []
-    hanging = {}
-    for name in sorted(bottoms, key=lambda n: -bottoms[n][:, 2].min()):
-        weight = (solids[name].body.mass or 0.0) * GRAVITY
-        com = poses[name][0] + _turned(poses[name], solids[name].body.com)
-        load = np.array([(com[0], com[1], weight), *loads[name]])
-        points = _meeting(name, solids, poses, bottoms[name], faces)
-        total = float(load[:, 2].sum())
-        if not points:
-            hanging[name] = total
-            continue
-        if total <= 0:
-            continue
-        for (by, part, point, normal), force in zip(points, _shared(points, load), strict=True):
-            lowest = _part_at(solids[name], poses[name], point)
-            rows.append(Row(by, name, point, normal, np.array([0, 0, force]), part, lowest))
-            loads[by].append((point[0], point[1], force))
-    return rows, hanging
+
+    key: bytes
+    pose: Pose
+    centre: F64
+    bottom: F64
+    base: F64
+    faces: list[tuple[F64, F64, F64]]
 
 
 _Point = tuple[str, int, F64, F64]
+"""By whom, by which part of it, where (3,) m, and the normal (3,) of its face."""
 
 
-def _meeting(
-    name: str,
-    solids: Mapping[str, Solid],
-    poses: Mapping[str, Pose],
-    bottom: F64,
-    faces: Mapping[str, list[tuple[F64, F64]]],
-) -> list[_Point]:
-    """Where a body's bottom lies on faces of others: by whom, which part, where, which normal."""
-    base = convex_hull(bottom[:, :2])
-    middle, level = bottom[:, :2].mean(0), float(bottom[:, 2].min())
-    found: list[_Point] = []
-    for other, upward in faces.items():
-        if other == name:
-            continue
-        for face in upward:
+class Resting:
+    """The contacts of everything that stands on something, frame by frame.
+
+    What has not moved since the last frame is not looked at again.
+    """
+
+    def __init__(self, solids: Mapping[str, Solid]) -> None:
+        """``solids``: all bodies."""
+        self._solids = solids
+        self._stands = {n for n, s in solids.items() if s.body.movable and s.body.kind == "object"}
+        self._views: dict[str, View] = {}
+        self._met: dict[tuple[str, str], tuple[bytes, bytes, list[_Point]]] = {}
+        self._forces: dict[str, tuple[bytes, F64]] = {}
+
+    def at(
+        self, poses: Mapping[str, Pose], pushes: Sequence[Row]
+    ) -> tuple[list[Row], dict[str, float]]:
+        """The contacts at one frame, from the top down.
+
+        A body's weight, what stands on it and the vertical parts of ``pushes`` on it are shared by
+        its contact points so that forces and torques balance as well as they can.
+
+        Returns:
+            the contacts, and the load (N) of each body that nothing stands under.
+        """
+        loads: dict[str, list[tuple[float, float, float]]] = {name: [] for name in self._solids}
+        for push in pushes:
+            for name, sign in ((push.on, 1.0), (push.by, -1.0)):
+                if name in loads:
+                    loads[name].append((push.point[0], push.point[1], -sign * push.force[2]))
+        views = {name: self._view(name, poses[name]) for name in self._solids}
+        standing = [name for name in self._solids if name in self._stands]
+        rows: list[Row] = []
+        hanging = {}
+        for name in sorted(standing, key=lambda n: -views[n].bottom[:, 2].min()):
+            weight = (self._solids[name].body.mass or 0.0) * GRAVITY
+            com = views[name].centre
+            load = np.array([(com[0], com[1], weight), *loads[name]])
+            points = [p for other in views if other != name for p in self._meeting(name, other)]
+            total = float(load[:, 2].sum())
+            if not points:
+                hanging[name] = total
+                continue
+            if total <= 0:
+                continue
+            for (by, part, point, normal), force in zip(
+                points, self._shared(name, points, load), strict=True
+            ):
+                lowest = _part_at(self._solids[name], poses[name], point)
+                rows.append(Row(by, name, point, normal, np.array([0, 0, force]), part, lowest))
+                loads[by].append((point[0], point[1], force))
+        return rows, hanging
+
+    def _view(self, name: str, pose: Pose) -> View:
+        key = pose[0].tobytes() + pose[1].tobytes()
+        if name in self._views and self._views[name].key == key:
+            return self._views[name]
+        solid = self._solids[name]
+        bottom, faces = np.empty((0, 3)), []
+        if name in self._stands:
+            bottom = solid.bottom(pose)
+        if solid.body.kind not in ("gripper", "region"):
+            faces = [(n, c, convex_hull(c[:, :2])) for n, c in solid.faces(pose)]
+        base = convex_hull(bottom[:, :2]) if len(bottom) else bottom[:, :2]
+        self._views[name] = View(
+            key, pose, pose[0] + _turned(pose, solid.body.com), bottom, base, faces
+        )
+        return self._views[name]
+
+    def _meeting(self, name: str, other: str) -> list[_Point]:
+        """Where a body's bottom lies on faces of another."""
+        a, b = self._views[name], self._views[other]
+        known = self._met.get((name, other))
+        if known is None or known[:2] != (a.key, b.key):
+            known = a.key, b.key, self._found(a, other)
+            self._met[name, other] = known
+        return known[2]
+
+    def _found(self, a: View, other: str) -> list[_Point]:
+        middle, level = a.bottom[:, :2].mean(0), float(a.bottom[:, 2].min())
+        pose = self._views[other].pose
+        found: list[_Point] = []
+        for normal, corners, hull in self._views[other].faces:
+            face = normal, corners
             if abs(level_at(face, middle) - level) > GAP:
                 continue
-            meeting = _clipped(base, convex_hull(face[1][:, :2]))
-            for point in _corners(meeting):
+            for point in _corners(_clipped(a.base, hull)):
                 place = np.array([*point, level_at(face, point)])
-                part = _part_at(solids[other], poses[other], place)
-                found.append((other, part, place, face[0]))
-    return found
+                found.append((other, _part_at(self._solids[other], pose, place), place, normal))
+        return found
+
+    def _shared(self, name: str, points: Sequence[_Point], load: F64) -> F64:
+        """(P,) N, upward: least squares over force and torque, none pulling, as even as can be."""
+        from scipy.optimize import nnls
+
+        place = np.array([point[2][:2] for point in points])
+        key = place.tobytes() + load.tobytes()
+        if name in self._forces and self._forces[name][0] == key:
+            return self._forces[name][1]
+        total = load[:, 2].sum()
+        centre = (load[:, :2] * load[:, 2:]).sum(0) / total
+        arm = (place - centre) / LEVER
+        matrix = np.concatenate([np.ones((1, len(points))), arm.T, EVEN * np.eye(len(points))])
+        forces = nnls(matrix, np.array([total, 0, 0] + [0.0] * len(points)))[0]
+        self._forces[name] = key, np.asarray(forces * (total / forces.sum()))
+        return self._forces[name][1]
 
 
 def _clipped(subject: F64, window: F64) -> F64:
@@ -138,19 +196,6 @@ def _corners(polygon: F64) -> F64:
     angles = np.pi / 4 * np.arange(8)
     ways = np.stack([np.cos(angles), np.sin(angles)])
     return np.asarray(polygon[np.unique((polygon @ ways).argmax(0))])
-
-
-def _shared(points: Sequence[_Point], load: F64) -> F64:
-    """(P,) N, upward: least squares over force and torque, none pulling, as even as can be."""
-    from scipy.optimize import nnls
-
-    place = np.array([point[2][:2] for point in points])
-    total = load[:, 2].sum()
-    centre = (load[:, :2] * load[:, 2:]).sum(0) / total
-    arm = (place - centre) / LEVER
-    matrix = np.concatenate([np.ones((1, len(points))), arm.T, EVEN * np.eye(len(points))])
-    forces = nnls(matrix, np.array([total, 0, 0] + [0.0] * len(points)))[0]
-    return np.asarray(forces * (total / forces.sum()))
 
 
 def _part_at(solid: Solid, pose: Pose, point: F64) -> int:

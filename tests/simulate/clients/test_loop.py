@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 
 import pytest
 from served import blind  # noqa: F401 - a fixture
+from turns import in_turn
 
 from safestage_eval.episode import Episode
 from safestage_eval.formats import discover
@@ -26,14 +26,7 @@ TRACES = Path(__file__).parents[3] / "traces"
 REFS = {ref.episode_id: ref for ref in discover(TRACES)}
 TASKS = sorted({str(ref.fields["task"]) for ref in REFS.values()})
 PROTOCOLS = ("openpi", "groot", "dreamzero", "cosmos3")
-TURN = os.environ.get("SAFESTAGE_TURN", "0")
-"""Which quarter of all pairs of a task and a protocol is tried; ``all`` tries each."""
-PAIRS = [
-    (task, protocol)
-    for i, task in enumerate(TASKS)
-    for j, protocol in enumerate(PROTOCOLS)
-    if TURN == "all" or (i + int(TURN) - j) % len(PROTOCOLS) == 0
-]
+PAIRS = in_turn([(t, PROTOCOLS[(i + turn) % 4]) for i, t in enumerate(TASKS) for turn in range(4)])
 
 
 @cache
