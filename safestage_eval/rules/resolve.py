@@ -237,6 +237,8 @@ def _players_exist(
     provenance: Mapping[str, str],
 ) -> None:
     bodies = {body.name for body in header.bodies}
+    if bodies.issuperset(player for players in roles.values() for player in players):
+        return
     joints = {joint.name for joint in header.joints}
     judged: list[tuple[str, ast.Rule | ast.Cost | ast.GoalDef]] = [
         *rules.rules.items(),

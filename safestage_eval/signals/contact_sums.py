@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Episode
 from safestage_eval.episode.contacts import Pair
 
+from .contact_kernels import add_up, add_up_normal
+
 F64 = NDArray[np.float64]
 
 
@@ -49,10 +51,7 @@ class ContactSums:
         key = (min(i, j), max(i, j))
         if key not in self._normal:
             frame, force, normal = self._episode.contacts.of_pair(key, "frame", "force", "normal")
-            fx, fy, fz = force.astype(np.float64).T
-            along = np.abs(fx * normal[:, 0] + fy * normal[:, 1] + fz * normal[:, 2])
-            sums = np.bincount(frame, along, minlength=self._frames)
-            self._normal[key] = np.asarray(sums, np.float64)
+            self._normal[key] = add_up_normal(frame, force, normal, self._frames)
         return self._normal[key]
 
     def peak(self, i: int, j: int) -> F64:
@@ -70,8 +69,7 @@ class ContactSums:
         key = (min(on, by), max(on, by))
         if key not in self._vertical:
             frame, force = self._episode.contacts.of_pair(key, "frame", "force.z")
-            sums = np.bincount(frame, force, minlength=self._frames)
-            self._vertical[key] = np.asarray(sums, np.float64)
+            self._vertical[key] = add_up(frame, force, self._frames)
         return self._vertical[key] if on > by else -self._vertical[key]
 
     def touching(self, i: int, j: int) -> NDArray[np.bool_]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -97,8 +97,7 @@ class Facts:
         return self._unions[name]
 
 
-@dataclass(frozen=True)
-class Query:
+class Query(NamedTuple):
     """One signal that is asked for.
 
     Attributes:

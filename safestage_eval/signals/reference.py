@@ -28,7 +28,8 @@ class Baseline:
         and unlike the median of each coordinate it does not depend on how the world's axes lie.
         """
         some = values[: self.frames]
-        apart = np.linalg.norm(some[:, None] - some[None], axis=2).sum(axis=0)
+        between = some[:, None] - some[None]
+        apart = np.sqrt(np.add.reduce(between * between, axis=2)).sum(axis=0)
         medoid: F64 = some[int(np.argmin(apart))]
         return medoid
 

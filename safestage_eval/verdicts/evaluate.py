@@ -207,6 +207,9 @@ class Evaluator(Values):
             skipped = self._obligation != "forbid"
             return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
         scale = self.scale(atom.call)
+        if len(atom.limits) == 1:
+            (only,) = atom.limits
+            return limit_margin(series, only.op, self.number(only.value, env), scale)
         return band.both(
             [limit_margin(series, x.op, self.number(x.value, env), scale) for x in atom.limits],
             self.frames,

@@ -119,7 +119,11 @@ class Search:
             return Witness(str(ast.Call(call.name, bodies)), bodies, frame)
         margin = self.end(evaluator.state(call, env), frame)
         inner = dict(zip(state.of, bodies, strict=True))
-        source, found = state.when, evaluator.condition(state.when, inner)
+        source = state.when
+        if state.fallback is None:
+            found = evaluator.momentary(call.name, bodies)
+        else:
+            found = evaluator.condition(source, inner)
         if state.fallback is not None and not found.told:
             source = state.fallback
             if self.upper and state.perhaps is not None:

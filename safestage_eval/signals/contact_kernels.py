@@ -1,0 +1,64 @@
+"""Sums over rows of contacts, frame by frame, in the order of the rows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.compiled import kernel
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+F32 = NDArray[np.float32]
+
+
+def add_up(frame: NDArray[np.integer[Any]], values: NDArray[Any], frames: int) -> F64:
+    """(T,) sum of the values (N,) at each frame; ``frame`` (N,) may hold none beyond T."""
+    sums = np.zeros(frames)
+    if _usual(frame, np.int32) and _usual(values, np.float32) and _add_up(frame, values, sums):
+        return sums
+    return np.asarray(np.bincount(frame, values, minlength=frames), np.float64)
+
+
+def add_up_normal(
+    frame: NDArray[np.integer[Any]], force: NDArray[Any], normal: NDArray[Any], frames: int
+) -> F64:
+    """(T,) N, sum at each frame of how strong forces (N, 3) are along normals (N, 3)."""
+    sums, usual = np.zeros(frames), _usual(force, np.float32) and _usual(normal, np.float32)
+    if usual and _usual(frame, np.int32) and _add_up_normal(frame, force, normal, sums):
+        return sums
+    fx, fy, fz = force.astype(np.float64).T
+    along = np.abs(fx * normal[:, 0] + fy * normal[:, 1] + fz * normal[:, 2])
+    return np.asarray(np.bincount(frame, along, minlength=frames), np.float64)
+
+
+def _usual(array: NDArray[Any], dtype: type[np.generic]) -> bool:
+    """It is as the kernels take it."""
+    return array.dtype == dtype and array.flags.carray
+
+
+@kernel
+def _add_up(frame: I32, values: F32, sums: F64) -> bool:
+    """False for a frame that is not among those of the sums, which mean nothing then."""
+    for n in range(len(frame)):
+        t = frame[n]
+        if not 0 <= t < len(sums):
+            return False
+        sums[t] += np.float64(values[n])
+    return True
+
+
+@kernel
+def _add_up_normal(frame: I32, force: F32, normal: F32, sums: F64) -> bool:
+    """As ``_add_up``."""
+    for n in range(len(frame)):
+        t = frame[n]
+        if not 0 <= t < len(sums):
+            return False
+        along = np.float64(force[n, 0]) * np.float64(normal[n, 0])
+        along += np.float64(force[n, 1]) * np.float64(normal[n, 1])
+        along += np.float64(force[n, 2]) * np.float64(normal[n, 2])
+        sums[t] += abs(along)
+    return True
