@@ -239,6 +239,10 @@ def check_geom_owner(
     where: str,
 ) -> list[TraceError]:
     """(C,) geoms of one side (``1`` or ``2``) that exist and belong to the body of that side."""
+    if isinstance(body, int) and len(geom):  # its geoms come one after the other
+        own = np.flatnonzero(geom_owner == body)
+        if len(own) and own[0] <= geom.min() and geom.max() <= own[-1] < own[0] + len(own):
+            return []
     found = _in_range(geom, len(geom_owner), f"geom{side}", where)
     wrong = np.flatnonzero(geom_owner[geom] != body) if not found else np.zeros(0, np.intp)
     if len(wrong):

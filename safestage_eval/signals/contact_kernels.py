@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import kernel
+from safestage_eval.compiled import helper, kernel
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -32,6 +32,21 @@ def add_up_normal(
     fx, fy, fz = force.astype(np.float64).T
     along = np.abs(fx * normal[:, 0] + fy * normal[:, 1] + fz * normal[:, 2])
     return np.asarray(np.bincount(frame, along, minlength=frames), np.float64)
+
+
+def rows_by_frame(
+    frame: NDArray[np.integer[Any]], force: NDArray[Any], normal: NDArray[Any], frames: int
+) -> NDArray[np.intp]:
+    """(K,) those of N rows that have a force along the normal, by frame, else in their order."""
+    usual = _usual(force, np.float32) and _usual(normal, np.float32) and _usual(frame, np.int32)
+    if usual:
+        starts, rows = np.zeros(frames + 1, np.intp), np.empty(len(frame), np.intp)
+        count = _rows_by_frame(frame, force, normal, starts, rows)
+        if count >= 0:
+            return rows[:count].copy()
+    (nx, ny, nz), (fx, fy, fz) = normal.T, force.T
+    found = np.flatnonzero(nx * fx + ny * fy + nz * fz)
+    return found.take(np.argsort(frame.take(found), kind="stable"))
 
 
 def _usual(array: NDArray[Any], dtype: type[np.generic]) -> bool:
@@ -62,3 +77,30 @@ def _add_up_normal(frame: I32, force: F32, normal: F32, sums: F64) -> bool:
         along += np.float64(force[n, 2]) * np.float64(normal[n, 2])
         sums[t] += abs(along)
     return True
+
+
+@kernel
+def _rows_by_frame(
+    frame: I32, force: F32, normal: F32, starts: NDArray[np.intp], rows: NDArray[np.intp]
+) -> int:
+    """How many there are; -1 for a frame beyond. ``starts`` (T + 1,) is 0 and room to work in."""
+    count = 0
+    for n in range(len(frame)):
+        if not 0 <= frame[n] < len(starts) - 1:
+            return -1
+        if _along(force, normal, n) != 0:
+            starts[frame[n] + 1] += 1
+            count += 1
+    for t in range(1, len(starts)):
+        starts[t] += starts[t - 1]
+    for n in range(len(frame)):
+        if _along(force, normal, n) != 0:
+            rows[starts[frame[n]]] = n
+            starts[frame[n]] += 1
+    return count
+
+
+@helper
+def _along(force: F32, normal: F32, n: int) -> np.float32:
+    """In single precision, as it is recorded."""
+    return normal[n, 0] * force[n, 0] + normal[n, 1] * force[n, 1] + normal[n, 2] * force[n, 2]

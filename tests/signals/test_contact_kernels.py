@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from safestage_eval.signals.contact_kernels import add_up, add_up_normal
+from safestage_eval.signals.contact_kernels import add_up, add_up_normal, rows_by_frame
 
 
 def rows(seed, count, frames):
@@ -40,3 +40,14 @@ def test_a_frame_that_is_not_in_the_episode_writes_nowhere():
     assert add_up(frame, one, 2).tolist() == [1.0, 0.0, 0.0, 1.0]
     with pytest.raises(ValueError):
         add_up(np.array([0, -1], np.int32), one, 2)
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 500])
+def test_rows_with_a_force_come_by_frame(count):
+    frame, force, normal = rows(count, count, 20)
+    force[::3] = 0
+    found = rows_by_frame(frame, force, normal, 20)
+    some = [n for n in range(count) if (force[n] * normal[n]).any()]
+    assert found.tolist() == sorted(some, key=lambda n: frame[n])
+    other = rows_by_frame(frame.astype(np.int64), force, normal, 20)
+    assert np.array_equal(found, other)
