@@ -14,7 +14,7 @@ I32 = NDArray[np.int32]
 F32 = NDArray[np.float32]
 
 
-def add_up(frame: NDArray[np.integer[Any]], values: NDArray[Any], frames: int) -> F64:
+def add_up(frame: NDArray[Any], values: NDArray[Any], frames: int) -> F64:
     """(T,) sum of the values (N,) at each frame; ``frame`` (N,) may hold none beyond T."""
     sums = np.zeros(frames)
     if _usual(frame, np.int32) and _usual(values, np.float32) and _add_up(frame, values, sums):
@@ -23,7 +23,7 @@ def add_up(frame: NDArray[np.integer[Any]], values: NDArray[Any], frames: int) -
 
 
 def add_up_normal(
-    frame: NDArray[np.integer[Any]], force: NDArray[Any], normal: NDArray[Any], frames: int
+    frame: NDArray[Any], force: NDArray[Any], normal: NDArray[Any], frames: int
 ) -> F64:
     """(T,) N, sum at each frame of how strong forces (N, 3) are along normals (N, 3)."""
     sums, usual = np.zeros(frames), _usual(force, np.float32) and _usual(normal, np.float32)
@@ -35,7 +35,7 @@ def add_up_normal(
 
 
 def rows_by_frame(
-    frame: NDArray[np.integer[Any]], force: NDArray[Any], normal: NDArray[Any], frames: int
+    frame: NDArray[Any], force: NDArray[Any], normal: NDArray[Any], frames: int
 ) -> NDArray[np.intp]:
     """(K,) those of N rows that have a force along the normal, by frame, else in their order."""
     usual = _usual(force, np.float32) and _usual(normal, np.float32) and _usual(frame, np.int32)
@@ -101,6 +101,6 @@ def _rows_by_frame(
 
 
 @helper
-def _along(force: F32, normal: F32, n: int) -> np.float32:
+def _along(force: F32, normal: F32, n: int) -> Any:
     """In single precision, as it is recorded."""
     return normal[n, 0] * force[n, 0] + normal[n, 1] * force[n, 1] + normal[n, 2] * force[n, 2]
