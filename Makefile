@@ -16,6 +16,7 @@ endif
 demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 	$(BIN)/safestage-score traces/ --rules rules/
 
+# Some sets of like cases are tried in turn, a quarter at a time: SAFESTAGE_TURN=0 to 3, or all.
 test: lint typecheck  ## all checks, slow tests included
 	$(BIN)/pytest -n 2
 
