@@ -38,14 +38,15 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
       safestage rules check my_rules.toml
     """
     from safestage_eval.rules import builtin_names, check_rules, load_rules
+    from safestage_eval.rules.diagnostic import rendered
 
     specs = list(rules) or builtin_names()
     found = check_rules(specs)
     if as_json:
         click.echo(json.dumps([d.to_dict() for d in found], indent=1, ensure_ascii=False))
     else:
-        for diagnostic in found:
-            click.echo(diagnostic.render() + "\n", err=True)
+        for text in rendered(found):
+            click.echo(text + "\n", err=True)
         if found:
             click.echo(f"{len(found)} problem{'s' if len(found) != 1 else ''}", err=True)
         else:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import io
 import os
 import re
+import threading
 import time
 from collections.abc import Generator, Iterator
+from datetime import timedelta
 from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path, PosixPath
@@ -21,6 +23,9 @@ T = TypeVar("T")
 
 TRIES, PAUSE = 5, 0.2
 """Times that a store is asked, and s between the first two; each pause is twice as long."""
+
+ANSWER = 120.0
+"""s that an answer may take; a store that does not answer by then is not asked again."""
 
 _STREAM = 1 << 20
 """Bytes that are read at once of an object that is read from its beginning on."""
@@ -56,7 +61,8 @@ class RemotePath(PosixPath):
     """A path whose files are in a store. Stores are asked again when they fail, then it is an OSError.
 
     ``s3://`` and ``gs://`` go through ``pyarrow.fs``, ``hf://`` and all others through fsspec.
-    Credentials, region and endpoint (``AWS_ENDPOINT_URL``) are those of the environment.
+    Credentials, region and endpoint (``AWS_ENDPOINT_URL``, ``STORAGE_EMULATOR_HOST``) are those of the
+    environment.
     """
 
     def __str__(self) -> str:
@@ -110,9 +116,16 @@ class RemotePath(PosixPath):
         from pyarrow.fs import FileSelector
 
         scheme, place = self._split()
-        found = tried(lambda: filesystem(scheme).get_file_info(FileSelector(place)))
-        folders = sorted(info.base_name for info in found if info.type.value == _FOLDER)
-        return folders, sorted(info.base_name for info in found if info.type.value == _FILE)
+        deep = scheme == "gs"  # Arrow lists folders there only if somebody made objects for them
+        found = tried(lambda: filesystem(scheme).get_file_info(FileSelector(place, recursive=deep)))
+        folders = {info.base_name for info in found if info.type.value == _FOLDER}
+        files = {info.base_name for info in found if info.type.value == _FILE}
+        if deep:
+            inside = [info.path[len(place.rstrip("/")) + 1 :].rstrip("/") for info in found]
+            folders = {path.partition("/")[0] for path in inside if "/" in path}
+            files = {path for path, info in zip(inside, found, strict=True)
+                     if "/" not in path and info.type.value == _FILE}  # fmt: skip
+        return sorted(folders), sorted(files)
 
     def glob(self, pattern: str, **_: Any) -> Generator[RemotePath, None, None]:
         """Files in it, and not deeper, whose names match."""
@@ -170,6 +183,10 @@ def _assets(folder: RemotePath) -> frozenset[str]:
     return frozenset(folder.names()[1])
 
 
+_GIVE_UP = timedelta(seconds=20)
+"""After which Google's client says what failed; 15 minutes if it is not told."""
+
+
 @lru_cache
 def filesystem(scheme: str) -> Any:
     """The store that a scheme stands for. Raises InputError for one that cannot be reached."""
@@ -184,7 +201,13 @@ def filesystem(scheme: str) -> Any:
             request_timeout=60,
         )
     if scheme == "gs":
-        return fs.GcsFileSystem()
+        emulator = os.environ.get("STORAGE_EMULATOR_HOST", "")
+        if not emulator:
+            return fs.GcsFileSystem(retry_time_limit=_GIVE_UP)
+        kind, _, host = emulator.rpartition("://")
+        return fs.GcsFileSystem(
+            anonymous=True, scheme=kind or "http", endpoint_override=host, retry_time_limit=_GIVE_UP
+        )
     try:
         import fsspec  # type: ignore[import-untyped]
 
@@ -197,14 +220,38 @@ def filesystem(scheme: str) -> Any:
 
 
 def tried(ask: Any) -> Any:
-    """What asking a store gives; asked again when it fails. Raises the last OSError."""
+    """What asking a store gives; asked again when it fails. Raises the last OSError.
+
+    TimeoutError is one, for a store that does not answer. Its client cannot be stopped and is left behind.
+    """
     for attempt in range(TRIES):
         try:
-            return ask()
-        except FileNotFoundError:
+            return _answered(ask)
+        except (FileNotFoundError, TimeoutError):
             raise
         except OSError:
             if attempt == TRIES - 1:
                 raise
             time.sleep(PAUSE * 2**attempt)
     raise AssertionError
+
+
+def _answered(ask: Any) -> Any:
+    """What asking gives, within the time. Raises what it raises, and TimeoutError."""
+    said: list[tuple[bool, Any]] = []
+
+    def go() -> None:
+        try:
+            said.append((True, ask()))
+        except BaseException as error:  # noqa: BLE001 — raised again below
+            said.append((False, error))
+
+    asking = threading.Thread(target=go, daemon=True)
+    asking.start()
+    asking.join(ANSWER)
+    if not said:
+        raise TimeoutError(110, f"the store did not answer within {ANSWER:g} s")
+    well, answer = said[0]
+    if not well:
+        raise answer
+    return answer

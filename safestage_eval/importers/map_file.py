@@ -37,7 +37,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from safestage_eval.errors import InputError
-from safestage_eval.rules.diagnostic import Diagnostic
+from safestage_eval.rules.diagnostic import Diagnostic, rendered
 from safestage_eval.rules.files import not_toml
 from safestage_eval.rules.locate import Locations
 from safestage_eval.rules.names import nearest
@@ -71,7 +71,7 @@ class MapErrors(InputError):  # noqa: N818 — it holds many
 
     def __str__(self) -> str:
         """Every diagnostic as rendered, then their number."""
-        return "\n\n".join([*(d.render() for d in self.diagnostics), super().__str__()])
+        return "\n\n".join([*rendered(self.diagnostics), super().__str__()])
 
 
 def load_map(path: str | Path) -> MapFile:

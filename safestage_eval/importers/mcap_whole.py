@@ -28,7 +28,7 @@ def whole_messages(stream: BinaryIO) -> Iterator[tuple[Any, Any, Any]]:
     from mcap.reader import McapReader, NonSeekingReader, make_reader
 
     reader: McapReader = make_reader(stream)
-    _check_summary(stream)
+    check_summary(stream)
     summary = reader.get_summary()
     if summary is not None and summary.chunk_indexes:
         for index in summary.chunk_indexes:
@@ -47,25 +47,28 @@ def whole_messages(stream: BinaryIO) -> Iterator[tuple[Any, Any, Any]]:
         raise ValueError(f"it says that it has {told.message_count:,} messages, and has {count:,}")
 
 
-def _check_summary(stream: BinaryIO) -> None:
+def check_summary(stream: BinaryIO) -> None:
+    """Compare the summary with its checksum. Raises ValueError; it may hold no chunk, which would be unpacked."""
     size = stream.seek(0, 2)
     stream.seek(max(0, size - MAGIC - FOOTER))
     footer = stream.read(FOOTER)
     if len(footer) < FOOTER:
         raise ValueError("it is cut off")
     begin, _, crc = struct.unpack_from("<QQI", footer, 9)
-    if not begin or not crc:
+    if not begin:
         return
     if begin > size - MAGIC - FOOTER:
         raise ValueError("its summary begins behind the end")
+    if next(_chunks(stream, begin), None) is not None:
+        raise ValueError("there is a chunk in its summary")
     stream.seek(begin)
-    if crc32(stream.read(size - MAGIC - 4 - begin)) != crc:
+    if crc and crc32(stream.read(size - MAGIC - 4 - begin)) != crc:
         raise ValueError("its summary does not match its checksum")
 
 
-def _chunks(stream: BinaryIO) -> Iterator[int]:
-    """Where the chunks are, one record after the other."""
-    size, at = stream.seek(0, 2), MAGIC
+def _chunks(stream: BinaryIO, at: int = MAGIC) -> Iterator[int]:
+    """Where the chunks are from a place on, one record after the other."""
+    size = stream.seek(0, 2)
     while at + 9 <= size:
         stream.seek(at)
         kind, length = struct.unpack("<BQ", stream.read(9))

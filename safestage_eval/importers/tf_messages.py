@@ -17,7 +17,7 @@ from safestage_eval.errors import InputError, TraceError
 
 from .frame_tree import Samples
 from .importer import SourceError
-from .mcap_whole import whole_messages
+from .mcap_whole import check_summary, whole_messages
 
 TRANSFORMS = {
     "tf2_msgs/msg/TFMessage",
@@ -59,6 +59,8 @@ def has_transforms(path: Path) -> bool:
 
     try:
         with path.open("rb") as stream:
+            check_summary(stream)
+            stream.seek(0)
             reader = make_reader(stream)
             if reader.get_header().profile == "safestage":
                 return False

@@ -55,6 +55,17 @@ class Diagnostic:
         return asdict(self)
 
 
+MOST = 100
+"""Problems that are told one by one."""
+
+
+def rendered(diagnostics: Sequence[Diagnostic]) -> list[str]:
+    """Each as text; of very many the first, and how many more there are."""
+    more = len(diagnostics) - MOST
+    texts = [diagnostic.render() for diagnostic in diagnostics[:MOST]]
+    return [*texts, f"… and {more:,} more"] if more > 0 else texts
+
+
 class RuleErrors(RuleError):  # noqa: N818 — it holds many
     """Rule files that cannot be used, with everything that is wrong with them.
 
@@ -74,5 +85,5 @@ class RuleErrors(RuleError):  # noqa: N818 — it holds many
         self.args = (self.diagnostics,)
 
     def __str__(self) -> str:
-        """Every diagnostic as rendered, then their number."""
-        return "\n\n".join([*(d.render() for d in self.diagnostics), super().__str__()])
+        """The diagnostics as rendered, then their number."""
+        return "\n\n".join([*rendered(self.diagnostics), super().__str__()])

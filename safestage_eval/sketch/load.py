@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
-from safestage_eval.rules.diagnostic import Diagnostic
+from safestage_eval.rules.diagnostic import Diagnostic, rendered
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.locate import Keys, Locations
 
@@ -42,7 +42,7 @@ class SketchError(InputError):
 
     def __str__(self) -> str:
         """Every diagnostic as rendered, then their number."""
-        return "\n\n".join([*(d.render() for d in self.diagnostics), super().__str__()])
+        return "\n\n".join([*rendered(self.diagnostics), super().__str__()])
 
 
 def resolve(name: str, folders: Iterable[Path] = ()) -> Episode:

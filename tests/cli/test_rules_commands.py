@@ -187,3 +187,14 @@ def test_a_code_that_resembles_none_is_told_where_to_find_them():
     done = run("rules", "show", "NOPE")
     assert done.code == 2
     assert "safestage rules show lists all codes" in done.err
+
+
+def test_of_very_many_problems_the_first_are_told(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(MINE + "".join(f"unknown_{i} = 1\n" for i in range(1500)))
+    for command in (("rules", "check", path), ("rules", "show", path)):
+        said = run(*command).err
+        assert said.count("error[") == 100
+        assert "… and 1,400 more" in said
+        assert "1500 problems" in said
+    assert len(json.loads(run("rules", "check", path, "--json").text)) == 1500
