@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from processes import ray_tasks
 from studio import block
 
 from safestage_eval.formats import save
@@ -63,7 +64,7 @@ def test_verdict_for_verdict_the_same_with_a_worker_killed(traces, tmp_path):
     run = started(tmp_path, *command, "--resume", tmp_path / "kept")
     killed, waited = [], time.monotonic() + 500
     while run.poll() is None and len(killed) < 2 and time.monotonic() < waited:
-        for pid in tasks_below(run.pid):
+        for pid in ray_tasks(run.pid):
             if pid not in killed:
                 os.kill(pid, signal.SIGKILL)
                 killed.append(pid)
@@ -85,24 +86,3 @@ def test_an_episode_that_kills_is_a_problem_here_too(traces, tmp_path):
     said = [problem["message"] for problem in found["problems"]]
     assert len(said) == 2
     assert any("died twice: SIGSEGV" in line for line in said)
-
-
-def tasks_below(root):
-    """Processes that run a task for a process, or for one that it started."""
-    parents, tasks = {}, []
-    for path in Path("/proc").glob("[0-9]*"):
-        try:
-            parents[int(path.name)] = int(
-                (path / "stat").read_bytes().rpartition(b")")[2].split()[1]
-            )
-            if (path / "cmdline").read_bytes().startswith(b"ray::_judge_chunk"):
-                tasks.append(int(path.name))
-        except OSError:
-            continue
-    return [pid for pid in tasks if root in ancestors(pid, parents)]
-
-
-def ancestors(pid, parents):
-    while pid in parents:
-        pid = parents[pid]
-        yield pid

@@ -7,13 +7,13 @@ with what was tried and what came of it.
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import random
 import shutil
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, field
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -21,60 +21,25 @@ if __name__ == "__main__":
     sys.path[:0] = [
         str(HERE),
         str(HERE.parent / "importers"),
+        str(HERE.parent / "formats"),
         str(HERE.parent),
         str(HERE.parents[1]),
     ]
 
 from child import Child  # noqa: E402
 from disk import small_disk  # noqa: E402
+from object_store import object_store  # noqa: E402
+from outcome import Row, after  # noqa: E402
+from processes import children, is_worker, pid_alive, ray_tasks  # noqa: E402
+from stores import broken_store, failing_store, slow_store  # noqa: E402
 from victims import (  # noqa: E402
+    ClusterScorer,
     Scorer,
+    StoreScorer,
     Victim,
-    children,
-    is_worker,
-    pid_alive,
     prepared,
     writers,
 )
-
-
-@dataclass
-class Row:
-    """What came of one kind of fault to one writer."""
-
-    victim: str
-    fault: str
-    tried: int = 0
-    hit: int = 0
-    """How often it was at work when the fault came."""
-    kept: int = 0
-    """Episodes that were written for good before, over all tries; every one of them is there."""
-    lost: int = 0
-    halves: int = 0
-    next_failed: int = 0
-    said: set[str] = field(default_factory=set)
-
-
-def after(row: Row, victim: Victim, folder: Path, committed: set[str]) -> None:
-    """What must be true after any fault, and that the next run finishes the work."""
-    try:
-        left = victim.left(folder)
-    except AssertionError as error:
-        row.halves += 1
-        row.said.add(f"HALF: {error}")
-        left = set()
-    row.kept += len(committed)
-    row.lost += len(committed - left)
-    again = Child(victim, folder)
-    code = again.wait()
-    again.committed()
-    try:
-        whole = code == 0 and victim.left(folder) == victim.everything
-    except AssertionError:
-        whole = False
-    if not whole:
-        row.next_failed += 1
-        row.said.add(f"NEXT RUN: exit code {code}: {again.said()}")
 
 
 def killed(victim: Victim, kills: int, chance: random.Random, place: Path) -> Row:
@@ -126,9 +91,14 @@ def gone(pids: list[int]) -> None:
         time.sleep(0.02)
 
 
+def workers_of(pid: int) -> list[int]:
+    """Processes that judge episodes for a scorer, on this machine or on its cluster."""
+    return [p for p in children(pid) if is_worker(p)] + ray_tasks(pid)
+
+
 def workers_killed(victim: Scorer, kills: int, chance: random.Random, place: Path) -> Row:
     """kill -9 of one worker process after the other while a run goes on: it must not notice."""
-    row = Row("scorer's workers", "kill -9 at a random moment")
+    row = Row(f"workers of the {victim.name}", "kill -9 at a random moment")
     place.mkdir()
     while row.hit < kills:
         folder = place / "data"
@@ -136,7 +106,7 @@ def workers_killed(victim: Scorer, kills: int, chance: random.Random, place: Pat
         child = Child(victim, folder)
         spared: set[int] = set()
         while not child.ended():
-            workers = [pid for pid in children(child.pid) if is_worker(pid) and pid not in spared]
+            workers = [pid for pid in workers_of(child.pid) if pid not in spared]
             if workers and row.hit < kills and len(spared) < 3:
                 time.sleep(chance.uniform(0, 3))
                 pid = chance.choice(workers)
@@ -207,7 +177,10 @@ def read_only(victim: Victim, chance: random.Random, place: Path) -> Row:
 
 
 def campaign(kills: int, disks: int, seed: int, place: Path) -> list[Row]:
-    """Everything; of the kills a twelfth each goes to the scorer and to its workers."""
+    """Everything; of the kills a twelfth each goes to the scorer and to its workers.
+
+    On a cluster, and from a store, a few more.
+    """
     chance = random.Random(seed)
     source = prepared(place)
     copying, scorer = writers(source), Scorer(source)
@@ -223,6 +196,13 @@ def campaign(kills: int, disks: int, seed: int, place: Path) -> list[Row]:
         add(killed(victim, share, chance, place / f"kill{i}"))
     add(killed(scorer, few, chance, place / "kill scorer"))
     add(workers_killed(scorer, few, chance, place / "kill workers"))
+    add(workers_killed(ClusterScorer(source), max(1, few // 2), chance, place / "kill tasks"))
+    with object_store() as store:
+        distant = StoreScorer(source, store)
+        add(killed(distant, max(1, few // 2), chance, place / "kill distant"))
+        add(slow_store(distant, max(1, few // 2), chance, place / "slow"))
+        add(failing_store(distant, max(1, few // 2), chance, place / "failing"))
+        add(broken_store(distant, max(1, few // 2), chance, place / "broken"))
     for i, victim in enumerate(copying):
         add(full_disk(victim, disks, chance, place / f"full{i}"))
     add(full_disk(scorer, max(1, disks // 5), chance, place / "full scorer"))
@@ -255,6 +235,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--write", type=Path, help="page whose table is replaced")
     args = parser.parse_args()
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)  # the store's, a line per request
     with tempfile.TemporaryDirectory() as place:
         rows = campaign(args.kills, args.disks, args.seed, Path(place))
     print(table(rows))

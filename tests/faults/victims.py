@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import sys
 from abc import ABC, abstractmethod
@@ -12,6 +13,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from exports import map_text, write_lerobot
+from object_store import Between, upload
 from recordings import falling_cube
 from scenes import Scene
 
@@ -155,16 +157,16 @@ class Scorer(Victim):
 
     name = "scorer"
 
-    def __init__(self, source: Path, jobs: int = 2) -> None:
+    def __init__(self, source: Path) -> None:
         super().__init__(source)
-        self._jobs = jobs
+        self.traces, self.engine = str(source), ("-j", "2")
         self.results = {r.episode_id: r for r in score_paths([source], [RULES], jobs=1).results}
 
     def go(self, folder: Path, commit: Commit) -> int:
         """0 when it wrote the whole output, and that is right."""
-        words = ["score", str(self.source), "-r", RULES, "--resume", str(folder), "-f", "json"]
+        words = ["score", self.traces, "-r", RULES, "--resume", str(folder), "-f", "json"]
         out = folder.parent / "out.json"
-        code = main_with([*words, "-j", str(self._jobs), "-o", str(out)])
+        code = main_with([*words, *self.engine, "-o", str(out)])
         if code == 0:
             rows = json.loads(out.read_text("utf-8"))["episodes"]
             wanted = [row for result in self.results.values() for row in result.rows()]
@@ -190,6 +192,36 @@ class Scorer(Victim):
                     assert verdicts == [(v.rule, v.verdict, v.time) for v in truth.verdicts]
                     found.add(told["episode_id"])
         return found
+
+
+class ClusterScorer(Scorer):
+    """The same through a Ray cluster of this machine."""
+
+    name = "scorer on a Ray cluster"
+
+    def __init__(self, source: Path) -> None:
+        super().__init__(source)
+        self.engine = ("--engine", "ray")
+
+
+class StoreScorer(Scorer):
+    """The same, reading from an object store."""
+
+    name = "scorer, traces in an object store"
+
+    def __init__(self, source: Path, store: Between) -> None:
+        super().__init__(source)
+        self.store, self.traces = store, upload(source, store, "source")
+
+    def go(self, folder: Path, commit: Commit) -> int:
+        """As before, told where the store is."""
+        os.environ |= {
+            "AWS_ACCESS_KEY_ID": "test",
+            "AWS_SECRET_ACCESS_KEY": "test",
+            "AWS_ENDPOINT_URL": self.store.url,
+            "AWS_REGION": "us-east-1",
+        }
+        return super().go(folder, commit)
 
 
 def main_with(words: list[str]) -> int:
@@ -228,34 +260,3 @@ def writers(source: Path) -> list[Victim]:
         ),
         Importer(source),
     ]  # fmt: skip
-
-
-def pid_alive(pid: int) -> bool:
-    """Whether a process runs; one that has ended and waits to be collected does not."""
-    try:
-        state = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0]
-    except OSError:
-        return False
-    return state != b"Z"
-
-
-def children(pid: int) -> list[int]:
-    """Processes that a process started, and that run."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            parent = int(path.read_bytes().rpartition(b")")[2].split()[1])
-        except OSError:
-            continue
-        if parent == pid and pid_alive(int(path.parent.name)):
-            found.append(int(path.parent.name))
-    return found
-
-
-def is_worker(pid: int) -> bool:
-    """A worker, and not multiprocessing's own helper."""
-    try:
-        words = Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:
-        return False
-    return b"spawn_main" in words

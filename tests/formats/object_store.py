@@ -34,6 +34,9 @@ class Between(ThreadingHTTPServer):
         self.count = 0
         self.lock = threading.Lock()
 
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Who asked may be gone before the answer."""
+
     @property
     def url(self) -> str:
         """Of this end."""

@@ -1,0 +1,48 @@
+"""What came of a fault, and what must be true after each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from child import Child
+from victims import Victim
+
+
+@dataclass
+class Row:
+    """What came of one kind of fault to one writer."""
+
+    victim: str
+    fault: str
+    tried: int = 0
+    hit: int = 0
+    """How often it was at work when the fault came."""
+    kept: int = 0
+    """Episodes that were written for good before, over all tries; every one of them is there."""
+    lost: int = 0
+    halves: int = 0
+    next_failed: int = 0
+    said: set[str] = field(default_factory=set)
+
+
+def after(row: Row, victim: Victim, folder: Path, committed: set[str]) -> None:
+    """What must be true after any fault, and that the next run finishes the work."""
+    try:
+        left = victim.left(folder)
+    except AssertionError as error:
+        row.halves += 1
+        row.said.add(f"HALF: {error}")
+        left = set()
+    row.kept += len(committed)
+    row.lost += len(committed - left)
+    again = Child(victim, folder)
+    code = again.wait()
+    again.committed()
+    try:
+        whole = code == 0 and victim.left(folder) == victim.everything
+    except AssertionError:
+        whole = False
+    if not whole:
+        row.next_failed += 1
+        row.said.add(f"NEXT RUN: exit code {code}: {again.said()}")
