@@ -35,7 +35,7 @@ class Entry:
 
     def __init__(self, file: int) -> None:
         """``file``: a descriptor, which is closed when nobody holds the entry any more."""
-        self._file, self._start = file, 0
+        self._file, self._start, self._first = file, 0, b""
         self._index: dict[str, dict[str, Any]] = {}
 
     def __del__(self) -> None:
@@ -43,7 +43,7 @@ class Entry:
         os.close(self._file)
 
     @classmethod
-    def read(cls, path: Path) -> Entry | None:
+    def read(cls, path: str | Path) -> Entry | None:
         """The entry in a file; None when there is none, or not a whole one."""
         try:
             found = cls(os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0)))
@@ -53,7 +53,7 @@ class Entry:
 
     def _understood(self) -> bool:
         """Reads the index; False where the file is not a whole one."""
-        data = self._bytes(0, _FIRST)
+        data = self._first = self._bytes(0, _FIRST)
         size = int.from_bytes(data[len(MAGIC) : len(MAGIC) + 8], "little")
         if _HEAD + size > len(data) == _FIRST and _HEAD + size <= os.fstat(self._file).st_size:
             data = self._bytes(0, _HEAD + size)
@@ -66,6 +66,8 @@ class Entry:
 
     def _bytes(self, at: int, count: int) -> bytes:
         """So many bytes of the file, or as many as there are."""
+        if at + count <= len(self._first):
+            return self._first[at : at + count]
         try:
             os.lseek(self._file, at, os.SEEK_SET)
             return os.read(self._file, count)

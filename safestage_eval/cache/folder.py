@@ -15,8 +15,11 @@ from safestage_eval.formats import EpisodeRef
 from .entry import Entry, Value, encode
 from .log import Log, append
 
-PARTS = ("measured", "answers")
-"""Files of an episode: arrays (entry.py), and the small answers that rest on them (log.py)."""
+PARTS = ("measured", "answers", "judged")
+"""Files of an episode: arrays (entry.py), the small answers that rest on them (log.py), and of each
+rule by itself what judging it again takes (judged.py)."""
+LARGEST = 1 << 20
+"""Bytes that the latter may have."""
 MOST = 4 * 1024**3
 """Bytes that a folder may grow to, unless ``SAFESTAGE_CACHE_SIZE`` (bytes) says otherwise."""
 
@@ -29,42 +32,64 @@ class CacheFolder:
     ) -> None:
         """``most``: bytes to prune to; ``measurements``: keep them, and not only answers."""
         self.path = Path(path).expanduser()
-        self._measurements = measurements
+        self.measurements = measurements
+        self._last: tuple[EpisodeRef | None, str] = None, ""
         told = os.environ.get("SAFESTAGE_CACHE_SIZE", "")
         self.most = most if most is not None else int(told) if told.isdigit() else MOST
 
     def file(self, ref: EpisodeRef, part: str) -> Path:
         """Where a part of the entry of an episode is: named after the place of the episode."""
-        place = f"{os.path.abspath(ref.path)}\n{ref.episode_index}\n{ref.episode_id}"  # noqa: PTH100 - fast
-        name = hashlib.sha256(place.encode()).hexdigest()[:32]
-        return Path(f"{self.path}/{name[:2]}/{name}.{part}")
+        return Path(self._file(ref, part))
+
+    def _file(self, ref: EpisodeRef, part: str) -> str:
+        """The same, soon told again of the episode that was asked about last."""
+        if self._last[0] is not ref:
+            place = f"{os.path.abspath(ref.path)}\n{ref.episode_index}\n{ref.episode_id}"  # noqa: PTH100 - fast
+            name = hashlib.sha256(place.encode()).hexdigest()[:32]
+            self._last = ref, f"{self.path}/{name[:2]}/{name}."
+        return self._last[1] + part
 
     def measured(self, ref: EpisodeRef) -> Entry | None:
         """What was measured of an episode, whatever state of its files it is about."""
-        return Entry.read(self.file(ref, "measured"))
+        return Entry.read(self._file(ref, "measured"))
 
     def answers(self, ref: EpisodeRef) -> Log:
         """What was found out about an episode, in whatever state of its files."""
-        file = str(self.file(ref, "answers"))
+        file = self._file(ref, "answers")
         for path in (file, file.removesuffix("answers") + "measured"):  # used just now: pruned last
             with contextlib.suppress(OSError):
                 os.utime(path)
         return Log.read(file)
 
-    def add(self, ref: EpisodeRef, answers: dict[str, Any]) -> None:
-        """Keep answers besides those that are there. A folder that cannot be written to keeps none."""
+    def judged(self, ref: EpisodeRef, code: str) -> Entry | None:
+        """What was kept of a rule, whatever it is about."""
+        return Entry.read(self._file(ref, f"{code}.judged"))
+
+    def write_judged(self, ref: EpisodeRef, code: str, values: dict[str, Value]) -> None:
+        """Replace what is kept of a rule; nothing is kept where it would be much."""
+        data = encode(values)
+        if self.measurements and len(data) <= LARGEST:
+            self._replace(self.file(ref, f"{code}.judged"), data)
+
+    def add(self, ref: EpisodeRef, answers: dict[str, Any], keep: bytes) -> None:
+        """Keep answers besides those that are there. A folder that cannot be written to keeps none.
+
+        ``keep``: lines that stay where the others grew too many.
+        """
         with contextlib.suppress(OSError):
-            append(self.file(ref, "answers"), answers)
+            append(self._file(ref, "answers"), answers, keep)
 
     def write(self, ref: EpisodeRef, values: dict[str, Value]) -> None:
         """Replace what was measured. A folder that cannot be written to keeps nothing."""
-        if not self._measurements:
+        if not self.measurements:
             return
-        path = self.file(ref, "measured")
+        self._replace(self.file(ref, "measured"), encode(values))
+
+    def _replace(self, path: Path, data: bytes) -> None:
         new = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            new.write_bytes(encode(values))
+            new.write_bytes(data)
             new.replace(path)
         except OSError:
             with contextlib.suppress(OSError):

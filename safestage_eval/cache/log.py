@@ -7,14 +7,20 @@ that was cut off or damaged is none. What an answer depends on is all in its key
 from __future__ import annotations
 
 import json
+import os
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+KEY = 32
+"""Characters of a key."""
 MOST = 1 << 18
 """Bytes; a file that is longer is begun anew. A verdict takes about one kilobyte."""
+
+
+_APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0)
 
 
 class Log:
@@ -22,6 +28,8 @@ class Log:
 
     def __init__(self, data: bytes) -> None:
         self._data = data
+        self._lines: dict[bytes, bytes] | None = None
+        self._used: list[bytes] = []
 
     @classmethod
     def read(cls, path: str | Path) -> Log:
@@ -34,36 +42,47 @@ class Log:
 
     def get(self, key: str) -> Any:
         """The answer under a key, JSON; None where there is none."""
-        start = self._data.rfind(b"\n" + key.encode() + b" ")
-        if start < 0:
+        if self._lines is None:  # the last line of a key is the one that counts
+            self._lines = {line[:KEY]: line for line in self._data.split(b"\n")}
+        line = self._lines.get(key.encode())
+        if line is None:
             return None
-        end = self._data.find(b"\n", start + 1)
-        line = self._data[start + 1 : end if end >= 0 else None]
-        text = line[len(key) + 10 :]
-        if line[len(key) + 1 : len(key) + 9] != _checksum(key, text):
+        text = line[KEY + 10 :]
+        if line[KEY + 1 : KEY + 9] != _checksum(key, text):
             return None
+        self._used.append(line)
         return json.loads(text)
 
+    def used(self) -> bytes:
+        """The lines that were asked for."""
+        return b"".join(b"\n" + line for line in self._used)
 
-def append(path: Path, answers: Mapping[str, Any]) -> None:
-    """Add answers (JSON) to a file, in one write. Raises OSError."""
+
+def append(path: str, answers: Mapping[str, Any], keep: bytes = b"") -> None:
+    """Add answers (JSON) to a file, in one write. Raises OSError.
+
+    ``keep``: lines that a file which has grown too long begins anew with.
+    """
     lines = []
     for key, value in answers.items():
         text = json.dumps(value, separators=(",", ":")).encode()
         lines.append(b"\n" + key.encode() + b" " + _checksum(key, text) + b" " + text)
     data = b"".join(lines) + b"\n"
     try:
-        file = path.open("ab", buffering=0)
+        file = os.open(path, _APPEND, 0o666)
     except FileNotFoundError:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        file = path.open("ab", buffering=0)
-    with file:
-        if file.tell() <= MOST:
-            file.write(data)
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        file = os.open(path, _APPEND, 0o666)
+    try:
+        if os.lseek(file, 0, os.SEEK_END) <= MOST:
+            os.write(file, data)
             return
-    new = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
-    new.write_bytes(data)
-    new.replace(path)
+    finally:
+        os.close(file)
+    place = Path(path)
+    new = place.with_name(f".{place.name}.{uuid4().hex[:8]}.part")
+    new.write_bytes(keep + data)
+    new.replace(place)
 
 
 def _checksum(key: str, text: bytes) -> bytes:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -18,16 +18,23 @@ from safestage_eval.formats.episode_row import mesh_keys
 from safestage_eval.formats.lazy import StoredItems
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.relations.partial import Partial
+from safestage_eval.rules import Binding
+from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.options import Options
 from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series
 from safestage_eval.verdicts import EpisodeResult, Verdict
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.judge import Judge
+from safestage_eval.verdicts.memory import short
 
 from .entry import Entry, Value
 from .folder import CacheFolder
 from .identity import RACY, code_version, stamp
+from .judged import series_name, slack_name, values_of
 from .log import Log
+from .outline import outline_of
 from .stored import plain, result, verdict
 
 Bool = NDArray[np.bool_]
@@ -43,9 +50,12 @@ class Memory:
     stretches of frames) by everything that they depend on, the state of the trace's files included.
     """
 
-    def __init__(self, folder: CacheFolder, ref: EpisodeRef) -> None:
-        """Looks the episode up; what does not fit its files or this code is not there."""
-        self._folder, self._ref = folder, ref
+    def __init__(self, folder: CacheFolder, ref: EpisodeRef, outline: str = "") -> None:
+        """Looks the episode up; what does not fit its files or this code is not there.
+
+        ``outline``: the question under which its outline is kept.
+        """
+        self._folder, self._ref, self._outline = folder, ref, outline
         noticed, self._before = time.time_ns(), stamp(ref)
         self._whose = ""
         """Which state of which files, and which code; empty where nothing may be kept."""
@@ -54,6 +64,7 @@ class Memory:
         self._measured: dict[str, Value] = {}
         self._answered: dict[str, Any] = {}
         self._recalled: dict[str, Value | None] = {}
+        self._judged: dict[str, dict[str, Value]] = {}
 
     @cached_property
     def _answers(self) -> Log:
@@ -141,7 +152,7 @@ class Memory:
 
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
         """The answer (JSON) to a question that names all it depends on besides the trace."""
-        key = _short(f"{self._whose} {question}")
+        key = self._key(question)
         if key in self._answered:
             return self._answered[key]
         known = self._answers.get(key)
@@ -149,13 +160,67 @@ class Memory:
             known = self._answered[key] = find()
         return known
 
+    def known(self, question: str) -> Any:
+        """The answer (JSON) that was found before; None if there is none."""
+        key = self._key(question)
+        return self._answered.get(key) or self._answers.get(key)
+
     def verdict(self, question: str, judge: Callable[[], Verdict]) -> Verdict:
         """A verdict that was reached before, or is now."""
-        return verdict(self.answer(question, lambda: plain(judge())))
+        key = self._key(question)
+        known = self._answers.get(key)
+        if known is not None:
+            return verdict(known)
+        found = judge()
+        self._answered[key] = plain(found)
+        return found
 
     def result(self, question: str, judge: Callable[[], EpisodeResult]) -> EpisodeResult:
         """Everything that was said of the episode before, or is now."""
-        return result(self.answer(question, lambda: plain(judge())), str(self._ref.path))
+        key, path = self._key(question), str(self._ref.path)
+        known = self._answers.get(key)
+        if known is not None:
+            return result(known, path)
+        found = judge()
+        self._answered[key] = plain(found)
+        return found if found.path == path else replace(found, path=path)
+
+    def _key(self, question: str) -> str:
+        return short(f"{self._whose} {question}")
+
+    # ---- rules
+
+    def outline(self) -> Any:
+        """What holds of the episode under all values (JSON); None where that was not kept."""
+        return self.known(self._outline)
+
+    def keep_outline(self, judge: Judge, binding: Binding, found: EpisodeResult) -> None:
+        """Keep what holds of the episode under all values, for ``judge_again``."""
+        if self._outline:
+            known = outline_of(judge, binding, found)
+            if known is not None:
+                self._answered[self._key(self._outline)] = known
+
+    def keep_judged(
+        self,
+        question: str,
+        evaluator: Evaluator,
+        rule: ast.Rule,
+        players: Mapping[str, Sequence[str]],
+    ) -> None:
+        """Keep what judging a rule again takes; ``question`` names all that it depends on."""
+        if self._whose and self._folder.measurements:
+            values = values_of(evaluator, rule, players)
+            values[ABOUT] = {"whose": self._whose, "question": short(question)}
+            self._judged[rule.code] = values
+
+    def judged(self, question: str, rule: ast.Rule) -> Entry | None:
+        """What was kept of a rule."""
+        entry = self._folder.judged(self._ref, rule.code) if self._whose else None
+        about = entry.get(ABOUT) if entry is not None else None
+        if about is None or about.get("whose") != self._whose:
+            return None
+        return entry if about.get("question") == short(question) else None
 
     def save(self) -> None:
         """Write what is new, unless it was read from a file that changed since it was looked up."""
@@ -165,10 +230,12 @@ class Memory:
         if read and stamp(self._ref) != self._before:
             return
         if self._answered:
-            self._folder.add(self._ref, self._answered)
+            self._folder.add(self._ref, self._answered, self._answers.used())
+        for code, values in self._judged.items():
+            self._folder.write_judged(self._ref, code, values)
         if not self._measured:
             return
-        values: dict[str, Value] = {
+        known: dict[str, Value] = {
             ABOUT: {
                 "whose": self._whose,
                 "header": self.episode.header.model_dump_json(exclude_defaults=True),
@@ -178,8 +245,8 @@ class Memory:
         }
         if self._entry is not None:
             kept = {name: self._entry.get(name) for name in self._entry.names() if name != ABOUT}
-            values |= {name: value for name, value in kept.items() if value is not None}
-        self._folder.write(self._ref, values | self._measured)
+            known |= {name: value for name, value in kept.items() if value is not None}
+        self._folder.write(self._ref, known | self._measured)
 
 
 class RememberedSignals(Signals):
@@ -188,10 +255,14 @@ class RememberedSignals(Signals):
     def __init__(self, memory: Memory, baseline_frames: int, backend: str) -> None:
         super().__init__(memory.episode, baseline_frames, backend)
         self._memory = memory
+        self.slacks: dict[str, float | None] = {}
+        """What values may differ by between frames, as far as that was asked."""
+        self.seen: dict[str, tuple[Series, float]] | None = None
+        """The series that are asked for are collected here by name, each with its cap."""
 
     def key(self, *what: Any) -> str:
         """Name under which something is kept: what was asked, of whom, and how."""
-        return f"{self.backend} {self.baseline.frames} {_short(repr(what))}"
+        return f"{self.backend} {self.baseline.frames} {short(repr(what))}"
 
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
         """As in the base class."""
@@ -201,6 +272,7 @@ class RememberedSignals(Signals):
             known = {"value": super().between_frames(name, bodies, frame)}
             self._memory.keep(key, known)
         found: float | None = known["value"]
+        self.slacks[slack_name(name, bodies, frame)] = found
         return found
 
     def measured(
@@ -222,7 +294,10 @@ class RememberedSignals(Signals):
                 name, bodies, reference, cap, deep, slack, options
             )
 
-        return self._memory.series(key, measure)
+        found = self._memory.series(key, measure)
+        if self.seen is not None:
+            self.seen[series_name(name, bodies, since, cap, deep, slack, options)] = found, cap
+        return found
 
 
 class RememberedRelations(Relations):
@@ -298,18 +373,20 @@ class RememberedRelations(Relations):
         before = self._partial.get((name, bodies))
         count = int(before.done.sum()) if before is not None else -1
         found = super().signal(name, bodies, wanted=wanted)
-        partial = self._partial[name, bodies]
-        if int(partial.done.sum()) != count:
-            value: Value = {
-                "lower": partial.lower,
-                "upper": partial.upper,
-                "done": partial.done,
-                "notes": list(partial.notes),
-            }
-            value |= {f"about {i}": mask for i, mask in enumerate(partial.notes.values())}
+        value = self.partial(name, bodies)
+        if value is not None and int(value["done"].sum()) != count:
             self._memory.keep(key, value)
         return found
 
-
-def _short(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
+    def partial(self, name: str, bodies: tuple[str, ...]) -> Value | None:
+        """What was measured at some frames so far."""
+        found = self._partial.get((name, bodies))
+        if found is None:
+            return None
+        value: Value = {
+            "lower": found.lower,
+            "upper": found.upper,
+            "done": found.done,
+            "notes": list(found.notes),
+        }
+        return value | {f"about {i}": mask for i, mask in enumerate(found.notes.values())}

@@ -177,7 +177,8 @@ def _on_disk(
             folder, place = None, choice.resume
             if settings.cache is None and choice.engine == "local":
                 settings = replace(settings, cache=place / ANSWERS, verdicts_only=True)
-        ledger = _Ledger(Parts(place / "parts"), Keys(settings), progress, folder)
+        keys = None if choice.resume is None else Keys(settings)  # nobody asks for them again
+        ledger = _Ledger(Parts(place / "parts"), keys, progress, folder)
         if choice.engine == "ray":
             from .ray import judge
 
@@ -216,9 +217,9 @@ class _Ledger:
     """What became of each episode by its number: a result among the parts, or a problem."""
 
     def __init__(
-        self, parts: Parts, keys: Keys, progress: Tell | None, folder: object | None
+        self, parts: Parts, keys: Keys | None, progress: Tell | None, folder: object | None
     ) -> None:
-        """``folder``: is kept for as long as the results are."""
+        """``keys``: None where nothing is known from before; ``folder``: is kept with the results."""
         self.parts, self._keys, self._progress = parts, keys, progress
         self._folder = folder
         self._rows = array("q")
@@ -240,7 +241,7 @@ class _Ledger:
         for number, ref in enumerate(refs):
             path = str(ref.path)
             self._paths.append(self._paths[-1] if self._paths and self._paths[-1] == path else path)
-            key = self._keys.of(ref)
+            key = None if self._keys is None else self._keys.of(ref)
             row = self.parts.find(key) if key is not None else None
             self._rows.append(-1 if row is None else row)
             if row is not None:

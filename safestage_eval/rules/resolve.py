@@ -83,6 +83,16 @@ class Binding:
         return tuple(told)
 
     @property
+    def rules(self) -> ast.RuleSet:
+        """The rule set."""
+        return self._rules
+
+    @property
+    def values(self) -> Mapping[str, Setting]:
+        """Parameters that have another value than the rule files give them, and that value."""
+        return self._values
+
+    @property
     def overridden(self) -> frozenset[str]:
         """Parameters that have another value than the rule files give them."""
         return frozenset(self._values)

@@ -30,6 +30,21 @@ CAP = 0.10
 
 CAPPED = ("clearance", "clearance_xy", "self_clearance")
 
+
+def how(name: str, reach: float, limits: Sequence[float]) -> tuple[float, bool, float]:
+    """Cap, depth and slack with which a signal is measured for limits; see ``Signals.get``."""
+    if name not in CAPPED:
+        return 0.0, False, 0.0
+    deep = min(limits, default=1.0) <= 0
+    return max(reach, CAP), deep, SLACK if limits and not deep else 0.0
+
+
+def loose(found: Series, cap: float) -> Clearance:
+    """The frames at which slack was taken: hardly ever any, and they do not change."""
+    at = (found.upper - found.lower > PROMISED) & (found.lower < cap)
+    return Clearance(found.lower[at], found.upper[at])
+
+
 MEASURES: dict[str, Callable[[Query], Series]] = {
     "height": motion.height,
     "lift": distance.lift,
@@ -99,20 +114,15 @@ class Signals(Facts):
 
         Raises KeyError for a name or body that does not exist.
         """
-        cap = max(reach, CAP) if name in CAPPED else 0.0
-        deep = name in CAPPED and min(limits, default=1.0) <= 0
-        slack = SLACK if name in CAPPED and limits and not deep else 0.0
+        cap, deep, slack = how(name, reach, limits)
         found = self.measured(name, tuple(bodies), reference, cap, deep, slack, options)
         if slack and any(self._loose(found, cap).leaves_open(x) for x in limits):
             found = self.measured(name, tuple(bodies), reference, cap, deep, 0.0, options)
         return found
 
     def _loose(self, found: Series, cap: float) -> Clearance:
-        """The frames at which slack was taken: hardly ever any, and they do not change."""
         if id(found) not in self._slack:
-            loose = (found.upper - found.lower > PROMISED) & (found.lower < cap)
-            taken = Clearance(found.lower[loose], found.upper[loose])
-            self._slack[id(found)] = found, taken
+            self._slack[id(found)] = found, loose(found, cap)
         return self._slack[id(found)][1]
 
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:

@@ -11,11 +11,13 @@ import numpy as np
 
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.digest import digest_of
 from safestage_eval.signals.reference import Reference, latest
 from safestage_eval.signals.series import Series
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
+from safestage_eval.states.scope import Scope
 
 from .costly import Costly, is_costly
 from .known import Known
@@ -23,6 +25,8 @@ from .memory import Memory
 from .values import Env, Values, ends_early, ends_with_success, limit_margin
 
 Found = TypeVar("Found")
+
+Bounds = tuple[float, float]
 
 
 class Evaluator(Values):
@@ -65,9 +69,24 @@ class Evaluator(Values):
         self.notes: dict[str, None] = {}
         self.players: Mapping[str, Sequence[str]] = {}
         """Role → all bodies that play it, for ``at least K role``."""
+        self.at_hand: dict[str, Any] | None = None
+        """Answers about the rule that is being judged, where they are collected."""
+        self.bounds: Callable[[str, ast.Alternative, Env, Scope], Bounds | None] | None = None
+        """Margin of an obligation in a scope, where it can be told without its frames."""
         self._obligation: str | None = None
         self._known = Known(rules)
         self._costly = Costly(rules)
+        self._digests: dict[Any, tuple[object, str]] = {}
+
+    def digest(self, node: object) -> str:
+        """Of a part of a rule, as it holds under these values."""
+        key = tuple(map(id, node)) if isinstance(node, tuple) else id(node)
+        known = self._digests.get(key)
+        if known is None:
+            backend = self.relations.signals.backend
+            known = node, digest_of(self.rules, node, self.params, backend)
+            self._digests[key] = known
+        return known[1]
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
         """The same episode under other values; what they cannot change is shared."""
@@ -80,7 +99,7 @@ class Evaluator(Values):
             causal=self.causal,
             memory=self.memory,
         )
-        found.players = self.players
+        found.players, found.at_hand = self.players, self.at_hand
         found._measured = self._measured  # no value of a parameter is in it
         changed = {name for name, value in params.items() if self.params.get(name) != value}
         found._known = Known(self.rules, self._known, frozenset(changed))
@@ -132,9 +151,9 @@ class Evaluator(Values):
                 key=f"since {instants.tobytes().hex()}",
             )
         limits = [self.number(limit.value, env) for limit in atom.limits]
-        furthest = max(abs(limit) for limit in limits)
-        reach = furthest * (1 + 1e-6) + 1e-6  # a limit is never where the signal saturates
-        found = self.relations.signal(name, bodies, reference, reach, wanted, options, limits)
+        found = self.relations.signal(
+            name, bodies, reference, reach_of(limits), wanted, options, limits
+        )
         for note in found.notes:
             self.notes[note] = None
         if atom.since is None or when.known:
@@ -217,8 +236,17 @@ class Evaluator(Values):
 
     def _has_no_tilt(self, call: ast.Call, env: Env) -> bool:
         name, bodies, _ = self.measured(call, env)
-        body = self.episode.bodies.get(bodies[0]) if name == "tilt" else None
+        return name == "tilt" and self.untilted(bodies[0])
+
+    def untilted(self, name: str) -> bool:
+        """A body that has no up axis, and so no tilt."""
+        body = self.episode.bodies.get(name)
         return body is not None and body.up_axis is None and "up_axis" not in body.untold
+
+    def found(self, name: str, bodies: tuple[str, ...]) -> tuple[Band, dict[str, None]] | None:
+        """Margins and notes of a state or relation that was asked for before at all frames."""
+        known = self._known.get(("state", name, bodies))
+        return None if known is None else known[1:]
 
     def state(self, call: ast.Call, env: Env, wanted: Bool | None = None) -> Band:
         """A declared state or a built-in relation, persistent and latched as declared.
@@ -328,3 +356,8 @@ class Evaluator(Values):
             return [Moment(0, 0)]
         truth = truth_of(self.state(event.call, env))
         return moment.ends(truth) if event.edge == "end" else moment.starts(truth)
+
+
+def reach_of(limits: Sequence[float]) -> float:
+    """Up to where a signal is wanted exactly: a limit is never where it saturates."""
+    return max(abs(limit) for limit in limits) * (1 + 1e-6) + 1e-6

@@ -14,11 +14,14 @@ from safestage_eval.states.persistence import held_from, without_short_runs
 from safestage_eval.states.scope import Scope
 
 from .evaluate import Evaluator
-from .memory import Stretch, plain_stretches, remembered, stretches_of
+from .memory import Stretch, at_hand, plain_stretches, remembered, stretches_of
 from .spans import may_recur, spans
 from .values import Env
 
 Kind = Literal["require", "forbid", "reach"]
+
+UNTOLD = -1
+"""In place of a frame that was not looked for."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +41,9 @@ class Instance:
         scope: the frames that were judged.
         lower, upper: bounds of the margin; negative upper is a violation.
         clause: the decisive obligation; None where something needed is unknown.
-        frame: where it is decided.
+        frame: where it is decided; ``UNTOLD`` where only the bounds were asked for.
         resolved: for a rule with ``until``: the frame at which that came, None if never.
+        number: of the scope among those of these bodies.
     """
 
     env: Env
@@ -49,6 +53,7 @@ class Instance:
     clause: Clause | None
     frame: int
     resolved: int | None = None
+    number: int = 0
 
     @property
     def violated(self) -> bool:
@@ -78,8 +83,8 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
     if given is False:
         return None
     found = [
-        _judge_scope(evaluator, rule, env, scope, resolved)
-        for scope, resolved in stretches(evaluator, rule, env)
+        judge_scope(evaluator, rule, env, scope, resolved, number)
+        for number, (scope, resolved) in enumerate(stretches(evaluator, rule, env))
     ]
     if given is None:
         # it is no violation if it does not apply, and none if nothing breaks it
@@ -191,15 +196,36 @@ def _band(
         return evaluator.alternative(what, env, wanted)
 
 
-def _judge_scope(
-    evaluator: Evaluator, rule: ast.Rule, env: Env, scope: Scope, resolved: int | None
+def judge_scope(
+    evaluator: Evaluator,
+    rule: ast.Rule,
+    env: Env,
+    scope: Scope,
+    resolved: int | None,
+    number: int,
+    *,
+    whole: bool = False,
 ) -> Instance:
+    """The rule in one of its scopes, which is the ``number``-th of these bodies.
+
+    ``whole``: find the frame too where the evaluator could do without.
+    """
     lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
     results = []
     for clause in clauses(rule):
-        whole = _band(evaluator, clause.what, env, scope, clause.kind)
-        found = whole.at(scope.first, scope.stop)
-        lower, upper, frame = _obligation(clause.kind, found, scope.sure, lasting)
+
+        def found(clause: Clause = clause) -> tuple[float, float, int]:
+            band = _band(evaluator, clause.what, env, scope, clause.kind)
+            inside = band.at(scope.first, scope.stop)
+            return _obligation(clause.kind, inside, scope.sure, lasting)
+
+        quick = None if whole else evaluator.bounds
+        bounds = None if quick is None else quick(clause.kind, clause.what, env, scope)
+        if bounds is not None:
+            lower, upper, frame = *bounds, UNTOLD - scope.first
+        else:
+            parts = (clause.what, rule.for_, rule.during, rule.at, rule.until)
+            lower, upper, frame = at_hand(evaluator, f"{clause.kind} {number}", parts, env, found)
         if scope.cut and clause.kind == "reach":
             upper = np.inf
         elif scope.cut:
@@ -208,7 +234,7 @@ def _judge_scope(
     violated = any(upper < 0 for _, upper, _, _ in results)
     decisive = min(results, key=lambda r: r[1] if violated else r[0])
     lower, upper = min(r[0] for r in results), min(r[1] for r in results)
-    return Instance(env, scope, lower, upper, decisive[2], decisive[3], resolved)
+    return Instance(env, scope, lower, upper, decisive[2], decisive[3], resolved, number)
 
 
 def _obligation(

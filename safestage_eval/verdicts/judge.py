@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,14 +13,14 @@ from safestage_eval.errors import RuleError
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
-from safestage_eval.rules.digest import BACKEND, reached, rule_digest
+from safestage_eval.rules.digest import BACKEND, parameters_read, rule_digest
 from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.measure import Signals
 from safestage_eval.units import format_quantity
 
 from .cost import judge_cost
 from .evaluate import Evaluator
-from .memory import Memory
+from .memory import Memory, judged_question, remembered, short, verdict_question
 from .players import combinations
 from .rule_verdict import judge_rule, violates
 from .success import native_success
@@ -66,7 +66,13 @@ def judge(
     if memory is not None:
         relations = memory.relations(baseline_frames(rules, episode), backend)
     judge_ = Judge(episode, rules, binding, relations, backend=backend, memory=memory)
-    return judge_.result(trace_hash, assigned_only=assigned_only)
+    found = judge_.result(trace_hash, assigned_only=assigned_only)
+    if memory is not None:
+        values = binding
+        if overrides:
+            values = bind_episode(rules, episode.header, bind=bind)
+        memory.keep_outline(judge_, values, found)
+    return found
 
 
 class Judge:
@@ -88,13 +94,15 @@ class Judge:
         backend, without them it is the one given. ``memory``: to judge no rule twice.
         """
         self._memory = memory
-        self._episode, self._rules, self._binding = episode, rules, binding
+        self._episode, self._rules, self.binding = episode, rules, binding
         self._relations = relations or Relations(
             Signals(episode, baseline_frames(rules, episode), backend)
         )
         self._backend = self._relations.signals.backend
         self._evaluators: list[Evaluator] = []
         self._params: dict[str, Params] = {}
+        self.players: dict[str, Mapping[str, Sequence[str]]] = {}
+        """Code → role → bodies, of every rule and cost that was judged."""
         self.notes: list[str] = []
         if self._backend != BACKEND:
             self.notes.append(f"clearances as {self._backend} tells them, not certified")
@@ -105,10 +113,10 @@ class Judge:
             ), binding.goal_players(),
         )  # fmt: skip
         self.notes += self._success.notes
-        self.success = self._success.told
-        frame = self._success.frame
+        self.success, self.success_known = self._success.told, self._success.known
+        frame = self.success_frame = self._success.frame
         self.success_time = None if frame is None else float(episode.t[frame])
-        self._about_success = repr((binding.goal, self._success))
+        self.about_success = short(repr((binding.goal, self._success)))
 
     def result(
         self, trace_hash: str | None = None, *, assigned_only: bool = False
@@ -116,7 +124,7 @@ class Judge:
         """All verdicts and costs, or the assigned ones alone, with what tables group by."""
 
         def asked(code: str) -> bool:
-            return not assigned_only or code in self._binding.assigned
+            return not assigned_only or code in self.binding.assigned
 
         header, rules = self._episode.header, self._rules
         verdicts = [self.verdict(rule) for code, rule in rules.rules.items() if asked(code)]
@@ -127,7 +135,7 @@ class Judge:
             path=str(self._episode.path or ""),
             task=header.task,
             stage=header.stage,
-            family=self._binding.family,
+            family=self.binding.family,
             policy=header.policy,
             prompt=header.prompt,
             seed=header.seed,
@@ -136,12 +144,12 @@ class Judge:
             success_time=self.success_time,
             trace_hash=trace_hash or self._episode.content_hash,
             version=__version__,
-            verdicts=tuple(_with_consequences(verdicts)),
+            verdicts=tuple(with_consequences(verdicts)),
             notes=tuple(self.notes),
             costs=tuple(total for total, _ in costs),
             not_loaded=tuple(
                 code
-                for code in self._binding.assigned
+                for code in self.binding.assigned
                 if code not in self._rules.rules.keys() | self._rules.costs.keys()
             ),
         )
@@ -153,24 +161,20 @@ class Judge:
             return blank
         if self._memory is None:
             return self._judged(rule, blank, players)
-        said = self._rules.digests.get(("said", rule.code))
-        if said is None:
-            said = self._rules.digests["said", rule.code] = repr(rule)
-        start = blank.assigned, blank.sources, blank.rule_digest
-        asked = f"verdict {said} {start} {sorted(players.items())} {self._about_success}"
+        asked = verdict_question(self._rules, rule, blank, players, self.about_success)
         return self._memory.verdict(asked, lambda: self._judged(rule, blank, players))
 
     def _judged(
         self, rule: ast.Rule, blank: Verdict, players: Mapping[str, Sequence[str]]
     ) -> Verdict:
-        params = self._values(rule)
-        evaluator = self.evaluator(params)
-        found = judge_rule(evaluator, rule, players, blank)
-        if found.verdict != "violation":
-            return found
-        for level, values in rule.severity:
-            if violates(evaluator.under({**params, **dict(values)}), rule, players):
-                found = replace(found, severity=level)
+        evaluator = self.evaluator(self._values(rule))
+        if self._memory is None:
+            return judged(evaluator, rule, players, blank)
+        evaluator.at_hand = {}
+        found = judged(evaluator, rule, players, blank)
+        asked = judged_question(self._rules, rule, players, self.about_success, self._backend)
+        self._memory.keep_judged(asked, evaluator, rule, players)
+        evaluator.at_hand = None
         return found
 
     def cost(self, cost: ast.Cost) -> tuple[CostTotal, Verdict | None]:
@@ -197,31 +201,40 @@ class Judge:
 
     def _start(self, rule: ast.Scoped) -> tuple[Verdict, Mapping[str, Sequence[str]]]:
         """The verdict's fixed fields, with a note if a role is not played; and the players."""
-        players = self._binding.players(rule, self._episode.header)
+        players = self.players[rule.code] = self.binding.players(rule, self._episode.header)
         self._check_distinct(rule, players)
         params = self._values(rule)
-        used = reached(self._rules, rule, params) if self._binding.overridden else {}
+        used = parameters_read(self._rules, rule) if self.binding.overridden else ()
+        digest = rule_digest(self._rules, rule, params, self._backend)
+        return self.blank(rule, self.binding, players, used, digest), players
+
+    @staticmethod
+    def blank(
+        rule: ast.Scoped,
+        binding: Binding,
+        players: Mapping[str, Sequence[str]],
+        used: Iterable[str],
+        digest: str,
+    ) -> Verdict:
+        """The fixed fields of a verdict; ``used``: names of the parameters that the rule reads."""
         missing = [name for name, bodies in players.items() if not bodies]
-        blank = Verdict(
+        return Verdict(
             rule.code,
             rule.title,
             rule.stage,
-            rule.code in self._binding.assigned,
+            rule.code in binding.assigned,
             "not_applicable",
             vacuity="no_player" if missing else None,
             notes=(f"no body plays {', '.join(missing)}",) if missing else (),
-            sources=self._binding.sources(
-                rule, [name.removeprefix("param.") for name in used if name.startswith("param.")]
-            ),
-            rule_digest=rule_digest(self._rules, rule, params, self._backend),
+            sources=binding.sources(rule, used),
+            rule_digest=digest,
         )
-        return blank, players
 
     def _check_distinct(self, rule: ast.Scoped, players: Mapping[str, Sequence[str]]) -> None:
         """Refuse roles of an assigned rule that are bound so that one body would play two."""
-        bound = [name for name, _ in rule.roles if self._binding.roles.get(name) and players[name]]
+        bound = [name for name, _ in rule.roles if self.binding.roles.get(name) and players[name]]
         found = next(combinations(rule, players, bound), None)
-        if found is not None or rule.code not in self._binding.assigned:
+        if found is not None or rule.code not in self.binding.assigned:
             return
         told = [f"{name} = {', '.join(players[name])}" for name in bound]
         raise RuleError(
@@ -250,12 +263,12 @@ class Judge:
     def _values(self, rule: ast.Scoped) -> Params:
         """The parameters as they hold for a rule."""
         if rule.code not in self._params:
-            self._params[rule.code] = self._binding.params(rule)
+            self._params[rule.code] = self.binding.params(rule)
         return self._params[rule.code]
 
     def _too_light(self) -> list[str]:
         """A warning that names the objects whose own weight is no contact."""
-        header, least = self._episode.header, self._binding.params(None).get("contact_force")
+        header, least = self._episode.header, self.binding.params(None).get("contact_force")
         if least is None or header.force_source == "none":
             return []
         gravity, force = float(np.linalg.norm(header.gravity)), _size(least)
@@ -270,6 +283,24 @@ class Judge:
             f"{', '.join(light)}: lighter than a contact must be ({format_quantity(force, 'force')}); "
             "a touch by the own weight is not seen, set contact_force lower"
         ]
+
+
+def judged(
+    evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]], blank: Verdict
+) -> Verdict:
+    """The verdict of a rule, with the worst level that is violated too; arguments as ``judge_rule``."""
+    found = judge_rule(evaluator, rule, players, blank)
+    if found.verdict != "violation":
+        return found
+    for level, values in rule.severity:
+        stricter = evaluator.under({**evaluator.params, **dict(values)})
+
+        def violated(stricter: Evaluator = stricter) -> bool:
+            return violates(stricter, rule, players)
+
+        if remembered(stricter, "violated", rule, {}, violated):
+            found = replace(found, severity=level)
+    return found
 
 
 def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
@@ -292,7 +323,7 @@ def _size(value: ast.Quantity | ast.Duration) -> float:
     return value.value if isinstance(value, ast.Quantity) else value.amount
 
 
-def _with_consequences(verdicts: Sequence[Verdict]) -> list[Verdict]:
+def with_consequences(verdicts: Sequence[Verdict]) -> list[Verdict]:
     """Mark violations that follow the assigned rule's own, at its stage or a later one."""
     causes = [v for v in verdicts if v.assigned and v.verdict == "violation" and v.time is not None]
     if not causes:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from safestage_eval.rules.digest import digest_of
+from safestage_eval.rules import syntax as ast
 from safestage_eval.states.persistence import runs
 from safestage_eval.states.scope import Scope
 
 if TYPE_CHECKING:
     from safestage_eval.relations.measure import Relations
+    from safestage_eval.rules import Binding
 
     from .evaluate import Evaluator
+    from .judge import Judge
     from .values import Env
-    from .verdict import Verdict
+    from .verdict import EpisodeResult, Verdict
 
 Stretch = tuple[Scope, int | None]
 
@@ -33,6 +36,55 @@ class Memory(Protocol):
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
         """What ``find`` returns (JSON), or returned before to the same question."""
 
+    def keep_judged(
+        self,
+        question: str,
+        evaluator: Evaluator,
+        rule: ast.Rule,
+        players: Mapping[str, Sequence[str]],
+    ) -> None:
+        """Keep what judging the rule again under other values takes; it was judged just now."""
+
+    def keep_outline(self, judge: Judge, binding: Binding, found: EpisodeResult) -> None:
+        """Keep what holds of the episode under all values; ``binding``: of it, without overrides."""
+
+
+def short(text: str) -> str:
+    """32 hexadecimal digits that stand for a text."""
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def said(rules: ast.RuleSet, rule: ast.Rule) -> str:
+    """What stands for a rule with all its wording, but without the definitions that it names."""
+    found: str | None = rules.digests.get(("said", rule.code))
+    if found is None:
+        found = rules.digests["said", rule.code] = short(repr(rule))
+    return found
+
+
+def verdict_question(
+    rules: ast.RuleSet,
+    rule: ast.Rule,
+    blank: Verdict,
+    players: Mapping[str, Sequence[str]],
+    success: str,
+) -> str:
+    """What a verdict depends on besides the trace, for ``Memory.verdict``."""
+    start = blank.assigned, blank.sources, blank.rule_digest
+    return f"verdict {said(rules, rule)} {start} {sorted(players.items())} {success}"
+
+
+def judged_question(
+    rules: ast.RuleSet,
+    rule: ast.Rule,
+    players: Mapping[str, Sequence[str]],
+    success: str,
+    backend: str,
+) -> str:
+    """What stays as it is when a rule is judged under other values, for ``Memory.keep_judged``."""
+    how = f"{backend} {rules.baseline!r}"
+    return f"judged {said(rules, rule)} {sorted(players.items())} {success} {how}"
+
 
 def remembered(
     evaluator: Evaluator, what: str, node: object, env: Env, find: Callable[[], Any]
@@ -45,10 +97,9 @@ def remembered(
     if evaluator.memory is None:
         return find()
     memory = evaluator.memory
-    backend = evaluator.relations.signals.backend
-    digest = digest_of(evaluator.rules, node, evaluator.params, backend)
+    part = f"{what} {evaluator.digest(node)} {sorted(env.items())}"
     facts = evaluator.success, evaluator.success_known, evaluator.causal
-    asked = f"{what} {digest} {sorted(env.items())} {sorted(evaluator.players.items())} {facts}"
+    at_hand = evaluator.at_hand
 
     def noted() -> list[Any]:
         outer, evaluator.notes = evaluator.notes, {}
@@ -57,8 +108,34 @@ def remembered(
         finally:
             evaluator.notes = outer
 
-    found, notes = memory.answer(asked, noted)
+    if at_hand is not None and part in at_hand:
+        found, notes = at_hand[part]
+    else:
+        asked = f"{part} {sorted(evaluator.players.items())} {facts}"
+        found, notes = memory.answer(asked, noted)
+        if at_hand is not None:
+            at_hand[part] = found, notes
     evaluator.notes.update(dict.fromkeys(notes))
+    return found
+
+
+def at_hand(
+    evaluator: Evaluator, what: str, node: object, env: Env, find: Callable[[], Any]
+) -> Any:
+    """As ``remembered``, of small steps: an answer is kept with the rule, and nowhere else."""
+    known = evaluator.at_hand
+    if known is None:
+        return find()
+    part = f"{what} {evaluator.digest(node)} {env}"
+    if part not in known:
+        outer, evaluator.notes = evaluator.notes, {}
+        try:
+            known[part] = find(), list(evaluator.notes)
+        finally:
+            evaluator.notes = outer
+    found, notes = known[part]
+    if notes:
+        evaluator.notes.update(dict.fromkeys(notes))
     return found
 
 

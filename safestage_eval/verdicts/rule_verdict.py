@@ -14,7 +14,8 @@ from safestage_eval.states.persistence import runs, without_short_runs
 from .evaluate import Evaluator
 from .explain import seconds, sentence
 from .flicker import raw_frames, too_brief
-from .instance import Instance, judge_instance, violated_frames
+from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
+from .memory import at_hand
 from .players import combinations
 from .verdict import Vacuity, Verdict
 from .witness import Search, Witness
@@ -43,6 +44,11 @@ def judge_rule(
     violated = [i for i in instances if i.violated]
     undecided = [i for i in instances if i.undecided]
     worst = min(violated or undecided or instances, key=lambda i: i.upper if violated else i.lower)
+    if worst.frame == UNTOLD:
+        told = judge_scope(
+            evaluator, rule, worst.env, worst.scope, worst.resolved, worst.number, whole=True
+        )
+        worst = replace(worst, clause=worst.clause and told.clause, frame=told.frame)
     verdict = replace(
         blank,
         verdict="violation" if violated else "inconclusive" if undecided else "pass",
@@ -70,7 +76,8 @@ def judge_rule(
             "and the limit lies within that"
         ]
     )
-    notes += too_brief(evaluator, rule, instances)
+    brief = _brief(evaluator, rule, instances)
+    notes += brief
     if witness.at_least:
         notes.append("value and margin are at least this: further away was not measured")
     verdict = replace(
@@ -93,7 +100,7 @@ def judge_rule(
     if verdict.verdict == "pass" and _tied(worst, instances, witness):
         return replace(
             verdict, signal=None, bodies=(), value=None, limit=None, margin=None, dimension=None,
-            undersampled=False, notes=_notes(evaluator, *too_brief(evaluator, rule, instances)),
+            undersampled=False, notes=_notes(evaluator, *brief),
             explanation="Nothing came closer than the rest: several measurements kept the same distance from their limits.",
         )  # fmt: skip
     return replace(verdict, explanation=sentence(evaluator, rule, worst, witness, verdict))
@@ -213,10 +220,33 @@ def _with_times(
         time=time,
         worst_time=worst_time,
         intervals=stretches,
-        raw_intervals=timed(bad | raw_frames(evaluator, rule, instances)),
+        raw_intervals=timed(bad | _raw(evaluator, rule, instances)) if rule.forbid else stretches,
         exposure_time=sum(b - a for a, b in stretches),
         phase=_phase(evaluator, rule, time if violated else worst_time),
     )
+
+
+def _forbidden(rule: ast.Rule) -> tuple[object, ...]:
+    """All that what is forbidden, and where, may depend on."""
+    return (rule.forbid, rule.for_, rule.given, rule.during, rule.at, rule.until)
+
+
+def _brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) -> list[str]:
+    def found() -> list[str]:
+        return too_brief(evaluator, rule, instances)
+
+    brief: list[str] = at_hand(evaluator, "too brief", _forbidden(rule), {}, found)
+    return brief
+
+
+def _raw(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) -> Bool:
+    def found() -> list[list[int]]:
+        return [[int(a), int(b)] for a, b in runs(raw_frames(evaluator, rule, instances))]
+
+    out: Bool = np.zeros(evaluator.frames, np.bool_)
+    for first, stop in at_hand(evaluator, "raw", _forbidden(rule), {}, found):
+        out[first:stop] = True
+    return out
 
 
 def _phase(evaluator: Evaluator, rule: ast.Rule, time: float | None) -> str | None:

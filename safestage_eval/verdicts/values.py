@@ -53,13 +53,13 @@ class Values:
             found = self.params[value.name]
             number = found.value if isinstance(found, ast.Quantity) else found.amount
         else:
-            material = self._material(env.get(value.role, value.role))
+            material = self.material(env.get(value.role, value.role))
             row = self.rules.materials.get(material, {})
             default = self.rules.materials["default"]
             number = row.get(value.name, default[value.name]).value
         return -number if value.negative else number
 
-    def _material(self, player: str) -> str:
+    def material(self, player: str) -> str:
         """The row that holds for a body, or for the body that a joint moves."""
         episode = self.episode
         moves = {joint.name: joint.body for joint in episode.header.joints}
