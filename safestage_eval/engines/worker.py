@@ -26,6 +26,7 @@ def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this process ends it
     follow()
     heap.keep()
+    bound = heap.Bound()
     rules, arguments = settings.load(), settings.arguments()
     try:
         pipe.send(READY)
@@ -33,6 +34,7 @@ def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
             for ref in refs:
                 found = score_episode(ref, rules, **arguments)
                 pipe.send(line_of(found) if lines else found)
+                bound.hold()
     except (EOFError, OSError):
         return  # nobody is there any more to be told
 

@@ -39,7 +39,8 @@ class Known:
 FOOTERS: dict[tuple[Path, int, int], Known] = {}
 """By path, time of change and size: shards hold many episodes, and their footers are large."""
 
-_FOOTERS_KEPT = 32
+_FOOTERS_KEPT = 12
+"""Those of two shards: of 50 episodes, a shard's take some 6 MB."""
 
 MOST_UNPACKED = 256
 """No byte of an LZ4 block stands for more: a file that promises more rows does not have them."""

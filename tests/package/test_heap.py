@@ -32,3 +32,34 @@ def test_pages_are_not_asked_for_again() -> None:
         for how in ("usual", "kept")
     }  # fmt: skip
     assert asked["kept"] < 100 < asked["usual"], asked
+
+
+FRAGMENTED = """
+import os
+from safestage_eval import heap
+from safestage_eval.memory import resident
+
+def held():
+    return resident(os.getpid()) >> 20
+
+heap.keep()
+before = held()
+bound = heap.Bound((before + 40) << 20)
+kept = []
+for _ in range(100):  # what goes and what stays, in turn
+    kept.append((bytearray(1 << 20), bytearray(1000)))
+kept = [small for _, small in kept]
+print(held() - before, bound.hold(), held() - before, bound.hold())
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library")
+def test_a_process_that_holds_much_hands_free_memory_back():
+    told = subprocess.run(
+        [sys.executable, "-c", FRAGMENTED], capture_output=True, text=True, check=True
+    )
+    freed, looked, left, again = told.stdout.split()
+    assert int(freed) > 60
+    assert looked == "True"
+    assert int(left) < 20
+    assert again == "False"
