@@ -192,11 +192,11 @@ class Memory:
 
     def outline(self) -> Any:
         """What holds of the episode under all values (JSON); None where that was not kept."""
-        return self.known(self._outline)
+        return self.known(self._outline) if self._folder.measurements else None
 
     def keep_outline(self, judge: Judge, binding: Binding, found: EpisodeResult) -> None:
         """Keep what holds of the episode under all values, for ``judge_again``."""
-        if self._outline:
+        if self._outline and self._folder.measurements:
             known = outline_of(judge, binding, found)
             if known is not None:
                 self._answered[self._key(self._outline)] = known
