@@ -32,6 +32,8 @@ ROLE_KINDS = (
     "object", "surface", "container", "fixture", "body", "link", "gripper", "region", "joint",
 )  # fmt: skip
 
+DEEPEST = 20
+"""Spans that may lie within one another."""
 RESERVED = frozenset({"start", "end", "success", "episode", "robot", "gripper"})
 """Words that cannot name a role."""
 
@@ -126,16 +128,24 @@ def event(text: str) -> ast.Event:
     return ast.Event("state", call(match[2]), edge, text)
 
 
-def span(text: str) -> ast.Span:
-    """``"last 1 s of hold"``, ``"from start to success"``, …. Raises GrammarError."""
+def span(text: str, depth: int = 0) -> ast.Span:
+    """``"last 1 s of hold"``, ``"from start to success"``, …. Raises GrammarError.
+
+    ``depth``: how many spans it is a part of.
+    """
+    if depth > DEEPEST:
+        raise GrammarError(
+            f"parts of parts of a span, more than {DEEPEST} deep",
+            "a phase declared under [phase.NAME] and named here",
+        )
     outer, found, inner = text.rpartition(" while ")
     if found:
-        return ast.While(span(outer), call(inner))
+        return ast.While(span(outer, depth + 1), call(inner))
     if text == "episode":
         return ast.Whole()
     if match := re.fullmatch(rf"(first|last) ({DURATION}) of (.+)", text):
         which = cast('Literal["first", "last"]', match[1])
-        return ast.Part(which, duration(match[2]), span(match[3]))
+        return ast.Part(which, duration(match[2]), span(match[3], depth + 1))
     if match := re.fullmatch(rf"({DURATION}) (before|after) (.+)", text):
         side = cast('Literal["before", "after"]', match[2])
         return ast.Around(side, duration(match[1]), event(match[3]))

@@ -218,3 +218,17 @@ def test_a_time_is_a_duration_with_or_without_a_space(text: str) -> None:
 def test_no_time_is_negative() -> None:
     with pytest.raises(parse.GrammarError, match="less than no time"):
         parse.setting("-1 s")
+
+
+@pytest.mark.parametrize("deeper", ["first 1 s of {}", "{} while held(a)"])
+def test_spans_within_spans_have_an_end(deeper: str) -> None:
+    def nested(depth: int) -> str:
+        text = "episode"
+        for _ in range(depth):
+            text = deeper.format(text)
+        return text
+
+    parse.span(nested(parse.DEEPEST))
+    for depth in (parse.DEEPEST + 1, 2000):
+        with pytest.raises(parse.GrammarError, match="parts of parts of a span"):
+            parse.span(nested(depth))
