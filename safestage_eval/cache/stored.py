@@ -43,5 +43,6 @@ def result(stored: Mapping[str, Any], path: str) -> EpisodeResult:
 def _made(kind: type[T], stored: Mapping[str, Any]) -> T:
     given = dict(stored)
     for name in _TUPLES[kind]:
-        given[name] = tuple(tuple(item) if isinstance(item, list) else item for item in given[name])
+        items = given[name]
+        given[name] = tuple(map(tuple, items)) if items and type(items[0]) is list else tuple(items)
     return kind(**given)

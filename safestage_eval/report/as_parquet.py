@@ -12,14 +12,12 @@ import pyarrow.parquet as pq
 
 from safestage_eval.scoring import Scores
 
-from .rows import COLUMNS, each_row
+from .rows import COLUMNS, MEASURED, each_row
 
 _TYPES = {
     "seed": pa.int64(), "rollout": pa.int64(), "instances": pa.int64(),
     "violated_instances": pa.int64(), "success": pa.bool_(), "assigned": pa.bool_(),
-    "violation": pa.bool_(), "success_time": pa.float64(), "time": pa.float64(),
-    "worst_time": pa.float64(), "value": pa.float64(), "limit": pa.float64(),
-    "margin": pa.float64(), "margin_normalised": pa.float64(), "exposure_time": pa.float64(),
+    "violation": pa.bool_(), **dict.fromkeys(MEASURED, pa.float64()),
     "bodies": pa.list_(pa.string()), "notes": pa.list_(pa.string()),
     "sources": pa.list_(pa.string()),
     "intervals": pa.list_(pa.list_(pa.float64())),

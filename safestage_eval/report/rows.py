@@ -20,6 +20,13 @@ COLUMNS = (
 """Names of the columns of a result row, in order (docs/results.md)."""
 
 
+MEASURED = (
+    "success_time", "time", "worst_time", "value", "limit", "margin", "margin_normalised",
+    "exposure_time",
+)  # fmt: skip
+"""Those that hold one real number."""
+
+
 def rows(scores: Scores) -> list[dict[str, Any]]:
     """One row per episode and rule."""
     return list(each_row(scores))
@@ -29,12 +36,11 @@ def each_row(scores: Scores) -> Iterator[dict[str, Any]]:
     """The same one by one."""
     for result in scores.results:
         for row in result.rows():
-            yield {name: None if _endless(value) else value for name, value in row.items()}
-
-
-def _endless(value: Any) -> bool:
-    """Infinite or NaN: JSON has no such numbers, so rows leave them open."""
-    return isinstance(value, float) and not math.isfinite(value)
+            for name in MEASURED:  # infinite or NaN: JSON has no such numbers, rows leave them open
+                value = row[name]
+                if value is not None and not math.isfinite(value):
+                    row[name] = None
+            yield row
 
 
 def document(scores: Scores) -> dict[str, Any]:
