@@ -26,10 +26,10 @@ if __name__ == "__main__":
         str(HERE.parents[1]),
     ]
 
+from aftermath import Row, after  # noqa: E402
 from child import Child  # noqa: E402
 from disk import small_disk  # noqa: E402
 from object_store import object_store  # noqa: E402
-from outcome import Row, after  # noqa: E402
 from processes import children, is_worker, pid_alive, ray_tasks  # noqa: E402
 from stores import broken_store, failing_store, slow_store  # noqa: E402
 from victims import (  # noqa: E402

@@ -7,8 +7,8 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+from aftermath import Row, after
 from child import Child
-from outcome import Row, after
 from victims import StoreScorer
 
 ALL = {0}
