@@ -20,9 +20,10 @@ from safestage_eval.verdicts.players import combinations, nodes
 from safestage_eval.verdicts.values import Env
 
 from .entry import Value
+from .stored import kept_partial
 
 if TYPE_CHECKING:
-    from .memory import RememberedRelations
+    from .remembered import RememberedRelations
 
 HEAD, TIME = "judged", "t"
 
@@ -177,7 +178,7 @@ class _Found:
         if name in COSTLY:
             partial = self._relations.partial(name, bodies)
             if partial is not None:
-                self.values[partial_name(name, bodies)] = partial
+                self.values[partial_name(name, bodies)] = kept_partial(partial)
             return
         seen = self._relations.signals.seen = {}
         self._evaluator.series(atom, env)

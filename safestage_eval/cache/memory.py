@@ -9,20 +9,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from safestage_eval.episode import Episode, Header
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.episode_row import mesh_keys
 from safestage_eval.formats.lazy import StoredItems
-from safestage_eval.relations.measure import COSTLY, Relations
-from safestage_eval.relations.partial import Partial
+from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import Binding
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.options import Options
-from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series
 from safestage_eval.verdicts import EpisodeResult, Verdict
 from safestage_eval.verdicts.evaluate import Evaluator
@@ -32,12 +27,11 @@ from safestage_eval.verdicts.memory import short
 from .entry import Entry, Value
 from .folder import CacheFolder
 from .identity import RACY, code_version, stamp
-from .judged import series_name, slack_name, values_of
+from .judged import values_of
 from .log import Log
 from .outline import outline_of
+from .remembered import RememberedRelations, RememberedSignals
 from .stored import plain, result, verdict
-
-Bool = NDArray[np.bool_]
 
 ABOUT = "about"
 """Name of the value that says which files, and which code, an entry is from."""
@@ -247,146 +241,3 @@ class Memory:
             kept = {name: self._entry.get(name) for name in self._entry.names() if name != ABOUT}
             known |= {name: value for name, value in kept.items() if value is not None}
         self._folder.write(self._ref, known | self._measured)
-
-
-class RememberedSignals(Signals):
-    """Signals that are measured only when they are not remembered."""
-
-    def __init__(self, memory: Memory, baseline_frames: int, backend: str) -> None:
-        super().__init__(memory.episode, baseline_frames, backend)
-        self._memory = memory
-        self.slacks: dict[str, float | None] = {}
-        """What values may differ by between frames, as far as that was asked."""
-        self.seen: dict[str, tuple[Series, float]] | None = None
-        """The series that are asked for are collected here by name, each with its cap."""
-
-    def key(self, *what: Any) -> str:
-        """Name under which something is kept: what was asked, of whom, and how."""
-        return f"{self.backend} {self.baseline.frames} {short(repr(what))}"
-
-    def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
-        """As in the base class."""
-        key = self.key("between frames", name, tuple(bodies), frame)
-        known = self._memory.recall(key)
-        if known is None:
-            known = {"value": super().between_frames(name, bodies, frame)}
-            self._memory.keep(key, known)
-        found: float | None = known["value"]
-        self.slacks[slack_name(name, bodies, frame)] = found
-        return found
-
-    def measured(
-        self,
-        name: str,
-        bodies: tuple[str, ...],
-        reference: Reference | None,
-        cap: float,
-        deep: bool,
-        slack: float,
-        options: Options,
-    ) -> Series:
-        """As in the base class."""
-        since = reference.key if reference else ""
-        key = self.key("signal", name, bodies, since, cap, deep, slack, options)
-
-        def measure() -> Series:
-            return super(RememberedSignals, self).measured(
-                name, bodies, reference, cap, deep, slack, options
-            )
-
-        found = self._memory.series(key, measure)
-        if self.seen is not None:
-            self.seen[series_name(name, bodies, since, cap, deep, slack, options)] = found, cap
-        return found
-
-
-class RememberedRelations(Relations):
-    """Relations, and signals of them, that are found out only when they are not remembered."""
-
-    signals: RememberedSignals
-
-    def __init__(self, signals: RememberedSignals, memory: Memory) -> None:
-        super().__init__(signals)
-        self._memory = memory
-        self._at_hand: dict[str, tuple[Bool, Bool]] = {}
-
-    def get(self, name: str, bodies: Sequence[str], wanted: Bool | None = None) -> Bool | None:
-        """As in the base class."""
-        if self.lacking(name, bodies):
-            return None
-        key = self.signals.key("relation", name, tuple(bodies))
-        everywhere = np.ones(len(self.episode), np.bool_)
-        asked = everywhere if wanted is None or name not in COSTLY else wanted
-        known = self._at_hand.get(key)
-        if known is None:
-            stored = self._memory.recall(key)
-            if stored is not None:
-                known = stored["truth"], stored["done"]
-        if known is not None and not (asked & ~known[1]).any():
-            self._at_hand[key] = known
-            remembered: Bool = known[0]
-            return remembered
-        found = super().get(name, bodies, wanted)
-        if found is None:
-            return None
-        truth, done = np.array(found), np.array(asked)
-        if known is not None:
-            truth, done = np.where(done, truth, known[0]), done | known[1]
-        self._at_hand[key] = truth, done
-        self._memory.keep(key, {"truth": truth, "done": done})
-        return truth
-
-    def signal(
-        self,
-        name: str,
-        bodies: Sequence[str],
-        reference: Reference | None = None,
-        reach: float = 0,
-        wanted: Bool | None = None,
-        options: Options = (),
-        limits: Sequence[float] = (),
-    ) -> Series:
-        """As in the base class. What is measured at some frames only is kept for these."""
-        if name in COSTLY:
-            return self._costly(name, tuple(bodies), wanted)
-
-        def measure() -> Series:
-            return super(RememberedRelations, self).signal(
-                name, bodies, reference, reach, wanted, options, limits
-            )
-
-        if name not in ("slip", "load_share"):
-            return measure()  # the signals remember
-        since = reference.key if reference else ""
-        return self._memory.series(self.signals.key("signal", name, tuple(bodies), since), measure)
-
-    def _costly(self, name: str, bodies: tuple[str, ...], wanted: Bool | None) -> Series:
-        key = self.signals.key("partial", name, bodies)
-        if (name, bodies) not in self._partial:
-            known = self._memory.recall(key)
-            if known is not None:
-                lower, upper, done = (np.array(known[part]) for part in ("lower", "upper", "done"))
-                about = [np.array(known[f"about {i}"]) for i in range(len(known["notes"]))]
-                self._partial[name, bodies] = Partial(
-                    lower, upper, done, dict(zip(known["notes"], about, strict=True))
-                )
-        before = self._partial.get((name, bodies))
-        count = int(before.done.sum()) if before is not None else -1
-        found = super().signal(name, bodies, wanted=wanted)
-        value = self.partial(name, bodies)
-        if value is not None and int(value["done"].sum()) != count:
-            self._memory.keep(key, value)
-        return found
-
-    def partial(self, name: str, bodies: tuple[str, ...]) -> Value | None:
-        """What was measured at some frames so far."""
-        found = self._partial.get((name, bodies))
-        if found is None:
-            return None
-        value: Value = {
-            "lower": found.lower,
-            "upper": found.upper,
-            "done": found.done,
-            "notes": list(found.notes),
-        }
-        return value | {f"about {i}": mask for i, mask in enumerate(found.notes.values())}

@@ -23,6 +23,7 @@ from safestage_eval.verdicts.values import Env
 
 from .entry import Entry, Value
 from .judged import HEAD, TIME, band_of, partial_name, series_name, slack_name, state_name, time_of
+from .stored import partial_of
 
 
 class NotKept(Exception):  # noqa: N818 - it is no error
@@ -184,15 +185,11 @@ class KeptRelations(Relations):
         """As in the base class."""
         if name not in COSTLY:
             return self.signals.get(name, bodies, reference, reach, options, limits)
-        known = self.need(partial_name(name, bodies))
-        done = known["done"]
-        if not (done if wanted is None else done | ~wanted).all():
+        known = partial_of(self.need(partial_name(name, bodies)))
+        todo = np.ones(len(known.done), np.bool_) if wanted is None else wanted
+        if len(known.missing(todo)):
             raise NotKept(name)
-        todo = np.ones(len(done), np.bool_) if wanted is None else wanted
-        notes = [
-            note for i, note in enumerate(known["notes"]) if (known[f"about {i}"] & todo).any()
-        ]
-        return Series(known["lower"], known["upper"], SIGNALS[name].dimension, tuple(notes))
+        return known.series(todo, SIGNALS[name].dimension)
 
     def extremes(
         self,

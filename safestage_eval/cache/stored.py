@@ -1,4 +1,4 @@
-"""Verdicts and results as JSON, and back."""
+"""Verdicts and results as JSON, partly measured signals as values of an entry, and back."""
 
 from __future__ import annotations
 
@@ -6,8 +6,13 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
+import numpy as np
+
+from safestage_eval.relations.partial import Partial
 from safestage_eval.verdicts import EpisodeResult, Verdict
 from safestage_eval.verdicts.verdict import CostTotal
+
+from .entry import Value
 
 T = TypeVar("T", Verdict, CostTotal, EpisodeResult)
 
@@ -46,3 +51,22 @@ def _made(kind: type[T], stored: Mapping[str, Any]) -> T:
         items = given[name]
         given[name] = tuple(map(tuple, items)) if items and type(items[0]) is list else tuple(items)
     return kind(**given)
+
+
+def kept_partial(partial: Partial) -> Value:
+    """A signal that was measured at some frames, as it is kept."""
+    about = {f"about {i}": mask for i, mask in enumerate(partial.notes.values())}
+    return {
+        "lower": partial.lower,
+        "upper": partial.upper,
+        "done": partial.done,
+        "notes": list(partial.notes),
+        **about,
+    }
+
+
+def partial_of(kept: Value) -> Partial:
+    """The signal of ``kept_partial``, which may be measured further."""
+    lower, upper, done = (np.array(kept[part]) for part in ("lower", "upper", "done"))
+    about = {note: np.array(kept[f"about {i}"]) for i, note in enumerate(kept["notes"])}
+    return Partial(lower, upper, done, about)

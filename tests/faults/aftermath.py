@@ -26,8 +26,8 @@ class Row:
     said: set[str] = field(default_factory=set)
 
 
-def after(row: Row, victim: Victim, folder: Path, committed: set[str]) -> None:
-    """What must be true after any fault, and that the next run finishes the work."""
+def left_of(row: Row, victim: Victim, folder: Path, committed: set[str]) -> set[str]:
+    """Ids of the episodes that are there; half files, and what was committed and is gone, are counted."""
     try:
         left = victim.left(folder)
     except AssertionError as error:
@@ -36,6 +36,12 @@ def after(row: Row, victim: Victim, folder: Path, committed: set[str]) -> None:
         left = set()
     row.kept += len(committed)
     row.lost += len(committed - left)
+    return left
+
+
+def after(row: Row, victim: Victim, folder: Path, committed: set[str]) -> None:
+    """What must be true after any fault, and that the next run finishes the work."""
+    left_of(row, victim, folder, committed)
     again = Child(victim, folder)
     code = again.wait()
     again.committed()

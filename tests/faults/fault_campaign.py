@@ -26,7 +26,7 @@ if __name__ == "__main__":
         str(HERE.parents[1]),
     ]
 
-from aftermath import Row, after  # noqa: E402
+from aftermath import Row, after, left_of  # noqa: E402
 from child import Child  # noqa: E402
 from disk import small_disk  # noqa: E402
 from object_store import object_store  # noqa: E402
@@ -71,14 +71,7 @@ def killed(victim: Victim, kills: int, chance: random.Random, place: Path) -> Ro
             after(row, victim, folder, committed)
             before = victim.everything
         else:
-            try:
-                before = victim.left(folder)
-            except AssertionError as error:
-                row.halves += 1
-                row.said.add(f"HALF: {error}")
-                before = set()
-            row.kept += len(committed)
-            row.lost += len(committed - before)
+            before = left_of(row, victim, folder, committed)
     after(row, victim, folder, before)
     return row
 

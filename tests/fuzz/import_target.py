@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from abc import ABC, abstractmethod
 from pathlib import Path
 from random import Random
 
@@ -41,7 +42,7 @@ def episode() -> Episode:
     return scene.episode(success=False, task="Push", roles={"target": ("cube",)})
 
 
-class Import:
+class Import(ABC):
     """A source with one of its files damaged; what is imported must be sound."""
 
     def __init__(self, folder: Path) -> None:
@@ -62,9 +63,9 @@ class Import:
         """Rule → verdict."""
         return {found.rule: found.verdict for found in score_episode(ref, self.rules).verdicts}
 
+    @abstractmethod
     def write(self, folder: Path) -> tuple[Path, str]:
         """The sound source, and what else its map file says."""
-        raise NotImplementedError
 
     def run(self, rng: Random) -> Outcome:
         """One input."""

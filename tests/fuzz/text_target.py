@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tomllib
+from abc import ABC, abstractmethod
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -59,20 +60,20 @@ PATTERNS = (
 )  # fmt: skip
 
 
-class Text:
+class Text(ABC):
     """A file of ``kind`` with one thing in it that is not as it should be."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.texts = [text.encode() for text in self.seeds()]
 
+    @abstractmethod
     def seeds(self) -> list[str]:
         """Sound files."""
-        raise NotImplementedError
 
+    @abstractmethod
     def load(self, path: Path) -> None:
         """Read one as the program does."""
-        raise NotImplementedError
 
     def run(self, rng: Random) -> Outcome:
         """One input."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from abc import abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
@@ -43,13 +44,13 @@ class Recording(Import):
             (folder / f"run{n}/run.mcap").write_bytes(seed)
         return folder / "run0/run.mcap", ""
 
+    @abstractmethod
     def messages(self) -> Tree:
         """What the sound recording says."""
-        raise NotImplementedError
 
+    @abstractmethod
     def forms(self) -> list[Callable[[Tree], bytes]]:
         """Ways to write messages."""
-        raise NotImplementedError
 
     def hurt(self, rng: Random, path: Path) -> tuple[str, bool]:
         """Damage to the records, or another message."""

@@ -1,0 +1,155 @@
+"""Signals and relations of an episode that are found out only when they are not remembered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.relations.measure import COSTLY, Relations
+from safestage_eval.relations.partial import Partial
+from safestage_eval.signals.measure import Signals
+from safestage_eval.signals.options import Options
+from safestage_eval.signals.reference import Reference
+from safestage_eval.signals.series import Series
+from safestage_eval.verdicts.memory import short
+
+from .judged import series_name, slack_name
+from .stored import kept_partial, partial_of
+
+if TYPE_CHECKING:
+    from .memory import Memory
+
+Bool = NDArray[np.bool_]
+
+
+class RememberedSignals(Signals):
+    """Signals that are measured only when they are not remembered."""
+
+    def __init__(self, memory: Memory, baseline_frames: int, backend: str) -> None:
+        super().__init__(memory.episode, baseline_frames, backend)
+        self._memory = memory
+        self.slacks: dict[str, float | None] = {}
+        """What values may differ by between frames, as far as that was asked."""
+        self.seen: dict[str, tuple[Series, float]] | None = None
+        """The series that are asked for are collected here by name, each with its cap."""
+
+    def key(self, *what: Any) -> str:
+        """Name under which something is kept: what was asked, of whom, and how."""
+        return f"{self.backend} {self.baseline.frames} {short(repr(what))}"
+
+    def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
+        """As in the base class."""
+        key = self.key("between frames", name, tuple(bodies), frame)
+        known = self._memory.recall(key)
+        if known is None:
+            known = {"value": super().between_frames(name, bodies, frame)}
+            self._memory.keep(key, known)
+        found: float | None = known["value"]
+        self.slacks[slack_name(name, bodies, frame)] = found
+        return found
+
+    def measured(
+        self,
+        name: str,
+        bodies: tuple[str, ...],
+        reference: Reference | None,
+        cap: float,
+        deep: bool,
+        slack: float,
+        options: Options,
+    ) -> Series:
+        """As in the base class."""
+        since = reference.key if reference else ""
+        key = self.key("signal", name, bodies, since, cap, deep, slack, options)
+
+        def measure() -> Series:
+            return super(RememberedSignals, self).measured(
+                name, bodies, reference, cap, deep, slack, options
+            )
+
+        found = self._memory.series(key, measure)
+        if self.seen is not None:
+            self.seen[series_name(name, bodies, since, cap, deep, slack, options)] = found, cap
+        return found
+
+
+class RememberedRelations(Relations):
+    """Relations, and signals of them, that are found out only when they are not remembered."""
+
+    signals: RememberedSignals
+
+    def __init__(self, signals: RememberedSignals, memory: Memory) -> None:
+        super().__init__(signals)
+        self._memory = memory
+        self._at_hand: dict[str, tuple[Bool, Bool]] = {}
+
+    def get(self, name: str, bodies: Sequence[str], wanted: Bool | None = None) -> Bool | None:
+        """As in the base class."""
+        if self.lacking(name, bodies):
+            return None
+        key = self.signals.key("relation", name, tuple(bodies))
+        everywhere = np.ones(len(self.episode), np.bool_)
+        asked = everywhere if wanted is None or name not in COSTLY else wanted
+        known = self._at_hand.get(key)
+        if known is None:
+            stored = self._memory.recall(key)
+            if stored is not None:
+                known = stored["truth"], stored["done"]
+        if known is not None and not (asked & ~known[1]).any():
+            self._at_hand[key] = known
+            remembered: Bool = known[0]
+            return remembered
+        found = super().get(name, bodies, wanted)
+        if found is None:
+            return None
+        truth, done = np.array(found), np.array(asked)
+        if known is not None:
+            truth, done = np.where(done, truth, known[0]), done | known[1]
+        self._at_hand[key] = truth, done
+        self._memory.keep(key, {"truth": truth, "done": done})
+        return truth
+
+    def signal(
+        self,
+        name: str,
+        bodies: Sequence[str],
+        reference: Reference | None = None,
+        reach: float = 0,
+        wanted: Bool | None = None,
+        options: Options = (),
+        limits: Sequence[float] = (),
+    ) -> Series:
+        """As in the base class. What is measured at some frames only is kept for these."""
+        if name in COSTLY:
+            return self._costly(name, tuple(bodies), wanted)
+
+        def measure() -> Series:
+            return super(RememberedRelations, self).signal(
+                name, bodies, reference, reach, wanted, options, limits
+            )
+
+        if name not in ("slip", "load_share"):
+            return measure()  # the signals remember
+        since = reference.key if reference else ""
+        return self._memory.series(self.signals.key("signal", name, tuple(bodies), since), measure)
+
+    def _costly(self, name: str, bodies: tuple[str, ...], wanted: Bool | None) -> Series:
+        key = self.signals.key("partial", name, bodies)
+        if (name, bodies) not in self._partial:
+            known = self._memory.recall(key)
+            if known is not None:
+                self._partial[name, bodies] = partial_of(known)
+        before = self._partial.get((name, bodies))
+        count = int(before.done.sum()) if before is not None else -1
+        found = super().signal(name, bodies, wanted=wanted)
+        partial = self._partial[name, bodies]
+        if int(partial.done.sum()) != count:
+            self._memory.keep(key, kept_partial(partial))
+        return found
+
+    def partial(self, name: str, bodies: tuple[str, ...]) -> Partial | None:
+        """What was measured at some frames so far; None if nothing was."""
+        return self._partial.get((name, bodies))
