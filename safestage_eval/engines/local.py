@@ -8,7 +8,6 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import islice
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnContext
 from multiprocessing.process import BaseProcess
@@ -22,6 +21,7 @@ from safestage_eval.scoring import Problem
 
 from .engine import Engine, Found, Numbered
 from .settings import Settings
+from .sharing import Place, Shares, place
 from .worker import work
 
 CHUNK = 0.25
@@ -70,9 +70,9 @@ class Local(Engine):
 
     def run(self, episodes: Iterable[Numbered]) -> Iterator[tuple[int, Found]]:
         """See ``Engine.run``; within a ``with`` block."""
-        source = iter(episodes)
+        shares = Shares(iter(episodes), self._size)
         while True:
-            self._hand_out(source)
+            self._hand_out(shares)
             busy = [worker for worker in self._workers if worker.asked]
             if not busy:
                 return
@@ -86,20 +86,26 @@ class Local(Engine):
                     self._dismiss(worker)
                     yield number, Problem(str(ref.path), f"{ref.path}: {why}")
 
-    def _hand_out(self, source: Iterator[Numbered]) -> None:
+    def _hand_out(self, shares: Shares) -> None:
         """Give every process something to do, as far as there is something."""
         while True:
             worker = next((worker for worker in self._workers if not worker.asked), None)
             if worker is None and len(self._workers) >= self._size:
                 return
-            count = FIRST if worker is None else worker.appetite
-            chunk = self._back.popleft() if self._back else list(islice(source, count))
+            chunk = self._back.popleft() if self._back else self._share(shares, worker)
             if not chunk:
                 return
             if worker is None:
                 worker = _Worker.start(self._context, self._settings, lines=self._lines)
                 self._workers.append(worker)
             worker.give(chunk)
+
+    def _share(self, shares: Shares, worker: _Worker | None) -> list[Numbered]:
+        """What a process is to judge next; ``worker``: None for a new one."""
+        others = {other.place for other in self._workers if other is not worker}
+        if worker is None:
+            return shares.take(FIRST, None, others)
+        return shares.take(worker.appetite, worker.place, others)
 
     def _answer(self, worker: _Worker) -> Iterator[tuple[int, Found]]:
         """What a process has to say, its death included."""
@@ -168,6 +174,8 @@ class _Worker:
     warm: bool = False
     """It has answered before."""
     appetite: int = FIRST
+    place: Place | None = None
+    """Files that the last episode it was asked for is in."""
     _given: tuple[int, float] = (0, 0.0)
 
     @classmethod
@@ -184,6 +192,7 @@ class _Worker:
         """Only to one that has answered everything: it reads nothing else meanwhile."""
         self.began = time.monotonic()
         self._given = len(chunk), self.began
+        self.place = place(chunk[-1])
         self.asked.extend(chunk)
         try:
             self.pipe.send([ref for _, ref in chunk])

@@ -25,13 +25,15 @@ from safestage_eval.episode import (
     check_time,
     check_track_column,
 )
+from safestage_eval.episode.scene_invariants import UNIT_TOLERANCE
 from safestage_eval.errors import TraceError
 
 from . import dataset_layout as layout
-from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, XYZ, schema
+from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, WXYZ, XYZ, schema
 from .contact_points import GeomNames
 from .episode_row import from_row, mesh_keys
 from .lazy import StoredItems, StoredTrack
+from .parquet_columns import Block, Values
 from .parquet_footer import Footer
 from .ply import from_ply
 from .stored_contacts import Source, StoredContacts
@@ -40,6 +42,16 @@ from .stored_table import StoredTable
 
 Kind = TypeVar("Kind")
 Shapes = TypeVar("Shapes", pa.Table, list[dict[str, Any]])
+
+_FRAME = Block(("frame_index",), np.dtype(np.int32))
+_TRACK = {
+    column: Block(
+        tuple(f"{column}.{axis}" for axis in (WXYZ if column == "orientation" else XYZ)),
+        np.dtype(np.float32),
+    )
+    for column in ("position", "orientation", "linear_velocity", "angular_velocity")
+}
+"""What is stored of a body's track."""
 
 MOST_GEOMS = 1 << 16
 """Contacts tell geoms by numbers of 16 bits."""
@@ -139,6 +151,13 @@ def _by_episode(table: StoredTable, file: Path) -> dict[int, list[dict[str, Any]
         found.setdefault(row["episode_index"], []).append(row)
     _LAST[:] = [(table.footer, found)]
     return found
+
+
+def _near_unit(orientation: NDArray[np.float32]) -> bool:
+    """Whether quaternions have unit norm for sure; kernels are loaded."""
+    from .page_kernels import near_unit
+
+    return bool(near_unit(orientation, UNIT_TOLERANCE))
 
 
 class _StoredEpisode:
@@ -247,9 +266,12 @@ class _StoredEpisode:
         if self.checked and errors:
             raise errors[0]
 
-    def in_order(self, frame: NDArray[np.int32], what: str, rows: int) -> None:
+    def in_order(self, frames: Values, what: str, rows: int) -> None:
         """Rows must stand for frames 0, 1, 2, …; otherwise they would be taken for others."""
-        if len(frame) != rows or (frame != np.arange(rows, dtype=frame.dtype)).any():
+        frame = frames.array
+        if len(frame) == rows and frames.sound:
+            return
+        if len(frame) != rows or (frame[:, 0] != np.arange(rows, dtype=frame.dtype)).any():
             raise TraceError(
                 self.where,
                 f"{what} has {len(frame)} rows that are not the frames 0…{rows - 1} in order.",
@@ -257,29 +279,29 @@ class _StoredEpisode:
             )
 
     def time(self) -> NDArray[np.float64]:
-        frame = self.frames_table.values(("frame_index",), np.int32, self.index)
-        self.in_order(frame[:, 0], "frames", self.length)
+        [frame] = self.frames_table.several((_FRAME,), self.index)
+        self.in_order(frame, "frames", self.length)
         return self.frames_table.values(("timestamp",), np.float64, self.index)[:, 0]
 
     def track(self, body: str) -> Track:
         return StoredTrack(lambda columns: self.track_columns(body, columns))
 
     def track_columns(self, body: str, columns: tuple[str, ...]) -> dict[str, NDArray[np.float32]]:
-        source, loaded = self.bodies_table, {}
-        for column in columns:
-            axes = ("w", *XYZ) if column == "orientation" else XYZ
-            names = [f"{column}.{axis}" for axis in axes]
-            values = source.values(names, np.float32, self.index, body)
+        source = self.bodies_table
+        blocks = tuple(_TRACK[column] for column in columns)
+        first = () if body in self._in_order else (_FRAME,)
+        found = source.several((*first, *blocks), self.index, body)
+        loaded: dict[str, NDArray[np.float32]] = {}
+        for column, (values, sound) in zip(columns, found[len(first) :], strict=True):
             if len(values) == 0:
                 raise TraceError(self.where, f"body {body!r} has no poses in {source.path}")
             if body not in self._in_order:
-                self.in_order(
-                    source.values(("frame_index",), np.int32, self.index, body)[:, 0],
-                    f"body {body!r}",
-                    1 if len(values) == 1 else self.length,
-                )
+                rows = 1 if len(values) == 1 else self.length
+                self.in_order(found[0], f"body {body!r}", rows)
                 self._in_order.add(body)
-            self.demand(check_track_column(column, values, body, self.length, self.where))
+            usual = sound and len(values) in (1, self.length)
+            if not usual or (column == "orientation" and not _near_unit(values)):
+                self.demand(check_track_column(column, values, body, self.length, self.where))
             loaded[column] = values
         return loaded
 
@@ -314,8 +336,8 @@ class _StoredEpisode:
         source = self.table("channels")
         table = source.rows(("frame_index", "name", "value"), self.index, key[0])
         table = table.filter([name == key[1] for name in table["name"].to_pylist()])
-        frame = source.numbers(table, "frame_index", np.int32)
-        self.in_order(frame, f"channel {key[1]!r} of {key[0]!r}", self.length)
+        frame = source.numbers(table, "frame_index", np.int32)[:, None]
+        self.in_order(Values(frame, False), f"channel {key[1]!r} of {key[0]!r}", self.length)
         values: NDArray[np.float32] = source.numbers(table, "value", np.float32)
         self.demand(check_finite(values, f"channel {key[1]!r} of {key[0]!r}", self.where))
         return values

@@ -12,17 +12,34 @@ import numpy as np
 
 from safestage_eval.compiled import helper, kernel
 
+from .parquet_footer import (
+    CODEC,
+    COMPRESSED,
+    DICTIONARY,
+    FIRST_PAGE,
+    INT32,
+    TYPE,
+    VALUES,
+)
 from .thrift import MORE, _signed, _varint, fields
 
 BEGIN, PACKED, SIZE, COUNT, ENCODING, CHECKSUM, COLUMN = range(7)
 """Of a page: where its bytes begin and how many they are, how many once they are unpacked, how many
 values, how these are encoded, the checksum (-1 without one), and which column it belongs to."""
 
+PLACE, KIND, OPTIONAL, BEFORE, WITHIN, WIDTH, NUMBER = range(7)
+"""Of a column that is wanted: its place in the file, physical type, whether values may be missing, how
+many columns come before its block, its number within, how many columns the block has, and which
+block it is."""
+
+LZ4 = 7
 _RLE = 3
 DELTA, SPLIT = 5, 9
 _DATA_PAGE, _DICTIONARY_PAGE = 5 * MORE, 7 * MORE
 _MOST, _WITH = 16, 1 << 16
 """Bytes per value that a page may unpack to, and bytes besides: no encoding here needs more."""
+_ENDLESS = np.uint32(0x7F800000)
+"""Bits that are all set where a float is infinite or no number."""
 _BLOCK = 1 << 16
 """Longest block of differences; writers make blocks of 128."""
 
@@ -60,14 +77,42 @@ def told(found: Any, count: int, page: Any) -> tuple[int, int, int]:
 
 
 @kernel
+def locate(chunks: Any, plan: Any, rows: int, size: int, places: Any) -> Any:
+    """Where columns are in the file.
+
+    Args:
+        chunks: (N, 6) of a row group, from ``Footer``.
+        plan: (C, 7) from ``parquet_columns``.
+        rows: of the group.
+        size: of the file.
+        places: (C, 2) to be filled: where each column begins and ends.
+
+    Returns:
+        Where the first begins, where the last ends, and how many bytes they are; -1 for columns
+        that this project would not have written so.
+    """
+    begin, end, total = np.int64(size), np.int64(0), np.int64(0)
+    for column in range(len(plan)):
+        about = chunks[plan[column, PLACE]]
+        first, packed = about[FIRST_PAGE], about[COMPRESSED]
+        if about[TYPE] != plan[column, KIND] or about[VALUES] != rows or about[CODEC] != LZ4:
+            return -1, 0, 0
+        if about[DICTIONARY] >= 0 or not 0 < packed <= size or not 0 < first <= size - packed:
+            return -1, 0, 0
+        places[column, 0], places[column, 1] = first, first + packed
+        begin, end, total = min(begin, first), max(end, first + packed), total + packed
+    return begin, end, total
+
+
+@kernel
 def find_pages(
-    data: Any, encoding: Any, chunks: Any, rows: int, found: Any, stack: Any, pages: Any
+    data: Any, plan: Any, chunks: Any, rows: int, found: Any, stack: Any, pages: Any
 ) -> int:
     """The pages of some columns.
 
     Args:
         data: (N,) uint8.
-        encoding: of the values, ``SPLIT`` or ``DELTA``.
+        plan: (C, 7) as for ``locate``; floats are ``SPLIT``, whole numbers ``DELTA``.
         chunks: (C, 2) where each column's bytes begin and end.
         rows: how many values each column has.
         found: room for ``thrift.fields``.
@@ -80,6 +125,7 @@ def find_pages(
     total = 0
     for column in range(len(chunks)):
         at, end, values = chunks[column, 0], chunks[column, 1], 0
+        encoding = DELTA if plan[column, KIND] == INT32 else SPLIT
         while values < rows:
             count, at = fields(data[:end], at, found, stack)
             if count < 0 or total >= len(pages):
@@ -126,8 +172,9 @@ def _all_there(room: Any, begin: Any, count: Any) -> Any:
 
 
 @helper
-def _split(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any, spare: Any) -> bool:
+def _split(room: Any, at: Any, target: Any, spare: Any) -> bool:
     """Floats of which the file has all first bytes, then all second bytes, and so on."""
+    count = len(target)
     if at + 4 * count != len(room):
         return False
     low = room[at : at + count]
@@ -143,18 +190,17 @@ def _split(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any, sp
             | np.uint32(third[i]) << np.uint32(16)
             | np.uint32(high[i]) << np.uint32(24)
         )
-    target = out[first : first + count, column]
     for k in range(count):
         target[np.uintp(k)] = spare[np.uintp(k)]
     return True
 
 
 @helper
-def _split_long(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any) -> bool:
+def _split_long(room: Any, at: Any, target: Any) -> bool:
     """As ``_split``, of 8 bytes each."""
+    count = len(target)
     if at + 8 * count != len(room):
         return False
-    target = out[first : first + count, column]
     target[:] = 0
     for part in range(8):
         stored = room[at + part * count : at + (part + 1) * count]
@@ -166,8 +212,9 @@ def _split_long(room: Any, at: Any, count: Any, out: Any, first: Any, column: An
 
 
 @kernel
-def _deltas(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any) -> bool:
+def _deltas(room: Any, at: Any, target: Any) -> bool:
     """Whole numbers as differences, in blocks of equal bit width above the block's least."""
+    count = len(target)
     block, at = _varint(room, at)
     parts, at = _varint(room, at) if at >= 0 else (block, at)
     total, at = _varint(room, at) if at >= 0 else (block, at)
@@ -178,8 +225,7 @@ def _deltas(room: Any, at: Any, count: Any, out: Any, first: Any, column: Any) -
         return False
     value = _signed(value)
     size = block // parts
-    target = out[first : first + count, column]
-    if out.itemsize == 8:
+    if target.itemsize == 8:
         target[0] = np.uint64(value)
     else:
         target[0] = np.uint32(value & 0xFFFFFFFF)
@@ -232,16 +278,39 @@ def _part(room: Any, width: Any, least: Any, value: Any, target: Any) -> Any:
     return value
 
 
+@helper
+def _finite(values: Any) -> bool:
+    """Whether floats, by their bits, are neither NaN nor infinite."""
+    bad = 0
+    for k in range(len(values)):
+        bad |= (values[np.uintp(k)] & _ENDLESS) == _ENDLESS
+    return bool(bad == 0)
+
+
+@helper
+def _counting(values: Any, first: Any) -> bool:
+    """Whether they are ``first``, the next number, and so on."""
+    wrong = 0
+    for k in range(len(values)):
+        wrong |= values[np.uintp(k)] != first + k
+    return bool(wrong == 0)
+
+
 @kernel
-def read_pages(room: Any, pages: Any, optional: Any, out: Any, spare: Any) -> bool:
-    """The values of pages, each column's into a column of its own.
+def read_pages(
+    room: Any, pages: Any, plan: Any, rows: int, out: Any, spare: Any, sound: Any
+) -> bool:
+    """The values of pages, those of each column together, column beside column within a block.
 
     Args:
         room: (N,) uint8, the pages' bytes once they are unpacked, one after the other.
         pages: (P, 7) from ``find_pages``.
-        optional: (C,) whether values of a column may be missing.
-        out: (rows, C) uint32 or uint64 to be filled with the values' bits.
+        plan: (C, 7) as for ``locate``.
+        rows: how many values each column has.
+        out: (rows · C,) uint32 or uint64 to be filled with the values' bits, block after block.
         spare: (rows,) uint32, room to work in.
+        sound: (B,) all true, to be made false for a block with floats that are not finite, or whole
+            numbers that do not count 0, 1, 2 and so on; of 64 bits they are not looked at.
 
     Returns:
         False for what is not as it should be; ``out`` means nothing then.
@@ -255,17 +324,37 @@ def read_pages(room: Any, pages: Any, optional: Any, out: Any, spare: Any) -> bo
         values = room[begin : begin + size]
         begin += size
         at = 0
-        if optional[column]:
+        if plan[column, OPTIONAL]:
             at = _all_there(values, 0, count) if size >= 4 else -1
         if at < 0:
             return False
-        if page[ENCODING] == SPLIT and out.itemsize == 8:
-            good = _split_long(values, at, count, out, first, column)
-        elif page[ENCODING] == SPLIT:
-            good = _split(values, at, count, out, first, column, spare)
+        step, number = plan[column, WIDTH], plan[column, NUMBER]
+        start = plan[column, BEFORE] * rows + plan[column, WITHIN] + first * step
+        target = out[start : start + (count - 1) * step + 1 : step]
+        split = page[ENCODING] == SPLIT
+        if out.itemsize == 8:
+            good = _split_long(values, at, target) if split else _deltas(values, at, target)
+            known = False
+        elif split:
+            good = _split(values, at, target, spare)
+            known = _finite(spare[:count])
         else:
-            good = _deltas(values, at, count, out, first, column)
+            good = _deltas(values, at, target)
+            known = _counting(target, first)
         if not good:
             return False
+        sound[number] = sound[number] and known
         first += count
     return True
+
+
+@kernel
+def near_unit(turns: Any, tolerance: float) -> bool:
+    """Whether the squares of quaternions' (T, 4) norms are as near to 1 as that."""
+    far = 0
+    for i in range(len(turns)):
+        w, x = np.float64(turns[i, 0]), np.float64(turns[i, 1])
+        y, z = np.float64(turns[i, 2]), np.float64(turns[i, 3])
+        near = abs(w * w + x * x + y * y + z * z - 1.0) < tolerance  # no number is not near
+        far += not near
+    return far == 0

@@ -208,7 +208,7 @@ def _fill(
     if count == 0:
         return True
     if encoding == SPLIT:
-        return bool(_split_long(data, at, count, values, first, 0))
+        return bool(_split_long(data, at, values[first : first + count, 0]))
     if encoding == DELTA:
-        return bool(_deltas(data, at, count, values, first, 0))
+        return bool(_deltas(data, at, values[first : first + count, 0]))
     return False

@@ -11,7 +11,6 @@ from lz4.block import LZ4BlockError, decompress  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
 from .checksum import crc32
-from .parquet_columns import LZ4
 from .parquet_footer import (
     CODEC,
     COMPRESSED,
@@ -24,6 +23,8 @@ from .parquet_footer import (
 )
 from .source import Source
 
+LZ4 = 7
+"""How this project packs pages."""
 BOOLEAN, INT32, INT64, DOUBLE, TEXT = 0, 1, 2, 5, 6
 """Physical types."""
 
@@ -81,7 +82,7 @@ def read_records(
     if end > file.size:
         return None
     data = file.read(begin, end - begin)
-    rows = footer.groups[group].rows
+    rows = footer.groups.rows(group)
     cells = _decoded(data, begin, columns, rows) if len(data) == end - begin else None
     if cells is None:
         return None
@@ -93,7 +94,7 @@ def _columns(footer: Footer, group: int, kinds: Mapping[str, str]) -> list[_Colu
     if footer.chunks is None:
         return None
     chunks, found = footer.chunks[group].tolist(), []
-    rows = footer.groups[group].rows
+    rows = footer.groups.rows(group)
     for name, kind in kinds.items():
         leaf = (footer.lists if kind.startswith("list") else footer.leaves).get(name)
         if leaf is None or leaf.levels not in (_LIST if kind.startswith("list") else _FLAT):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,6 +20,7 @@ from safestage_eval.errors import TraceError
 
 from .arrow_tables import CONTACT_VECTORS, XYZ
 from .lazy import StoredColumns
+from .parquet_columns import Block, Values
 from .stored_table import StoredTable
 
 KEYS = ("frame", "body1", "body2")
@@ -128,25 +129,45 @@ class _ByPair:
         return [(pair, slice(*cuts[i : i + 2])) for i, pair in enumerate(pairs)]
 
     def columns(self, pair: Pair, names: tuple[str, ...]) -> tuple[NDArray[Any], ...]:
-        return tuple(self._column(pair, name) for name in names)
+        """Columns of the table, and components of vectors; those not known yet in one go."""
+        found = [self._column(pair, name) for name in names]
+        new = {name for name, known in zip(names, found, strict=True) if known is None}
+        if new:
+            whole = [n for n in names if n in new and ("." not in n or n[:-2] not in new)]
+            self._known |= self._load(pair, tuple(dict.fromkeys(whole)))
+            found = [self._column(pair, name) for name in names]
+        return tuple(values for values in found if values is not None)
 
-    def _column(self, pair: Pair, name: str) -> NDArray[Any]:
-        """A column of the table, or one component of a vector."""
+    def _column(self, pair: Pair, name: str) -> NDArray[Any] | None:
+        """If it is known."""
         known = self._known.get((pair, name))
         vector, _, axis = name.partition(".")
-        if known is None and (pair, vector) in self._known:
-            known = self._known[pair, vector][:, XYZ.index(axis)]
-        if known is None:
-            known = self._known[pair, name] = self._load(pair, name)
+        if known is None and axis and (pair, vector) in self._known:
+            known = self._known[pair, name] = self._known[pair, vector][:, XYZ.index(axis)]
         return known
 
-    def _load(self, pair: Pair, name: str) -> NDArray[Any]:
+    def _load(self, pair: Pair, names: tuple[str, ...]) -> dict[tuple[Pair, str], NDArray[Any]]:
         source, places = self._source, (self.places or {}).get(pair, [])
-        stored, dtype = _stored_names(name), _dtype(name)
-        parts = [source.table.block([number], stored, dtype)[part] for number, part in places]
-        none = np.zeros((0, len(stored)), dtype)
-        found = parts[0] if len(parts) == 1 else np.concatenate([none, *parts])
-        values = found if len(stored) > 1 else found[:, 0]
+        blocks = tuple(_block(name) for name in names)
+        none = [Values(np.empty((0, len(block.names)), block.dtype), True) for block in blocks]
+        parts = (
+            [(slice(0), none)]
+            if not places
+            else [(part, source.table.of_group(number, blocks)) for number, part in places]
+        )
+        found = {}
+        for i, name in enumerate(names):
+            arrays = [values[i].array[part] for part, values in parts]
+            array = arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
+            if array.shape[1] == 1:
+                array = array[:, 0]
+            if not all(values[i].sound for _, values in parts) or array.dtype.kind != "f":
+                self._check(pair, name, array)
+            found[pair, name] = array
+        return found
+
+    def _check(self, pair: Pair, name: str, values: NDArray[Any]) -> None:
+        source = self._source
         if name == "frame":
             source.demand(check_frame_range(values, source.frames, source.where))
         elif name in GEOMS:
@@ -155,7 +176,12 @@ class _ByPair:
             source.demand(check_geom_owner(side, values, body, source.geom_owner, source.where))
         else:
             source.demand(check_finite(values, f"contact {name.partition('.')[0]}", source.where))
-        return values
+
+
+@cache
+def _block(name: str) -> Block:
+    """What is stored of a column of the contact table."""
+    return Block(tuple(_stored_names(name)), np.dtype(_dtype(name)))
 
 
 def _stored_names(name: str) -> list[str]:

@@ -18,9 +18,10 @@ from safestage_eval.errors import TraceError
 
 from . import arrow_values
 from .arrow_tables import columns_of
-from .parquet_columns import KINDS, read_columns
-from .parquet_footer import Footer, Group, by_pyarrow, read_footer, without_keys
+from .parquet_columns import Block, Values, read_blocks
+from .parquet_footer import Footer, by_pyarrow, read_footer, without_keys
 from .remote_path import source_of
+from .row_groups import Group
 from .small_table import read_records
 from .source import LocalSource, SourceStream
 from .stored_file import regular
@@ -32,8 +33,6 @@ class Known:
 
     footer: Footer | None
     metadata: pq.FileMetaData | None = None
-    by_episode: dict[int, list[Group]] | None = None
-    """Row groups of each episode; empty where a group holds several, or does not say."""
 
 
 FOOTERS: dict[tuple[Path, int, int], Known] = {}
@@ -162,31 +161,44 @@ class StoredTable:
         self, columns: Sequence[str], dtype: DTypeLike, episode: int, body: str | None = None
     ) -> NDArray[Any]:
         """Columns of numbers as (rows, columns), of the rows that ``rows`` finds; raises as it does."""
-        groups, exact = self._of_body(episode, body)
-        if exact:
-            return self.block([group.number for group in groups], columns, dtype)
-        return self._stacked(self.rows(columns, episode, body), columns, dtype)
+        [found] = self.several((Block(tuple(columns), np.dtype(dtype)),), episode, body)
+        return found.array
 
-    def block(
-        self, groups: Sequence[int], columns: Sequence[str], dtype: DTypeLike
-    ) -> NDArray[Any]:
-        """Columns of numbers as (rows, columns), all rows of some row groups; raises as ``rows``."""
-        self._demand(columns)
-        stored = np.dtype(dtype if np.dtype(dtype) in KINDS else np.int32)
-        rows = [self._groups[group].rows for group in groups]
-        if stored.itemsize * sum(rows) * len(columns) > MOST_UNPACKED * self._source.size:
-            return self._stacked(self.read(groups, columns), columns, dtype)
-        out, first = np.empty((sum(rows), len(columns)), stored), 0
-        for group, count in zip(groups, rows, strict=True):
-            part = out[first : first + count]
+    def several(
+        self, blocks: tuple[Block, ...], episode: int, body: str | None = None
+    ) -> list[Values]:
+        """Several such arrays, in one go where they are stored as usual."""
+        groups, exact = self._of_body(episode, body)
+        if not exact:
+            return [
+                Values(self._stacked(self.rows(names, episode, body), names, dtype), False)
+                for names, dtype in blocks
+            ]
+        if len(groups) == 1:
+            return self.of_group(groups[0].number, blocks)
+        none = [Values(np.empty((0, len(names)), dtype), False) for names, dtype in blocks]
+        parts = [none, *(self.of_group(group.number, blocks) for group in groups)]
+        return [
+            Values(np.concatenate([values.array for values in part]), False)
+            for part in zip(*parts, strict=True)
+        ]
+
+    def of_group(self, group: int, blocks: tuple[Block, ...]) -> list[Values]:
+        """Arrays of all rows of a row group; raises as ``rows``."""
+        width = sum(len(names) for names, _ in blocks)
+        if 4 * self._groups.rows(group) * width <= MOST_UNPACKED * self._source.size:
             try:
-                known = read_columns(self._source, self.footer, group, columns, part)
+                found = read_blocks(self._source, self.footer, group, blocks)
             except OSError as error:
                 raise _unreadable(self.path, error) from None
-            if not known:
-                return self._stacked(self.read(groups, columns), columns, dtype)
-            first += count
-        return out.astype(dtype, copy=False)
+            if found is not None:
+                return found
+        for names, _ in blocks:
+            self._demand(names)
+        return [
+            Values(self._stacked(self.read([group], names), names, dtype), False)
+            for names, dtype in blocks
+        ]
 
     def _stacked(self, table: pa.Table, columns: Sequence[str], dtype: DTypeLike) -> NDArray[Any]:
         out = np.empty((len(table), len(columns)), dtype)
@@ -216,7 +228,7 @@ class StoredTable:
         """The row groups that may hold rows of an episode (and of one body), in stored order."""
         if body is not None and self._by_body(episode) is not None:
             return (self._by_body(episode) or {}).get(body, [])
-        return [g for g in self._near(episode) if g.may_hold(episode_index=episode, body=body)]
+        return [g for g in self._groups.of_episode(episode) if g.may_hold(body=body)]
 
     def _by_body(self, episode: int) -> dict[str, list[Group]] | None:
         """Row groups of each body; None where one holds several, or does not say."""
@@ -227,22 +239,9 @@ class StoredTable:
             self._bodies[episode] = None if None in told else told
         return self._bodies[episode]
 
-    def _near(self, episode: int) -> Sequence[Group]:
-        """Those to look through: a shard holds thousands, of many episodes."""
-        known = self._known
-        if known.by_episode is None:
-            known.by_episode = {}
-            for group in self._groups:
-                only = group.single("episode_index")
-                if only is None:
-                    known.by_episode = {}
-                    break
-                known.by_episode.setdefault(only, []).append(group)
-        return known.by_episode.get(episode, ()) if known.by_episode else self._groups
-
     def read(self, groups: Sequence[int], columns: Sequence[str]) -> pa.Table:
         """All rows of some row groups. Raises TraceError on damaged bytes, and for too many rows."""
-        rows = sum(self._groups[group].rows for group in groups)
+        rows = sum(self._groups.rows(group) for group in groups)
         if 4 * rows * len(columns) > LARGEST:
             raise TraceError(
                 str(self.path),

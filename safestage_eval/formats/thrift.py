@@ -28,8 +28,8 @@ def stack() -> NDArray[np.int64]:
 def _varint(data: Any, at: Any) -> Any:
     """A number of seven bits per byte, and what follows it; -1 past the end."""
     value, shift = np.int64(0), np.int64(0)
-    while at < len(data) and shift < 64:
-        byte = np.int64(data[at])
+    while np.uintp(at) < np.uintp(len(data)) and shift < 64:
+        byte = np.int64(data[np.uintp(at)])  # an index without sign need not be looked at
         at += 1
         value |= (byte & 127) << shift
         if byte < 128:
@@ -62,45 +62,48 @@ def fields(data: Any, at: Any, found: Any, stack: Any) -> Any:
     """
     # a level: its path, the last field's number, how many elements are left (-1: a record), their kind
     depth, count = 0, 0
-    stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = 0, 0, -1, 0
+    within, last, left, each = np.int64(0), np.int64(0), np.int64(-1), np.int64(0)
     while at < len(data):
-        if stack[depth, 2] == 0:
+        if left == 0:
             depth -= 1
+            within, last, left, each = _level(stack, depth)
             continue
-        path = stack[depth, 0]
-        if stack[depth, 2] > 0:
-            stack[depth, 2] -= 1
-            kind = stack[depth, 3]
+        path = within
+        if left > 0:
+            left -= 1
+            kind = each
             if kind <= 2:  # a truth value takes a byte here, and none in a record
-                kind = 3
+                kind = np.int64(3)
         else:
-            head = np.int64(data[at])
+            head = np.int64(data[np.uintp(at)])
             at += 1
             if head == 0:
                 if depth == 0:
                     return count, at
                 depth -= 1
+                within, last, left, each = _level(stack, depth)
                 continue
             kind = head & 15
             if head >> 4:
-                number = stack[depth, 1] + (head >> 4)
+                last += head >> 4
             else:
-                number, at = _varint(data, at)
-                number = _signed(number)
+                last, at = _varint(data, at)
+                last = _signed(last)
                 if at < 0:
                     return -1, at
-            if not 0 < number < MORE:
+            if not 0 < last < MORE:
                 return -1, at
-            stack[depth, 1] = number
-            path = path * MORE + number
+            path = within * MORE + last
         value: Any = np.int64(0)
         length: Any = np.int64(0)
+        size: Any = np.int64(-1)
+        inner: Any = np.int64(0)
         if kind <= 2:
             value = np.int64(kind == 1)
         elif kind == 3:
             if at >= len(data):
                 return -1, at
-            value = np.int64(data[at])
+            value = np.int64(data[np.uintp(at)])
             at += 1
         elif kind <= 6:
             value, at = _varint(data, at)
@@ -115,28 +118,42 @@ def fields(data: Any, at: Any, found: Any, stack: Any) -> Any:
                 return -1, at
             at += length
         elif kind in (9, 10):
-            if at >= len(data):
+            inner, size, at = _list(data, at)
+            if at < 0 or size < 0:
                 return -1, at
-            head = np.int64(data[at])
-            at += 1
-            size = head >> 4
-            if size == 15:
-                size, at = _varint(data, at)
-            depth += 1
-            if at < 0 or size < 0 or depth >= DEEPEST:
-                return -1, at
-            stack[depth, 0], stack[depth, 1] = path, 0
-            stack[depth, 2], stack[depth, 3] = size, head & 15
-            continue
-        elif kind == 12:
-            depth += 1
-            if depth >= DEEPEST:
-                return -1, at
-            stack[depth, 0], stack[depth, 1], stack[depth, 2], stack[depth, 3] = path, 0, -1, 0
-        else:
+        elif kind != 12:
             return -1, at
-        if at < 0 or count >= len(found):
-            return -1, at
-        found[count, 0], found[count, 1], found[count, 2] = path, value, length
-        count += 1
+        if kind not in (9, 10):
+            if at < 0 or count >= len(found):
+                return -1, at
+            row = found[np.uintp(count)]
+            row[0], row[1], row[2] = path, value, length
+            count += 1
+        if kind >= 9:
+            if depth + 1 >= DEEPEST:
+                return -1, at
+            level = stack[np.uintp(depth)]
+            level[0], level[1], level[2], level[3] = within, last, left, each
+            depth += 1
+            within, last, left, each = path, np.int64(0), size, inner
     return -1, at
+
+
+@helper
+def _level(stack: Any, depth: Any) -> Any:
+    """A level as it was left."""
+    level = stack[np.uintp(depth)]
+    return level[0], level[1], level[2], level[3]
+
+
+@helper
+def _list(data: Any, at: Any) -> Any:
+    """The kind of a list's elements, how many, and where they begin; -1 past the end."""
+    if np.uintp(at) >= np.uintp(len(data)):
+        return np.int64(0), np.int64(-1), -1
+    head = np.int64(data[np.uintp(at)])
+    at += 1
+    size = head >> 4
+    if size == 15:
+        size, at = _varint(data, at)
+    return head & 15, size, at

@@ -58,16 +58,20 @@ def test_encodings_and_row_groups_are_as_documented(dataset):
 def test_only_what_is_looked_at_is_read(dataset, monkeypatch):
     read = []
 
-    def spy(original):
-        def spied(self, groups, columns, *dtype):
-            read.append((self.path.parent.name, tuple(groups), tuple(columns)))
-            return original(self, groups, columns, *dtype)
+    by_pyarrow, by_group = StoredTable.read, StoredTable.of_group
 
-        return spied
+    def spied(self, groups, columns):
+        read.append((self.path.parent.name, tuple(groups), tuple(columns)))
+        return by_pyarrow(self, groups, columns)
+
+    def spied_group(self, group, blocks):
+        columns = tuple(name for block in blocks for name in block.names)
+        read.append((self.path.parent.name, (group,), columns))
+        return by_group(self, group, blocks)
 
     ref = discover(dataset)[1]
-    for method in ("read", "block"):
-        monkeypatch.setattr(StoredTable, method, spy(getattr(StoredTable, method)))
+    monkeypatch.setattr(StoredTable, "read", spied)
+    monkeypatch.setattr(StoredTable, "of_group", spied_group)
     records = StoredTable.records
 
     def spied_records(self, columns, *episode):

@@ -8,7 +8,7 @@ import pytest
 
 from safestage_eval.formats.footer_types import types_agree
 from safestage_eval.formats.page_kernels import DELTA, SPLIT, _deltas, find_pages, read_pages
-from safestage_eval.formats.parquet_columns import read_columns
+from safestage_eval.formats.parquet_columns import Block, read_blocks
 from safestage_eval.formats.parquet_footer import COMPRESSED, FIRST_PAGE, parse, read_footer
 from safestage_eval.formats.source import LocalSource
 
@@ -49,9 +49,10 @@ def pages_of(data, rows, encoding=SPLIT, end=None):
     """How many pages are found in bytes that begin with one, and the table of them."""
     values = np.frombuffer(data, np.uint8)
     chunks = np.array([[0, len(data) if end is None else end]])
+    plan = np.array([[0, 1 if encoding == DELTA else 4, 0, 0, 0, 1, 0]])
     pages = np.zeros((4, 7), np.int64)
     found, stack = np.empty((64, 3), np.int64), np.empty((16, 4), np.int64)
-    return find_pages(values, encoding, chunks, rows, found, stack, pages), pages
+    return find_pages(values, plan, chunks, rows, found, stack, pages), pages
 
 
 def test_a_page_as_it_should_be():
@@ -80,8 +81,8 @@ def test_blocks_of_differences_that_claim_too_much(number, place):
     claimed = [number, 1] if place == 0 else [128, number]
     for width in (0, 1, 32, 33, 255):
         data = b"".join(map(varint, claimed)) + varint(10) + zigzag(0) + zigzag(1) + bytes([width])
-        out = np.zeros((10, 1), np.uint32)
-        assert not _deltas(np.frombuffer(data, np.uint8), 0, 10, out, 0, 0)
+        out = np.zeros(20, np.uint32)[::2]
+        assert not _deltas(np.frombuffer(data, np.uint8), 0, out)
         assert not out[1:].any()
 
 
@@ -90,10 +91,11 @@ def test_blocks_of_differences_that_claim_too_much(number, place):
 def test_levels_that_claim_too_much(levels, run):
     values = levels.to_bytes(4, "little") + varint(run) + b"\1" + bytes(40)
     pages = np.array([[0, len(values), len(values), 10, SPLIT, -1, 0]])
-    out = np.zeros((10, 1), np.uint32)
+    plan = np.array([[0, 4, 1, 0, 0, 1, 0]])
     good = read_pages(
-        np.frombuffer(values, np.uint8), pages, np.array([True]), out, np.zeros(10, np.uint32)
-    )
+        np.frombuffer(values, np.uint8), pages, plan, 10, np.zeros(10, np.uint32),
+        np.zeros(10, np.uint32), np.ones(1, np.bool_),
+    )  # fmt: skip
     assert good == (levels == 2 and run == 20)
 
 
@@ -112,11 +114,10 @@ def file(tmp_path):
 @pytest.mark.parametrize("place", [FIRST_PAGE, COMPRESSED])
 def test_columns_that_are_not_in_the_file(file, number, place):
     footer = read_footer(file)
-    out = np.zeros((50, 1), np.float32)
-    assert read_columns(file, footer, 0, ["x"], out)
+    wanted = (Block(("x",), np.dtype(np.float32)),)
+    assert read_blocks(file, footer, 0, wanted)
     footer.chunks[0, 0, place] = number
-    out[:] = 0
-    assert not read_columns(file, footer, 0, ["x"], out)
+    assert not read_blocks(file, footer, 0, wanted)
 
 
 def test_whole_numbers_in_place_of_names_are_no_limits(file):

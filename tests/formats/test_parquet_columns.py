@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from safestage_eval.formats.parquet_columns import read_columns
-from safestage_eval.formats.parquet_footer import Group, read_footer
+from safestage_eval.formats.parquet_columns import Block, read_blocks
+from safestage_eval.formats.parquet_footer import FIRST_PAGE, read_footer
+from safestage_eval.formats.row_groups import Group
 from safestage_eval.formats.source import LocalSource
 
 OURS = {
@@ -49,12 +50,10 @@ def both(path, names, group=0):
     """Columns as read quickly, or None, and as pyarrow reads them."""
     file = LocalSource(path)
     footer = read_footer(file)
-    rows = footer.groups[group].rows
     dtype = {"frame_index": np.int32, "time": np.float64}.get(names[0], np.float32)
-    out = np.empty((rows, len(names)), dtype)
-    known = read_columns(file, footer, group, names, out)
+    known = read_blocks(file, footer, group, (Block(tuple(names), np.dtype(dtype)),))
     table = pq.ParquetFile(path).read_row_group(group, names)
-    return out if known else None, table
+    return known[0].array if known else None, table
 
 
 @settings(max_examples=40)
@@ -135,15 +134,15 @@ def test_no_damage_passes_as_data(tmp_path):
     pq.write_table(numbers(60), path, **OURS)
     file = LocalSource(path)
     footer, whole = read_footer(file), path.read_bytes()
-    noticed = 0
+    noticed, wanted = 0, (Block(("x", "y"), np.dtype(np.float32)),)
     true = np.stack([both(path, ["x", "y"])[1][name].to_numpy() for name in "xy"], 1)
-    for at in range(4, int(footer.chunks[0, :, 9].max())):
+    for at in range(4, int(footer.chunks[0, :, FIRST_PAGE].max())):
         for flip in (1, 12, 255):
             path.write_bytes(whole[:at] + bytes([whole[at] ^ flip]) + whole[at + 1 :])
             file = LocalSource(path)
-            out = np.zeros((60, 2), np.float32)
-            if read_columns(file, footer, 0, ["x", "y"], out):
-                assert out.tobytes() == true.tobytes()
+            found = read_blocks(file, footer, 0, wanted)
+            if found:
+                assert found[0].array.tobytes() == true.tobytes()
             else:
                 noticed += 1
     assert noticed > 400

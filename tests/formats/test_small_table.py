@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from safestage_eval.formats.parquet_footer import read_footer
+from safestage_eval.formats.parquet_footer import COMPRESSED, FIRST_PAGE, read_footer
 from safestage_eval.formats.small_table import read_records
 from safestage_eval.formats.source import LocalSource
 
@@ -117,7 +117,7 @@ def test_no_damage_passes_as_data(tmp_path):
     pq.write_table(pa.Table.from_pylist(rows, SCHEMA), path, **OURS)
     file, whole = LocalSource(path), path.read_bytes()
     footer = read_footer(file)
-    end = int((footer.chunks[0, :, 9] + footer.chunks[0, :, 7]).max())
+    end = int((footer.chunks[0, :, FIRST_PAGE] + footer.chunks[0, :, COMPRESSED]).max())
     noticed = 0
     for at in range(4, end):
         for flip in (1, 12, 255):

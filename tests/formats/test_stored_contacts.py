@@ -90,13 +90,19 @@ def test_other_pairs_are_not_read(tmp_path, monkeypatch):
     save(episode, tmp_path)
     contacts = discover(tmp_path)[0].open().contacts
     contacts.pairs  # noqa: B018 — what pairs there are is known from here on
-    read, original = [], StoredTable.block
-    monkeypatch.setattr(StoredTable, "block", lambda self, *a: read.append(a) or original(self, *a))
+    read, original = [], StoredTable.of_group
+
+    def spied(self, group, blocks):
+        read.append([name for block in blocks for name in block.names])
+        return original(self, group, blocks)
+
+    monkeypatch.setattr(StoredTable, "of_group", spied)
     contacts.of_pair((2, 3), "frame", "force.z")
-    assert [columns for _, columns, _ in read] == [["frame_index"], ["force.z"]]
-    assert all(len(groups) == 1 for groups, _, _ in read)
-    contacts.of_pair((2, 3), "force.z")
-    assert len(read) == 2
+    assert read == [["frame_index", "force.z"]]
+    contacts.of_pair((2, 3), "force.z", "frame", "force.z")
+    assert len(read) == 1
+    contacts.of_pair((2, 3), "frame", "force", "force.y")
+    assert read[1:] == [["force.x", "force.y", "force.z"]]
 
 
 @pytest.mark.parametrize(
