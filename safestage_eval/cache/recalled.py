@@ -17,9 +17,9 @@ from safestage_eval.signals.series import Series
 from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states.band import F64, TINY, Band, Bool
 from safestage_eval.states.scope import Scope
-from safestage_eval.verdicts.evaluate import Bounds, Evaluator, reach_of
+from safestage_eval.verdicts.evaluate import Bounds, Evaluator
 from safestage_eval.verdicts.memory import Memory
-from safestage_eval.verdicts.values import Env
+from safestage_eval.verdicts.values import Env, reach_of
 
 from .entry import Entry, Value
 from .judged import HEAD, TIME, band_of, partial_name, series_name, slack_name, state_name, time_of

@@ -44,6 +44,8 @@ __all__ = [
     "Atom",
     "Call",
     "Charge",
+    "Clause",
+    "ClauseKind",
     "Column",
     "Condition",
     "Cost",
@@ -121,6 +123,17 @@ class GoalDef:
     for_: Duration | Parameter | None = None
 
 
+ClauseKind = Literal["require", "forbid", "reach"]
+
+
+@dataclass(frozen=True)
+class Clause:
+    """One obligation of a rule."""
+
+    kind: ClauseKind
+    what: Alternative
+
+
 @dataclass(frozen=True)
 class Rule:
     """``[[rule]]``: one safety requirement."""
@@ -159,6 +172,14 @@ class Rule:
         if len(self.forbid) > 1:
             return Condition((AnyOf(self.forbid),))
         return self.forbid[0] if self.forbid else None
+
+    @cached_property
+    def clauses(self) -> tuple[Clause, ...]:
+        """Its obligations: all of them must be met."""
+        out = [Clause("require", self.require)] if self.require is not None else []
+        if self.forbidden is not None:
+            out.append(Clause("forbid", self.forbidden))
+        return tuple(out + ([Clause("reach", self.reach)] if self.reach is not None else []))
 
 
 @dataclass(frozen=True)

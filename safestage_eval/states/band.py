@@ -53,7 +53,7 @@ class Band(NamedTuple):
         """False where nothing is known at any frame."""
         if len(self.lower) and (self.lower[0] > -np.inf or self.upper[0] < np.inf):
             return True
-        return not (np.isneginf(self.lower).all() and np.isposinf(self.upper).all())
+        return not ((self.lower == -np.inf).all() and (self.upper == np.inf).all())
 
     def at(self, first: int, stop: int) -> Band:
         """The frames [first, stop)."""
@@ -115,9 +115,11 @@ def _reduced(extreme: np.ufunc, bands: Sequence[Band]) -> Band:
     """The least or the greatest of two margins or more."""
     first, second, *more = bands
     lower = extreme(first.lower, second.lower)
+    exact = first.lower is first.upper and second.lower is second.upper
     for band in more:
         extreme(lower, band.lower, out=lower)
-    if all(band.lower is band.upper for band in bands):
+        exact = exact and band.lower is band.upper
+    if exact:
         return Band(lower, lower)
     upper = extreme(first.upper, second.upper)
     for band in more:

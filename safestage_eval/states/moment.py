@@ -41,6 +41,17 @@ def truth_of(band: Band) -> Truth:
     return Truth(band.true, ~band.false)
 
 
+def before(truth: Truth) -> Truth:
+    """At each frame what holds at the one before; nothing before the first."""
+    sure = np.zeros(len(truth.sure), np.bool_)
+    sure[1:] = truth.sure[:-1]
+    if truth.sure is truth.possible:
+        return Truth(sure, sure)
+    possible = np.zeros(len(sure), np.bool_)
+    possible[1:] = truth.possible[:-1]
+    return Truth(sure, possible)
+
+
 def starts(truth: Truth) -> list[Moment]:
     """The beginnings of the stretches in which something holds, in order.
 

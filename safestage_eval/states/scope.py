@@ -76,14 +76,14 @@ def from_to(on: Truth, off: Truth, *, truncated: bool) -> list[Scope]:
 def _from_to(on: Bool, off: Bool, *, truncated: bool) -> list[Scope]:
     frames = len(on)
     out: list[Scope] = []
-    starts, stops = np.flatnonzero(on), np.flatnonzero(off)
+    starts, stops = on.nonzero()[0], off.nonzero()[0]
     t = 0
     while True:
-        i = np.searchsorted(starts, t)
+        i = starts.searchsorted(t)
         if i == len(starts):
             return out
         first = int(starts[i])
-        j = np.searchsorted(stops, first)
+        j = stops.searchsorted(first)
         if j == len(stops):
             return [*out, Scope(first, frames, truncated)]
         stop = int(stops[j])
@@ -195,8 +195,8 @@ def until(scopes: Sequence[Scope], stop_at: Truth) -> list[Scope]:
     out = []
     for scope in scopes:
         first, stop, cut, sure = scope
-        hits = np.flatnonzero(stop_at.possible[first:stop])
-        ends = np.flatnonzero(stop_at.sure[first:stop] & scope.certain)
+        hits = stop_at.possible[first:stop].nonzero()[0]
+        ends = (stop_at.sure[first:stop] & scope.certain).nonzero()[0]
         if not len(hits):
             out.append(scope)
         elif sure is None and len(ends) and hits[0] == ends[0]:

@@ -13,8 +13,8 @@ from safestage_eval.states.persistence import runs
 from safestage_eval.states.scope import Scope
 
 from .evaluate import Evaluator
-from .explain import sentence
-from .instance import Instance, applies, stretches
+from .explain import Finding, sentence
+from .instance import applies, stretches
 from .players import combinations, mentions, nodes
 from .values import Env
 from .verdict import CostTotal, Verdict
@@ -147,8 +147,9 @@ def _verdict(
         known = "no bound" if not np.isfinite(most) else f"{most:.3g} at most"
         why = f"the cost is {value:.3g} at least and {known}; the budget is {limit:.3g}"
         return replace(verdict, explanation=f"Cannot be decided: {why}.")
-    instance = Instance(bill.worst[0], Scope(0, evaluator.frames), 0.0, 0.0, None, worst)
-    return replace(verdict, explanation=sentence(evaluator, cost, instance, witness, verdict))
+    found = Finding(verdict.verdict, verdict.time, verdict.worst_time, verdict.margin)
+    said = sentence(evaluator, cost, bill.worst[0], witness, found)
+    return replace(verdict, explanation=said)
 
 
 def _charges(bill: _Bill) -> list[str]:

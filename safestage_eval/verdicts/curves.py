@@ -13,7 +13,7 @@ from safestage_eval.signals.series import Series
 from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator
-from .instance import clauses, stretches
+from .instance import stretches
 from .players import combinations
 from .values import Env
 from .verdict import Verdict
@@ -121,7 +121,7 @@ def _atoms(
     evaluator: Evaluator, rule: ast.Rule, env: Env
 ) -> Iterator[tuple[ast.SignalAtom | ast.Call, Env, bool]]:
     """Limits and states of a rule with the bodies they are about; and whether it is bad that they hold."""
-    for clause in clauses(rule):
+    for clause in rule.clauses:
         yield from _inside(evaluator, clause.what, env, clause.kind == "forbid", 1)
     if rule.until is not None:
         yield from _inside(evaluator, rule.until, env, False, 0)

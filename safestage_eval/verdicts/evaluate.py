@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.digest import digest_of
 from safestage_eval.signals.reference import Reference, latest
 from safestage_eval.signals.series import Series
 from safestage_eval.states import band, moment, persistence
@@ -19,17 +17,15 @@ from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
 from safestage_eval.states.scope import Scope
 
+from .answers import Answers, Found
 from .costly import Costly, is_costly
-from .known import Known
 from .memory import Memory
-from .values import Env, Values, ends_early, ends_with_success, limit_margin
-
-Found = TypeVar("Found")
+from .values import Asked, Env, ends_early, ends_with_success, limit_margin
 
 Bounds = tuple[float, float]
 
 
-class Evaluator(Values):
+class Evaluator(Answers):
     """The rule language's meaning on one episode, under one set of parameter values.
 
     Every condition becomes a ``Band`` of normalised margins, every event a ``Truth``: the frames at
@@ -58,35 +54,17 @@ class Evaluator(Values):
             causal: states look only backwards, as in a rollout that is still running.
             memory: where answers from before are found.
         """
-        super().__init__(relations, rules, params)
+        super().__init__(relations, rules, params, memory)
         self.success = success
         self.success_known = success_known
         self.causal = causal
-        self.memory = memory
         self.frames = len(self.episode)
         self.truncated = ends_early(self.episode)
         self.unfollowed = self.truncated or ends_with_success(self.episode)
-        self.notes: dict[str, None] = {}
-        self.players: Mapping[str, Sequence[str]] = {}
-        """Role → all bodies that play it, for ``at least K role``."""
-        self.at_hand: dict[str, Any] | None = None
-        """Answers about the rule that is being judged, where they are collected."""
         self.bounds: Callable[[str, ast.Alternative, Env, Scope], Bounds | None] | None = None
         """Margin of an obligation in a scope, where it can be told without its frames."""
         self._obligation: str | None = None
-        self._known = Known(rules)
         self._costly = Costly(rules)
-        self._digests: dict[Any, tuple[object, str]] = {}
-
-    def digest(self, node: object) -> str:
-        """Of a part of a rule, as it holds under these values."""
-        key = tuple(map(id, node)) if isinstance(node, tuple) else id(node)
-        known = self._digests.get(key)
-        if known is None:
-            backend = self.relations.signals.backend
-            known = node, digest_of(self.rules, node, self.params, backend)
-            self._digests[key] = known
-        return known[1]
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
         """The same episode under other values; what they cannot change is shared."""
@@ -99,40 +77,18 @@ class Evaluator(Values):
             causal=self.causal,
             memory=self.memory,
         )
-        found.players, found.at_hand = self.players, self.at_hand
-        found._measured = self._measured  # no value of a parameter is in it
-        changed = {name for name, value in params.items() if self.params.get(name) != value}
-        found._known = Known(self.rules, self._known, frozenset(changed))
+        found.share(self)
         return found
 
-    def once(self, node: object, key: tuple[Any, ...], find: Callable[[], Found]) -> Found:
-        """What ``find`` says of a declared part of the rules, with its notes; or what it said before.
-
-        Args:
-            node: the part, kept beside what was found, and so stays what it is.
-            key: what else the answer depends on, and who asks.
-            find: tells it.
-        """
-        known = self._known.get(key)
-        if known is None:
-            outer, self.notes = self.notes, {}
-            try:
-                known = self._known.told[key] = node, find(), self.notes
-            finally:
-                self.notes = outer
-        self.notes.update(known[2])
-        return cast(Found, known[1])
-
-    @contextmanager
-    def obliged(self, kind: str | None) -> Iterator[None]:
-        """Conditions are those of a rule's ``require``, ``forbid`` or ``reach``; None for a state.
+    def obliged(self, kind: str | None, find: Callable[..., Found], *asked: Any) -> Found:
+        """What ``find`` says where conditions are those of a ``require``, ``forbid`` or ``reach``.
 
         A limit on a tilt that a body does not have is skipped there: it holds where it must, and
-        does not where it must not. A state asks whether the body is tilted, and it never is.
+        does not where it must not. A state (None) asks whether the body is tilted, and it never is.
         """
         outer, self._obligation = self._obligation, kind
         try:
-            yield
+            return find(*asked)
         finally:
             self._obligation = outer
 
@@ -140,28 +96,41 @@ class Evaluator(Values):
 
     def series(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None = None) -> Series:
         """The signal of an atom, up to where its limits need it exactly, at the wanted frames."""
-        name, bodies, options = self.measured(atom.call, env)
-        reference = None
+        return self._series(self.asked(atom, env), atom, env, wanted)
+
+    def _series(self, asked: Asked, atom: ast.SignalAtom, env: Env, wanted: Bool | None) -> Series:
+        reference = when = None
         if atom.since is not None:
-            when = moment.frames_of(self.moments(atom.since, env), self.frames)
-            instants = np.flatnonzero(when.possible)
-            reference = Reference(
-                self.relations.signals.baseline,
-                latest(instants, self.frames),
-                key=f"since {instants.tobytes().hex()}",
-            )
-        limits = [self.number(limit.value, env) for limit in atom.limits]
+            key = ("since", id(atom.since), *env.items())
+            reference, when = self.once(atom.since, key, self._since, atom.since, env)
         found = self.relations.signal(
-            name, bodies, reference, reach_of(limits), wanted, options, limits
+            asked.name,
+            asked.bodies,
+            reference,
+            asked.reach,
+            wanted,
+            asked.options,
+            asked.limits,
         )
         for note in found.notes:
             self.notes[note] = None
-        if atom.since is None or when.known:
+        if when is None:
             return found
         newest = np.maximum.accumulate(np.where(when.possible, np.arange(self.frames), -1))
         open_ = (newest >= 0) & ~when.sure[newest]
         lower, upper = np.where(open_, -np.inf, found.lower), np.where(open_, np.inf, found.upper)
         return replace(found, lower=lower, upper=upper)
+
+    def _since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
+        """What a change since an event is measured from; and the frames of that, if any is open."""
+        when = moment.frames_of(self.moments(event, env), self.frames)
+        instants = when.possible.nonzero()[0]
+        reference = Reference(
+            self.relations.signals.baseline,
+            latest(instants, self.frames),
+            key=f"since {instants.tobytes().hex()}",
+        )
+        return reference, None if when.known else when
 
     def condition(self, condition: ast.Condition, env: Env, wanted: Bool | None = None) -> Band:
         """All atoms hold.
@@ -170,6 +139,8 @@ class Evaluator(Values):
         signals come last, and are measured only where no other atom has already decided.
         """
         if not self._costly.within(condition):
+            if len(condition.atoms) == 1:
+                return self.atom(condition.atoms[0], env)
             return band.both([self.atom(atom, env) for atom in condition.atoms], self.frames)
         mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
         bands: list[Band] = []
@@ -177,7 +148,7 @@ class Evaluator(Values):
         for atom in sorted(condition.atoms, key=is_costly):
             if self._costly.asked(atom):
                 for found in bands[decided:]:
-                    mask = mask & ~np.isneginf(found.upper)
+                    mask = mask & (found.upper != -np.inf)
                 decided = len(bands)
             bands.append(self.atom(atom, env, mask))
         return band.both(bands, self.frames)
@@ -190,8 +161,9 @@ class Evaluator(Values):
         self, alternative: ast.Alternative, env: Env, wanted: Bool | None = None
     ) -> Band:
         """A condition, or the frames of an event; ``wanted`` as in ``condition``."""
-        if isinstance(alternative, ast.Condition):
+        if type(alternative) is ast.Condition:
             return self.condition(alternative, env, wanted)
+        assert type(alternative) is ast.Event
         if alternative.kind == "state" and alternative.edge is None and alternative.call:
             return self.state(alternative.call, env, wanted)
         found = self.truth(alternative, env)
@@ -199,15 +171,15 @@ class Evaluator(Values):
 
     def atom(self, atom: ast.Atom, env: Env, wanted: Bool | None = None) -> Band:
         """One entry of a condition; ``wanted`` as in ``condition``."""
-        if isinstance(atom, ast.SignalAtom):
+        if type(atom) is ast.SignalAtom:
             if wanted is not None and self._costly.asked(atom):
                 return self._limited(atom, env, wanted)
             key = (id(atom), self._obligation, *env.items())
-            return self.once(atom, key, lambda: self._limited(atom, env, None))
-        if isinstance(atom, ast.StateAtom):
+            return self.once(atom, key, self._limited, atom, env, None)
+        if type(atom) is ast.StateAtom:
             found = self.state(atom.call, env, wanted)
             return found if atom.want else band.opposite(found)
-        if isinstance(atom, ast.CountAtom):
+        if type(atom) is ast.CountAtom:
             each = [
                 self.state(atom.call, {**env, atom.role: body}, wanted)
                 for body in self.players.get(atom.role, ())
@@ -215,28 +187,28 @@ class Evaluator(Values):
             if atom.bound == "least":
                 return band.at_least(atom.count, each, self.frames)
             return band.opposite(band.at_least(atom.count + 1, each, self.frames))
+        assert type(atom) is ast.AnyOf
         return band.either(
             [self.alternative(a, env, wanted) for a in atom.alternatives], self.frames
         )
 
     def _limited(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None) -> Band:
         """Margins of a signal's limits; ``wanted`` as in ``condition``."""
-        series = self.series(atom, env, wanted)
-        if self._obligation is not None and self._has_no_tilt(atom.call, env):
+        asked = self.asked(atom, env)
+        series = self._series(asked, atom, env, wanted)
+        if self._obligation is not None and asked.name == "tilt" and self.untilted(asked.bodies[0]):
             skipped = self._obligation != "forbid"
             return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
         scale = self.scale(atom.call)
         if len(atom.limits) == 1:
-            (only,) = atom.limits
-            return limit_margin(series, only.op, self.number(only.value, env), scale)
+            return limit_margin(series, atom.limits[0].op, asked.limits[0], scale)
         return band.both(
-            [limit_margin(series, x.op, self.number(x.value, env), scale) for x in atom.limits],
+            [
+                limit_margin(series, limit.op, number, scale)
+                for limit, number in zip(atom.limits, asked.limits, strict=True)
+            ],
             self.frames,
         )
-
-    def _has_no_tilt(self, call: ast.Call, env: Env) -> bool:
-        name, bodies, _ = self.measured(call, env)
-        return name == "tilt" and self.untilted(bodies[0])
 
     def untilted(self, name: str) -> bool:
         """A body that has no up axis, and so no tilt."""
@@ -253,24 +225,21 @@ class Evaluator(Values):
 
         ``wanted`` as in ``condition``; a state that looks at neighbouring frames has them all.
         """
+        bodies = tuple(map(env.get, call.args, call.args))
+        declared = self.rules.states.get(call.name)
         outer, self._obligation = self._obligation, None
         try:
-            return self._state(call, env, wanted)
+            if wanted is not None:
+                if declared is None:
+                    if call.name in COSTLY:
+                        return self._relation(call.name, bodies, wanted)
+                elif self._costly.named(declared):
+                    inner = dict(zip(declared.of, bodies, strict=True))
+                    return self.condition(declared.when, inner, wanted)
+            find = self._relation if declared is None else self._declared
+            return self.once(declared, ("state", call.name, bodies), find, call.name, bodies)
         finally:
             self._obligation = outer
-
-    def _state(self, call: ast.Call, env: Env, wanted: Bool | None) -> Band:
-        bodies = tuple(env.get(arg, arg) for arg in call.args)
-        declared = self.rules.states.get(call.name)
-        if wanted is not None and declared is not None and self._costly.named(declared):
-            inner = dict(zip(declared.of, bodies, strict=True))
-            return self.condition(declared.when, inner, wanted)
-        if wanted is not None and declared is None and call.name in COSTLY:
-            return self._relation(call.name, bodies, wanted)
-        key = ("state", call.name, bodies)
-        if declared is None:
-            return self.once(None, key, lambda: self._relation(call.name, bodies))
-        return self.once(declared, key, lambda: self._declared(call.name, bodies))
 
     def _relation(self, name: str, bodies: tuple[str, ...], wanted: Bool | None = None) -> Band:
         truth = self.relations.get(name, bodies, wanted)
@@ -290,7 +259,7 @@ class Evaluator(Values):
     def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:
         """What a declared state is made of, before it is made to last; its fallback if need be."""
         state, key = self.rules.states[name], ("momentary", name, bodies)
-        return self.once(state, key, lambda: self._momentary(state, bodies))
+        return self.once(state, key, self._momentary, state, bodies)
 
     def _momentary(self, state: ast.StateDef, bodies: tuple[str, ...]) -> Band:
         env = dict(zip(state.of, bodies, strict=True))
@@ -325,21 +294,30 @@ class Evaluator(Values):
         ``end`` comes after the last frame and so has none.
         """
         if event.kind == "state" and event.call is not None:
-            now = truth_of(self.state(event.call, env))
+            now = self._truth_of(event.call, env)
             if event.edge is None:
                 return now
-            before = Truth(*(np.concatenate([[False], part[:-1]]) for part in now))
+            before = moment.before(now)
             if event.edge == "start":
                 return Truth(now.sure & ~before.possible, now.possible & ~before.sure)
             return Truth(before.sure & ~now.possible, before.possible & ~now.sure)
-        sure, possible = np.zeros(self.frames, np.bool_), np.zeros(self.frames, np.bool_)
+        at = np.zeros(self.frames, np.bool_)
         if event.kind == "start":
-            sure[:1] = possible[:1] = True
+            at[:1] = True
         elif event.kind == "success" and not self.success_known:
-            possible[:] = True
+            return Truth(at, ~at)
         elif event.kind == "success" and self.success is not None:
-            sure[self.success] = possible[self.success] = True
-        return Truth(sure, possible)
+            at[self.success] = True
+        return Truth(at, at)
+
+    def _truth_of(self, call: ast.Call, env: Env) -> Truth:
+        """The frames of a state or relation."""
+        bodies = tuple(map(env.get, call.args, call.args))
+        declared, key = self.rules.states.get(call.name), ("truth", call.name, bodies)
+        return self.once(declared, key, self._told_by, call, env)
+
+    def _told_by(self, call: ast.Call, env: Env) -> Truth:
+        return truth_of(self.state(call, env))
 
     def moments(self, event: ast.Event, env: Env) -> list[Moment]:
         """When an event happens; a bare state happens where it starts.
@@ -354,10 +332,5 @@ class Evaluator(Values):
             return [] if self.success is None else [Moment(self.success, self.success)]
         if event.kind == "start" or event.call is None:
             return [Moment(0, 0)]
-        truth = truth_of(self.state(event.call, env))
+        truth = self._truth_of(event.call, env)
         return moment.ends(truth) if event.edge == "end" else moment.starts(truth)
-
-
-def reach_of(limits: Sequence[float]) -> float:
-    """Up to where a signal is wanted exactly: a limit is never where it saturates."""
-    return max(abs(limit) for limit in limits) * (1 + 1e-6) + 1e-6

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import re
 import string
-from typing import Any
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from safestage_eval.rules import syntax as ast
 from safestage_eval.units import format_quantity, told_apart
 
 from .evaluate import Evaluator
-from .instance import Instance
 from .players import nodes
-from .verdict import Verdict
+from .values import Env
+from .verdict import VerdictName
 from .witness import Witness
+
+
+class Finding(NamedTuple):
+    """Of a verdict, what its sentence says besides the witness; fields as there."""
+
+    verdict: VerdictName
+    time: float | None
+    worst_time: float | None
+    margin: float | None
 
 
 def seconds(time: float | None) -> str:
@@ -46,13 +53,13 @@ def measured(value: float | None, witness: Witness) -> str:
 def sentence(
     evaluator: Evaluator,
     rule: ast.Scoped,
-    instance: Instance,
+    env: Env,
     witness: Witness,
-    verdict: Verdict,
+    verdict: Finding,
 ) -> str:
     """The rule's own ``explain`` filled in for a violation; a plain sentence otherwise."""
     if verdict.verdict == "violation" and rule.explain:
-        return worded(_Template(evaluator, rule, instance, witness, verdict).format(rule.explain))
+        return worded(_Template(evaluator, rule, env, witness, verdict).format(rule.explain))
     if witness.name is None and witness.signal == "cost":
         return _spent(witness, verdict)
     if verdict.verdict == "violation" and witness.value is None:
@@ -77,7 +84,7 @@ def sentence(
     return ""
 
 
-def _spent(witness: Witness, verdict: Verdict) -> str:
+def _spent(witness: Witness, verdict: Finding) -> str:
     value, limit = measured(witness.value, witness), measured(witness.limit, witness)
     if verdict.verdict == "violation":
         return (
@@ -94,13 +101,13 @@ class _Template(string.Formatter):
         self,
         evaluator: Evaluator,
         rule: ast.Scoped,
-        instance: Instance,
+        env: Env,
         witness: Witness,
-        verdict: Verdict,
+        verdict: Finding,
     ) -> None:
-        self._evaluator, self._rule, self._instance = evaluator, rule, instance
+        self._evaluator, self._rule, self._env = evaluator, rule, env
         self._words: dict[str, str] = {
-            **{role: body.replace("_", " ") for role, body in instance.env.items()},
+            **{role: body.replace("_", " ") for role, body in env.items()},
             "signal": witness.signal,
             "value": measured(witness.value, witness),
             "limit": measured(witness.limit, witness),
@@ -122,7 +129,7 @@ class _Template(string.Formatter):
         evaluator, onsets = self._evaluator, []
         for node in nodes(self._rule):
             if isinstance(node, ast.Call) and node.name == state:
-                found = evaluator.state(node, self._instance.env).true
+                found = evaluator.state(node, self._env).true
                 if found.any():
-                    onsets.append(int(np.argmax(found)))
+                    onsets.append(int(found.argmax()))
         return seconds(float(evaluator.episode.t[min(onsets)]) if onsets else None)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,25 +14,15 @@ from safestage_eval.states.scope import Scope
 
 from .evaluate import Evaluator
 from .memory import Stretch, at_hand, plain_stretches, remembered, stretches_of
+from .players import where_it_counts
 from .spans import may_recur, spans
 from .values import Env
-
-Kind = Literal["require", "forbid", "reach"]
 
 UNTOLD = -1
 """In place of a frame that was not looked for."""
 
 
-@dataclass(frozen=True)
-class Clause:
-    """One obligation of a rule."""
-
-    kind: Kind
-    what: ast.Alternative
-
-
-@dataclass(frozen=True)
-class Instance:
+class Instance(NamedTuple):
     """What one combination of bodies came to in one scope.
 
     Attributes:
@@ -50,7 +39,7 @@ class Instance:
     scope: Scope
     lower: float
     upper: float
-    clause: Clause | None
+    clause: ast.Clause | None
     frame: int
     resolved: int | None = None
     number: int = 0
@@ -64,14 +53,6 @@ class Instance:
     def undecided(self) -> bool:
         """Neither certainly violated nor certainly not."""
         return self.lower < 0 <= self.upper
-
-
-def clauses(rule: ast.Rule) -> list[Clause]:
-    """The rule's obligations: all of them must be met."""
-    out = [Clause("require", rule.require)] if rule.require is not None else []
-    if rule.forbidden is not None:
-        out.append(Clause("forbid", rule.forbidden))
-    return out + ([Clause("reach", rule.reach)] if rule.reach is not None else [])
 
 
 def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Instance] | None:
@@ -88,7 +69,7 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
     ]
     if given is None:
         # it is no violation if it does not apply, and none if nothing breaks it
-        found = [i if i.lower >= 0 else replace(i, upper=np.inf, clause=None) for i in found]
+        found = [i if i.lower >= 0 else i._replace(upper=np.inf, clause=None) for i in found]
         if any(i.clause is None for i in found):
             evaluator.notes["whether it applies is not known: its given is not, at the start"] = (
                 None
@@ -112,8 +93,13 @@ def applies(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> bool | None:
 
 def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]:
     """The frames that are judged, and for each stretch the frame at which ``until`` ended it."""
-    reaches = isinstance(rule, ast.Rule) and rule.reach is not None
     where = (rule.during, rule.at, rule.until)
+    if evaluator.memory is None:
+        named = [env.get(role) for role in where_it_counts(rule)]
+        return evaluator.once(
+            where, ("stretches", id(rule), *named), _stretches, evaluator, rule, env
+        )
+    reaches = isinstance(rule, ast.Rule) and rule.reach is not None
     what = "stretches to reach something in" if reaches else "stretches"
 
     def found() -> list[Any]:
@@ -129,7 +115,7 @@ def _stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch
         if stop is None:
             out.append((scope, None))
             continue
-        ended = np.flatnonzero(stop.sure[scope.first : scope.stop])
+        ended = stop.sure[scope.first : scope.stop].nonzero()[0]
         freed = scope.first + int(ended[0]) if len(ended) else None
         out += [(part, freed) for part in scopes.until([scope], stop)]
     # a stretch that is cut leaves the verdict open already, but may have reached what it must
@@ -152,7 +138,7 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
     first, stop, _, _ = instance.scope
     sure = instance.scope.certain
     lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
-    for clause in clauses(rule):
+    for clause in rule.clauses:
         found = _band(evaluator, clause.what, instance.env, instance.scope, clause.kind).at(
             first, stop
         )
@@ -188,12 +174,15 @@ def _may_come(evaluator: Evaluator, rule: ast.Scoped) -> bool:
 
 
 def _band(
-    evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope, kind: Kind | None = None
+    evaluator: Evaluator,
+    what: ast.Alternative,
+    env: Env,
+    scope: Scope,
+    kind: ast.ClauseKind | None = None,
 ) -> Band:
     """The band (T,) of an obligation, of which only the scope's frames mean anything."""
     wanted = _mask(evaluator, scope) if evaluator.asks_costly(what) else None
-    with evaluator.obliged(kind):
-        return evaluator.alternative(what, env, wanted)
+    return evaluator.obliged(kind, evaluator.alternative, what, env, wanted)
 
 
 def judge_scope(
@@ -210,35 +199,54 @@ def judge_scope(
 
     ``whole``: find the frame too where the evaluator could do without.
     """
-    lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
     results = []
-    for clause in clauses(rule):
-
-        def found(clause: Clause = clause) -> tuple[float, float, int]:
-            band = _band(evaluator, clause.what, env, scope, clause.kind)
-            inside = band.at(scope.first, scope.stop)
-            return _obligation(clause.kind, inside, scope.sure, lasting)
-
+    for clause in rule.clauses:
         quick = None if whole else evaluator.bounds
         bounds = None if quick is None else quick(clause.kind, clause.what, env, scope)
         if bounds is not None:
             lower, upper, frame = *bounds, UNTOLD - scope.first
         else:
-            parts = (clause.what, rule.for_, rule.during, rule.at, rule.until)
-            lower, upper, frame = at_hand(evaluator, f"{clause.kind} {number}", parts, env, found)
+            lower, upper, frame = _decided(evaluator, rule, clause, env, scope, number)
         if scope.cut and clause.kind == "reach":
             upper = np.inf
         elif scope.cut:
             lower = -np.inf
         results.append((lower, upper, clause, scope.first + frame))
+    if len(results) == 1:
+        return Instance(env, scope, *results[0], resolved, number)
     violated = any(upper < 0 for _, upper, _, _ in results)
     decisive = min(results, key=lambda r: r[1] if violated else r[0])
     lower, upper = min(r[0] for r in results), min(r[1] for r in results)
     return Instance(env, scope, lower, upper, decisive[2], decisive[3], resolved, number)
 
 
+def _decided(
+    evaluator: Evaluator, rule: ast.Rule, clause: ast.Clause, env: Env, scope: Scope, number: int
+) -> tuple[float, float, int]:
+    """As ``_obligation``, of one of the rule's in one of its scopes; once."""
+    parts = (clause.what, rule.for_, rule.during, rule.at, rule.until)
+    if evaluator.at_hand is None:
+        key = (clause.kind, number, id(rule), *env.items())
+        return evaluator.once(parts, key, _decide, evaluator, rule, clause, env, scope)
+
+    def found() -> tuple[float, float, int]:
+        return _decide(evaluator, rule, clause, env, scope)
+
+    lower, upper, frame = at_hand(evaluator, f"{clause.kind} {number}", parts, env, found)
+    return lower, upper, frame
+
+
+def _decide(
+    evaluator: Evaluator, rule: ast.Rule, clause: ast.Clause, env: Env, scope: Scope
+) -> tuple[float, float, int]:
+    lasting = 1 if rule.for_ is None else evaluator.count(rule.for_)
+    band = _band(evaluator, clause.what, env, scope, clause.kind)
+    inside = band.at(scope.first, scope.stop)
+    return _obligation(clause.kind, inside, scope.sure, lasting)
+
+
 def _obligation(
-    kind: Kind, found: Band, sure: Bool | None, lasting: int
+    kind: ast.ClauseKind, found: Band, sure: Bool | None, lasting: int
 ) -> tuple[float, float, int]:
     """Bounds of one obligation's margin within a scope, and the frame (from its start) it rests on.
 

@@ -24,18 +24,29 @@ def combinations(
 
 
 _MANY = 1024
-_TAKEN: dict[int, tuple[ast.Scoped, tuple[str, ...]]] = {}
+_TAKEN: dict[int, tuple[ast.Scoped, tuple[str, ...], tuple[str, ...]]] = {}
 """By identity of a rule, which is kept, and so stays what it is: hashing one takes long."""
 
 
 def _taken_one_by_one(rule: ast.Scoped) -> tuple[str, ...]:
     """The roles that are not merely counted over."""
+    return _known(rule)[1]
+
+
+def where_it_counts(rule: ast.Scoped) -> tuple[str, ...]:
+    """The roles that the stretches of frames in which a rule is judged depend on."""
+    return _known(rule)[2]
+
+
+def _known(rule: ast.Scoped) -> tuple[ast.Scoped, tuple[str, ...], tuple[str, ...]]:
     known = _TAKEN.get(id(rule))
     if known is None:
         if len(_TAKEN) >= _MANY:
             _TAKEN.clear()
-        known = _TAKEN[id(rule)] = rule, _not_counted(rule)
-    return known[1]
+        parts = (rule.during, rule.at, rule.until)
+        placed = tuple(n for n, _ in rule.roles if any(mentions(part, n) for part in parts))
+        known = _TAKEN[id(rule)] = rule, _not_counted(rule), placed
+    return known
 
 
 def _not_counted(rule: ast.Scoped) -> tuple[str, ...]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import isfinite, isinf
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +14,12 @@ from safestage_eval.states.band import Bool
 from safestage_eval.states.persistence import runs, without_short_runs
 
 from .evaluate import Evaluator
-from .explain import seconds, sentence
+from .explain import Finding, seconds, sentence
 from .flicker import raw_frames, too_brief
 from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
 from .memory import at_hand
 from .players import combinations
-from .verdict import Vacuity, Verdict
+from .verdict import Vacuity, Verdict, VerdictName
 from .witness import Search, Witness
 
 
@@ -45,28 +47,28 @@ def judge_rule(
     undecided = [i for i in instances if i.undecided]
     worst = min(violated or undecided or instances, key=lambda i: i.upper if violated else i.lower)
     if worst.frame == UNTOLD:
-        told = judge_scope(
+        whole = judge_scope(
             evaluator, rule, worst.env, worst.scope, worst.resolved, worst.number, whole=True
         )
-        worst = replace(worst, clause=worst.clause and told.clause, frame=told.frame)
-    verdict = replace(
-        blank,
-        verdict="violation" if violated else "inconclusive" if undecided else "pass",
-        instances=len(instances),
-        violated_instances=len(violated),
-    )
-    if worst.clause is None or (verdict.verdict == "inconclusive" and worst.scope.cut):
+        worst = worst._replace(clause=worst.clause and whole.clause, frame=whole.frame)
+    verdict: VerdictName = "violation" if violated else "inconclusive" if undecided else "pass"
+    told: dict[str, Any] = {
+        "verdict": verdict,
+        "instances": len(instances),
+        "violated_instances": len(violated),
+    }
+    if worst.clause is None or (verdict == "inconclusive" and worst.scope.cut):
         why = "what it needs is not known to the end of its scope"
         explanation = f"Cannot be decided: {'; '.join(evaluator.notes) or why}."
-        return replace(verdict, notes=_notes(evaluator, why), explanation=explanation)
+        return replace(blank, **told, notes=_notes(evaluator, why), explanation=explanation)
     witness = _witness(evaluator, rule, worst, violated=bool(violated))
-    verdict = _with_times(evaluator, rule, verdict, instances, witness)
+    told |= _times(evaluator, rule, violated, instances, witness)
     bound = worst.upper if violated else worst.lower
-    if np.isinf(bound) and witness.value is not None and witness.dimension != "time":
-        if verdict.verdict != "inconclusive":
-            return _without_measurement(evaluator, verdict, worst)
+    if isinf(bound) and witness.value is not None and witness.dimension != "time":
+        if verdict != "inconclusive":
+            return replace(blank, **told | _without_measurement(evaluator, verdict, worst))
         # of what is known to one side only, that side is no measurement
-        witness = replace(witness, value=None, margin=None, at_least=False)
+        witness = witness._replace(value=None, margin=None, at_least=False)
     slack = _undersampled(evaluator, witness)
     notes = (
         []
@@ -80,30 +82,32 @@ def judge_rule(
     notes += brief
     if witness.at_least:
         notes.append("value and margin are at least this: further away was not measured")
-    verdict = replace(
-        verdict,
-        signal=witness.signal,
-        bodies=tuple(dict.fromkeys((*worst.env.values(), *witness.bodies))),
-        value=witness.value,
-        limit=witness.limit,
-        dimension=witness.dimension,
-        margin=witness.margin,
-        margin_normalised=_finite(bound),
-        undersampled=slack is not None,
-        notes=_notes(evaluator, *notes),
-    )
-    if verdict.verdict == "inconclusive":
-        why = f"{witness.signal} is not known at {seconds(verdict.worst_time)}"
-        if not worst.scope.certain[worst.frame - worst.scope.first]:
-            why = f"whether {seconds(verdict.worst_time)} belongs to its scope is not known"
-        return replace(verdict, explanation=f"Cannot be decided: {why}.")
-    if verdict.verdict == "pass" and _tied(worst, instances, witness):
+    tied = verdict == "pass" and _tied(worst, instances, witness)
+    told["margin_normalised"] = bound if isfinite(bound) else None
+    if tied:
         return replace(
-            verdict, signal=None, bodies=(), value=None, limit=None, margin=None, dimension=None,
-            undersampled=False, notes=_notes(evaluator, *brief),
+            blank, **told, bodies=(), notes=_notes(evaluator, *brief),
             explanation="Nothing came closer than the rest: several measurements kept the same distance from their limits.",
         )  # fmt: skip
-    return replace(verdict, explanation=sentence(evaluator, rule, worst, witness, verdict))
+    told |= {
+        "signal": witness.signal,
+        "bodies": tuple(dict.fromkeys((*worst.env.values(), *witness.bodies))),
+        "value": witness.value,
+        "limit": witness.limit,
+        "dimension": witness.dimension,
+        "margin": witness.margin,
+        "undersampled": slack is not None,
+        "notes": _notes(evaluator, *notes),
+    }
+    if verdict == "inconclusive":
+        time = seconds(told["worst_time"])
+        why = f"{witness.signal} is not known at {time}"
+        if not worst.scope.certain[worst.frame - worst.scope.first]:
+            why = f"whether {time} belongs to its scope is not known"
+        return replace(blank, **told, explanation=f"Cannot be decided: {why}.")
+    found = Finding(verdict, told["time"], told["worst_time"], witness.margin)
+    explanation = sentence(evaluator, rule, worst.env, witness, found)
+    return replace(blank, **told, explanation=explanation)
 
 
 def violates(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> bool:
@@ -116,17 +120,18 @@ def violates(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequenc
     )
 
 
-def _without_measurement(evaluator: Evaluator, verdict: Verdict, worst: Instance) -> Verdict:
+def _without_measurement(
+    evaluator: Evaluator, verdict: VerdictName, worst: Instance
+) -> dict[str, Any]:
     """No frame decided: the scope is empty, or shorter than what it asks for."""
     empty = worst.scope.first == worst.scope.stop
     why = "its scope is empty" if empty else "its scope is shorter than what it asks for"
-    return replace(
-        verdict,
-        vacuity="no_scope" if empty and verdict.verdict == "pass" else None,
-        worst_time=None,
-        notes=_notes(evaluator, f"nothing was measured: {why}"),
-        explanation=f"No measurement decides: {why}.",
-    )
+    return {
+        "vacuity": "no_scope" if empty and verdict == "pass" else None,
+        "worst_time": None,
+        "notes": _notes(evaluator, f"nothing was measured: {why}"),
+        "explanation": f"No measurement decides: {why}.",
+    }
 
 
 def _tied(worst: Instance, instances: Sequence[Instance], witness: Witness) -> bool:
@@ -158,8 +163,8 @@ def _witness(
     assert instance.clause is not None  # the caller has dealt with unknown instances
     forbidden = instance.clause.kind == "forbid"
     search = Search(evaluator, upper=violated != forbidden, sign=-1 if forbidden else 1)
-    with evaluator.obliged(instance.clause.kind):
-        return search.alternative(instance.clause.what, instance.env, instance.frame)
+    kind, what = instance.clause.kind, instance.clause.what
+    return evaluator.obliged(kind, search.alternative, what, instance.env, instance.frame)
 
 
 def _ordering(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Witness | None:
@@ -174,7 +179,7 @@ def _ordering(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Witne
         true = without_short_runs(evaluator.alternative(what, env).lower, lasting) >= 0
         true[: instance.scope.first] = False
         if true.any():
-            onsets.append((int(np.argmax(true)), what))
+            onsets.append((int(true.argmax()), what))
     if not rule.forbid or rule.require is not None or rule.reach is not None:
         return None
     frame, what = min(onsets, key=lambda o: o[0], default=(instance.scope.stop, rule.forbid[0]))
@@ -195,35 +200,36 @@ def _ordering(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Witne
     )
 
 
-def _with_times(
+def _times(
     evaluator: Evaluator,
     rule: ast.Rule,
-    verdict: Verdict,
+    violated: Sequence[Instance],
     instances: Sequence[Instance],
     witness: Witness,
-) -> Verdict:
+) -> dict[str, Any]:
+    """When: the fields of a verdict that say so."""
     t, dt = evaluator.episode.t, evaluator.episode.dt
-    violated = [instance for instance in instances if instance.violated]
     bad: Bool = np.zeros(evaluator.frames, np.bool_)
     for instance in violated:
         bad |= violated_frames(evaluator, rule, instance)
 
     def timed(frames: Bool) -> tuple[tuple[float, float], ...]:
-        return tuple((float(t[a]), float(t[b - 1]) + dt) for a, b in runs(frames))
+        return tuple([(float(t[a]), float(t[b - 1]) + dt) for a, b in runs(frames).tolist()])
 
-    stretches, time, worst_time = timed(bad), verdict.time, float(t[witness.frame])
+    stretches, time, worst_time = timed(bad) if violated else (), None, float(t[witness.frame])
     if violated:
-        at = int(np.argmax(bad)) if stretches else min(i.scope.first for i in violated)
+        at = int(bad.argmax()) if stretches else min(i.scope.first for i in violated)
         time = float(t[min(at, len(t) - 1)])
-    return replace(
-        verdict,
-        time=time,
-        worst_time=worst_time,
-        intervals=stretches,
-        raw_intervals=timed(bad | _raw(evaluator, rule, instances)) if rule.forbid else stretches,
-        exposure_time=sum(b - a for a, b in stretches),
-        phase=_phase(evaluator, rule, time if violated else worst_time),
-    )
+    return {
+        "time": time,
+        "worst_time": worst_time,
+        "intervals": stretches,
+        "raw_intervals": timed(bad | _raw(evaluator, rule, instances))
+        if rule.forbid
+        else stretches,
+        "exposure_time": sum([b - a for a, b in stretches]),
+        "phase": _phase(evaluator, rule, time if violated else worst_time),
+    }
 
 
 def _forbidden(rule: ast.Rule) -> tuple[object, ...]:
@@ -240,8 +246,12 @@ def _brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) 
 
 
 def _raw(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) -> Bool:
+    if evaluator.at_hand is None:
+        return raw_frames(evaluator, rule, instances)
+
     def found() -> list[list[int]]:
-        return [[int(a), int(b)] for a, b in runs(raw_frames(evaluator, rule, instances))]
+        frames: list[list[int]] = runs(raw_frames(evaluator, rule, instances)).tolist()
+        return frames
 
     out: Bool = np.zeros(evaluator.frames, np.bool_)
     for first, stop in at_hand(evaluator, "raw", _forbidden(rule), {}, found):
@@ -278,7 +288,3 @@ def _undersampled(evaluator: Evaluator, witness: Witness) -> float | None:
 
 def _notes(evaluator: Evaluator, *more: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*evaluator.notes, *more)))
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -3,20 +3,39 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from safestage_eval.episode import Episode
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.options import Options, OptionValue
+from safestage_eval.signals.options import Options
 from safestage_eval.signals.series import Series
-from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states import limits
 from safestage_eval.states.band import Band
 
+from .meant import Meanings, Meant
+
 Env = Mapping[str, str]
 """Role or formal argument → name of the body or union that plays it."""
+
+
+class Asked(NamedTuple):
+    """What an atom asks for, of certain bodies and under certain values.
+
+    Attributes:
+        name: of the built-in signal.
+        bodies: names of bodies or unions, in the signal's order.
+        options: what the signal's definition adds.
+        limits: SI, in the order of the atom's limits.
+        reach: up to where the signal is wanted exactly.
+    """
+
+    name: str
+    bodies: tuple[str, ...]
+    options: Options
+    limits: tuple[float, ...]
+    reach: float
 
 
 class Values:
@@ -33,10 +52,7 @@ class Values:
         self.episode = relations.episode
         self.rules = rules
         self.params = params
-        self._measured: dict[
-            tuple[Any, ...], tuple[ast.Call, tuple[str, tuple[str, ...], Options]]
-        ] = {}
-        """By identity of a call, which is kept beside what was found, and so stays what it is."""
+        self._meanings = Meanings(rules)
 
     def count(self, duration: ast.Duration | ast.Parameter, least: int = 1) -> int:
         """Number of frames a duration lasts in this episode: ⌈D / dt⌉, at least so many."""
@@ -68,27 +84,25 @@ class Values:
 
     def measured(self, call: ast.Call, env: Env) -> tuple[str, tuple[str, ...], Options]:
         """What a signal's call asks for: the built-in signal, its bodies, and all its options."""
-        key = (id(call), *env.items())
-        known = self._measured.get(key)
-        if known is None:
-            known = self._measured[key] = call, self._asked(call, env)
-        return known[1]
+        meant = self._meanings.of(call)
+        bodies = tuple(map(env.get, meant.roles, meant.roles))
+        return meant.name, bodies, self._options(meant, env) if meant.columns else meant.options
 
-    def _asked(self, call: ast.Call, env: Env) -> tuple[str, tuple[str, ...], Options]:
-        variant = self.rules.signals.get(call.name)
-        spec = SIGNALS[variant.base if variant is not None else call.name]
-        given = dict(variant.options) if variant is not None else {}
-        roles, named = spec.variant(given).split(call.args)
-        bodies = tuple(env.get(role, role) for role in roles)
-        options: dict[str, OptionValue] = {**given, **dict(named)}
-        for column, _ in spec.columns:
-            options[column] = self.number(ast.Column(column, roles[0]), env)
-        return spec.name, bodies, tuple(sorted(options.items(), key=lambda item: item[0]))
+    def _options(self, meant: Meant, env: Env) -> Options:
+        options = dict(meant.options)
+        for column in meant.columns:
+            options[column] = self.number(ast.Column(column, meant.roles[0]), env)
+        return tuple(sorted(options.items(), key=lambda item: item[0]))
+
+    def asked(self, atom: ast.SignalAtom, env: Env) -> Asked:
+        """What an atom asks for: as ``measured``, with the limits that it is compared with."""
+        name, bodies, options = self.measured(atom.call, env)
+        limits = tuple([self.number(limit.value, env) for limit in atom.limits])
+        return Asked(name, bodies, options, limits, reach_of(limits))
 
     def scale(self, call: ast.Call) -> float:
         """SI size of the signal that counts as one in a normalised margin when the limit is 0."""
-        variant = self.rules.signals.get(call.name)
-        return SIGNALS[variant.base if variant is not None else call.name].scale
+        return self._meanings.of(call).scale
 
 
 def ends_early(episode: Episode) -> bool:
@@ -109,6 +123,11 @@ def frame_count(duration: ast.Duration, dt: float) -> int:
     if duration.frames:
         return max(0, round(duration.amount))
     return max(duration.least, math.ceil(duration.amount / dt - 1e-6))
+
+
+def reach_of(limits: Sequence[float]) -> float:
+    """Up to where a signal is wanted exactly: a limit is never where it saturates."""
+    return max(map(abs, limits)) * (1 + 1e-6) + 1e-6
 
 
 def limit_margin(series: Series, op: str, limit: float, scale: float) -> Band:

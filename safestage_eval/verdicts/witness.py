@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,7 @@ from .evaluate import Evaluator
 from .values import Env, limit_margin
 
 
-@dataclass(frozen=True, eq=False)
-class Witness:
+class Witness(NamedTuple):
     """The decisive atom at its decisive frame.
 
     Attributes:
@@ -41,8 +40,7 @@ class Witness:
     tied: bool = False
 
 
-@dataclass(frozen=True)
-class Search:
+class Search(NamedTuple):
     """Follows one end of a margin band down to the atom it was selected from.
 
     And is a minimum, or a maximum, persistence a minimum or maximum over nearby frames: all of
@@ -73,6 +71,8 @@ class Search:
     def alternative(self, node: ast.Alternative, env: Env, frame: int) -> Witness:
         """Witness of a condition or event at a frame."""
         if isinstance(node, ast.Condition):
+            if len(node.atoms) == 1:
+                return self.atom(node.atoms[0], env, frame)
             here = self._only(frame)
             margins = [self.end(self.evaluator.atom(a, env, here), frame) for a in node.atoms]
             found = self.atom(node.atoms[int(np.argmin(margins))], env, frame)
@@ -81,7 +81,7 @@ class Search:
             return Witness(node.kind, (), frame)
         if node.edge is None:
             return self.state(node.call, env, frame)
-        bodies = tuple(env.get(arg, arg) for arg in node.call.args)
+        bodies = tuple([env.get(arg, arg) for arg in node.call.args])
         return Witness(f"{node.edge} of {ast.Call(node.call.name, bodies)}", bodies, frame)
 
     def atom(self, atom: ast.Atom, env: Env, frame: int) -> Witness:
@@ -113,7 +113,7 @@ class Search:
     def state(self, call: ast.Call, env: Env, frame: int) -> Witness:
         """Witness of a state: of a declared one, what it was derived from."""
         evaluator = self.evaluator
-        bodies = tuple(env.get(arg, arg) for arg in call.args)
+        bodies = tuple([env.get(arg, arg) for arg in call.args])
         state = evaluator.rules.states.get(call.name)
         if state is None:
             return Witness(str(ast.Call(call.name, bodies)), bodies, frame)
@@ -129,22 +129,21 @@ class Search:
             if self.upper and state.perhaps is not None:
                 source = state.perhaps
             found = evaluator.condition(source, inner)
-        same = np.flatnonzero((found.upper if self.upper else found.lower) == margin)
+        same = ((found.upper if self.upper else found.lower) == margin).nonzero()[0]
         if len(same):
             frame = int(same[np.argmin(np.abs(same - frame))])
         return self.alternative(source, inner, frame)
 
     def _signal(self, atom: ast.SignalAtom, env: Env, frame: int) -> Witness:
         evaluator = self.evaluator
+        name, bodies, _, limits, _ = evaluator.asked(atom, env)
         series = evaluator.series(atom, env, self._only(frame)).at(frame)
-        limits = [evaluator.number(limit.value, env) for limit in atom.limits]
         margins = [
             self.end(limit_margin(series, limit.op, number, 1.0), 0)
             for limit, number in zip(atom.limits, limits, strict=True)
         ]
-        i = int(np.argmin(margins))
-        name, bodies, _ = evaluator.measured(atom.call, env)
-        said = tuple(env.get(arg, arg) for arg in atom.call.args)
+        i = int(np.argmin(margins)) if len(margins) > 1 else 0
+        said = tuple([env.get(arg, arg) for arg in atom.call.args])
         value, limit = float(series.value[0]), limits[i]
         direction = 1 if atom.limits[i].op[0] == ">" else -1
         since = f" since {atom.since.text}" if atom.since is not None and atom.since.text else ""
@@ -165,4 +164,4 @@ class Search:
 def _or_tied(witness: Witness, margins: list[float], decisive: float) -> Witness:
     """The witness, marked where several margins are the decisive one."""
     alike = sum(margin == decisive for margin in margins)
-    return replace(witness, tied=True) if alike > 1 else witness
+    return witness._replace(tied=True) if alike > 1 else witness

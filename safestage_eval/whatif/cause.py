@@ -15,7 +15,6 @@ from safestage_eval.rules.uses import calls
 from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.instance import clauses
 from safestage_eval.verdicts.judge import baseline_frames
 from safestage_eval.verdicts.rule_verdict import judge_rule
 from safestage_eval.verdicts.verdict import Verdict
@@ -134,7 +133,7 @@ class _Trial:
         roles = {name for name, _ in rule.roles}
         if any(set(call.args) - roles - GROUPS.keys() for call in calls(rule)):
             return "senseless"  # an obligation of the one rule with the roles of the other
-        if isinstance(rule, ast.Rule) and not clauses(rule):
+        if isinstance(rule, ast.Rule) and not rule.clauses:
             return "senseless"  # it asks for nothing
         swapped = "who plays the roles" in chosen
         known = {**self._players[not swapped], **self._players[swapped]}

@@ -13,7 +13,6 @@ from safestage_eval.rules import RuleSet, load_bind, load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.scoring import Problem
-from safestage_eval.verdicts.instance import clauses
 from safestage_eval.verdicts.players import nodes
 from safestage_eval.whatif.again import Again, Value
 from safestage_eval.whatif.many import each_episode
@@ -135,7 +134,7 @@ def limits(rule: ast.Rule) -> set[str]:
     """Parameters that a rule compares a measurement with."""
     return {
         node.name
-        for clause in clauses(rule)
+        for clause in rule.clauses
         for atom in nodes(clause.what)
         if isinstance(atom, ast.SignalAtom)
         for limit in atom.limits

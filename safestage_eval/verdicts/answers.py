@@ -1,0 +1,87 @@
+"""What was found out about one episode under given values, once and with the notes on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
+
+from safestage_eval.relations.measure import Relations
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.digest import digest_of
+
+from .known import Known
+from .memory import Memory
+from .values import Values
+
+Found = TypeVar("Found")
+
+
+class Answers(Values):
+    """Values as they hold for an episode, and what they were asked for before.
+
+    Attributes:
+        memory: where answers from before are found.
+        notes: on what is being found out, in the order in which they came up.
+        players: role → all bodies that play it, for ``at least K role``.
+        at_hand: answers about the rule that is being judged, where they are collected.
+    """
+
+    def __init__(
+        self,
+        relations: Relations,
+        rules: ast.RuleSet,
+        params: Mapping[str, ast.Quantity | ast.Duration],
+        memory: Memory | None = None,
+    ) -> None:
+        """Arguments as in ``Evaluator``."""
+        super().__init__(relations, rules, params)
+        self.memory = memory
+        self.notes: dict[str, None] = {}
+        self.players: Mapping[str, Sequence[str]] = {}
+        self.at_hand: dict[str, Any] | None = None
+        self._digests: dict[Any, tuple[object, str]] = {}
+        self._know(Known(rules), shares=False)
+
+    def _know(self, known: Known, *, shares: bool) -> None:
+        self._known, self._told, self._shares = known, known.told, shares
+
+    def share(self, other: Answers) -> None:
+        """Answer as another does, about the same episode, where other values make no difference."""
+        self.players, self.at_hand = other.players, other.at_hand
+        changed = {name for name, value in self.params.items() if other.params.get(name) != value}
+        self._know(Known(self.rules, other._known, frozenset(changed)), shares=True)
+
+    def digest(self, node: object) -> str:
+        """Of a part of a rule, as it holds under these values."""
+        key = tuple(map(id, node)) if isinstance(node, tuple) else id(node)
+        known = self._digests.get(key)
+        if known is None:
+            backend = self.relations.signals.backend
+            known = node, digest_of(self.rules, node, self.params, backend)
+            self._digests[key] = known
+        return known[1]
+
+    def once(
+        self, node: object, key: tuple[Any, ...], find: Callable[..., Found], *asked: Any
+    ) -> Found:
+        """What ``find`` says of a declared part of the rules, with its notes; or what it said before.
+
+        Args:
+            node: the part, kept beside what was found, and so stays what it is.
+            key: what else the answer depends on, and who asks.
+            find: tells it.
+            asked: handed to it.
+        """
+        known = self._told.get(key)
+        if known is None and self._shares:
+            known = self._known.get(key)
+        if known is None:
+            outer, self.notes = self.notes, {}
+            try:
+                known = self._told[key] = node, find(*asked), self.notes
+            finally:
+                self.notes = outer
+        if known[2]:
+            self.notes.update(known[2])
+        found: Found = known[1]
+        return found
