@@ -7,23 +7,26 @@ they compare was kept (judged.py).
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Any
 
 from safestage_eval.rules import Binding, RuleSet, parse_overrides, rule_digest
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.verdicts import EpisodeResult, Verdict
-from safestage_eval.verdicts.judge import Judge, judged, with_consequences
+from safestage_eval.verdicts.judge import Judge, judged
 from safestage_eval.verdicts.memory import judged_question, verdict_question
 
 from .memory import Memory
-from .outline import read
+from .outline import ALIKE, read
 from .recalled import KeptRelations, NotKept, Recalled
-from .stored import result
 
 Setting = ast.Quantity | ast.Duration
+
+_MANY = 512
+"""Kinds of episodes that are remembered at once."""
 
 
 def judge_again(
@@ -43,35 +46,73 @@ def judge_again(
     kept = memory.outline()
     if kept is None:
         return None
-    changed = _changed(rules, overrides or {})
-    if not changed.keys().isdisjoint(kept["fixed"]):
+    plan = _plan(rules, kept[ALIKE], overrides or {}, backend)
+    if plan is None:
         return None
-    binding = _binding(rules, kept, changed)
-    again = _Again(memory, rules, binding, kept["success"], backend)
+    again = _Again(memory, rules, kept["success"], backend)
     try:
-        verdicts = [again.verdict(rules.rules[code], players) for code, players in kept["rules"]]
+        return memory.put_together(kept, [again.verdict(part) for part in plan])
     except NotKept:
         return None
-    found = result(kept["result"], kept["result"]["path"])
-    return replace(found, verdicts=tuple(with_consequences(verdicts)))
 
 
-def _changed(rules: RuleSet, overrides: Mapping[str, str]) -> Mapping[str, Setting]:
-    """Values as written, understood once for all episodes."""
-    key = "overrides", *overrides.items()
-    known: Mapping[str, Setting] | None = rules.digests.get(key)
-    if known is None:
-        known = rules.digests[key] = parse_overrides(rules, overrides)
-    return known
+@dataclass(frozen=True)
+class _Part:
+    """What a rule comes to on all episodes of a kind.
+
+    Attributes:
+        rule: itself.
+        players: role → bodies.
+        params: values of parameters.
+        blank: the verdict's fixed fields.
+        asked: the question that the verdict answers, without what is known of success.
+    """
+
+    rule: ast.Rule
+    players: Mapping[str, tuple[str, ...]]
+    params: Mapping[str, Setting]
+    blank: Verdict
+    asked: str
 
 
-def _binding(rules: RuleSet, kept: Mapping[str, Any], changed: Mapping[str, Setting]) -> Binding:
-    values = {name: read(value) for name, value in kept["values"].items()}
-    provenance = {**kept["provenance"], **{f"param.{name}": "--set" for name in changed}}
-    roles = {role: tuple(bodies) for role, bodies in kept["roles"].items()}
-    assigned = tuple(kept["assigned"])
+def _plan(
+    rules: RuleSet, alike: str, overrides: Mapping[str, str], backend: str
+) -> list[_Part] | None:
+    """Found once for all episodes alike; None where the values reach further than verdicts."""
+    plans: dict[Any, list[_Part] | None] = rules.digests.setdefault("plans", {})
+    key = alike, backend, *overrides.items()
+    if key not in plans:
+        if len(plans) >= _MANY:
+            plans.clear()
+        plans[key] = _planned(rules, json.loads(alike), parse_overrides(rules, overrides), backend)
+    return plans[key]
+
+
+def _planned(
+    rules: RuleSet, alike: Mapping[str, Any], changed: Mapping[str, Setting], backend: str
+) -> list[_Part] | None:
+    if not changed.keys().isdisjoint(alike["fixed"]):
+        return None
+    binding = _binding(rules, alike, changed)
+    parts = []
+    for code, told in alike["rules"]:
+        rule, players = rules.rules[code], {role: tuple(bodies) for role, bodies in told.items()}
+        params = binding.params(rule)
+        digest = rule_digest(rules, rule, params, backend)
+        used = sorted(parameters_read(rules, rule) & binding.overridden)
+        blank = Judge.blank(rule, binding, players, used, digest)
+        asked = verdict_question(rules, rule, blank, players, "")
+        parts.append(_Part(rule, players, params, blank, asked))
+    return parts
+
+
+def _binding(rules: RuleSet, alike: Mapping[str, Any], changed: Mapping[str, Setting]) -> Binding:
+    values = {name: read(value) for name, value in alike["values"].items()}
+    provenance = {**alike["provenance"], **{f"param.{name}": "--set" for name in changed}}
+    roles = {role: tuple(bodies) for role, bodies in alike["roles"].items()}
+    assigned = tuple(alike["assigned"])
     return Binding(
-        roles, assigned, None, kept["family"], provenance, (), rules, {**values, **changed}
+        roles, assigned, None, alike["family"], provenance, (), rules, {**values, **changed}
     )
 
 
@@ -79,42 +120,26 @@ class _Again:
     """Judges the rules of one episode."""
 
     def __init__(
-        self, memory: Memory, rules: RuleSet, binding: Binding, success: Sequence[Any], backend: str
+        self, memory: Memory, rules: RuleSet, success: Sequence[Any], backend: str
     ) -> None:
-        self._memory, self._rules, self._binding = memory, rules, binding
-        self._backend = backend
+        self._memory, self._rules, self._backend = memory, rules, backend
         self._success, self._success_known, self._about_success = success
-        self._values = repr(sorted(binding.values.items()))
 
-    def verdict(self, rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> Verdict:
-        """What a rule says now; as ``Judge.verdict``. Raises NotKept."""
-        params, digest, used = self._meaning(rule)
-        blank = Judge.blank(rule, self._binding, players, used, digest)
-        if blank.notes:
-            return blank
-        players = {role: tuple(bodies) for role, bodies in players.items()}
-        asked = verdict_question(self._rules, rule, blank, players, self._about_success)
+    def verdict(self, part: _Part) -> tuple[str | None, Verdict]:
+        """What a rule says now, and where that is kept; as ``Judge.verdict``. Raises NotKept."""
+        if part.blank.notes:
+            return None, part.blank
+        key = self._memory.key(part.asked + self._about_success)
+        return key, self._memory.verdict_of(key, lambda: self._judged(part))
 
-        def find() -> Verdict:
-            about = judged_question(self._rules, rule, players, self._about_success, self._backend)
-            entry = self._memory.judged(about, rule)
-            if entry is None:
-                raise NotKept(rule.code)
-            evaluator = Recalled(
-                KeptRelations(entry, self._backend), self._rules, params, self._success,
-                success_known=self._success_known, memory=self._memory,
-            )  # fmt: skip
-            return judged(evaluator, rule, players, blank)
-
-        return self._memory.verdict(asked, find)
-
-    def _meaning(self, rule: ast.Rule) -> tuple[dict[str, Setting], str, list[str]]:
-        """Values, digest and overridden parameters of a rule; found once for all episodes alike."""
-        key = "meaning", rule.code, self._backend, self._values
-        known: tuple[dict[str, Setting], str, list[str]] | None = self._rules.digests.get(key)
-        if known is None:
-            params = self._binding.params(rule)
-            digest = rule_digest(self._rules, rule, params, self._backend)
-            used = sorted(parameters_read(self._rules, rule) & self._binding.overridden)
-            known = self._rules.digests[key] = params, digest, used
-        return known
+    def _judged(self, part: _Part) -> Verdict:
+        rule, players = part.rule, part.players
+        about = judged_question(self._rules, rule, players, self._about_success, self._backend)
+        entry = self._memory.judged(about, rule)
+        if entry is None:
+            raise NotKept(rule.code)
+        evaluator = Recalled(
+            KeptRelations(entry, self._backend), self._rules, part.params, self._success,
+            success_known=self._success_known, memory=self._memory,
+        )  # fmt: skip
+        return judged(evaluator, rule, players, part.blank)

@@ -1,13 +1,15 @@
 """One file of the cache: named values, most of them arrays, each with its checksum.
 
-Layout: magic, length of the index (8 bytes), checksum of the index (4), index as JSON, padding to
-8 bytes, arrays. An array that is constant, or changes seldom, is kept as its runs.
+Layout: magic; lengths of two indices and their checksums (4 bytes each); the indices as JSON, first
+of values without arrays, then of those with some; padding to 8 bytes; arrays, padded likewise. An array
+that is constant, or changes seldom, is kept as its runs.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import struct
 import zlib
 from collections.abc import Mapping
 from functools import lru_cache
@@ -17,10 +19,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MAGIC = b"SSCACHE2"
-_HEAD = len(MAGIC) + 12
-_FIRST = 1 << 16
-"""Bytes that are read at first; the index is seldom longer."""
+MAGIC = b"SSCACHE3"
+_LENGTHS = struct.Struct("<8sIIII")
+_FIRST = 1 << 14
+"""Bytes that are read at first; the indices are seldom longer."""
+_ARRAY = ""
+"""Name under which the place of an array stands: first byte, count of bytes, of values, and of runs
+(or None), type, checksum."""
 
 Value = dict[str, Any]
 """JSON values and arrays by name."""
@@ -36,7 +41,9 @@ class Entry:
     def __init__(self, file: int) -> None:
         """``file``: a descriptor, which is closed when nobody holds the entry any more."""
         self._file, self._start, self._first = file, 0, b""
-        self._index: dict[str, dict[str, Any]] = {}
+        self._plain: dict[str, Value] = {}
+        self._text: bytes = b""
+        self._index: dict[str, Value] | None = None
 
     def __del__(self) -> None:
         """Closes the file."""
@@ -52,95 +59,121 @@ class Entry:
         return found if found._understood() else None
 
     def _understood(self) -> bool:
-        """Reads the index; False where the file is not a whole one."""
+        """Reads the indices; False where the file is not a whole one."""
         data = self._first = self._bytes(0, _FIRST)
-        size = int.from_bytes(data[len(MAGIC) : len(MAGIC) + 8], "little")
-        if _HEAD + size > len(data) == _FIRST and _HEAD + size <= os.fstat(self._file).st_size:
-            data = self._bytes(0, _HEAD + size)
-        told = int.from_bytes(data[len(MAGIC) + 8 : _HEAD], "little")
-        text = data[_HEAD : _HEAD + size]
-        if not data.startswith(MAGIC) or len(text) != size or zlib.crc32(text) != told:
+        if len(data) < _LENGTHS.size or not data.startswith(MAGIC):
             return False
-        self._index, self._start = json.loads(text), _HEAD + size + -(_HEAD + size) % 8
+        _, plain, arrays, *sums = _LENGTHS.unpack_from(data)
+        middle, end = _LENGTHS.size + plain, _LENGTHS.size + plain + arrays
+        if end > len(data) == _FIRST and end <= os.fstat(self._file).st_size:
+            data = self._bytes(0, end)
+        texts = data[_LENGTHS.size : middle], data[middle:end]
+        if len(data) < end or [zlib.crc32(text) for text in texts] != sums:
+            return False
+        self._plain, self._text = json.loads(texts[0].decode()), texts[1]
+        self._start = end + -end % 8
         return True
 
     def _bytes(self, at: int, count: int) -> bytes:
         """So many bytes of the file, or as many as there are."""
-        if at + count <= len(self._first):
-            return self._first[at : at + count]
         try:
             os.lseek(self._file, at, os.SEEK_SET)
             return os.read(self._file, count)
         except OSError:
             return b""
 
+    def _arrays(self) -> dict[str, Value]:
+        """The second index."""
+        if self._index is None:
+            self._index = json.loads(self._text.decode())
+        return self._index
+
     def names(self) -> list[str]:
         """Of all values."""
-        return list(self._index)
+        return [*self._plain, *self._arrays()]
 
     def get(self, name: str) -> Value | None:
         """A value; None where there is none, or its bytes are damaged."""
-        stored = self._index.get(name)
+        plain = self._plain.get(name)
+        if plain is not None:
+            return plain
+        stored = self._arrays().get(name)
         if stored is None:
             return None
         found: Value = {}
         for key, item in stored.items():
-            if not (isinstance(item, dict) and "dtype" in item):
+            if not (isinstance(item, dict) and _ARRAY in item):
                 found[key] = item
                 continue
-            array = self._array(item)
+            array = self._array(*item[_ARRAY])
             if array is None:
                 return None
             found[key] = array
         return found
 
-    def _array(self, item: dict[str, Any]) -> NDArray[Any] | None:
-        raw = self._bytes(self._start + item["at"], item["bytes"])
-        if len(raw) != item["bytes"] or _sum(raw) != item["sum"]:
+    def _array(
+        self, at: int, count: int, length: int, runs: int | None, kind: str, told: int
+    ) -> NDArray[Any] | None:
+        words = self._words(self._start + at, -(-count // 8))
+        if words is None or _sum(words) != told:
             return None
-        length, dtype = item["length"], np.dtype(item["dtype"])
-        if item["runs"] is None:
-            return np.frombuffer(raw, dtype)
-        starts = np.frombuffer(raw[: 4 * item["runs"]], np.int32)
-        values = np.frombuffer(raw[-(-4 * item["runs"] // 8) * 8 :], dtype)
-        lengths = np.append(starts[1:], np.int32(length)) - starts if len(starts) else starts
-        out = np.repeat(values, lengths)
-        out.flags.writeable = False
-        return out
+        dtype = np.dtype(kind)
+        if runs is None:
+            return words.view(dtype)[:length]
+        values = words[-(-runs // 2) :].view(dtype)
+        if runs == 1:
+            return np.full(length, values[0])
+        lengths = np.empty(runs, np.int32)
+        starts = words.view(np.int32)[:runs]
+        np.subtract(starts[1:], starts[:-1], out=lengths[:-1])
+        lengths[-1:] = length - starts[-1:]
+        return values[:runs].repeat(lengths)
+
+    def _words(self, at: int, count: int) -> NDArray[np.uint64] | None:
+        """Bytes of the file, eight by eight, in memory of their own; None where there are too few."""
+        if at + 8 * count <= len(self._first):
+            return np.frombuffer(self._first, np.uint64, count, at).copy()
+        words = np.empty(count, np.uint64)
+        try:
+            os.lseek(self._file, at, os.SEEK_SET)
+            if hasattr(os, "readv"):
+                return words if os.readv(self._file, [words.data]) == 8 * count else None
+            raw = os.read(self._file, 8 * count)
+        except OSError:
+            return None
+        return np.frombuffer(bytearray(raw), np.uint64) if len(raw) == 8 * count else None
 
 
 def encode(values: Mapping[str, Value]) -> bytes:
     """The bytes of an entry."""
-    index: dict[str, dict[str, Any]] = {}
+    plain: dict[str, Value] = {}
+    index: dict[str, Value] = {}
     blocks: list[bytes] = []
     at = 0
     for name, value in values.items():
+        if not any(isinstance(item, np.ndarray) for item in value.values()):
+            plain[name] = value
+            continue
         index[name] = {}
         for key, item in value.items():
             if not isinstance(item, np.ndarray):
                 index[name][key] = item
                 continue
             raw, runs = _packed(item)
-            index[name][key] = {
-                "dtype": item.dtype.str,
-                "length": len(item),
-                "runs": runs,
-                "at": at,
-                "bytes": len(raw),
-                "sum": _sum(raw),
-            }
-            raw += bytes(-len(raw) % 8)
+            count = len(raw)
+            raw += bytes(-count % 8)
+            told = _sum(np.frombuffer(raw, np.uint64))
+            index[name][key] = {_ARRAY: [at, count, len(item), runs, item.dtype.str, told]}
             blocks.append(raw)
             at += len(raw)
-    text = json.dumps(index, separators=(",", ":")).encode()
-    head = MAGIC + len(text).to_bytes(8, "little") + zlib.crc32(text).to_bytes(4, "little")
-    return head + text + bytes(-(len(head) + len(text)) % 8) + b"".join(blocks)
+    texts = [json.dumps(part, separators=(",", ":")).encode() for part in (plain, index)]
+    head = _LENGTHS.pack(MAGIC, *map(len, texts), *map(zlib.crc32, texts)) + b"".join(texts)
+    return head + bytes(-len(head) % 8) + b"".join(blocks)
 
 
-def _sum(raw: bytes) -> str:
-    """A checksum that is fast on arrays: bytes as a vector times fixed odd numbers, modulo 2⁶⁴."""
-    words = np.frombuffer(raw + bytes(-len(raw) % 8), np.uint64)
-    return f"{int(words @ _factors(1 << len(words).bit_length())[: len(words)]):x}"
+def _sum(words: NDArray[np.uint64]) -> int:
+    """A checksum that is fast on arrays: a vector of words times fixed odd numbers, modulo 2⁶⁴."""
+    return int(words @ _factors(1 << len(words).bit_length())[: len(words)])
 
 
 @lru_cache(maxsize=24)

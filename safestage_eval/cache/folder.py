@@ -18,6 +18,8 @@ from .log import Log, append
 PARTS = ("measured", "answers", "judged")
 """Files of an episode: arrays (entry.py), the small answers that rest on them (log.py), and of each
 rule by itself what judging it again takes (judged.py)."""
+RECENT = 60.0
+"""s in which a file that was used counts as used just now."""
 LARGEST = 1 << 20
 """Bytes that the latter may have."""
 MOST = 4 * 1024**3
@@ -56,9 +58,10 @@ class CacheFolder:
     def answers(self, ref: EpisodeRef) -> Log:
         """What was found out about an episode, in whatever state of its files."""
         file = self._file(ref, "answers")
-        for path in (file, file.removesuffix("answers") + "measured"):  # used just now: pruned last
+        for path in (file, file.removesuffix("answers") + "measured"):
             with contextlib.suppress(OSError):
-                os.utime(path)
+                if time.time() - os.stat(path).st_mtime > RECENT:  # noqa: PTH116 - fast
+                    os.utime(path)  # used just now: pruned last
         return Log.read(file)
 
     def judged(self, ref: EpisodeRef, code: str) -> Entry | None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import platform
 from collections.abc import Iterator
@@ -52,7 +51,7 @@ def stamp(ref: EpisodeRef) -> tuple[str, int] | None:
     Returns:
         The digest of all that, and the time (ns) of the latest change; None if a file is missing.
     """
-    facts: list[object] = [ref.episode_id, ref.episode_index, ref.content_hash]
+    facts = [f"{ref.episode_id!r} {ref.episode_index} {ref.content_hash}"]
     latest = 0
     for path, needed in _files(ref):
         try:
@@ -61,10 +60,11 @@ def stamp(ref: EpisodeRef) -> tuple[str, int] | None:
             if needed:
                 return None
             continue
-        facts += [path, found.st_size, found.st_mtime_ns, found.st_ctime_ns]
-        facts += [found.st_ino, found.st_dev]
-        latest = max(latest, found.st_mtime_ns, found.st_ctime_ns)
-    return hashlib.sha256(json.dumps(facts).encode()).hexdigest(), latest
+        changed, touched = found.st_mtime_ns, found.st_ctime_ns
+        told = f"{found.st_size} {changed} {touched} {found.st_ino} {found.st_dev}"
+        facts.append(f"{path!r} {told}")
+        latest = max(latest, changed, touched)
+    return hashlib.sha256("\n".join(facts).encode()).hexdigest(), latest
 
 
 def _files(ref: EpisodeRef) -> Iterator[tuple[str, bool]]:

@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from safestage_eval.geometry.clearance import Clearance
 from safestage_eval.relations.measure import COSTLY
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.measure import loose
-from safestage_eval.signals.options import Options
 from safestage_eval.signals.series import Series
 from safestage_eval.states.band import F64, Band
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.instance import applies, stretches
 from safestage_eval.verdicts.players import combinations, nodes
 from safestage_eval.verdicts.values import Env
 
+from .closest import closest_of
 from .entry import Value
+from .names import partial_name, state_name
 from .stored import kept_partial
 
 if TYPE_CHECKING:
@@ -27,33 +26,8 @@ if TYPE_CHECKING:
 
 HEAD, TIME = "judged", "t"
 
-FEW = 64
-"""Stretches of values with slack; a series with more of them is looked at whole."""
 DEEP = 1
 """Through so many states that last (or have gaps) their own series are kept as well."""
-
-
-def series_name(
-    name: str, bodies: Sequence[str], since: str, cap: float, deep: bool, slack: float,
-    options: Options,
-) -> str:  # fmt: skip
-    """Name of a series: what was asked of the trace."""
-    return f"signal {name}{tuple(bodies)} {since} {cap} {deep} {slack} {options}"
-
-
-def state_name(name: str, bodies: Sequence[str], digest: str) -> str:
-    """Name of a state's margins; ``digest`` of its definition, empty for a relation."""
-    return f"state {name}{tuple(bodies)} {digest}"
-
-
-def partial_name(name: str, bodies: Sequence[str]) -> str:
-    """Name of what was measured at some frames only."""
-    return f"partial {name}{tuple(bodies)}"
-
-
-def slack_name(name: str, bodies: Sequence[str], frame: int) -> str:
-    """Name of what a value may differ by around a frame."""
-    return f"{name}{tuple(bodies)} {frame}"
 
 
 def values_of(
@@ -72,7 +46,6 @@ def values_of(
     found = _Found(evaluator, relations)
     instances = list(combinations(rule, players))
     for env in instances:
-        found.instance = env
         for what in (rule.require, rule.forbidden, rule.reach):
             if what is not None:
                 found.alternative(what, env, DEEP)
@@ -85,7 +58,7 @@ def values_of(
         "bodies": {
             name: [evaluator.material(name), evaluator.untilted(name)] for name in found.bodies
         },
-        "extremes": _extremes(evaluator, rule, found.ends) if len(instances) > 1 else {},
+        "closest": closest_of(evaluator, rule, instances, found.seen),
         "slacks": dict(relations.signals.slacks),
         "dt": episode.dt,
         "termination": episode.header.termination,
@@ -105,38 +78,16 @@ def _time(t: F64) -> Value:
 
 def time_of(value: Value) -> F64:
     """(T,) s, as it is kept."""
-    found: F64 = value["t"] if "t" in value else np.arange(value["frames"]) / value["rate"]
+    found: F64 = value["t"] if "t" in value else _even(value["frames"], value["rate"])
     return found
 
 
-def _extremes(
-    evaluator: Evaluator, rule: ast.Rule, series: Mapping[str, tuple[Env, float, Series]]
-) -> Value:
-    """By series: its extremes in each scope of its bodies, and the frames at which slack was taken."""
-    out: Value = {}
-    for name, (env, cap, found) in series.items():
-        if found.notes or applies(evaluator, rule, env) is False:
-            continue
-        scopes: dict[str, list[float]] = {}
-        for (first, stop, _, sure), _ in stretches(evaluator, rule, env):
-            if sure is None and first < stop:
-                ends = (found.lower[first:stop], found.upper[first:stop])
-                most = [f(end) for end in ends for f in (np.min, np.max)]
-                scopes[f"{first} {stop}"] = [float(value) for value in most]
-        taken = _together(loose(found, cap))
-        if scopes and len(taken[0]) <= FEW:
-            out[name] = {"scopes": scopes, "loose": taken}
+@lru_cache(maxsize=4)
+def _even(frames: int, rate: float) -> F64:
+    """So many times at a rate, the same for all episodes of a length."""
+    out = np.arange(frames) / rate
+    out.flags.writeable = False
     return out
-
-
-def _together(taken: Clearance) -> list[list[float]]:
-    """Lower and upper ends of intervals, those that overlap put together."""
-    order = np.argsort(taken.lower, kind="stable")
-    lower, upper = taken.lower[order], np.maximum.accumulate(taken.upper[order])
-    apart = lower[1:] > upper[:-1]
-    edge = np.ones(min(len(lower), 1), np.bool_)
-    starts, ends = np.concatenate([edge, apart]), np.concatenate([apart, edge])
-    return [lower[starts].tolist(), upper[ends].tolist()]
 
 
 class _Found:
@@ -145,10 +96,9 @@ class _Found:
     def __init__(self, evaluator: Evaluator, relations: RememberedRelations) -> None:
         self._evaluator, self._relations = evaluator, relations
         self.values: dict[str, Value] = {}
-        self.instance: Env = {}
         self.bodies: dict[str, None] = {}
-        self.ends: dict[str, tuple[Env, float, Series]] = {}
-        """Series that are compared with a limit which has to be kept, with cap, by name."""
+        self.seen: dict[str, tuple[Series, float]] = {}
+        """Series that are compared with limits, each with its cap, by name."""
         self._seen: set[tuple[Any, ...]] = set()
 
     def alternative(self, what: ast.Alternative, env: Env, deep: int) -> None:
@@ -184,8 +134,7 @@ class _Found:
         self._evaluator.series(atom, env)
         self._relations.signals.seen = None
         for key, (series, cap) in seen.items():
-            if env is self.instance and atom.since is None:
-                self.ends[key] = env, cap, series
+            self.seen[key] = series, cap
             known: Value = {"dimension": series.dimension, "notes": list(series.notes)}
             self.values[key] = known | _ends(series.lower, series.upper)
 

@@ -20,7 +20,11 @@ MOST = 1 << 18
 """Bytes; a file that is longer is begun anew. A verdict takes about one kilobyte."""
 
 
+_READ = os.O_RDONLY | getattr(os, "O_BINARY", 0)
 _APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_BINARY", 0)
+
+
+_json = json.JSONEncoder(separators=(",", ":")).encode
 
 
 class Log:
@@ -35,10 +39,18 @@ class Log:
     def read(cls, path: str | Path) -> Log:
         """All answers in a file; none when there is no such file."""
         try:
-            with open(path, "rb", buffering=0) as file:  # noqa: PTH123 - fast
-                return cls(file.readall())
+            file = os.open(path, _READ)
         except OSError:
             return cls(b"")
+        parts = []
+        try:
+            while part := os.read(file, 1 << 20):
+                parts.append(part)
+        except OSError:
+            return cls(b"")
+        finally:
+            os.close(file)
+        return cls(b"".join(parts))
 
     def get(self, key: str) -> Any:
         """The answer under a key, JSON; None where there is none."""
@@ -51,7 +63,7 @@ class Log:
         if line[KEY + 1 : KEY + 9] != _checksum(key, text):
             return None
         self._used.append(line)
-        return json.loads(text)
+        return json.loads(text.decode())
 
     def used(self) -> bytes:
         """The lines that were asked for."""
@@ -65,7 +77,7 @@ def append(path: str, answers: Mapping[str, Any], keep: bytes = b"") -> None:
     """
     lines = []
     for key, value in answers.items():
-        text = json.dumps(value, separators=(",", ":")).encode()
+        text = _json(value).encode()
         lines.append(b"\n" + key.encode() + b" " + _checksum(key, text) + b" " + text)
     data = b"".join(lines) + b"\n"
     try:

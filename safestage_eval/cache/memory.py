@@ -31,10 +31,12 @@ from .judged import values_of
 from .log import Log
 from .outline import outline_of
 from .remembered import RememberedRelations, RememberedSignals
-from .stored import plain, result, verdict
+from .stored import plain, result, result_of, verdict
 
 ABOUT = "about"
 """Name of the value that says which files, and which code, an entry is from."""
+PARTS = "parts"
+"""Name of the keys of verdicts, in place of a result that they and the outline make."""
 
 
 class Memory:
@@ -59,6 +61,7 @@ class Memory:
         self._answered: dict[str, Any] = {}
         self._recalled: dict[str, Value | None] = {}
         self._judged: dict[str, dict[str, Value]] = {}
+        self._parts: list[Any] | None = None
 
     @cached_property
     def _answers(self) -> Log:
@@ -146,7 +149,7 @@ class Memory:
 
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
         """The answer (JSON) to a question that names all it depends on besides the trace."""
-        key = self._key(question)
+        key = self.key(question)
         if key in self._answered:
             return self._answered[key]
         known = self._answers.get(key)
@@ -156,12 +159,19 @@ class Memory:
 
     def known(self, question: str) -> Any:
         """The answer (JSON) that was found before; None if there is none."""
-        key = self._key(question)
+        key = self.key(question)
         return self._answered.get(key) or self._answers.get(key)
+
+    def key(self, question: str) -> str:
+        """Under which the answer to a question is kept."""
+        return short(f"{self._whose} {question}")
 
     def verdict(self, question: str, judge: Callable[[], Verdict]) -> Verdict:
         """A verdict that was reached before, or is now."""
-        key = self._key(question)
+        return self.verdict_of(self.key(question), judge)
+
+    def verdict_of(self, key: str, judge: Callable[[], Verdict]) -> Verdict:
+        """The same, by the key of the question."""
         known = self._answers.get(key)
         if known is not None:
             return verdict(known)
@@ -171,16 +181,33 @@ class Memory:
 
     def result(self, question: str, judge: Callable[[], EpisodeResult]) -> EpisodeResult:
         """Everything that was said of the episode before, or is now."""
-        key, path = self._key(question), str(self._ref.path)
+        key, path = self.key(question), str(self._ref.path)
         known = self._answers.get(key)
         if known is not None:
-            return result(known, path)
+            found = self._put_together_again(known) if PARTS in known else result(known, path)
+            if found is not None:
+                return found
         found = judge()
-        self._answered[key] = plain(found)
+        self._answered[key] = plain(found) if self._parts is None else {PARTS: self._parts}
         return found if found.path == path else replace(found, path=path)
 
-    def _key(self, question: str) -> str:
-        return short(f"{self._whose} {question}")
+    def put_together(
+        self, outline: Mapping[str, Any], verdicts: Sequence[tuple[str | None, Verdict]]
+    ) -> EpisodeResult:
+        """The result that is made of an outline and verdicts, each with the key that it has, if any.
+
+        Of such a result only the keys are kept.
+        """
+        self._parts = [key or plain(found) for key, found in verdicts]
+        return result_of(outline["result"], [found for _, found in verdicts], str(self._ref.path))
+
+    def _put_together_again(self, known: Mapping[str, Any]) -> EpisodeResult | None:
+        """As it was; None where a part is missing."""
+        outline = self.outline()
+        parts = [self._answers.get(p) if isinstance(p, str) else p for p in known[PARTS]]
+        if outline is None or None in parts:
+            return None
+        return result_of(outline["result"], [*map(verdict, parts)], str(self._ref.path))
 
     # ---- rules
 
@@ -193,7 +220,7 @@ class Memory:
         if self._outline and self._folder.measurements:
             known = outline_of(judge, binding, found)
             if known is not None:
-                self._answered[self._key(self._outline)] = known
+                self._answered[self.key(self._outline)] = known
 
     def keep_judged(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,9 @@ from safestage_eval.verdicts.judge import Judge
 from .stored import plain
 
 Setting = ast.Quantity | ast.Duration
+
+ALIKE = "alike"
+"""Name of what many episodes have in common, as one text, so that it is understood once."""
 
 FIXED = frozenset({"contact_force"})
 """Parameters that are read besides by rules and goals."""
@@ -34,8 +38,7 @@ def outline_of(judge: Judge, binding: Binding, found: EpisodeResult) -> dict[str
     usual, values = binding.params(None), judge.binding.params(None)
     if any(usual.get(name) != values.get(name) for name in fixed):
         return None
-    return {
-        "result": plain(found) | {"verdicts": [], "costs": []},
+    alike = {
         "rules": [[code, who] for code, who in players.items()],
         "roles": dict(binding.roles),
         "assigned": list(binding.assigned),
@@ -43,7 +46,11 @@ def outline_of(judge: Judge, binding: Binding, found: EpisodeResult) -> dict[str
         "provenance": dict(binding.provenance),
         "values": {name: written(value) for name, value in binding.values.items()},
         "fixed": sorted(fixed),
+    }
+    return {
+        "result": plain(found) | {"verdicts": [], "costs": []},
         "success": [judge.success_frame, judge.success_known, judge.about_success],
+        ALIKE: json.dumps(alike, separators=(",", ":")),
     }
 
 

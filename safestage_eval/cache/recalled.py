@@ -3,27 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, NoReturn, cast
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 import numpy as np
 
 from safestage_eval.episode import Episode
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.measure import CAPPED, Signals, how
+from safestage_eval.signals.measure import CAPPED, Signals
 from safestage_eval.signals.options import Options
 from safestage_eval.signals.reference import Baseline, Reference
 from safestage_eval.signals.series import Series
 from safestage_eval.signals.vocabulary import SIGNALS
-from safestage_eval.states.band import F64, TINY, Band, Bool
+from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.scope import Scope
 from safestage_eval.verdicts.evaluate import Bounds, Evaluator
 from safestage_eval.verdicts.memory import Memory
-from safestage_eval.verdicts.values import Env, reach_of
+from safestage_eval.verdicts.values import Env
 
+from .closest import Limit, bounds, compared, place, witness
 from .entry import Entry, Value
-from .judged import HEAD, TIME, band_of, partial_name, series_name, slack_name, state_name, time_of
+from .judged import HEAD, TIME, band_of, time_of
+from .names import partial_name, series_name, slack_name, state_name
 from .stored import partial_of
+
+if TYPE_CHECKING:
+    from safestage_eval.verdicts.instance import Instance
+    from safestage_eval.verdicts.witness import Search, Witness
 
 
 class NotKept(Exception):  # noqa: N818 - it is no error
@@ -51,7 +57,10 @@ class Recalled(Evaluator):
     ) -> None:
         """Arguments as in the base class."""
         super().__init__(kept, rules, params, success, success_known=success_known, memory=memory)
-        self.at_hand, self.bounds = kept.head["answers"], self._bounds
+        self.at_hand = kept.head["answers"]
+        self.bounds, self.closest = self._bounds, self._closest
+        # by identity: what is kept of a scope stays beside what it says under these values
+        self._compared: dict[int, tuple[Value, list[list[Limit]] | None]] = {}
         self._moments: dict[tuple[str, tuple[str, ...]], tuple[Band, dict[str, None]]] = {}
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Recalled:
@@ -63,36 +72,34 @@ class Recalled(Evaluator):
         found.players = self.players
         return found
 
-    def _bounds(self, kind: str, what: ast.Alternative, env: Env, scope: Scope) -> Bounds | None:
-        """Of limits that all have to be kept, from the series' extremes."""
+    def _kept(self, kind: str, what: ast.Alternative, env: Env, scope: Scope) -> Value | None:
+        """What is kept of a condition that is required in a scope."""
         if kind != "require" or scope.sure is not None or not isinstance(what, ast.Condition):
             return None
-        outer, self.notes = self.notes, {}
-        try:
-            ends = [self._extreme(atom, env, scope) for atom in what.atoms]
-        finally:
-            self.notes = outer
-        found = [end for end in ends if end is not None]
-        if len(found) < len(ends):
-            return None
-        return min(lower for lower, _ in found), min(upper for _, upper in found)
-
-    def _extreme(self, atom: ast.Atom, env: Env, scope: Scope) -> tuple[float, float] | None:
-        """Least margins of an atom in a scope."""
-        if not isinstance(atom, ast.SignalAtom) or atom.since is not None:
-            return None
-        name, bodies, options = self.measured(atom.call, env)
-        if name in COSTLY or (name == "tilt" and self.untilted(bodies[0])):
-            return None
-        values = [(limit.op, self.number(limit.value, env)) for limit in atom.limits]
-        found = self.relations.extremes(
-            name, bodies, options, [value for _, value in values], scope
+        found: Value | None = self.relations.head["closest"].get(
+            place(env, scope.first, scope.stop)
         )
-        if found is None:
+        return found
+
+    def _bounds(self, kind: str, what: ast.Alternative, env: Env, scope: Scope) -> Bounds | None:
+        kept = self._kept(kind, what, env, scope)
+        if kept is None:
             return None
-        scale = self.scale(atom.call)
-        margins = [_margins(found, op, value, scale) for op, value in values]
-        return min(lower for lower, _ in margins), min(upper for _, upper in margins)
+        limits = compared(self, kept, cast(ast.Condition, what), env)
+        self._compared[id(kept)] = kept, limits
+        return None if limits is None else bounds(limits)
+
+    def _closest(self, search: Search, instance: Instance) -> Witness | None:
+        clause, scope = instance.clause, instance.scope
+        if clause is None or search.upper:
+            return None
+        kept = self._kept(clause.kind, clause.what, instance.env, scope)
+        if kept is None:
+            return None
+        limits = self._compared.get(id(kept), (kept, None))[1]
+        if limits is None:
+            return None
+        return witness(kept, limits, cast(ast.Condition, clause.what), search, instance)
 
     def _declared(self, name: str, bodies: tuple[str, ...]) -> Band:
         digest = self.digest(self.rules.states[name])
@@ -125,15 +132,6 @@ class Recalled(Evaluator):
     def untilted(self, name: str) -> bool:
         """As in the base class."""
         return cast(bool, self.relations.body(name)[1])
-
-
-class Extremes(NamedTuple):
-    """Least and greatest values of both ends of a series in a scope."""
-
-    low: float
-    most_low: float
-    high: float
-    most_high: float
 
 
 class KeptRelations(Relations):
@@ -191,25 +189,6 @@ class KeptRelations(Relations):
             raise NotKept(name)
         return known.series(todo, SIGNALS[name].dimension)
 
-    def extremes(
-        self,
-        name: str,
-        bodies: Sequence[str],
-        options: Options,
-        limits: Sequence[float],
-        scope: Scope,
-    ) -> Extremes | None:
-        """Of a series that is compared with limits, in a scope; None where they were not kept."""
-        cap, deep, slack = how(name, reach_of(limits), limits)
-        known = self.head["extremes"].get(series_name(name, bodies, "", cap, deep, slack, options))
-        if known is None:
-            return None
-        ends = zip(*known["loose"], strict=True)
-        if slack and any(a <= limit <= b for a, b in ends for limit in limits):
-            return None
-        found = known["scopes"].get(f"{scope.first} {scope.stop}")
-        return None if found is None else Extremes(*found)
-
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
         """As in the base class."""
         if name not in CAPPED:
@@ -263,13 +242,3 @@ class KeptEpisode:
 
     def __getattr__(self, name: str) -> NoReturn:
         raise NotKept(f"episode.{name}")
-
-
-def _margins(found: Extremes, op: str, limit: float, scale: float) -> tuple[float, float]:
-    """Least margins of a comparison at both ends; as ``limit_margin``, which keeps their order."""
-    size, up = abs(limit) or scale, op[0] == ">"
-    low, high = (found.low, found.high) if up else (found.most_high, found.most_low)
-    ends = [(value - limit if up else limit - value) / size for value in (low, high)]
-    if len(op) == 1:
-        ends = [-TINY if end == 0 else end for end in ends]
-    return ends[0], ends[1]

@@ -16,7 +16,7 @@ from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series
 from safestage_eval.verdicts.memory import short
 
-from .judged import series_name, slack_name
+from .names import series_name, slack_name
 from .stored import kept_partial, partial_of
 
 if TYPE_CHECKING:

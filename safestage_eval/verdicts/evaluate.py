@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,7 +22,12 @@ from .costly import Costly, is_costly
 from .memory import Memory
 from .values import Asked, Env, ends_early, ends_with_success, limit_margin
 
-Bounds = tuple[float, float]
+if TYPE_CHECKING:
+    from .instance import Instance
+    from .witness import Search, Witness
+
+Bounds = tuple[float, float, int | None]
+"""Of a margin in a scope, and the frame (from its start) that it rests on, if it is known."""
 
 
 class Evaluator(Answers):
@@ -63,6 +68,8 @@ class Evaluator(Answers):
         self.unfollowed = self.truncated or ends_with_success(self.episode)
         self.bounds: Callable[[str, ast.Alternative, Env, Scope], Bounds | None] | None = None
         """Margin of an obligation in a scope, where it can be told without its frames."""
+        self.closest: Callable[[Search, Instance], Witness | None] | None = None
+        """What decided an instance that passed, where it can be told without its frames."""
         self._obligation: str | None = None
         self._costly = Costly(rules)
 
@@ -153,7 +160,7 @@ class Evaluator(Answers):
             bands.append(self.atom(atom, env, mask))
         return band.both(bands, self.frames)
 
-    def asks_costly(self, what: ast.Alternative) -> bool:
+    def asks_costly(self, what: ast.Atom | ast.Alternative) -> bool:
         """Where it is asked for makes a difference: something in it is costly."""
         return self._costly.asked(what)
 

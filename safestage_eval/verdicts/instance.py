@@ -204,7 +204,8 @@ def judge_scope(
         quick = None if whole else evaluator.bounds
         bounds = None if quick is None else quick(clause.kind, clause.what, env, scope)
         if bounds is not None:
-            lower, upper, frame = *bounds, UNTOLD - scope.first
+            lower, upper, frame = bounds
+            frame = UNTOLD - scope.first if frame is None or upper < 0 else frame
         else:
             lower, upper, frame = _decided(evaluator, rule, clause, env, scope, number)
         if scope.cut and clause.kind == "reach":
@@ -277,13 +278,13 @@ def _obligation(
     if lasting > 1:
         frame += int(values[start : start + lasting].argmin())
     if kind == "forbid":
-        return _negated(possibly), _negated(surely), frame
+        return negated_margin(possibly), negated_margin(surely), frame
     if sure is None:
         return surely, possibly, frame
     # a stretch that is not certain may be empty, or several, each of which would have to reach it
     return -np.inf, possibly if sure.any() else np.inf, frame
 
 
-def _negated(margin: float) -> float:
+def negated_margin(margin: float) -> float:
     """As ``states.band.negated``, of a single margin."""
     return -margin if margin != 0 else -TINY

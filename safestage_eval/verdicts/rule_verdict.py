@@ -163,6 +163,9 @@ def _witness(
     assert instance.clause is not None  # the caller has dealt with unknown instances
     forbidden = instance.clause.kind == "forbid"
     search = Search(evaluator, upper=violated != forbidden, sign=-1 if forbidden else 1)
+    known = None if evaluator.closest is None else evaluator.closest(search, instance)
+    if known is not None:
+        return known
     kind, what = instance.clause.kind, instance.clause.what
     return evaluator.obliged(kind, search.alternative, what, instance.env, instance.frame)
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
+from safestage_eval.signals.series import Series
 from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator
@@ -76,7 +77,7 @@ class Search(NamedTuple):
             here = self._only(frame)
             margins = [self.end(self.evaluator.atom(a, env, here), frame) for a in node.atoms]
             found = self.atom(node.atoms[int(np.argmin(margins))], env, frame)
-            return _or_tied(found, margins, min(margins))
+            return or_tied(found, margins, min(margins))
         if node.call is None:
             return Witness(node.kind, (), frame)
         if node.edge is None:
@@ -108,7 +109,7 @@ class Search(NamedTuple):
             self.end(self.evaluator.alternative(a, env, here), frame) for a in atom.alternatives
         ]
         found = self.alternative(atom.alternatives[int(np.argmax(margins))], env, frame)
-        return _or_tied(found, margins, max(margins))
+        return or_tied(found, margins, max(margins))
 
     def state(self, call: ast.Call, env: Env, frame: int) -> Witness:
         """Witness of a state: of a declared one, what it was derived from."""
@@ -135,9 +136,13 @@ class Search(NamedTuple):
         return self.alternative(source, inner, frame)
 
     def _signal(self, atom: ast.SignalAtom, env: Env, frame: int) -> Witness:
+        series = self.evaluator.series(atom, env, self._only(frame)).at(frame)
+        return self.of_signal(atom, env, series, frame)
+
+    def of_signal(self, atom: ast.SignalAtom, env: Env, series: Series, frame: int) -> Witness:
+        """Witness of a signal at a frame; ``series``: it at that frame alone."""
         evaluator = self.evaluator
         name, bodies, _, limits, _ = evaluator.asked(atom, env)
-        series = evaluator.series(atom, env, self._only(frame)).at(frame)
         margins = [
             self.end(limit_margin(series, limit.op, number, 1.0), 0)
             for limit, number in zip(atom.limits, limits, strict=True)
@@ -161,7 +166,7 @@ class Search(NamedTuple):
         )
 
 
-def _or_tied(witness: Witness, margins: list[float], decisive: float) -> Witness:
+def or_tied(witness: Witness, margins: list[float], decisive: float) -> Witness:
     """The witness, marked where several margins are the decisive one."""
     alike = sum(margin == decisive for margin in margins)
     return witness._replace(tied=True) if alike > 1 else witness

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from safestage_eval.cache import CacheFolder, judged, log, memory
+from safestage_eval.cache import CacheFolder, closest, log, memory
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.geometry.clearance import Clearance
 from safestage_eval.rules import load_rules
@@ -62,7 +62,7 @@ def test_stretches_of_slack_leave_open_what_frames_do():
     for count in (0, 1, 2, 40):
         lower = rng.uniform(0, 0.1, count)
         upper = lower + rng.uniform(0, 0.01, count)
-        together = judged._together(Clearance(lower, upper))
+        together = closest._together(Clearance(lower, upper))
         for limit in (*lower, *upper, *rng.uniform(0, 0.12, 50)):
             told = any(a <= limit <= b for a, b in zip(*together, strict=True))
             assert told == bool(((lower <= limit) & (limit <= upper)).any())
