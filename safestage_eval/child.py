@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import multiprocessing.connection
-import os
 import signal
 import sys
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Any, Self
 
-from .errors import InputError
-from .memory import resident
-
-READY = "ready"
-"""What a process says first."""
-
-STARTS = 5
-"""Processes in a row that may end before they begin."""
+from .spawned import LOOK, READY, Births, Spawned, follow
 
 STARTING = 180.0
 """s that a process may take to begin."""
@@ -35,9 +24,6 @@ loaded then."""
 
 PATIENCE = 2.0
 """s in which a process that is told to end may put away what it was writing."""
-
-_LOOK = 0.05
-"""s between two looks at what the processes hold."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +72,7 @@ class Children:
         """
         self._size, self._opened, self._args, self._memory = size, opened, args, memory
         self._children: list[_Child] = []
-        self._warm, self._stillborn = False, 0
+        self._warm, self._births = False, Births()
 
     def __enter__(self) -> Self:
         """Processes stay between questions until the block ends."""
@@ -97,9 +83,9 @@ class Children:
     ) -> None:
         """Ends the processes, at once or when they have put away what they were writing."""
         for child in self._children:
-            child.tell_to_end()
+            child.process.terminate()
         for child in self._children:
-            child.end()
+            child.end(PATIENCE)
         self._children.clear()
 
     def ask(self, question: Question) -> Any:
@@ -121,7 +107,7 @@ class Children:
             busy = [child for child in self._children if child.asked is not None]
             if not busy:
                 return
-            ready = multiprocessing.connection.wait([child.pipe for child in busy], _LOOK)
+            ready = multiprocessing.connection.wait([child.pipe for child in busy], LOOK)
             for child in busy:
                 question = child.asked
                 assert question is not None
@@ -143,8 +129,8 @@ class Children:
                         yield question, Ended(f"its process died twice: {how}", bound=False)
                     continue
                 if not child.ready:
-                    child.ready, self._stillborn = answer == READY, 0
-                    child.began = time.monotonic()
+                    child.ready, child.began = answer == READY, time.monotonic()
+                    self._births.alive()
                     continue
                 child.asked, child.warm, self._warm = None, True, True
                 yield question, answer
@@ -158,80 +144,51 @@ class Children:
             if question is None:
                 return
             if child is None:
-                child = _Child.start(self._opened, self._args)
+                child = _Child.start(_serve, self._opened, *self._args)
                 self._children.append(child)
             child.ask(question)
 
     def _death(self, child: _Child) -> str:
         """How it ended. Raises InputError when none can begin."""
-        child.process.join(PATIENCE)
-        how = ended(child.process.exitcode)
-        self._dismiss(child)
+        child.process.join(PATIENCE)  # it closed its pipe, and may be about to end by itself
+        how = self._dismiss(child)
         if not child.ready:
-            self._stillborn += 1
-            if self._stillborn >= STARTS:
-                raise InputError("worker processes", f"{STARTS} in a row could not begin: {how}.")
+            self._births.dead(how)
         return how
 
-    def _dismiss(self, child: _Child) -> None:
-        child.tell_to_end()
-        child.end()
+    def _dismiss(self, child: _Child) -> str:
+        """End it, with time to put away what it was writing, unless a library does not let it."""
+        child.process.terminate()
         self._children.remove(child)
+        return child.end(PATIENCE)
 
 
 @dataclass
-class _Child:
-    process: BaseProcess
-    pipe: Connection
-    asked: Question | None = None
-    began: float = field(default_factory=time.monotonic)
-    """When it began with what it was asked."""
-    ready: bool = False
-    warm: bool = False
-    """It has answered before."""
+class _Child(Spawned):
+    """A process and what it is asked."""
 
-    @classmethod
-    def start(cls, opened: Callable[..., Callable[[Any], Any]], args: tuple[Any, ...]) -> _Child:
-        context = multiprocessing.get_context("spawn")
-        ours, theirs = context.Pipe()
-        process = context.Process(target=_serve, args=(theirs, opened, *args), daemon=True)
-        process.start()
-        theirs.close()
-        return cls(process, ours)
+    asked: Question | None = None
 
     def ask(self, question: Question) -> None:
-        self.asked, self.began = question, time.monotonic()
-        try:
-            self.pipe.send(question.what)
-        except OSError:
-            return  # it died; reading from it will tell
+        self.asked = question
+        self.send(question.what)
 
     def exceeds(self, memory: int | None, more: float) -> str:
         """Which bound it is beyond, with s more for the time; empty if none."""
         assert self.asked is not None
-        if memory is not None and self.process.pid and resident(self.process.pid) > memory:
-            return f"took more than {memory / 2**20:.0f} MiB of memory (--memory)"
-        taken, limit = time.monotonic() - self.began, self.asked.seconds
+        limit = self.asked.seconds
+        if why := self.swollen(memory):
+            return why
         if not self.ready:
-            return f"had no process that began within {STARTING:g} s" if taken > STARTING else ""
-        if limit is not None and taken > limit + more:
+            late = self.taken() > STARTING
+            return f"had no process that began within {STARTING:g} s" if late else ""
+        if limit is not None and self.taken() > limit + more:
             return f"took longer than {limit:g} s (--timeout)"
         return ""
-
-    def tell_to_end(self) -> None:
-        """It may put away what it was writing, unless a library does not let it."""
-        self.process.terminate()
-
-    def end(self) -> None:
-        self.process.join(PATIENCE)
-        self.process.kill()
-        self.process.join()
-        self.pipe.close()
 
 
 def _serve(pipe: Connection, opened: Callable[..., Callable[[Any], Any]], *args: Any) -> None:
     """Answer what comes, one after the other, until there is nobody to ask."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this process ends it
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     follow()
     answer = opened(*args)
@@ -241,27 +198,3 @@ def _serve(pipe: Connection, opened: Callable[..., Callable[[Any], Any]], *args:
             pipe.send(answer(pipe.recv()))
     except (EOFError, OSError):
         return
-
-
-def follow() -> None:
-    """This process does not outlive the one that started it, whatever it is busy with."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_wait_for, args=(parent.sentinel,), daemon=True).start()
-
-
-def _wait_for(sentinel: int) -> None:
-    multiprocessing.connection.wait([sentinel])
-    os._exit(1)
-
-
-def ended(code: int | None) -> str:
-    """How a process ended, in words, from its exit code."""
-    if code is None or code >= 0:
-        return f"exit code {code}"
-    try:
-        name = signal.Signals(-code).name
-    except ValueError:
-        return f"signal {-code}"
-    why = {"SIGKILL": " (out of memory, or killed)", "SIGSEGV": " (a library crashed)"}
-    return name + why.get(name, "")

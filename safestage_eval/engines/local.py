@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import multiprocessing.connection
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnContext
-from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Self
 
-from safestage_eval.child import LOADING, READY, STARTS, ended
-from safestage_eval.errors import InputError
-from safestage_eval.memory import resident
+from safestage_eval.child import LOADING
 from safestage_eval.scoring import Problem
+from safestage_eval.spawned import LOOK, READY, Births, Spawned
 
 from .engine import Engine, Found, Numbered
 from .settings import Settings
@@ -34,9 +29,6 @@ COMPILING = 180.0
 """s more that the very first episode of a run may take: kernels are compiled then, and loaded
 in the first of each process."""
 
-_LOOK = 0.05
-"""s between two looks at what the processes hold."""
-
 
 class Local(Engine):
     """Spawned processes, each with a pipe of its own.
@@ -49,12 +41,11 @@ class Local(Engine):
     def __init__(self, workers: int, settings: Settings, *, lines: bool = False) -> None:
         """``lines``: give results as they are stored (``Line``)."""
         self._settings, self._lines = settings, lines
-        self._context = multiprocessing.get_context("spawn")
         self._size = workers
         self._workers: list[_Worker] = []
         self._suspects: set[int] = set()
         self._back: deque[list[Numbered]] = deque()
-        self._warm, self._stillborn = False, 0
+        self._warm, self._births = False, Births()
 
     def __enter__(self) -> Self:
         """Processes stay between runs until the block ends."""
@@ -76,7 +67,7 @@ class Local(Engine):
             busy = [worker for worker in self._workers if worker.asked]
             if not busy:
                 return
-            pause = _LOOK if self._settings.timeout or self._settings.memory else None
+            pause = LOOK if self._settings.timeout or self._settings.memory else None
             ready = multiprocessing.connection.wait([worker.pipe for worker in busy], pause)
             for worker in busy:
                 if worker.pipe in ready:
@@ -96,7 +87,7 @@ class Local(Engine):
             if not chunk:
                 return
             if worker is None:
-                worker = _Worker.start(self._context, self._settings, lines=self._lines)
+                worker = _Worker.start(work, self._settings, lines=self._lines)
                 self._workers.append(worker)
             worker.give(chunk)
 
@@ -116,7 +107,8 @@ class Local(Engine):
             return
         worker.began = time.monotonic()
         if answer == READY:
-            worker.ready, self._stillborn = True, 0
+            worker.ready = True
+            self._births.alive()
             return
         self._warm = worker.warm = True
         number, _ = worker.asked.popleft()
@@ -125,12 +117,10 @@ class Local(Engine):
         yield number, answer
 
     def _death(self, worker: _Worker) -> Iterator[tuple[int, Found]]:
-        how = ended(worker.end(patience=5.0))
+        how = worker.end(patience=5.0)
         if not worker.ready:
-            self._stillborn += 1
             self._dismiss(worker)
-            if self._stillborn >= STARTS:
-                raise InputError("worker processes", f"{STARTS} in a row could not begin: {how}.")
+            self._births.dead(how)
             return
         number, ref = worker.asked.popleft()
         self._dismiss(worker)
@@ -151,53 +141,31 @@ class Local(Engine):
     def _exceeds(self, worker: _Worker) -> str:
         """Which bound a process is beyond; empty if none."""
         most, limit = self._settings.memory, self._settings.timeout
-        if most is not None and worker.process.pid and resident(worker.process.pid) > most:
-            return f"judging it took more than {most / 2**20:.0f} MiB of memory (--memory)"
+        if why := worker.swollen(most):
+            return f"judging it {why}"
         if limit is not None and worker.ready:
-            taken = time.monotonic() - worker.began
             more = 0.0 if worker.warm else LOADING if self._warm else COMPILING
-            if taken > limit + more:
+            if worker.taken() > limit + more:
                 return f"judging it took longer than {limit:g} s (--timeout)"
         return ""
 
 
 @dataclass
-class _Worker:
+class _Worker(Spawned):
     """A process and what it was asked and has not answered, in order."""
 
-    process: BaseProcess
-    pipe: Connection
     asked: deque[Numbered] = field(default_factory=deque)
-    began: float = field(default_factory=time.monotonic)
-    """When it began with the first of what it was asked."""
-    ready: bool = False
-    warm: bool = False
-    """It has answered before."""
     appetite: int = FIRST
     place: Place | None = None
     """Files that the last episode it was asked for is in."""
     _given: tuple[int, float] = (0, 0.0)
 
-    @classmethod
-    def start(cls, context: SpawnContext, settings: Settings, *, lines: bool) -> _Worker:
-        ours, theirs = context.Pipe()
-        process = context.Process(
-            target=work, args=(theirs, settings), kwargs={"lines": lines}, daemon=True
-        )
-        process.start()
-        theirs.close()
-        return cls(process, ours)
-
     def give(self, chunk: list[Numbered]) -> None:
-        """Only to one that has answered everything: it reads nothing else meanwhile."""
-        self.began = time.monotonic()
-        self._given = len(chunk), self.began
+        """Only to one that has answered everything."""
         self.place = place(chunk[-1])
         self.asked.extend(chunk)
-        try:
-            self.pipe.send([ref for _, ref in chunk])
-        except OSError:
-            return  # it died; reading from it will tell
+        self.send([ref for _, ref in chunk])
+        self._given = len(chunk), self.began
 
     def answered(self) -> None:
         """After each answer: how many episodes fill the time, if this was the last one."""
@@ -205,11 +173,3 @@ class _Worker:
             count, began = self._given
             fits = CHUNK * count / max(time.monotonic() - began, 1e-6)
             self.appetite = int(min(max(fits, 1), 2 * self.appetite, MOST))
-
-    def end(self, patience: float = 0.0) -> int | None:
-        """Ends the process, after so many seconds in which it may end by itself; its exit code."""
-        self.process.join(patience)
-        self.process.kill()
-        self.process.join()
-        self.pipe.close()
-        return self.process.exitcode

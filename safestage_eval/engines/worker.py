@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import signal
 from multiprocessing.connection import Connection
 
 from safestage_eval import heap
-from safestage_eval.child import READY, follow
 from safestage_eval.scoring import Problem, score_episode
+from safestage_eval.spawned import READY, follow
 from safestage_eval.verdicts import EpisodeResult
 
 from .engine import Line
@@ -23,7 +22,6 @@ def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
         settings: of the run.
         lines: answer with results as they are stored.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this process ends it
     follow()
     heap.keep()
     bound = heap.Bound()

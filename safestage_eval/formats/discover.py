@@ -14,7 +14,7 @@ from safestage_eval.errors import TraceError
 
 from . import dataset_layout as layout
 from .episode_ref import EpisodeRef
-from .remote_path import RemotePath, as_path, walk
+from .remote_path import RemotePath, as_path, forget, walk
 from .stored_file import regular
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
@@ -103,6 +103,7 @@ def find(
     given = [paths] if isinstance(paths, str | Path) else list(paths)
     if not given:
         raise TraceError("traces", "no path given.", "MCAP files, datasets, folders")
+    forget()
     seen: set[Path] = set()
     for path in map(as_path, given):
         with _reached(path):
@@ -200,7 +201,7 @@ def _refs_of_folder(folder: Path) -> Iterator[list[EpisodeRef]]:
     """The episodes of each file."""
     for here, folders, files in walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
-        if layout.is_dataset(here):
+        if "meta" in folders and layout.is_dataset(here):
             yield from _refs_of_dataset(here)
             own = ("meta", layout.ASSETS, *layout.TABLE_FOLDERS)
             folders[:] = [name for name in folders if name not in own]

@@ -7,7 +7,8 @@ import os
 import re
 import threading
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Hashable, Iterator
+from dataclasses import dataclass
 from datetime import timedelta
 from fnmatch import fnmatchcase
 from functools import lru_cache
@@ -26,6 +27,12 @@ TRIES, PAUSE = 5, 0.2
 
 ANSWER = 120.0
 """s that an answer may take; a store that does not answer by then is not asked again."""
+
+FRESH = 60.0
+"""s for which what a store said of an object holds in a process; whoever looks for episodes asks anew."""
+
+_HELD = 16
+"""Objects that are held open: those of two episodes or so."""
 
 _STREAM = 1 << 20
 """Bytes that are read at once of an object that is read from its beginning on."""
@@ -90,18 +97,15 @@ class RemotePath(PosixPath):
 
     def is_file(self, **_: Any) -> bool:
         """Whether there is an object."""
-        return bool(self._info().type.value == _FILE)
+        return _held(self) is not None or bool(self._info().type.value == _FILE)
 
     def is_dir(self, **_: Any) -> bool:
         """Whether there are objects below it."""
         return bool(self._info().type.value == _FOLDER)
 
     def stat(self, **_: Any) -> Any:
-        """Size and time of change. Raises FileNotFoundError."""
-        info = self._info()
-        if info.type.value != _FILE:
-            raise FileNotFoundError(2, "no such object", str(self))
-        return SimpleNamespace(st_size=info.size, st_mtime_ns=info.mtime_ns or 0)
+        """Its size. Raises FileNotFoundError."""
+        return SimpleNamespace(st_size=_opened(self).size)
 
     def resolve(self, strict: bool = False) -> RemotePath:  # noqa: ARG002
         """Itself."""
@@ -137,17 +141,15 @@ class RemotePath(PosixPath):
 
     def source(self) -> BlockSource:
         """Open for reading by ranges."""
-        scheme, place = self._split()
-        file = tried(lambda: filesystem(scheme).open_input_file(place))
-        size = tried(file.size)
+        held = _opened(self)
 
         def fetch(at: int, count: int) -> bytes:
-            data: bytes = tried(lambda: file.read_at(count, at))
+            data: bytes = tried(lambda: held.file.read_at(count, at))
             if len(data) != count:
                 raise OSError(5, f"{len(data)} bytes came in place of {count}", str(self))
             return data
 
-        return BlockSource(size, fetch)
+        return BlockSource(held.size, fetch, held.state)
 
     def open(self, mode: str = "r", *_: Any, **__: Any) -> IO[Any]:  # type: ignore[override]
         """For reading bytes."""
@@ -170,6 +172,52 @@ class RemotePath(PosixPath):
 
 _FILE, _FOLDER = 2, 3
 """Values of ``pyarrow.fs.FileType``."""
+
+
+@dataclass(frozen=True)
+class _Object:
+    """An open object and what the store said of it then: to ask for its size is a request.
+
+    Attributes:
+        file: as ``pyarrow.fs`` opened it.
+        size: in bytes.
+        state: another one when the object is another.
+        since: when it was asked for, on the monotonic clock.
+    """
+
+    file: Any
+    size: int
+    state: Hashable
+    since: float
+
+
+_OBJECTS: dict[RemotePath, _Object] = {}
+
+
+def forget() -> None:
+    """Ask stores anew for all that may have another state by now."""
+    _OBJECTS.clear()
+    _assets.cache_clear()
+
+
+def _held(path: RemotePath) -> _Object | None:
+    found = _OBJECTS.get(path)
+    return found if found is not None and time.monotonic() - found.since < FRESH else None
+
+
+def _opened(path: RemotePath) -> _Object:
+    """Asked for once, unless that was long ago or many others were since. Raises OSError."""
+    found = _held(path)
+    if found is None:
+        scheme, place = path._split()  # noqa: SLF001
+        since = time.monotonic()
+        file = tried(lambda: filesystem(scheme).open_input_file(place))
+        size, tag = tried(file.size), (file.metadata() or {}).get(b"ETag")
+        state = tag or path._info().mtime_ns  # noqa: SLF001
+        found = _OBJECTS[path] = _Object(file, size, (state, size), since)
+        while len(_OBJECTS) > _HELD:
+            _OBJECTS.pop(next(iter(_OBJECTS)), None)
+    return found
 
 
 @lru_cache(maxsize=128)

@@ -6,7 +6,7 @@ import io
 import os
 from abc import ABC, abstractmethod
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from pathlib import Path
 from typing import Any
 from weakref import finalize
@@ -23,9 +23,11 @@ class Source(ABC):
 
     Attributes:
         size: in bytes.
+        state: of the content; a file that is written anew has another.
     """
 
     size: int
+    state: Hashable
 
     @abstractmethod
     def read(self, at: int, count: int) -> bytes:
@@ -38,7 +40,8 @@ class LocalSource(Source):
     def __init__(self, path: Path) -> None:
         self._file = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
         finalize(self, os.close, self._file)
-        self.size = os.fstat(self._file).st_size
+        stat = os.fstat(self._file)
+        self.size, self.state = stat.st_size, (stat.st_mtime_ns, stat.st_size)
 
     def read(self, at: int, count: int) -> bytes:
         """See ``Source.read``."""
@@ -51,9 +54,11 @@ class LocalSource(Source):
 class BlockSource(Source):
     """An object of which whole blocks are fetched: those of a range in one request, each once."""
 
-    def __init__(self, size: int, fetch: Callable[[int, int], bytes]) -> None:
+    def __init__(
+        self, size: int, fetch: Callable[[int, int], bytes], state: Hashable = None
+    ) -> None:
         """``fetch``: bytes from a place on, exactly as many as asked for; raises OSError."""
-        self.size, self._fetch = size, fetch
+        self.size, self.state, self._fetch = size, state, fetch
         self._blocks: OrderedDict[int, bytes] = OrderedDict()
 
     def read(self, at: int, count: int) -> bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -35,8 +35,8 @@ class Known:
     metadata: pq.FileMetaData | None = None
 
 
-FOOTERS: dict[tuple[Path, int, int], Known] = {}
-"""By path, time of change and size: shards hold many episodes, and their footers are large."""
+FOOTERS: dict[tuple[Path, Hashable], Known] = {}
+"""By path and state of the file: shards hold many episodes, and their footers are large."""
 
 _FOOTERS_KEPT = 12
 """Those of two shards: of 50 episodes, a shard's take some 6 MB."""
@@ -65,7 +65,7 @@ class StoredTable:
         self.path = path
         self._table, self.names = table, list(columns_of(table))
         try:
-            stat = regular(path)
+            regular(path)
         except (FileNotFoundError, NotADirectoryError):
             raise TraceError(
                 str(path),
@@ -74,9 +74,9 @@ class StoredTable:
             ) from None
         except OSError as error:
             raise TraceError(str(path), f"cannot be read: {error.strerror or error}") from None
-        key = path, stat.st_mtime_ns, stat.st_size
         try:
             self._source = source_of(path)
+            key = path, self._source.state
             self._known = FOOTERS.get(key) or Known(None)
             if self._known.footer is None:
                 self._known.footer = read_footer(self._source)

@@ -1,6 +1,7 @@
 """Datasets in an object store: the same episodes, few requests, and no verdict from a broken line."""
 
 import random
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -121,6 +122,31 @@ class TestRemote:
         assert np.array_equal(poses, load(tmp_path / "made").tracks["upper"].position)
         assert sum(gets) < stored / 2
         assert len(gets) < 40
+
+    def test_each_object_is_asked_for_its_size_once(self, uri, store):
+        """By who looks for episodes and opens them in one process."""
+        store.requests.clear()
+        assert len(score_paths([uri], ["fsh"], jobs=1).results) == 8
+        asked = Counter(path for method, path, _ in store.requests if method == "HEAD")
+        episodes = {path: n for path, n in asked.items() if path.endswith((".mcap", ".parquet"))}
+        assert len(episodes) > 8
+        assert set(episodes.values()) == {1}
+        assert all(n <= 2 for path, n in asked.items() if path.endswith("info.json"))
+
+    def test_an_object_that_is_replaced_is_noticed(self, uri, store, tmp_path, monkeypatch):
+        """By the next look for episodes at once, by who kept a reference a minute later."""
+        save(block("e", room=0.0), tmp_path / "one" / "e.mcap")
+        save(block("e", room=0.012), tmp_path / "two" / "e.mcap")
+        there = upload(tmp_path / "one", store, "changing")
+        (ref,) = discover(there)
+        first = ref.open().tracks["block"].position
+        upload(tmp_path / "two", store, "changing")
+        truth = load(tmp_path / "two").tracks["block"].position
+        assert not np.array_equal(first, truth)
+        assert np.array_equal(load(there).tracks["block"].position, truth)
+        upload(tmp_path / "one", store, "changing")
+        monkeypatch.setattr(remote_path, "FRESH", 0.0)
+        assert np.array_equal(ref.open().tracks["block"].position, first)
 
     @pytest.mark.parametrize("seed", range(3))
     def test_a_store_that_fails_now_and_then_is_asked_again(self, uri, local, store, seed):

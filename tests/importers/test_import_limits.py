@@ -10,7 +10,7 @@ from scenes import Scene
 from studio import run
 from unending import opened, stillborn, without_end
 
-from safestage_eval import child
+from safestage_eval import child, spawned
 from safestage_eval.child import Children, Ended, Question
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, validate
@@ -103,7 +103,7 @@ def test_each_trouble_is_told_and_costs_nobody_else(tmp_path, monkeypatch):
 
 
 def test_processes_that_cannot_begin(monkeypatch):
-    monkeypatch.setattr(child, "STARTS", 1)
+    monkeypatch.setattr(spawned, "STARTS", 1)
     with Children(1, stillborn) as children, pytest.raises(InputError, match="exit code 3"):
         children.ask(Question("x"))
 

@@ -10,7 +10,7 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 EVALUATOR, SIMULATOR = "safestage_eval", "simulate"
 
 ROOMS = [
-    {"errors", "units", "simulator", "compiled", "heap", "blas", "memory", "child"},
+    {"errors", "units", "simulator", "compiled", "heap", "blas", "memory", "spawned", "child"},
     {"episode"},
     {"formats"},
     {"geometry"},

@@ -13,7 +13,8 @@ from safestage_eval.metrics import outcomes, rates
 from safestage_eval.rules import load_rules
 from safestage_eval.scoring import Problem, score_paths
 from safestage_eval.whatif.again import Again
-from safestage_eval.whatif.sweep import _first, sweep
+from safestage_eval.whatif.sweep import sweep
+from safestage_eval.whatif.turning import _first
 from safestage_eval.whatif.values import between, chosen, text_of
 
 ROOMS = {"a": 0.004, "b": 0.012, "c": 0.031, "d": 0.2}
