@@ -212,7 +212,7 @@ def _opened(path: RemotePath) -> _Object:
         scheme, place = path._split()  # noqa: SLF001
         since = time.monotonic()
         file = tried(lambda: filesystem(scheme).open_input_file(place))
-        size, tag = tried(file.size), (file.metadata() or {}).get(b"ETag")
+        size, tag = tried(file.size), (file.metadata() or {}).get("ETag")
         state = tag or path._info().mtime_ns  # noqa: SLF001
         found = _OBJECTS[path] = _Object(file, size, (state, size), since)
         while len(_OBJECTS) > _HELD:

@@ -28,6 +28,7 @@ from .values import amount
 GROUPS = ("policy", "prompt", "stage", "task", "rule")
 """What curves can be told apart by."""
 
+
 @dataclass(frozen=True)
 class Swept:
     """One episode under every value.

@@ -123,13 +123,14 @@ class TestRemote:
         assert sum(gets) < stored / 2
         assert len(gets) < 40
 
-    def test_each_object_is_asked_for_its_size_once(self, uri, store):
+    @pytest.mark.parametrize("kind", ["dataset", "deeper"])
+    def test_each_object_is_asked_for_its_size_once(self, uri, store, kind):
         """By who looks for episodes and opens them in one process."""
         store.requests.clear()
-        assert len(score_paths([uri], ["fsh"], jobs=1).results) == 8
+        assert len(score_paths([f"{uri}/{kind}"], ["fsh"], jobs=1).results) == 4
         asked = Counter(path for method, path, _ in store.requests if method == "HEAD")
         episodes = {path: n for path, n in asked.items() if path.endswith((".mcap", ".parquet"))}
-        assert len(episodes) > 8
+        assert len(episodes) >= 4
         assert set(episodes.values()) == {1}
         assert all(n <= 2 for path, n in asked.items() if path.endswith("info.json"))
 
