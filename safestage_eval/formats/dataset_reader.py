@@ -30,14 +30,14 @@ from safestage_eval.errors import TraceError
 
 from . import dataset_layout as layout
 from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, WXYZ, XYZ, schema
-from .contact_points import GeomNames
-from .episode_row import from_row, mesh_keys
+from .episode_row import from_row
 from .lazy import StoredItems, StoredTrack
 from .parquet_columns import Block, Values
 from .parquet_footer import Footer
 from .ply import from_ply
 from .stored_contacts import Source, StoredContacts
 from .stored_file import present, regular, stays, within
+from .stored_scene import known_scene, new_scene
 from .stored_table import StoredTable
 
 Kind = TypeVar("Kind")
@@ -174,18 +174,22 @@ class _StoredEpisode:
 
     def episode(self) -> Episode:
         geometry = self.table("geometry")
-        shapes = geometry.records(geometry.names, self.index)
+        names = [name for name in geometry.names if name != "episode_index"]
+        shapes = geometry.records(names, self.index)
         if shapes is None:
-            shapes = self.few(geometry.rows(geometry.names, self.index)).to_pylist()
-        header = from_row(self.row, self.few(shapes), self.where)
+            shapes = self.few(geometry.rows(names, self.index)).to_pylist()
+        text = self.row.get("bodies")
+        scene = known_scene(text, self.few(shapes))
+        header = from_row(self.row, shapes, self.where, scene and scene.bodies)
         self.frames_table = self.table("frames")
         t = self.time()
         if self.checked:
-            self.demand(list(check_header(header, self.where)))
+            self.demand(list(check_header(header, self.where, shapes=scene is None)))
             self.demand(check_time(t, self.where))
-        self.body_index = {body.name: i for i, body in enumerate(header.bodies)}
+        scene = scene or new_scene(text, shapes, header, sound=self.checked)
+        self.body_index = scene.places
         self.bodies_table = self.table("bodies")
-        meshes = mesh_keys(header)
+        meshes = scene.meshes
         attachments = self.named("attachments", dict[str, str], "{}")
         files = present(self.dataset, layout.ASSETS, (f"{key}.ply" for key in meshes), self.where)
         stored = [name.removesuffix(".ply") for name in files]
@@ -203,7 +207,7 @@ class _StoredEpisode:
             header=header,
             t=t,
             tracks=StoredItems(self.body_index, self.track),
-            _contacts=partial(self.contacts, GeomNames(header).owner),
+            _contacts=partial(self.contacts, scene.owner),
             _frames=self.robot,
             meshes=StoredItems(stored, self.mesh),
             channels=StoredItems(channels, self.channel),

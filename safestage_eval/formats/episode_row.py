@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from safestage_eval.episode import Header
+from safestage_eval.episode import Body, Header
 from safestage_eval.errors import TraceError
 
 from .arrow_tables import EPISODES
@@ -53,20 +53,40 @@ def to_geometry(header: Header, episode_index: int) -> list[dict[str, Any]]:
     ]
 
 
-def from_row(row: Mapping[str, Any], geometry: list[dict[str, Any]], where: str) -> Header:
+def from_row(
+    row: Mapping[str, Any],
+    geometry: list[dict[str, Any]],
+    where: str,
+    bodies: tuple[Body, ...] | None = None,
+) -> Header:
     """The header again. Columns that are absent or null take the header's defaults.
+
+    Args:
+        row: of ``meta/episodes``.
+        geometry: rows of ``geometry``.
+        where: what messages say.
+        bodies: what the row and the geometry say of them, if that is known.
 
     Raises:
         TraceError: text that is not JSON, a geom of an unknown body, or values a header refuses.
     """
     data = {name: row[name] for name in _FLAT_FIELDS if row.get(name) is not None}
-    for name in (*_JSON_FIELDS, "bodies"):
+    for name in (*_JSON_FIELDS, *(() if bodies is not None else ("bodies",))):
         if row.get(name) is None:
             continue
         try:
             data[name] = json.loads(row[name])
         except (json.JSONDecodeError, RecursionError) as error:
             raise TraceError(f"{where}, column {name}", f"not JSON: {error}") from None
+    if bodies is None:
+        _add_geoms(data, geometry, where)
+    else:
+        data["bodies"] = bodies
+    return validated(Header, data, f"{where}, header field")
+
+
+def _add_geoms(data: dict[str, Any], geometry: list[dict[str, Any]], where: str) -> None:
+    """To the bodies of a header that they belong to."""
     listed = data.get("bodies", [])
     if not isinstance(listed, list) or not all(isinstance(body, dict) for body in listed):
         raise TraceError(f"{where}, column bodies", "not a list of bodies.", "JSON records")
@@ -84,7 +104,6 @@ def from_row(row: Mapping[str, Any], geometry: list[dict[str, Any]], where: str)
             )
         own = {name: value for name, value in geom.items() if value is not None}
         bodies[geom["body"]].setdefault("geoms", []).append(own)
-    return validated(Header, data, f"{where}, header field")
 
 
 def validated(model: type[Model], data: Any, place: str) -> Model:

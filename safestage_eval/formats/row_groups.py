@@ -71,13 +71,22 @@ class RowGroups(Sequence[Group]):
         """How many rows one has."""
         return self._rows[number]
 
-    def of_episode(self, episode: int) -> Sequence[Group]:
-        """Those that may hold rows of an episode."""
+    def single(self, number: int, key: str) -> Any:
+        """As ``Group.single``, of one of them."""
+        if key not in self._limits:
+            return None
+        least, greatest = self._limits[key]
+        return least[number] if least[number] == greatest[number] else None
+
+    def of_episode(self, episode: int) -> tuple[Sequence[int], bool]:
+        """Numbers of those that may hold rows of an episode, and whether they hold no other rows."""
         if self._by_episode is None:
             self._by_episode = self._sorted()
         if self._by_episode:
-            return [self[number] for number in self._by_episode.get(episode, ())]
-        return [group for group in self if group.may_hold(episode_index=episode)]
+            return self._by_episode.get(episode, ()), True
+        found = [group for group in self if group.may_hold(episode_index=episode)]
+        exact = all(group.only(episode_index=episode) for group in found)
+        return [group.number for group in found], exact
 
     def _sorted(self) -> dict[int, list[int]]:
         """Numbers by episode; empty where a group holds several, or does not say."""

@@ -47,7 +47,7 @@ class _Column(NamedTuple):
     Attributes:
         leaf: of the column.
         kind: its physical type.
-        begin, end: place of its bytes in the file.
+        begin, end: place of its bytes.
         values: how many it has, missing ones included.
     """
 
@@ -58,8 +58,31 @@ class _Column(NamedTuple):
     values: int
 
 
+class _Read(NamedTuple):
+    """Rows that were read, and all that they depend on.
+
+    Attributes:
+        data: the bytes of their columns.
+        columns: those, by where they are in ``data``.
+        names: of the columns.
+        rows: how many there must be.
+        records: the rows.
+    """
+
+    data: bytes
+    columns: list[_Column]
+    names: tuple[str, ...]
+    rows: int
+    records: list[dict[str, Any]]
+
+
+_READ: list[_Read] = []
+"""Those of the last few scenes: a task's episodes mostly have the same shapes, byte for byte."""
+_READ_KEPT = 8
+
+
 def read_records(
-    file: Source, footer: Footer, group: int, kinds: Mapping[str, str]
+    file: Source, footer: Footer, group: int, kinds: Mapping[str, str], *, again: bool = False
 ) -> list[dict[str, Any]] | None:
     """The rows of a row group as pyarrow tells them, in a third of the time.
 
@@ -71,6 +94,8 @@ def read_records(
         footer: of the file.
         group: number of the row group.
         kinds: column → its type as ``arrow_tables`` names it.
+        again: other groups are likely to hold the same. Where they do, byte for byte, the very same
+            rows are given back, which must not be changed.
 
     Returns:
         None where only pyarrow can tell.
@@ -82,11 +107,20 @@ def read_records(
     if end > file.size:
         return None
     data = file.read(begin, end - begin)
-    rows = footer.groups.rows(group)
-    cells = _decoded(data, begin, columns, rows) if len(data) == end - begin else None
+    if len(data) != end - begin:
+        return None
+    rows, names = footer.groups.rows(group), tuple(kinds)
+    columns = [c._replace(begin=c.begin - begin, end=c.end - begin) for c in columns]
+    for known in _READ if again else ():
+        if known.data == data and known[1:4] == (columns, names, rows):
+            return known.records
+    cells = _decoded(data, columns, rows)
     if cells is None:
         return None
-    return [dict(zip(kinds, row, strict=True)) for row in zip(*cells, strict=True)]
+    records = [dict(zip(kinds, row, strict=True)) for row in zip(*cells, strict=True)]
+    if again:
+        _READ[:] = [_Read(data, columns, names, rows, records), *_READ[: _READ_KEPT - 1]]
+    return records
 
 
 def _columns(footer: Footer, group: int, kinds: Mapping[str, str]) -> list[_Column] | None:
@@ -111,11 +145,11 @@ def _columns(footer: Footer, group: int, kinds: Mapping[str, str]) -> list[_Colu
     return found
 
 
-def _decoded(data: bytes, begin: int, columns: list[_Column], rows: int) -> list[list[Any]] | None:
-    """The cells of each column."""
+def _decoded(data: bytes, columns: list[_Column], rows: int) -> list[list[Any]] | None:
+    """The cells of each column, whose places are those in ``data``."""
     from .record_kernels import find_all_pages, read_values
 
-    chunks = np.array([(c.begin - begin, c.end - begin, c.values) for c in columns])
+    chunks = np.array([(c.begin, c.end, c.values) for c in columns])
     found, stack = np.empty((64, 3), np.int64), np.empty((16, 4), np.int64)
     pages = np.empty((3 * len(columns) + MOST // 1000, 7), np.int64)
     count = find_all_pages(np.frombuffer(data, np.uint8), chunks, found, stack, pages)

@@ -101,25 +101,26 @@ class _ByPair:
         table = self._source.table
         found: dict[Pair, list[tuple[int, slice]]] = {}
         last, rows = None, 0
-        for group in table.groups(self._source.episode_index):
-            if not group.only(episode_index=self._source.episode_index):
-                return None
+        groups, exact = table.groups(self._source.episode_index)
+        for group in groups if exact else ():
             for pair, part in self._runs(group):
                 if pair in found and pair != last:
                     return None
-                found.setdefault(pair, []).append((group.number, part))
+                found.setdefault(pair, []).append((group, part))
                 last, rows = pair, rows + part.stop - part.start
+        if not exact:
+            return None
         self._source.complete(rows)
         return found
 
-    def _runs(self, group: Any) -> list[tuple[Pair, slice]]:
+    def _runs(self, group: int) -> list[tuple[Pair, slice]]:
         """The pairs of a row group and their rows in it; told by its statistics if there is one."""
         source = self._source
-        names = [group.single(key) for key in ("body1", "body2")]
+        names = [source.table.single(group, key) for key in ("body1", "body2")]
         first, second = (source.body_index.get(name, -1) for name in names)
         if 0 <= first < second:
-            return [((first, second), slice(0, group.rows))]
-        rows = source.table.read([group.number], ("body1", "body2"))
+            return [((first, second), slice(0, source.table.rows_of(group)))]
+        rows = source.table.read([group], ("body1", "body2"))
         codes = [source.table.codes(rows, key, source.body_index) for key in ("body1", "body2")]
         new = (codes[0][1:] != codes[0][:-1]) | (codes[1][1:] != codes[1][:-1])
         cuts = [0, *(np.flatnonzero(new) + 1).tolist(), len(codes[0])]

@@ -21,7 +21,6 @@ from .arrow_tables import columns_of
 from .parquet_columns import Block, Values, read_blocks
 from .parquet_footer import Footer, by_pyarrow, read_footer, without_keys
 from .remote_path import source_of
-from .row_groups import Group
 from .small_table import read_records
 from .source import LocalSource, SourceStream
 from .stored_file import regular
@@ -90,8 +89,7 @@ class StoredTable:
         if len(FOOTERS) > _FOOTERS_KEPT:
             FOOTERS.pop(next(iter(FOOTERS)), None)
         self.footer = self._known.footer
-        self._found: dict[tuple[int, str | None], tuple[list[Group], bool]] = {}
-        self._bodies: dict[int, dict[str, list[Group]] | None] = {}
+        self._bodies: dict[int, dict[str, list[int]] | None] = {}
         self._groups, self.columns = self.footer.groups, self.footer.columns
 
     @cached_property
@@ -118,11 +116,11 @@ class StoredTable:
         Raises:
             TraceError: a column is missing, or the bytes cannot be read.
         """
-        groups, exact = self._of_body(episode, body)
+        groups, exact = self.groups(episode, body)
         keys = [] if exact else ["episode_index"] if body is None else ["episode_index", "body"]
         wanted = [*columns, *(key for key in keys if key not in columns)]
         self._demand(wanted)
-        table = self.read([group.number for group in groups], wanted)
+        table = self.read(groups, wanted)
         if exact:
             return table
         try:
@@ -143,17 +141,19 @@ class StoredTable:
 
         Raises TraceError when the file cannot be read.
         """
-        groups, exact = (self._groups, True) if episode is None else self._of_body(episode, None)
+        everything = range(len(self._groups)), True
+        groups, exact = everything if episode is None else self.groups(episode)
         types = columns_of(self._table)
+        kinds = {name: types[name].type for name in columns}
+        again = episode is not None and len(groups) == 1
         found: list[dict[str, Any]] = []
         for group in groups if exact else ():
             try:
-                kinds = {name: types[name].type for name in columns}
-                part = read_records(self._source, self.footer, group.number, kinds)
+                part = read_records(self._source, self.footer, group, kinds, again=again)
             except OSError as error:
                 raise _unreadable(self.path, error) from None
-            if part is None:
-                return None
+            if part is None or again:
+                return part
             found += part
         return found if exact else None
 
@@ -168,16 +168,16 @@ class StoredTable:
         self, blocks: tuple[Block, ...], episode: int, body: str | None = None
     ) -> list[Values]:
         """Several such arrays, in one go where they are stored as usual."""
-        groups, exact = self._of_body(episode, body)
+        groups, exact = self.groups(episode, body)
         if not exact:
             return [
                 Values(self._stacked(self.rows(names, episode, body), names, dtype), False)
                 for names, dtype in blocks
             ]
         if len(groups) == 1:
-            return self.of_group(groups[0].number, blocks)
+            return self.of_group(groups[0], blocks)
         none = [Values(np.empty((0, len(names)), dtype), False) for names, dtype in blocks]
-        parts = [none, *(self.of_group(group.number, blocks) for group in groups)]
+        parts = [none, *(self.of_group(group, blocks) for group in groups)]
         return [
             Values(np.concatenate([values.array for values in part]), False)
             for part in zip(*parts, strict=True)
@@ -216,28 +216,36 @@ class StoredTable:
                     ", ".join(self.names),
                 )
 
-    def _of_body(self, episode: int, body: str | None) -> tuple[list[Group], bool]:
-        """``groups``, and whether they hold no other rows."""
-        if (episode, body) not in self._found:
-            groups = self.groups(episode, body)
-            exact = all(group.only(episode_index=episode, body=body) for group in groups)
-            self._found[episode, body] = groups, exact
-        return self._found[episode, body]
+    def groups(self, episode: int, body: str | None = None) -> tuple[Sequence[int], bool]:
+        """Numbers of the row groups that may hold rows of an episode (and of one body).
 
-    def groups(self, episode: int, body: str | None = None) -> list[Group]:
-        """The row groups that may hold rows of an episode (and of one body), in stored order."""
-        if body is not None and self._by_body(episode) is not None:
-            return (self._by_body(episode) or {}).get(body, [])
-        return [g for g in self._groups.of_episode(episode) if g.may_hold(body=body)]
+        In stored order, and whether they hold no other rows.
+        """
+        numbers, exact = self._groups.of_episode(episode)
+        if body is None:
+            return numbers, exact
+        told = self._by_body(episode, numbers)
+        if told is not None:
+            return told.get(body, []), exact
+        numbers = [number for number in numbers if self._groups[number].may_hold(body=body)]
+        return numbers, exact and all(self._groups.single(n, "body") == body for n in numbers)
 
-    def _by_body(self, episode: int) -> dict[str, list[Group]] | None:
+    def _by_body(self, episode: int, numbers: Sequence[int]) -> dict[str, list[int]] | None:
         """Row groups of each body; None where one holds several, or does not say."""
         if episode not in self._bodies:
-            told: dict[str, list[Group]] = {}
-            for group in self.groups(episode):
-                told.setdefault(group.single("body"), []).append(group)
+            told: dict[str, list[int]] = {}
+            for number in numbers:
+                told.setdefault(self._groups.single(number, "body"), []).append(number)
             self._bodies[episode] = None if None in told else told
         return self._bodies[episode]
+
+    def rows_of(self, group: int) -> int:
+        """How many rows a row group has."""
+        return self._groups.rows(group)
+
+    def single(self, group: int, key: str) -> Any:
+        """The only value of a key in a row group; None where there are several, or it does not say."""
+        return self._groups.single(group, key)
 
     def read(self, groups: Sequence[int], columns: Sequence[str]) -> pa.Table:
         """All rows of some row groups. Raises TraceError on damaged bytes, and for too many rows."""
