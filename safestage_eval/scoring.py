@@ -177,10 +177,13 @@ def understood(
         InputError: a backend that does not exist, or is not installed.
     """
     from safestage_eval.engines import Settings
-    from safestage_eval.geometry.backend import check_backend
     from safestage_eval.rules import load_bind, load_rules, parse_overrides
+    from safestage_eval.rules.digest import BACKEND
 
-    check_backend(backend)
+    if backend != BACKEND:  # which is there always, and takes long to load
+        from safestage_eval.geometry.backend import check_backend
+
+        check_backend(backend)
     loaded = load_rules(list(rules))
     parse_overrides(loaded, overrides or {})
     bound = None if bind is None else load_bind(bind, loaded)

@@ -56,6 +56,7 @@ class Log:
         """The answer under a key, JSON; None where there is none."""
         if self._lines is None:  # the last line of a key is the one that counts
             self._lines = {line[:KEY]: line for line in self._data.split(b"\n")}
+            self._data = b""
         line = self._lines.get(key.encode())
         if line is None:
             return None
@@ -70,10 +71,12 @@ class Log:
         return b"".join(b"\n" + line for line in self._used)
 
 
-def append(path: str, answers: Mapping[str, Any], keep: bytes = b"") -> None:
+def append(
+    path: str | Path, answers: Mapping[str, Any], keep: bytes = b"", *, most: int | None = None
+) -> None:
     """Add answers (JSON) to a file, in one write. Raises OSError.
 
-    ``keep``: lines that a file which has grown too long begins anew with.
+    ``keep``: lines that a file which has grown too long, beyond ``most`` bytes, begins anew with.
     """
     lines = []
     for key, value in answers.items():
@@ -86,7 +89,7 @@ def append(path: str, answers: Mapping[str, Any], keep: bytes = b"") -> None:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
         file = os.open(path, _APPEND, 0o666)
     try:
-        if os.lseek(file, 0, os.SEEK_END) <= MOST:
+        if os.lseek(file, 0, os.SEEK_END) <= (MOST if most is None else most):
             os.write(file, data)
             return
     finally:

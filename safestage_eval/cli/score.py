@@ -158,7 +158,6 @@ def command(
     kept = None if no_cache else cache
     if kept is not None and (why := unusable(kept)):
         click.echo(f"--cache {kept}: {why}; nothing is kept there", err=True)
-    announce_compiling()
     choice = run.Choice(filters, sample, seed, resume, engine, address, jobs)
     asked = understood(
         list(rules) or builtin_names(),
@@ -172,7 +171,7 @@ def command(
     )
     with progress("scoring") as tell:
         heap.keep()
-        scores = run.run(traces, asked, choice, tell)
+        scores = run.run(traces, asked, choice, tell, announce_compiling)
     if scores.sample:
         click.echo(scores.sample, err=True)
     changes = None

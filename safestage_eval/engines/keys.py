@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
+from contextlib import suppress
 from pathlib import Path
 
 from safestage_eval.cache import question
 from safestage_eval.cache.identity import code_version
+from safestage_eval.cache.log import Log, append
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.dataset_reader import read_rows
-from safestage_eval.formats.mcap_reader import read_header
 
 from .settings import Settings
 
 _PLACE = ("episode_index", "file")
 """Columns that say where an episode is stored and nothing about it."""
+_MOST = 1 << 29
+"""Bytes that digests of headers may take; an episode's takes about 40."""
 
 
 class Keys:
@@ -24,10 +27,16 @@ class Keys:
 
     A key holds wherever the episode is stored: its trace is in it by the content hash that the
     file states, which ``safestage validate`` compares with the content.
+
+    Digests of headers are kept by the bytes of the file of ``meta/episodes`` that they come from, so
+    that a file that was read before is understood no more.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, known: Path | None = None) -> None:
+        """``known``: file of digests of headers from before; None: none is kept."""
         self._settings, self._rules = settings, settings.load()
+        self._known = known
+        self._log = Log(b"") if known is None else Log.read(known)
         self._file: Path | None = None
         self._headers: dict[int | None, str] = {}
 
@@ -48,16 +57,32 @@ class Keys:
         """A digest of everything that the header says: roles and goal are not in the trace's hash."""
         if self._file != ref.path:
             try:
-                self._headers = _headers(ref)
+                self._headers = self._headers_of(ref)
             except (TraceError, OSError):
                 self._headers = {}
             self._file = ref.path
         return self._headers.get(ref.episode_index)
 
+    def _headers_of(self, ref: EpisodeRef) -> dict[int | None, str]:
+        """Those of all episodes in the same file, from before or read now."""
+        if ref.format == "mcap" or self._known is None:
+            return _headers(ref)
+        before = _digest_of_file(ref.path)
+        told = self._log.get(before)
+        if told is not None:
+            return dict(told)
+        found = _headers(ref)
+        if _digest_of_file(ref.path) == before:
+            with suppress(OSError):
+                append(self._known, {before: list(found.items())}, most=_MOST)
+        return found
+
 
 def _headers(ref: EpisodeRef) -> dict[int | None, str]:
     """Those of all episodes in the same file."""
     if ref.format == "mcap":
+        from safestage_eval.formats.mcap_reader import read_header
+
         return {None: _digest(read_header(ref.path)[0].model_dump_json())}
     found: dict[int | None, str] = {}
     for row in read_rows(ref.path):
@@ -65,6 +90,11 @@ def _headers(ref: EpisodeRef) -> dict[int | None, str]:
         said = {name: value for name, value in row.items() if name not in _PLACE}
         found[index] = _digest(json.dumps(said, sort_keys=True, default=str))
     return found
+
+
+def _digest_of_file(path: Path) -> str:
+    with path.open("rb") as stream:
+        return _digest(f"{code_version()} {hashlib.sha256(stream.read()).hexdigest()}")
 
 
 def _digest(text: str) -> str:

@@ -47,6 +47,9 @@ PART_RESULTS, PART_BYTES, PART_TIME = 64, 1 << 21, 10.0
 ANSWERS = "answers"
 """Folder of verdicts by rule, beside the parts: for the next run under other rules."""
 
+HEADERS = "headers"
+"""File of digests of headers, beside the parts."""
+
 Tell = Callable[[int, int | None], None]
 
 
@@ -78,6 +81,7 @@ def run(
     settings: Settings,
     choice: Choice | None = None,
     progress: Tell | None = None,
+    starting: Callable[[], None] | None = None,
 ) -> Scores:
     """Judge what is found under the paths.
 
@@ -89,6 +93,7 @@ def run(
         settings: from ``scoring.understood``.
         choice: which episodes, and where.
         progress: told (done, total) after each episode; total is None as long as it is not known.
+        starting: called before the first episode is judged, if any is.
 
     Raises:
         TraceError, InputError: as ``scoring.score_paths``, and when results cannot be written.
@@ -97,7 +102,7 @@ def run(
     if settings.bind is not None:
         speaks(settings.bind, _Chosen(find(traces), choice.where))
     chosen = _Chosen(find(traces), choice.where)
-    refs, told = iter(chosen), ""
+    refs, told, starting = iter(chosen), "", starting or (lambda: None)
     if choice.sample is not None:
         picked = sample(refs, choice.sample, choice.seed)
         refs, told = iter(picked.refs), picked.told
@@ -107,9 +112,10 @@ def run(
         refs = chain(first, refs)
         held = first if len(first) <= IN_MEMORY else None
     if held is not None:
+        starting()
         scores = _in_memory(held, settings, choice.jobs, progress)
     else:
-        scores = _on_disk(refs, settings, choice, progress)
+        scores = _on_disk(refs, settings, choice, progress, starting)
     left_out = dict.fromkeys(chosen.aborted)
     for result in scores.results if left_out else ():
         left_out.pop(result.episode_id, None)  # it was tried again
@@ -167,7 +173,11 @@ def _in_memory(
 
 
 def _on_disk(
-    refs: Iterable[EpisodeRef], settings: Settings, choice: Choice, progress: Tell | None
+    refs: Iterable[EpisodeRef],
+    settings: Settings,
+    choice: Choice,
+    progress: Tell | None,
+    starting: Callable[[], None],
 ) -> Scores:
     with ExitStack() as until:
         if choice.resume is None:
@@ -177,11 +187,14 @@ def _on_disk(
             folder, place = None, choice.resume
             if settings.cache is None and choice.engine == "local":
                 settings = replace(settings, cache=place / ANSWERS, verdicts_only=True)
-        keys = None if choice.resume is None else Keys(settings)  # nobody asks for them again
+        keys = (
+            None if choice.resume is None else Keys(settings, place / HEADERS)
+        )  # else nobody asks
         ledger = _Ledger(Parts(place / "parts"), keys, progress, folder)
         if choice.engine == "ray":
             from .ray import judge
 
+            starting()
             with redirect_stdout(sys.stderr):  # where Ray tells of processes that died
                 judge(ledger.todo(refs), ledger, settings, choice.address)
         else:
@@ -189,12 +202,20 @@ def _on_disk(
                 Local(choice.jobs or os.cpu_count() or 1, settings, lines=True)
             )
             try:
-                for number, found in engine.run(ledger.todo(refs)):
+                for number, found in engine.run(_announced(ledger.todo(refs), starting)):
                     ledger.note(number, found)
             finally:
                 ledger.flush()
     prune(settings)
     return ledger.scores(titles(settings.rules))
+
+
+def _announced(todo: Iterable[Numbered], starting: Callable[[], None]) -> Iterator[Numbered]:
+    """The same; what is to happen before the first one happens."""
+    for count, episode in enumerate(todo):
+        if not count:
+            starting()
+        yield episode
 
 
 def prune(settings: Settings) -> None:
