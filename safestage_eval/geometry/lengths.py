@@ -39,6 +39,12 @@ def near_first(values: NDArray[np.float32], frames: I64, room: float) -> NDArray
     return near
 
 
+def near_for(values: NDArray[np.float32], frames: I64, room: float) -> int:
+    """How many of the frames (N,), from the first on, ``near_first`` is true of without a break."""
+    some = as_numbers(values)
+    return int(_near_for(some, frames, some.dtype.type(room)))
+
+
 @kernel
 def _distances(points: Numbers, others: Numbers, axes: int, out: F64) -> None:
     last = others.shape[0] - 1
@@ -58,3 +64,12 @@ def _near_first(values: Numbers, frames: I64, room: Any, near: NDArray[np.bool_]
             if not abs(values[frames[n], i] - values[frames[0], i]) < room:
                 near[n] = False
                 break
+
+
+@kernel
+def _near_for(values: Numbers, frames: I64, room: Any) -> int:
+    for n in range(frames.shape[0]):
+        for i in range(values.shape[1]):
+            if not abs(values[frames[n], i] - values[frames[0], i]) < room:
+                return n
+    return len(frames)

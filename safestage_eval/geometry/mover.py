@@ -154,10 +154,15 @@ def turn_chord(orientation: F64, t: int, s: int) -> float:
 @helper
 def chord(motion: Motion, radius: float, t: int, s: int) -> float:
     """Upper bound (m) on how far any point of the body is displaced between frames s and t."""
+    return displaced(motion, radius, t, s, turn_chord(motion.orientation, t, s))
+
+
+@helper
+def displaced(motion: Motion, radius: float, t: int, s: int, turn: float) -> float:
+    """As ``chord``, where the ``turn_chord`` between the frames is known."""
     dx = motion.centre[t, 0] - motion.centre[s, 0]
     dy = motion.centre[t, 1] - motion.centre[s, 1]
     dz = motion.centre[t, 2] - motion.centre[s, 2]
-    turn = turn_chord(motion.orientation, t, s)
     move = math.sqrt(dx * dx + dy * dy + dz * dz)
     return (move + radius * turn if turn > 0.0 else move) * ROUNDING
 
@@ -195,8 +200,9 @@ def _prepare(motion: Motion, centre: F64, half: F64, radius: float) -> bool:
             c = motion.centre[t, i]
             motion.low[k, i] = c if first else min(motion.low[k, i], c)
             motion.high[k, i] = c if first else max(motion.high[k, i], c)
+        turn = turn_chord(motion.orientation, t, t - 1) if t > 0 else 0.0
         if t > 0:
-            motion.path[t] = motion.path[t - 1] + chord(motion, radius, t, t - 1)
+            motion.path[t] = motion.path[t - 1] + displaced(motion, radius, t, t - 1, turn)
         if first:
             turned = 0.0
             for i in range(3):
@@ -205,7 +211,7 @@ def _prepare(motion: Motion, centre: F64, half: F64, radius: float) -> bool:
                     e += abs(rotation[i, j]) * half[j] if rotation[i, j] != 0.0 else 0.0
                 motion.extent[k, i] = e
         else:
-            turned += turn_chord(motion.orientation, t, t - 1)
+            turned += turn
         if t % BLOCK == BLOCK - 1 or t == frames - 1:
             for i in range(3):
                 wider = (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arrays import as_numbers, owned
-from .turns import angles, turn_all
+from .turns import angles, point_speeds, turn_all
 
 F64 = NDArray[np.float64]
 
@@ -79,6 +79,31 @@ def transform(position: ArrayLike, orientation: ArrayLike, point: ArrayLike) -> 
                 raise ValueError(_NO_TURN)
             return out
     return rotate(orientation, point) + np.asarray(position, np.float64)
+
+
+def point_velocity(
+    linear: ArrayLike, angular: ArrayLike, orientation: ArrayLike, point: ArrayLike
+) -> F64:
+    """(T, 3) m/s, world: velocity of a point (3,) given in the local frames of T poses.
+
+    v + ω × (R p), of the frames' velocities (T, 3) in m/s and rad/s, world. Raises ValueError where
+    a quaternion has norm 0 or is not finite.
+    """
+    v, omega, q = np.asarray(linear), np.asarray(angular), np.asarray(orientation)
+    if not all(c.dtype == np.float32 and c.flags.carray for c in (v, omega, q)):
+        return point_velocity_slowly(linear, angular, orientation, point)
+    out = np.empty(v.shape)
+    if not point_speeds(v, omega, q, owned(point), out):
+        raise ValueError(_NO_TURN)
+    return out
+
+
+def point_velocity_slowly(
+    linear: ArrayLike, angular: ArrayLike, orientation: ArrayLike, point: ArrayLike
+) -> F64:
+    """The same, step by step, for columns that are not as a trace stores them."""
+    arm, omega = rotate(orientation, point), np.asarray(angular, np.float64)
+    return np.asarray(np.asarray(linear, np.float64) + np.cross(omega, arm))
 
 
 def inverse_transform(position: ArrayLike, orientation: ArrayLike, point: ArrayLike) -> F64:

@@ -52,6 +52,27 @@ def turn_all(orientation: Numbers, vector: F64, out: F64) -> bool:
 
 
 @kernel
+def point_speeds(
+    linear: Numbers, angular: Numbers, orientation: Numbers, point: F64, out: F64
+) -> bool:
+    """Write v + ω × (R p) (T, 3) m/s: the velocity of a point (3,) given in the local frame.
+
+    ``linear`` and ``angular`` (T, 3) are those of the local frame's origin, world, in m/s and
+    rad/s, ``orientation`` is (T, 4). False where a quaternion has norm 0 or is not finite.
+    """
+    out[:] = 0.0
+    if not turn_all(orientation, point, out):
+        return False
+    for t in range(out.shape[0]):
+        x, y, z = out[t, 0], out[t, 1], out[t, 2]
+        u, v, w = np.float64(angular[t, 0]), np.float64(angular[t, 1]), np.float64(angular[t, 2])
+        out[t, 0] = np.float64(linear[t, 0]) + (v * z - w * y)
+        out[t, 1] = np.float64(linear[t, 1]) + (w * x - u * z)
+        out[t, 2] = np.float64(linear[t, 2]) + (u * y - v * x)
+    return True
+
+
+@kernel
 def angles(first: Numbers, second: Numbers, out: F64) -> bool:
     """Write the angles (T,) rad between quaternions (T, 4) and others, (T, 4) or (1, 4).
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.contacts import Pair
-from safestage_eval.geometry.lengths import near_first
+from safestage_eval.geometry.lengths import near_first, near_for
 from safestage_eval.geometry.pose import angle, matrix, relative
 from safestage_eval.signals.contact_kernels import rows_by_frame
 from safestage_eval.signals.motion import com_position
@@ -58,7 +58,7 @@ class Arrangement:
         """Pair → its rows with a force at one frame; only pairs that have some."""
         found = {}
         for pair in pairs:
-            first, stop = np.searchsorted(self.frames(pair), [frame, frame + 1])
+            first, stop = self.frames(pair).searchsorted((frame, frame + 1))
             if first < stop:
                 found[pair] = self.rows(pair)[first:stop]
         return found
@@ -104,7 +104,7 @@ class Arrangement:
 
     def _alike(self, pairs: Sequence[Pair], frames: NDArray[np.intp]) -> int:
         """How many of the frames (N,), from the first on, are like the first."""
-        done, step = 1, 16
+        done, step = max(1, self._stay_for(pairs, frames)), 16
         while done < len(frames):
             some = frames[np.concatenate([[0], np.arange(done, min(done + step, len(frames)))])]
             moved = self._moved(pairs, some)
@@ -140,6 +140,15 @@ class Arrangement:
                 found |= np.linalg.norm(upward - upward[0], axis=1) > TURNED
             moved[some] |= found[1:]
         return moved
+
+    def _stay_for(self, pairs: Iterable[Pair], frames: NDArray[np.intp]) -> int:
+        """For how many of the frames (N,), from the first on, ``_stays`` is true of all bodies."""
+        for body in {body for pair in pairs for body in pair}:
+            track = self._episode.tracks[self._names[body]]
+            if len(track) > 1:
+                frames = frames[: near_for(track.position, frames, SHIFTED / 4)]
+                frames = frames[: near_for(track.orientation, frames, TURNED / 40)]
+        return len(frames)
 
     def _stays(self, body: int, frames: NDArray[np.intp]) -> Bool:
         """(N,) it is where it was at the first frame: too near to matter, whatever the other does."""

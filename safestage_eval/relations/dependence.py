@@ -46,6 +46,7 @@ class Dependence:
         self._robot = graph.assemblies.robot  # an immobile base counts as a fixture
         self._friction = np.array([g.friction[0] for b in header.bodies for g in b.geoms])
         self._arrangement = Arrangement(episode)
+        self._clusters: dict[int, list[Pair]] = {}
         self._cuts: dict[int, NDArray[np.int64]] = {}
         self._falls: dict[tuple[int, int], frozenset[int]] = {}
 
@@ -137,6 +138,11 @@ class Dependence:
 
     def _cluster(self, body: int) -> list[Pair]:
         """Pairs with a free body that contacts among free bodies ever join to the given one."""
+        if body not in self._clusters:
+            self._clusters[body] = self._joined(body)
+        return self._clusters[body]
+
+    def _joined(self, body: int) -> list[Pair]:
         found, todo = {body}, [body]
         while todo:
             at = todo.pop()

@@ -17,16 +17,20 @@ from . import (
     joint,
     motion,
     self_clearance,
+    stretch,
     workspace,
 )
 from .facts import Facts, Query
 from .options import Options
 from .reference import Reference
-from .series import Series, unknown
+from .series import Series, exact, unknown
 from .vocabulary import SIGNALS
 
 CAP = 0.10
 """m: a clearance series is exact up to here; beyond, it says only "more than that"."""
+
+PLAIN = (0.0, False, 0.0, ())
+"""Cap, depth, slack and options of a signal that has none."""
 
 CAPPED = ("clearance", "clearance_xy", "self_clearance")
 
@@ -119,6 +123,28 @@ class Signals(Facts):
         if slack and any(self._loose(found, cap).leaves_open(x) for x in limits):
             found = self.measured(name, tuple(bodies), reference, cap, deep, 0.0, options)
         return found
+
+    def stretch(
+        self,
+        name: str,
+        bodies: tuple[str, ...],
+        reference: Reference | None,
+        options: Options,
+        frames: slice,
+    ) -> Series | None:
+        """(N,) as ``get``, of some neighbouring frames, measured at these alone.
+
+        None where the signal needs others, or depends on how a body is made.
+        """
+        if name not in stretch.SIGNALS or options or bodies[0] not in self.episode.bodies:
+            return None
+        known = self._known.get((name, bodies, reference.key if reference else "", *PLAIN))
+        if known is not None:
+            lower = known.lower[frames]
+            upper = lower if known.upper is known.lower else known.upper[frames]
+            return Series(lower, upper, known.dimension, known.notes)
+        found = stretch.at_frames(self, name, bodies[0], reference, frames)
+        return None if found is None else exact(found, SIGNALS[name].dimension)
 
     def _loose(self, found: Series, cap: float) -> Clearance:
         if id(found) not in self._slack:

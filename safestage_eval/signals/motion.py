@@ -2,26 +2,40 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.geometry.lengths import distances, lengths
-from safestage_eval.geometry.pose import angle, conjugate, product, rotate, transform, unit
+from safestage_eval.geometry.pose import (
+    angle,
+    conjugate,
+    point_velocity,
+    product,
+    rotate,
+    transform,
+    unit,
+)
 
 from .facts import Query
 from .series import Series, exact
 
 F64 = NDArray[np.float64]
+Numbers = NDArray[np.floating[Any]]
 
 
-def com_position(episode: Episode, name: str) -> F64:
-    """(T, 3) m, centre of mass, world."""
+ALL = slice(None)
+
+
+def com_position(episode: Episode, name: str, frames: slice = ALL) -> F64:
+    """(T, 3) m, centre of mass, world; or at some frames alone."""
     track = episode.track(name)
     offset = np.asarray(episode.bodies[name].com, np.float64)
     if offset.any():
-        return transform(track.position, track.orientation, offset)
-    return track.position.astype(np.float64)
+        return transform(track.position[frames], track.orientation[frames], offset)
+    return track.position[frames].astype(np.float64)
 
 
 def com_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
@@ -30,13 +44,13 @@ def com_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
     offset = np.asarray(episode.bodies[name].com, np.float64)
     velocity, notes = linear_velocity(episode, name)
     if not offset.any():
-        return velocity, notes
+        return velocity.astype(np.float64), notes
     omega, more = angular_velocity(episode, name)
-    arm = rotate(track.orientation, offset)
-    return velocity + np.cross(omega, arm), tuple(dict.fromkeys(notes + more))
+    found = point_velocity(velocity, omega, track.orientation, offset)
+    return found, tuple(dict.fromkeys(notes + more))
 
 
-def linear_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
+def linear_velocity(episode: Episode, name: str) -> tuple[Numbers, tuple[str, ...]]:
     """(T, 3) m/s of the body frame's origin, world; and a note if it had to be derived.
 
     Where a body moves though its recorded velocity is zero throughout, none was recorded: it is
@@ -44,17 +58,17 @@ def linear_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
     """
     track = episode.track(name)
     if _some(track.linear_velocity) or _still(track.position):
-        return track.linear_velocity.astype(np.float64), ()
+        return track.linear_velocity, ()
     first, last, seconds = _neighbours(episode.t)
     position = track.position.astype(np.float64)
     return (position[last] - position[first]) / seconds[:, None], _derived(name)
 
 
-def angular_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:
+def angular_velocity(episode: Episode, name: str) -> tuple[Numbers, tuple[str, ...]]:
     """(T, 3) rad/s, world; and a note if it had to be derived, as for ``linear_velocity``."""
     track = episode.track(name)
     if _some(track.angular_velocity) or _still(track.orientation):
-        return track.angular_velocity.astype(np.float64), ()
+        return track.angular_velocity, ()
     first, last, seconds = _neighbours(episode.t)
     turned = product(unit(track.orientation[last]), conjugate(unit(track.orientation[first])))
     turned = np.where(turned[:, :1] < 0, -turned, turned)  # the shorter way round
@@ -149,7 +163,7 @@ def vertical_speed(query: Query) -> Series:
 def angular_speed(query: Query) -> Series:
     """rad/s."""
     velocity, notes = angular_velocity(query.episode, query.bodies[0])
-    return exact(lengths(velocity), query.dimension, notes)
+    return exact(lengths(velocity.astype(np.float64)), query.dimension, notes)
 
 
 def relative_speed(query: Query) -> Series:

@@ -21,6 +21,11 @@ class Baseline:
 
     frames: int = 5
 
+    @property
+    def stretch(self) -> slice:
+        """These frames."""
+        return slice(0, self.frames)
+
     def position(self, values: F64) -> F64:
         """(T, 3) → (3,) m: the spatial median over the baseline frames, as a medoid.
 
@@ -60,6 +65,16 @@ class Reference:
         picked = np.take(values, self.since, axis=0, mode="clip").astype(np.float64)
         picked[: int(np.argmax(self.since >= 0))] = initial
         return picked
+
+    def among(self, frames: slice) -> int | None:
+        """The one frame that a stretch of frames looks back to; −1 for the baseline.
+
+        None where some of them look back to another.
+        """
+        if self.since is None or not len(self.since):
+            return -1
+        first, last = int(self.since[frames.start]), int(self.since[frames.stop - 1])
+        return first if first == last else None
 
 
 def latest(instants: NDArray[np.int64], frames: int) -> NDArray[np.int64]:

@@ -206,6 +206,9 @@ class Evaluator(Answers):
         if self._obligation is not None and asked.name == "tilt" and self.untilted(asked.bodies[0]):
             skipped = self._obligation != "forbid"
             return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
+        return self._margins(series, atom, asked)
+
+    def _margins(self, series: Series, atom: ast.SignalAtom, asked: Asked) -> Band:
         scale = self.scale(atom.call)
         if len(atom.limits) == 1:
             return limit_margin(series, atom.limits[0].op, asked.limits[0], scale)
@@ -214,8 +217,44 @@ class Evaluator(Answers):
                 limit_margin(series, limit.op, number, scale)
                 for limit, number in zip(atom.limits, asked.limits, strict=True)
             ],
-            self.frames,
+            len(series),
         )
+
+    def stretch(self, atom: ast.SignalAtom, env: Env, first: int, stop: int) -> Series | None:
+        """The signal of an atom in the frames [first, stop) alone; None where it needs others."""
+        if self.memory is not None:  # which keeps whole series
+            return None
+        asked, reference = self.asked(atom, env), None
+        if atom.since is not None:
+            key = ("since", id(atom.since), *env.items())
+            reference, when = self.once(atom.since, key, self._since, atom.since, env)
+            if when is not None:
+                return None
+        return self.relations.signals.stretch(
+            asked.name, asked.bodies, reference, asked.options, slice(first, stop)
+        )
+
+    def within(
+        self, condition: ast.Condition, env: Env, first: int, stop: int, wanted: Bool | None
+    ) -> Band:
+        """As ``condition``, in the frames [first, stop) alone: (stop − first,).
+
+        Signals that need no other frames are measured there only.
+        """
+        bands: list[Band] = []
+        for atom in sorted(condition.atoms, key=is_costly):
+            if type(atom) is ast.SignalAtom and not self._costly.asked(atom):
+                series = self.stretch(atom, env, first, stop)
+                if series is not None:
+                    bands.append(self._margins(series, atom, self.asked(atom, env)))
+                    continue
+            mask = wanted
+            if mask is not None and self._costly.asked(atom):
+                mask = mask.copy()
+                for found in bands:
+                    mask[first:stop] &= found.upper != -np.inf
+            bands.append(self.atom(atom, env, mask).at(first, stop))
+        return band.both(bands, stop - first)
 
     def untilted(self, name: str) -> bool:
         """A body that has no up axis, and so no tilt."""

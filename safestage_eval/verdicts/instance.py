@@ -18,6 +18,9 @@ from .players import where_it_counts
 from .spans import may_recur, spans
 from .values import Env
 
+BRIEF = 4
+"""Of an episode so many times as long, a scope is looked at by itself."""
+
 UNTOLD = -1
 """In place of a frame that was not looked for."""
 
@@ -139,9 +142,7 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
     sure = instance.scope.certain
     lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
     for clause in rule.clauses:
-        found = _band(evaluator, clause.what, instance.env, instance.scope, clause.kind).at(
-            first, stop
-        )
+        found = _inside(evaluator, clause, instance.env, instance.scope)
         if clause.kind == "require":
             out[first:stop] |= found.false & sure
         elif clause.kind == "forbid":
@@ -241,9 +242,22 @@ def _decide(
     evaluator: Evaluator, rule: ast.Rule, clause: ast.Clause, env: Env, scope: Scope
 ) -> tuple[float, float, int]:
     lasting = 1 if rule.for_ is None else evaluator.count(rule.for_)
-    band = _band(evaluator, clause.what, env, scope, clause.kind)
-    inside = band.at(scope.first, scope.stop)
+    inside = _inside(evaluator, clause, env, scope)
     return _obligation(clause.kind, inside, scope.sure, lasting)
+
+
+def is_brief(evaluator: Evaluator, scope: Scope) -> bool:
+    """So few of the frames are judged that it pays to look at nothing else."""
+    return 0 < BRIEF * (scope.stop - scope.first) <= evaluator.frames
+
+
+def _inside(evaluator: Evaluator, clause: ast.Clause, env: Env, scope: Scope) -> Band:
+    """The band (stop − first,) of an obligation in a scope."""
+    what, first, stop = clause.what, scope.first, scope.stop
+    if clause.kind == "require" and type(what) is ast.Condition and is_brief(evaluator, scope):
+        wanted = _mask(evaluator, scope) if evaluator.asks_costly(what) else None
+        return evaluator.obliged(clause.kind, evaluator.within, what, env, first, stop, wanted)
+    return _band(evaluator, what, env, scope, clause.kind).at(first, stop)
 
 
 def _obligation(

@@ -16,7 +16,7 @@ from safestage_eval.states.persistence import runs, without_short_runs
 from .evaluate import Evaluator
 from .explain import Finding, seconds, sentence
 from .flicker import raw_frames, too_brief
-from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
+from .instance import UNTOLD, Instance, is_brief, judge_instance, judge_scope, violated_frames
 from .memory import at_hand
 from .players import combinations
 from .verdict import Vacuity, Verdict, VerdictName
@@ -162,7 +162,8 @@ def _witness(
             return ordering
     assert instance.clause is not None  # the caller has dealt with unknown instances
     forbidden = instance.clause.kind == "forbid"
-    search = Search(evaluator, upper=violated != forbidden, sign=-1 if forbidden else 1)
+    alone = is_brief(evaluator, instance.scope)
+    search = Search(evaluator, violated != forbidden, -1 if forbidden else 1, alone)
     known = None if evaluator.closest is None else evaluator.closest(search, instance)
     if known is not None:
         return known

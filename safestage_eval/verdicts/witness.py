@@ -51,11 +51,13 @@ class Search(NamedTuple):
         evaluator: that computed the margin.
         upper: which end of the band is followed.
         sign: +1 where the atom should hold, −1 where it should not.
+        brief: signals were measured in a brief scope alone, and are looked up frame by frame.
     """
 
     evaluator: Evaluator
     upper: bool
     sign: int = 1
+    brief: bool = False
 
     def end(self, band: Band, frame: int) -> float:
         """The margin that is followed, at one frame."""
@@ -67,7 +69,7 @@ class Search(NamedTuple):
         return mask
 
     def _opposite(self) -> Search:
-        return Search(self.evaluator, not self.upper, -self.sign)
+        return Search(self.evaluator, not self.upper, -self.sign, self.brief)
 
     def alternative(self, node: ast.Alternative, env: Env, frame: int) -> Witness:
         """Witness of a condition or event at a frame."""
@@ -75,7 +77,7 @@ class Search(NamedTuple):
             if len(node.atoms) == 1:
                 return self.atom(node.atoms[0], env, frame)
             here = self._only(frame)
-            margins = [self.end(self.evaluator.atom(a, env, here), frame) for a in node.atoms]
+            margins = [self._margin(a, env, frame, here) for a in node.atoms]
             found = self.atom(node.atoms[int(np.argmin(margins))], env, frame)
             return or_tied(found, margins, min(margins))
         if node.call is None:
@@ -84,6 +86,13 @@ class Search(NamedTuple):
             return self.state(node.call, env, frame)
         bodies = tuple([env.get(arg, arg) for arg in node.call.args])
         return Witness(f"{node.edge} of {ast.Call(node.call.name, bodies)}", bodies, frame)
+
+    def _margin(self, atom: ast.Atom, env: Env, frame: int, here: Bool) -> float:
+        """The end that is followed, of an atom; ``here``: (T,) true at the frame alone."""
+        if self.brief and type(atom) is ast.SignalAtom:
+            alone = ast.Condition((atom,))
+            return self.end(self.evaluator.within(alone, env, frame, frame + 1, here), 0)
+        return self.end(self.evaluator.atom(atom, env, here), frame)
 
     def atom(self, atom: ast.Atom, env: Env, frame: int) -> Witness:
         """Witness of one atom at a frame."""
@@ -136,7 +145,9 @@ class Search(NamedTuple):
         return self.alternative(source, inner, frame)
 
     def _signal(self, atom: ast.SignalAtom, env: Env, frame: int) -> Witness:
-        series = self.evaluator.series(atom, env, self._only(frame)).at(frame)
+        series = self.evaluator.stretch(atom, env, frame, frame + 1) if self.brief else None
+        if series is None:
+            series = self.evaluator.series(atom, env, self._only(frame)).at(frame)
         return self.of_signal(atom, env, series, frame)
 
     def of_signal(self, atom: ast.SignalAtom, env: Env, series: Series, frame: int) -> Witness:

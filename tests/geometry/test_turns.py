@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from safestage_eval.geometry.pose import angle, matrix, rotate
+from safestage_eval.geometry.pose import (
+    angle,
+    matrix,
+    point_velocity,
+    point_velocity_slowly,
+    rotate,
+)
 
 SOME = np.random.default_rng(5).normal(size=(200, 4)) * 3.0
 
@@ -32,3 +38,13 @@ def test_what_is_no_rotation_is_refused(bad: float) -> None:
         rotate(broken, np.array([1.0, 0.0, 0.0]))
     with pytest.raises(ValueError, match="norm 0"):
         angle(SOME, broken)
+    with pytest.raises(ValueError, match="norm 0"):
+        point_velocity(*(broken[:, :n].astype(np.float32) for n in (3, 3, 4)), np.ones(3))
+
+
+def test_the_velocity_of_a_point_is_that_of_the_slow_way_bit_for_bit() -> None:
+    rng, point = np.random.default_rng(6), np.array([0.2, -0.1, 0.4])
+    columns = [rng.normal(size=(200, n)).astype(np.float32) for n in (3, 3, 4)]
+    assert (point_velocity(*columns, point) == point_velocity_slowly(*columns, point)).all()
+    wide = [column.astype(np.float64) for column in columns]
+    assert (point_velocity(*wide, point) == point_velocity_slowly(*columns, point)).all()
