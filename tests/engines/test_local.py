@@ -10,7 +10,7 @@ import pytest
 from misbehaving import Crashing, CrashingOnce, Hanging, Swelling, turned
 from studio import block
 
-from safestage_eval import memory
+from safestage_eval import memory, spawned
 from safestage_eval.engines import Settings, local
 from safestage_eval.engines.local import Local
 from safestage_eval.errors import InputError
@@ -51,8 +51,9 @@ def test_each_kind_of_trouble_is_told_and_costs_nobody_else(refs, monkeypatch):
 
 
 @pytest.mark.slow
-def test_processes_that_cannot_begin_are_an_error(refs):
-    with pytest.raises(InputError, match="5 in a row could not begin: exit code 1"):
+def test_processes_that_cannot_begin_are_an_error(refs, monkeypatch):
+    monkeypatch.setattr(spawned, "STARTS", 2)
+    with pytest.raises(InputError, match="2 in a row could not begin: exit code 1"):
         list(Local(1, Settings(("no such rules",))).run(enumerate(refs)))
 
 

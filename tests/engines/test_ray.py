@@ -59,9 +59,11 @@ def started(tmp_path, *arguments):
     )
 
 
-def test_verdict_for_verdict_the_same_with_a_worker_killed(traces, tmp_path):
+def test_verdict_for_verdict_the_same_with_workers_killed_and_an_episode_that_kills(
+    traces, tmp_path
+):
     command = ("score", traces, "-r", "fsh", "-f", "json", "--engine", "ray")
-    run = started(tmp_path, *command, "--resume", tmp_path / "kept")
+    run = started(tmp_path, "--with-a-crash", *command, "--resume", tmp_path / "kept")
     killed, waited = [], time.monotonic() + 500
     while run.poll() is None and len(killed) < 2 and time.monotonic() < waited:
         for pid in ray_tasks(run.pid):
@@ -72,17 +74,10 @@ def test_verdict_for_verdict_the_same_with_a_worker_killed(traces, tmp_path):
         time.sleep(0.2)
     out, err = run.communicate(timeout=500)
     assert killed
-    assert run.returncode == 2, err  # the broken one is listed
-    assert json.loads(out) == json.loads(render(score_paths([traces], ["fsh"], jobs=1), "json"))
-
-
-def test_an_episode_that_kills_is_a_problem_here_too(traces, tmp_path):
-    command = ("score", traces, "-r", "fsh", "-f", "json", "--engine", "ray")
-    run = started(tmp_path, "--with-a-crash", *command, "--resume", tmp_path / "kept")
-    out, err = run.communicate(timeout=500)
+    assert run.returncode == 2, err
     found, truth = json.loads(out), score_paths([traces], ["fsh"], jobs=1)
     rows = json.loads(render(truth, "json"))["episodes"]
     assert found["episodes"] == [row for row in rows if row["episode_id"] != "e2"], err
     said = [problem["message"] for problem in found["problems"]]
-    assert len(said) == 2
+    assert len(said) == 2  # with the broken one
     assert any("died twice: SIGSEGV" in line for line in said)

@@ -2,6 +2,7 @@
 
 import pytest
 from targets import TARGETS, attempt
+from turns import in_turn
 
 FEW = {
     "parquet": 30,
@@ -17,7 +18,7 @@ FEW = {
     "map": 60,
     "tables": 60,
 }
-"""Of each format, by default; ten times as many where slow tests run."""
+"""Of each format, by default; in the slow tests a quarter of ten times as many, in turn."""
 
 
 @pytest.mark.parametrize("key", FEW)
@@ -25,7 +26,7 @@ FEW = {
 def test_hostile_inputs(tmp_path, key, many):
     target = TARGETS[key](tmp_path)
     few = FEW[key]
-    numbers = range(few, 10 * few) if many else range(few)
+    numbers = in_turn(range(few, 10 * few)) if many else range(few)
     outcomes = {number: attempt(target, number) for number in numbers}
     assert not {number: told for number, told in outcomes.items() if told.bad}
     assert sum(told.kind == "problem" for told in outcomes.values()) > few / 10

@@ -5,8 +5,10 @@ import subprocess
 import sys
 import venv
 import zipfile
+from importlib import metadata
 
 import pytest
+from packaging.requirements import Requirement
 
 pytestmark = pytest.mark.slow
 
@@ -16,6 +18,25 @@ def run(*command, cwd):
     done = subprocess.run(command, cwd=cwd, env=away, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
     return done.stdout
+
+
+def needed(by, extras=("",)):
+    """Name → distribution here, of all that one needs by what it says itself."""
+    found = {}
+    for line in by.requires or ():
+        need = Requirement(line)
+        if need.marker is None or any(need.marker.evaluate({"extra": e}) for e in extras):
+            here = metadata.distribution(need.name)
+            assert need.specifier.contains(here.version, prereleases=True), line
+            found |= {need.name: here, **needed(here, ("", *need.extras))}
+    return found
+
+
+def lend(site, found):
+    """Link what a distribution brings into another environment, and nothing else."""
+    for top in {file.parts[0] for file in found.files or ()} - {"..", "__pycache__"}:
+        if not (site / top).exists():
+            (site / top).symlink_to(found.locate_file(top))
 
 
 @pytest.fixture(scope="module")
@@ -39,10 +60,16 @@ def test_everything_travels_in_the_wheel(wheel, checkout):
 
 
 def test_the_installed_wheel_scores_a_trace(wheel, trace, tmp_path):
+    """With what it says that it needs; ``make demo`` has the same fetched."""
     home = tmp_path / "venv"
-    venv.create(home, with_pip=True)
+    venv.create(home)
     python = home / "bin" / "python"
-    run(python, "-m", "pip", "install", "--quiet", wheel, cwd=tmp_path)
+    pip = (sys.executable, "-m", "pip", "--python", python)
+    run(*pip, "install", "--quiet", "--no-deps", wheel, cwd=tmp_path)
+    (site,) = home.glob("lib/python*/site-packages")
+    (ours,) = metadata.distributions(path=[str(site)])
+    for found in needed(ours).values():
+        lend(site, found)
     here = "import safestage_eval; print(safestage_eval.__file__)"
     assert str(home.resolve()) in run(python, "-c", here, cwd=tmp_path)
     find = "from importlib.util import find_spec; print(find_spec('mujoco'))"

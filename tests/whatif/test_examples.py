@@ -5,6 +5,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 from studio import block, run
+from turns import in_turn
 
 from safestage_eval.formats import discover, save
 from safestage_eval.rules import load_rules
@@ -175,7 +176,7 @@ def test_roles_are_exchanged_but_not_where_order_says_nothing():
 
 def test_a_mutant_means_something_else_and_keeps_the_rest():
     rules = load_rules(["ish", "ets"])
-    for rule in rules.rules.values():
+    for rule in in_turn(list(rules.rules.values())):
         for mutant in mutants(rules, rule, deep=True):
             assert mutant.kind in KINDS
             same = {code: r for code, r in mutant.rules.rules.items() if code != rule.code}

@@ -1,0 +1,18 @@
+"""Where sources are read that the tests import."""
+
+import pytest
+
+from safestage_eval.importers import run
+from safestage_eval.importers.reading import Here
+
+
+@pytest.fixture(autouse=True)
+def in_this_process(request, monkeypatch):
+    """Unless several are asked for; ``test_import_limits`` tries what processes are there for."""
+    if request.module.__name__ != "test_import_limits":
+        apart = run.Apart
+        monkeypatch.setattr(
+            run,
+            "Apart",
+            lambda target, limits, jobs: Here(target) if jobs == 1 else apart(target, limits, jobs),
+        )
