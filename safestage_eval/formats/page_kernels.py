@@ -339,8 +339,10 @@ def read_pages(
             good = _split(values, at, target, spare)
             known = _finite(spare[:count])
         else:
-            good = _deltas(values, at, target)
-            known = _counting(target, first)
+            good = _deltas(values, at, spare[:count])
+            known = _counting(spare[:count], first)
+            for k in range(count):
+                target[np.uintp(k)] = spare[np.uintp(k)]
         if not good:
             return False
         sound[number] = sound[number] and known

@@ -18,7 +18,7 @@ KINDS = {np.dtype(np.int32): 1, np.dtype(np.float32): 4, np.dtype(np.float64): 5
 INT32 = np.dtype(np.int32)
 _BITS: dict[int, np.dtype[Any]] = {4: np.dtype(np.uint32), 8: np.dtype(np.uint64)}
 
-_WASTE = 1 << 16
+_WASTE = 1 << 17
 """Bytes between columns that are rather read than skipped."""
 _PLANS_KEPT = 1 << 10
 
