@@ -118,6 +118,8 @@ class Signals(Facts):
 
         Raises KeyError for a name or body that does not exist.
         """
+        if name not in CAPPED:
+            return self.measured(name, tuple(bodies), reference, 0.0, False, 0.0, options)
         cap, deep, slack = how(name, reach, limits)
         found = self.measured(name, tuple(bodies), reference, cap, deep, slack, options)
         if slack and any(self._loose(found, cap).leaves_open(x) for x in limits):

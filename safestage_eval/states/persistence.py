@@ -23,9 +23,16 @@ def held_from(margin: F64, frames: int) -> F64:
     """
     if frames <= 1 or not len(margin):
         return margin
-    out = np.full(len(margin), NEVER)
+    out = _never(len(margin))
     if frames <= len(margin):
         out[: len(margin) - frames + 1] = _windows(np.minimum, margin, frames)
+    return out
+
+
+def _never(frames: int) -> F64:
+    """(T,) −∞ throughout; ``np.full`` takes longer."""
+    out = np.empty(frames)
+    out.fill(NEVER)
     return out
 
 
@@ -58,7 +65,7 @@ def without_short_runs(margin: F64, frames: int) -> F64:
     """Runs of truth shorter than ``frames`` vanish, a run cut by the trace's end among them."""
     if frames <= 1 or not len(margin):
         return margin
-    held = np.full(len(margin) + frames - 1, NEVER)
+    held = _never(len(margin) + frames - 1)
     if frames <= len(margin):
         held[frames - 1 : len(margin)] = _windows(np.minimum, margin, frames)
     return _windows(np.maximum, held, frames)
@@ -68,7 +75,7 @@ def without_short_gaps(margin: F64, frames: int) -> F64:
     """Gaps of at most ``frames`` frames between two true frames are closed."""
     if frames < 1 or not len(margin):
         return margin
-    longer = np.full(len(margin) + 2 * frames, NEVER)
+    longer = _never(len(margin) + 2 * frames)
     longer[frames:-frames] = margin
     return _windows(np.minimum, _windows(np.maximum, longer, frames + 1), frames + 1)
 
@@ -91,7 +98,9 @@ def persistent(
         frames, beyond = len(band.lower), np.full(ahead, np.inf)
         longer = Band(np.append(band.lower, -beyond), np.append(band.upper, beyond))
         return persistent(longer, for_frames, gap_frames).at(0, frames)
-    return each(lambda m: _filtered(m, for_frames, gap_frames), band)
+    lower = _filtered(band.lower, for_frames, gap_frames)
+    exact = band.lower is band.upper
+    return Band(lower, lower if exact else _filtered(band.upper, for_frames, gap_frames))
 
 
 def _filtered(margin: F64, for_frames: int, gap_frames: int) -> F64:

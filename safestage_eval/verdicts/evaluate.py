@@ -72,6 +72,8 @@ class Evaluator(Answers):
         """What decided an instance that passed, where it can be told without its frames."""
         self._obligation: str | None = None
         self._costly = Costly(rules)
+        self._cheap: dict[int, ast.Condition] = {}
+        """Conditions that ask for nothing costly, by identity; each is kept, and so stays itself."""
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
         """The same episode under other values; what they cannot change is shared."""
@@ -108,16 +110,9 @@ class Evaluator(Answers):
     def _series(self, asked: Asked, atom: ast.SignalAtom, env: Env, wanted: Bool | None) -> Series:
         reference = when = None
         if atom.since is not None:
-            key = ("since", id(atom.since), *env.items())
-            reference, when = self.once(atom.since, key, self._since, atom.since, env)
+            reference, when = self.since(atom.since, env)
         found = self.relations.signal(
-            asked.name,
-            asked.bodies,
-            reference,
-            asked.reach,
-            wanted,
-            asked.options,
-            asked.limits,
+            asked.name, asked.bodies, reference, asked.reach, wanted, asked.options, asked.limits
         )
         for note in found.notes:
             self.notes[note] = None
@@ -128,8 +123,11 @@ class Evaluator(Answers):
         lower, upper = np.where(open_, -np.inf, found.lower), np.where(open_, np.inf, found.upper)
         return replace(found, lower=lower, upper=upper)
 
-    def _since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
+    def since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
         """What a change since an event is measured from; and the frames of that, if any is open."""
+        return self.once(event, ("since", id(event), *env.items()), self._since, event, env)
+
+    def _since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
         when = moment.frames_of(self.moments(event, env), self.frames)
         instants = when.possible.nonzero()[0]
         reference = Reference(
@@ -145,7 +143,9 @@ class Evaluator(Answers):
         Only the ``wanted`` frames (T,) of the result mean anything; all of them if None. Costly
         signals come last, and are measured only where no other atom has already decided.
         """
-        if not self._costly.within(condition):
+        if id(condition) not in self._cheap and not self._costly.within(condition):
+            self._cheap[id(condition)] = condition
+        if id(condition) in self._cheap:
             if len(condition.atoms) == 1:
                 return self.atom(condition.atoms[0], env)
             return band.both([self.atom(atom, env) for atom in condition.atoms], self.frames)
@@ -206,9 +206,10 @@ class Evaluator(Answers):
         if self._obligation is not None and asked.name == "tilt" and self.untilted(asked.bodies[0]):
             skipped = self._obligation != "forbid"
             return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
-        return self._margins(series, atom, asked)
+        return self.margins(series, atom, asked)
 
-    def _margins(self, series: Series, atom: ast.SignalAtom, asked: Asked) -> Band:
+    def margins(self, series: Series, atom: ast.SignalAtom, asked: Asked) -> Band:
+        """(N,) of what an atom asks for, from its signal at N frames."""
         scale = self.scale(atom.call)
         if len(atom.limits) == 1:
             return limit_margin(series, atom.limits[0].op, asked.limits[0], scale)
@@ -219,42 +220,6 @@ class Evaluator(Answers):
             ],
             len(series),
         )
-
-    def stretch(self, atom: ast.SignalAtom, env: Env, first: int, stop: int) -> Series | None:
-        """The signal of an atom in the frames [first, stop) alone; None where it needs others."""
-        if self.memory is not None:  # which keeps whole series
-            return None
-        asked, reference = self.asked(atom, env), None
-        if atom.since is not None:
-            key = ("since", id(atom.since), *env.items())
-            reference, when = self.once(atom.since, key, self._since, atom.since, env)
-            if when is not None:
-                return None
-        return self.relations.signals.stretch(
-            asked.name, asked.bodies, reference, asked.options, slice(first, stop)
-        )
-
-    def within(
-        self, condition: ast.Condition, env: Env, first: int, stop: int, wanted: Bool | None
-    ) -> Band:
-        """As ``condition``, in the frames [first, stop) alone: (stop − first,).
-
-        Signals that need no other frames are measured there only.
-        """
-        bands: list[Band] = []
-        for atom in sorted(condition.atoms, key=is_costly):
-            if type(atom) is ast.SignalAtom and not self._costly.asked(atom):
-                series = self.stretch(atom, env, first, stop)
-                if series is not None:
-                    bands.append(self._margins(series, atom, self.asked(atom, env)))
-                    continue
-            mask = wanted
-            if mask is not None and self._costly.asked(atom):
-                mask = mask.copy()
-                for found in bands:
-                    mask[first:stop] &= found.upper != -np.inf
-            bands.append(self.atom(atom, env, mask).at(first, stop))
-        return band.both(bands, stop - first)
 
     def untilted(self, name: str) -> bool:
         """A body that has no up axis, and so no tilt."""

@@ -12,14 +12,12 @@ from safestage_eval.states.band import TINY, Band, Bool
 from safestage_eval.states.persistence import held_from, without_short_runs
 from safestage_eval.states.scope import Scope
 
+from .brief import condition_within, is_brief
 from .evaluate import Evaluator
 from .memory import Stretch, at_hand, plain_stretches, remembered, stretches_of
 from .players import where_it_counts
 from .spans import may_recur, spans
 from .values import Env
-
-BRIEF = 4
-"""Of an episode so many times as long, a scope is looked at by itself."""
 
 UNTOLD = -1
 """In place of a frame that was not looked for."""
@@ -246,17 +244,14 @@ def _decide(
     return _obligation(clause.kind, inside, scope.sure, lasting)
 
 
-def is_brief(evaluator: Evaluator, scope: Scope) -> bool:
-    """So few of the frames are judged that it pays to look at nothing else."""
-    return 0 < BRIEF * (scope.stop - scope.first) <= evaluator.frames
-
-
 def _inside(evaluator: Evaluator, clause: ast.Clause, env: Env, scope: Scope) -> Band:
     """The band (stop − first,) of an obligation in a scope."""
     what, first, stop = clause.what, scope.first, scope.stop
     if clause.kind == "require" and type(what) is ast.Condition and is_brief(evaluator, scope):
         wanted = _mask(evaluator, scope) if evaluator.asks_costly(what) else None
-        return evaluator.obliged(clause.kind, evaluator.within, what, env, first, stop, wanted)
+        return evaluator.obliged(
+            clause.kind, condition_within, evaluator, what, env, first, stop, wanted
+        )
     return _band(evaluator, what, env, scope, clause.kind).at(first, stop)
 
 

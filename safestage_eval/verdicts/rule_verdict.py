@@ -13,10 +13,11 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import Bool
 from safestage_eval.states.persistence import runs, without_short_runs
 
+from .brief import is_brief
 from .evaluate import Evaluator
 from .explain import Finding, seconds, sentence
 from .flicker import raw_frames, too_brief
-from .instance import UNTOLD, Instance, is_brief, judge_instance, judge_scope, violated_frames
+from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
 from .memory import at_hand
 from .players import combinations
 from .verdict import Vacuity, Verdict, VerdictName

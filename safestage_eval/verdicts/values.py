@@ -53,6 +53,8 @@ class Values:
         self.rules = rules
         self.params = params
         self._meanings = Meanings(rules)
+        self._limits: dict[int, tuple[ast.SignalAtom, tuple[float, ...], float]] = {}
+        """Of atoms whose limits hang on no body, by identity; each is kept, and so stays itself."""
 
     def count(self, duration: ast.Duration | ast.Parameter, least: int = 1) -> int:
         """Number of frames a duration lasts in this episode: ⌈D / dt⌉, at least so many."""
@@ -97,8 +99,14 @@ class Values:
     def asked(self, atom: ast.SignalAtom, env: Env) -> Asked:
         """What an atom asks for: as ``measured``, with the limits that it is compared with."""
         name, bodies, options = self.measured(atom.call, env)
+        known = self._limits.get(id(atom))
+        if known is not None:
+            return Asked(name, bodies, options, known[1], known[2])
         limits = tuple([self.number(limit.value, env) for limit in atom.limits])
-        return Asked(name, bodies, options, limits, reach_of(limits))
+        reach = reach_of(limits)
+        if not any(isinstance(limit.value, ast.Column) for limit in atom.limits):
+            self._limits[id(atom)] = atom, limits, reach
+        return Asked(name, bodies, options, limits, reach)
 
     def scale(self, call: ast.Call) -> float:
         """SI size of the signal that counts as one in a normalised margin when the limit is 0."""

@@ -10,6 +10,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.series import Series
 from safestage_eval.states.band import Band, Bool
 
+from .brief import condition_within, series_within
 from .evaluate import Evaluator
 from .values import Env, limit_margin
 
@@ -91,7 +92,8 @@ class Search(NamedTuple):
         """The end that is followed, of an atom; ``here``: (T,) true at the frame alone."""
         if self.brief and type(atom) is ast.SignalAtom:
             alone = ast.Condition((atom,))
-            return self.end(self.evaluator.within(alone, env, frame, frame + 1, here), 0)
+            found = condition_within(self.evaluator, alone, env, frame, frame + 1, here)
+            return self.end(found, 0)
         return self.end(self.evaluator.atom(atom, env, here), frame)
 
     def atom(self, atom: ast.Atom, env: Env, frame: int) -> Witness:
@@ -145,9 +147,11 @@ class Search(NamedTuple):
         return self.alternative(source, inner, frame)
 
     def _signal(self, atom: ast.SignalAtom, env: Env, frame: int) -> Witness:
-        series = self.evaluator.stretch(atom, env, frame, frame + 1) if self.brief else None
+        evaluator, series = self.evaluator, None
+        if self.brief:
+            series = series_within(evaluator, atom, env, frame, frame + 1)
         if series is None:
-            series = self.evaluator.series(atom, env, self._only(frame)).at(frame)
+            series = evaluator.series(atom, env, self._only(frame)).at(frame)
         return self.of_signal(atom, env, series, frame)
 
     def of_signal(self, atom: ast.SignalAtom, env: Env, series: Series, frame: int) -> Witness:

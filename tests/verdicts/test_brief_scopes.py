@@ -7,7 +7,7 @@ import pytest
 from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
 from safestage_eval.signals.measure import Signals
-from safestage_eval.verdicts import instance, judge
+from safestage_eval.verdicts import brief, judge
 
 TRACES = Path(__file__).parents[2] / "traces"
 
@@ -31,5 +31,5 @@ def test_verdicts_are_those_of_whole_series(sway: str, monkeypatch: pytest.Monke
         found = judge(ref.open(), rules, overrides=values)
         assert any(alone)
         with monkeypatch.context() as patched:
-            patched.setattr(instance, "BRIEF", 10**9)
+            patched.setattr(brief, "SHARE", 10**9)
             assert judge(ref.open(), rules, overrides=values) == found
