@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import DTypeLike, NDArray
 
@@ -123,6 +122,8 @@ class StoredTable:
         table = self.read(groups, wanted)
         if exact:
             return table
+        import pyarrow.compute as pc  # takes a twentieth of what comes before a first verdict
+
         try:
             keep = pc.equal(table["episode_index"], episode)
             if body is not None:

@@ -16,7 +16,7 @@ from .diagnostic import Diagnostic
 from .files import RuleFile
 from .keys import NAMED, REPEATED, TABLES, TOP
 from .locate import Keys
-from .names import Names, nearest
+from .names import Names, Near
 from .obligations import Obligations
 from .references import Read, Scope
 from .usage import Usage
@@ -58,7 +58,7 @@ class _FileChecker(Obligations):
             if name not in TOP:
                 usage.report(
                     "R201", (name,), f'a rule file has no table "{name}"', ", ".join(TOP),
-                    nearest(name, TOP), key=True,
+                    Near(name, TOP), key=True,
                 )  # fmt: skip
             elif name in REPEATED:
                 if not isinstance(value, list):
@@ -161,7 +161,7 @@ class _FileChecker(Obligations):
         if base is not None and base not in SIGNALS:
             self.usage.report(
                 "R401", (*keys, "base"), f'there is no built-in signal "{base}"',
-                ", ".join(SIGNALS), nearest(base, SIGNALS),
+                ", ".join(SIGNALS), Near(base, SIGNALS),
             )  # fmt: skip
         elif base is not None:
             self._options(base, {k: v for k, v in table.items() if k != "base"}, keys)
@@ -172,7 +172,7 @@ class _FileChecker(Obligations):
             if name not in known:
                 self.usage.report(
                     "R414", (*keys, name), f'{base}() has no option "{name}"',
-                    ", ".join(known) or "base alone", nearest(name, known), key=True,
+                    ", ".join(known) or "base alone", Near(name, known), key=True,
                 )  # fmt: skip
             else:
                 self.usage.parsed("R414", (*keys, name), partial(read_option, known[name]), value)
@@ -220,7 +220,7 @@ class _FileChecker(Obligations):
                 self.usage.report(
                     "R401", (*keys, key), f'there is no {key} "{table[key]}"',
                     ", ".join(sorted(among)) or f"a [{key}.NAME] of this file or one it extends",
-                    nearest(table[key], among),
+                    Near(table[key], among),
                 )  # fmt: skip
         structure.players(self.usage, table, keys)
 
@@ -230,7 +230,7 @@ class _FileChecker(Obligations):
                 self.usage.report(
                     "R401", (*keys, "rules", index), f'there is no rule "{code}"',
                     ", ".join(sorted(self.usage.names.rules)) or "codes of rules",
-                    nearest(code, self.usage.names.rules),
+                    Near(code, self.usage.names.rules),
                 )  # fmt: skip
         self.settings(table.get("set", {}), (*keys, "set"))
 

@@ -7,7 +7,7 @@ from typing import Any
 from . import parse, structure
 from .keys import TABLES
 from .locate import Keys
-from .names import nearest, unfit
+from .names import Near, unfit
 from .references import Read, Scope
 from .usage import Usage
 
@@ -45,7 +45,7 @@ class Declarations:
                 if other not in roles or other == name:
                     self.usage.report(
                         "R403", at, f'"{other}" is not another role of {label}',
-                        ", ".join(role for role in roles if role != name), nearest(other, roles),
+                        ", ".join(role for role in roles if role != name), Near(other, roles),
                     )  # fmt: skip
         return scope
 

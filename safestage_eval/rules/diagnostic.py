@@ -20,8 +20,9 @@ class Diagnostic:
         what: what is wrong.
         allowed: what would have been accepted; empty when *what* already says it.
         fix: what to do about it; empty when there is nothing to add.
-        source: the line of the file.
+        source: the line of the file; of a very long one, what is around the column.
         length: number of characters that are meant, from ``column`` on.
+        cut: characters of the line before ``source``.
     """
 
     path: str
@@ -33,18 +34,21 @@ class Diagnostic:
     fix: str = ""
     source: str = field(default="", compare=False)
     length: int = field(default=1, compare=False)
+    cut: int = field(default=0, compare=False)
 
     def render(self) -> str:
         """Several lines: the message, the place, the line of the file with a caret, the help."""
         number = str(self.line)
         margin = " " * len(number)
-        lead = "".join("\t" if c == "\t" else " " for c in self.source[: self.column - 1])
+        lead = "".join(
+            "\t" if c == "\t" else " " for c in self.source[: self.column - 1 - self.cut]
+        )
         lines = [
             f"error[{self.code}]: {self.what}",
             f"{margin}--> {self.path}:{self.line}:{self.column}",
             f"{margin} |",
             f"{number} | {self.source}",
-            f"{margin} | {lead}{'^' * self.length}",
+            f"{margin} | {lead}{'^' * min(self.length, max(1, len(self.source) - len(lead)))}",
         ]
         lines += [f"{margin} = allowed: {self.allowed}"] if self.allowed else []
         lines += [f"{margin} = fix: {self.fix}"] if self.fix else []

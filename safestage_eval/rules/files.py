@@ -48,9 +48,9 @@ class RuleFile:
     ) -> Diagnostic:
         """A problem at an entry: at its key, or at its value."""
         spot = self.locations.key(keys) if key else self.locations.value(keys)
-        line = self.locations.line(spot.line)
+        line, cut = self.locations.around(spot)
         return Diagnostic(
-            self.path, spot.line, spot.column, code, what, allowed, fix, line, spot.length
+            self.path, spot.line, spot.column, code, what, allowed, fix, line, spot.length, cut
         )
 
 

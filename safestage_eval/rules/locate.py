@@ -17,6 +17,9 @@ Keys = tuple[str | int, ...]
 """The way to an entry: ``("rule", 0, "require", "speed(target)")``."""
 
 _SPACE = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
+LONG = 400
+"""Characters of a line that are shown around a problem."""
+
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _SCALAR = re.compile(r"[^,\]}\n#]+")
 _STRINGS = (
@@ -59,8 +62,19 @@ class Locations:
 
     def line(self, number: int) -> str:
         """A line (counted from 1) without its end."""
-        first = self._starts[number - 1]
-        return self._text[first:].split("\n", 1)[0].rstrip("\r")
+        first, stop = self._line(number)
+        return self._text[first:stop].rstrip("\r")
+
+    def around(self, spot: Spot) -> tuple[str, int]:
+        """The line of a spot, or of a very long one a part; how many characters were cut before it."""
+        first, stop = self._line(spot.line)
+        cut = max(0, spot.column - LONG // 2) if stop - first > LONG else 0
+        return self._text[first + cut : min(stop, first + cut + LONG)].rstrip("\r"), cut
+
+    def _line(self, number: int) -> tuple[int, int]:
+        """The first character of a line, and the one behind its last."""
+        last = number == len(self._starts)
+        return self._starts[number - 1], len(self._text) if last else self._starts[number] - 1
 
     def _spot(
         self, path: Sequence[str | int], tables: Sequence[dict[Keys, tuple[int, int]]]

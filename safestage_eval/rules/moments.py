@@ -9,7 +9,7 @@ from safestage_eval.relations.vocabulary import GROUPS
 from . import parse
 from . import syntax as ast
 from .locate import Keys
-from .names import a_dimension, nearest
+from .names import Near, a_dimension
 from .references import References, Scope, an
 
 
@@ -95,5 +95,5 @@ class Moments(References):
             self.report(
                 "R401", keys, f'there is no phase called "{call.name}"',
                 f"episode, {', '.join(phases)}, or a state with its roles",
-                nearest(call.name, ["episode", *phases]),
+                Near(call.name, ["episode", *phases]),
             )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
 from safestage_eval.signals.spec import SignalSpec
@@ -131,6 +131,13 @@ def nearest(name: str, among: Iterable[str]) -> str:
     """``did you mean "x"?``, or nothing when no name comes close."""
     found = difflib.get_close_matches(name, list(among), 1, 0.6)
     return f'did you mean "{found[0]}"?' if found else ""
+
+
+class Near(NamedTuple):
+    """Stands for what ``nearest`` says: that takes long, and of very many problems few are told."""
+
+    name: str
+    among: Iterable[str]
 
 
 def unfit(name: str) -> str:

@@ -9,7 +9,7 @@ from . import parse, structure
 from .declarations import Declarations
 from .keys import TABLES
 from .locate import Keys
-from .names import nearest
+from .names import Near
 from .references import Scope
 
 _WORDS = ("signal", "value", "limit", "margin", "time", "t.worst", "t.first")
@@ -128,7 +128,7 @@ class Obligations(Declarations):
             if name not in allowed:
                 self.usage.report(
                     "R209", keys, f"explain does not know {{{name}}}",
-                    ", ".join(f"{{{word}}}" for word in allowed), nearest(name, allowed),
+                    ", ".join(f"{{{word}}}" for word in allowed), Near(name, allowed),
                 )  # fmt: skip
 
     def _written(self, keys: Keys) -> dict[str, Any]:

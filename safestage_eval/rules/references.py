@@ -14,7 +14,7 @@ from . import syntax as ast
 from .diagnostic import Diagnostic
 from .files import RuleFile
 from .locate import Keys
-from .names import Names, a_dimension, dimension_of, nearest
+from .names import Names, Near, a_dimension, dimension_of, nearest
 
 Read = tuple[str, str]
 """Kind and name of a definition: ``("state", "moved")``."""
@@ -55,6 +55,10 @@ class Scope:
         self.used |= set(self.roles)
 
 
+SUGGESTED = 200
+"""Problems of which names that may be meant are looked for; more than are told."""
+
+
 class References:
     """Checks what one file names against all names; problems are collected, never raised."""
 
@@ -68,11 +72,13 @@ class References:
         keys: Keys,
         what: str,
         allowed: str = "",
-        fix: str = "",
+        fix: str | Near = "",
         *,
         key: bool = False,
     ) -> None:
         """A problem at an entry's value, or at its key."""
+        if isinstance(fix, Near):
+            fix = nearest(*fix) if len(self.problems) < SUGGESTED else ""
         self.problems.append(self.file.diagnostic(code, keys, what, allowed, fix, key=key))
 
     def parsed(
@@ -116,7 +122,7 @@ class References:
             self.report(
                 "R401", keys, f"there is no signal or state called {name}()",
                 "built-in signals and relations, and declared states (docs/meanings.md)",
-                nearest(name, names.callable()), key=key,
+                Near(name, names.callable()), key=key,
             )  # fmt: skip
             scope.unreadable()
             return None
@@ -179,7 +185,7 @@ class References:
             return True
         self.report(
             "R403", keys, f'"{name}" is not a role of {scope.label}',
-            ", ".join([*scope.roles, *GROUPS]), nearest(name, [*scope.roles, *GROUPS]), key=key,
+            ", ".join([*scope.roles, *GROUPS]), Near(name, [*scope.roles, *GROUPS]), key=key,
         )  # fmt: skip
         return False
 
@@ -191,7 +197,7 @@ class References:
         self.report(
             "R408", keys, f'there is no parameter "{name}"',
             "a quantity with its unit, or a name declared under [param]",
-            nearest(name, self.names.params),
+            Near(name, self.names.params),
         )  # fmt: skip
         return False
 
@@ -200,7 +206,7 @@ class References:
         if name not in self.names.params:
             self.report(
                 "R408", keys, f'there is no parameter "{name}"', ", ".join(sorted(self.names.params)),
-                nearest(name, self.names.params), key=True,
+                Near(name, self.names.params), key=True,
             )  # fmt: skip
             return
         found = self.value_of(value, keys)
@@ -237,7 +243,7 @@ class References:
                 self.report(
                     "R409", keys, f'no material has a column "{value.name}"',
                     ", ".join(sorted(self.names.columns)) or "columns declared in [material.default]",
-                    nearest(value.name, self.names.columns),
+                    Near(value.name, self.names.columns),
                 )  # fmt: skip
                 return
             given, said = self.names.columns[value.name], f"{value.name}({value.role})"

@@ -8,7 +8,7 @@ from typing import Any
 from . import parse
 from .keys import TABLES, Key
 from .locate import Keys
-from .names import RESERVED, nearest
+from .names import RESERVED, Near
 from .usage import Usage
 
 CODE = "[A-Z]{3}[0-9]{3}"
@@ -61,7 +61,7 @@ def table(usage: Usage, kind: str, table: Any, keys: Keys) -> dict[str, Any]:
         at = (*keys, name)
         if name not in spec:
             usage.report(
-                "R201", at, f'{label} has no key "{name}"', ", ".join(spec), nearest(name, spec),
+                "R201", at, f'{label} has no key "{name}"', ", ".join(spec), Near(name, spec),
                 key=True,
             )  # fmt: skip
         elif _fits(usage, spec[name], value, at):

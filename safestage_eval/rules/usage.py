@@ -11,7 +11,7 @@ from . import parse
 from . import syntax as ast
 from .locate import Keys
 from .moments import Moments
-from .names import a_dimension, nearest
+from .names import Near, a_dimension
 from .references import Scope, literal
 
 
@@ -135,5 +135,5 @@ class Usage(Moments):
         elif counted[2] not in call.args:
             self.report(
                 "R403", keys, f'"{counted[2]}" is not an argument of {call}', ", ".join(call.args),
-                nearest(counted[2], call.args),
+                Near(counted[2], call.args),
             )  # fmt: skip

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from safestage_eval.rules.diagnostic import Diagnostic
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.locate import Locations, Spot
 
@@ -141,3 +142,20 @@ def test_any_file(entries: list[tuple[str, str]]) -> None:
     except tomllib.TOMLDecodeError:
         return
     check(text)
+
+
+@pytest.mark.parametrize("ending", ["", "\n", "\r\nb = 1\n"])
+def test_of_a_very_long_line_what_is_around_a_spot_is_shown(ending: str) -> None:
+    text = "before = 0\na = {" + ", ".join(f"key{i} = {i}" for i in range(2000)) + "}" + ending
+    found = Locations(text)
+    for i in (0, 1, 30, 40, 1000, 1999):
+        spot = found.key(("a", f"key{i}"))
+        shown, cut = found.around(spot)
+        assert len(shown) <= 400
+        assert shown[spot.column - 1 - cut :][: spot.length] == f"key{i}"
+        place = spot.line, spot.column, "R000", "no", "", ""
+        said = Diagnostic("x.toml", *place, shown, spot.length, cut)
+        line, caret = said.render().split("\n")[3:5]
+        assert line[caret.index("^") : caret.rindex("^") + 1] == f"key{i}"
+    short = found.key(("before",))
+    assert found.around(short) == ("before = 0", 0)
