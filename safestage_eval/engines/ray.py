@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable
-from contextlib import redirect_stdout
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, redirect_stdout
 from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -146,6 +146,20 @@ _kept: list[tuple[Settings, Local]] = []
 """The worker process of this process, kept from task to task."""
 
 
+@contextmanager
+def _nameless() -> Iterator[None]:
+    """A process that is started meanwhile does not run the file of this one again.
+
+    Here that is Ray's own, which loads all of Ray: 100 MB in a process that never talks to it.
+    """
+    main = sys.modules["__main__"]
+    file, main.__file__ = getattr(main, "__file__", None), None
+    try:
+        yield
+    finally:
+        main.__file__ = file
+
+
 def _judge_chunk(refs: list[EpisodeRef], keys: list[str], settings: Settings, folder: str) -> Told:
     """Runs in a process of the cluster."""
     if not _kept or _kept[0][0] != settings:
@@ -154,11 +168,12 @@ def _judge_chunk(refs: list[EpisodeRef], keys: list[str], settings: Settings, fo
         _kept[:] = [(settings, Local(1, settings, lines=True))]
     results: list[tuple[int, Line]] = []
     problems = []
-    for place, found in _kept[0][1].run(enumerate(refs)):
-        if isinstance(found, Line):
-            results.append((place, found))
-        elif isinstance(found, Problem):
-            problems.append((place, found))
+    with _nameless():
+        for place, found in _kept[0][1].run(enumerate(refs)):
+            if isinstance(found, Line):
+                results.append((place, found))
+            elif isinstance(found, Problem):
+                problems.append((place, found))
     if not results:
         return Told(None, [], problems)
     part = write(Path(folder), [(keys[place], line) for place, line in results])
