@@ -12,7 +12,7 @@ from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules.load import load_rules
-from safestage_eval.verdicts.judge import judge
+from safestage_eval.verdicts.judging import judge
 from safestage_eval.verdicts.verdict import Verdict
 
 from .policies import policy_named

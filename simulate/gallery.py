@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from safestage_eval.verdicts.judge import judge
+from safestage_eval.verdicts.judging import judge
 
 from .feasibility import REFERENCES, builtin_rules
 from .marks import PASSED, ROLE_COLORS, VIOLATED, captioned, frame_at, moment, role_colors

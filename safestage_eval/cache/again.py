@@ -16,7 +16,7 @@ from safestage_eval.rules import Binding, RuleSet, parse_overrides, rule_digest
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.verdicts import EpisodeResult, Verdict
-from safestage_eval.verdicts.judge import Judge, judged
+from safestage_eval.verdicts.judging import Judge, judged
 from safestage_eval.verdicts.memory import judged_question, verdict_question
 
 from .memory import Memory

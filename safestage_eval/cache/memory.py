@@ -21,7 +21,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.series import Series
 from safestage_eval.verdicts import EpisodeResult, Verdict
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.judge import Judge
+from safestage_eval.verdicts.judging import Judge
 from safestage_eval.verdicts.memory import short
 
 from .entry import Entry, Value

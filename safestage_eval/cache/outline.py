@@ -10,7 +10,7 @@ from safestage_eval.rules import Binding
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.verdicts import EpisodeResult
-from safestage_eval.verdicts.judge import Judge
+from safestage_eval.verdicts.judging import Judge
 
 from .stored import plain
 

@@ -47,7 +47,7 @@ def result(stored: Mapping[str, Any], path: str) -> EpisodeResult:
 
 def result_of(outline: Mapping[str, Any], verdicts: Sequence[Verdict], path: str) -> EpisodeResult:
     """A result from what JSON says of the episode besides verdicts, and these as they were reached."""
-    from safestage_eval.verdicts.judge import with_consequences
+    from safestage_eval.verdicts.judging import with_consequences
 
     made = {**outline, "verdicts": with_consequences(verdicts), "costs": (), "path": path}
     return _made(EpisodeResult, made)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from safestage_eval.rules import Binding
 
     from .evaluate import Evaluator
-    from .judge import Judge
+    from .judging import Judge
     from .values import Env
     from .verdict import EpisodeResult, Verdict
 

@@ -15,7 +15,7 @@ from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series
 from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.judge import Judge, baseline_frames
+from safestage_eval.verdicts.judging import Judge, baseline_frames
 from safestage_eval.verdicts.rule_verdict import judge_rule
 from safestage_eval.verdicts.verdict import Verdict
 

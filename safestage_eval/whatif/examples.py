@@ -16,7 +16,7 @@ from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.resolve import bind_episode
 from safestage_eval.signals.measure import Signals
-from safestage_eval.verdicts.judge import Judge, baseline_frames
+from safestage_eval.verdicts.judging import Judge, baseline_frames
 from safestage_eval.verdicts.verdict import Verdict
 
 Expected = Literal["violation", "pass", "vacuous"]

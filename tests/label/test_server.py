@@ -50,7 +50,7 @@ def test_nothing_of_the_verdict_nor_of_the_policy_is_told(traces, server, monkey
         raise AssertionError("the page must not judge")
 
     monkeypatch.setattr("safestage_eval.verdicts.judge", judged)
-    monkeypatch.setattr("safestage_eval.verdicts.judge.judge", judged, raising=False)
+    monkeypatch.setattr("safestage_eval.verdicts.judging.judge", judged)
     told = everything(server)
     for row in rows:
         for name in ("explanation", "rule_digest", "trace_hash", "episode_id", "path", "policy"):

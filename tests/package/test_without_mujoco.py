@@ -29,7 +29,7 @@ else:
 
 from safestage_eval.formats import load
 from safestage_eval.rules.load import load_rules
-from safestage_eval.verdicts.judge import judge
+from safestage_eval.verdicts.judging import judge
 
 result = judge(load(sys.argv[1]), load_rules([sys.argv[2]]))
 print(json.dumps({v.rule: v.verdict for v in result.verdicts}))

@@ -15,7 +15,7 @@ from safestage_eval.importers import MapFile
 from safestage_eval.importers.map_tables import BodyTable
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts import EpisodeResult
-from safestage_eval.verdicts.judge import judge
+from safestage_eval.verdicts.judging import judge
 from simulate import arm
 
 pytestmark = pytest.mark.simulate

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.rules.load import load_rules
-from safestage_eval.verdicts.judge import judge
+from safestage_eval.verdicts.judging import judge
 from simulate.controls import Idle
 from simulate.policies import Observation, policy_named
 from simulate.rollout import Setting, roll_out
