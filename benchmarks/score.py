@@ -5,8 +5,9 @@
     python benchmarks/score.py --profile ETS
 
 The episode (8,000 frames, 20 objects and an arm, 36 contacts per frame; made.py) is written to a
-temporary folder first. Times are of the processor, the best of several runs in one warm process,
-files in the page cache. ``--every N`` lets the plain loop visit every Nth frame and scales its time.
+temporary folder first. Times are of the processor, the least of ``--runs`` in one warm process, and
+in brackets their median; files are in the page cache. ``--every N`` lets the plain loop visit every Nth
+frame and scales its time.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from statistics import median
+from typing import Any, NamedTuple
 
 import made
 import numpy as np
@@ -39,14 +41,25 @@ LIMIT = 0.08
 """m, as ``min_clearance`` in rules/ets.toml."""
 
 
-def best(function: Callable[[], Any], runs: int) -> tuple[float, Any]:
-    """Least processor time (s) of several runs after one that is not counted, and the result."""
+class Times(NamedTuple):
+    """s of the processor that several runs took."""
+
+    least: float
+    median: float
+
+    def __str__(self) -> str:
+        """In ms."""
+        return f"{self.least * 1e3:.1f} ({self.median * 1e3:.1f})"
+
+
+def timed(function: Callable[[], Any], runs: int) -> tuple[Times, Any]:
+    """Several runs after one that is not counted, and the result."""
     result, times = function(), []
     for _ in range(runs):
         start = time.process_time()
         result = function()
         times.append(time.process_time() - start)
-    return min(times), result
+    return Times(min(times), median(times)), result
 
 
 def read_and_score(ref: EpisodeRef, rules: Any, assigned_only: bool = True) -> EpisodeResult:
@@ -61,20 +74,20 @@ CHANGED = {"ISH": "commit_lift", "ETS": "min_clearance", "FSH": "edge"}
 
 def again(
     ref: EpisodeRef, other: EpisodeRef, rules: Any, stage: str, folder: Path, runs: int
-) -> tuple[float, float]:
-    """s: scored again from a cache, as it was, and under another value of one parameter.
+) -> tuple[Times, Times]:
+    """Scored again from a cache, as it was, and under another value of one parameter.
 
     The digests of rules, which all episodes of a run share, are made with another episode before.
     """
-    same = best(lambda: score_episode(ref, rules, assigned_only=True, cache=folder), runs)[0]
+    same = timed(lambda: score_episode(ref, rules, assigned_only=True, cache=folder), runs)[0]
     name, times = CHANGED[stage], []
     for run in range(runs):
-        values = {name: f"{3 + run / 100} cm"}
+        values = {name: f"{3 + run / 1000} cm"}
         score_episode(other, rules, values, assigned_only=True, cache=folder)
         start = time.process_time()
         score_episode(ref, rules, values, assigned_only=True, cache=folder)
         times.append(time.process_time() - start)
-    return same, min(times)
+    return same, Times(min(times), median(times))
 
 
 def headline(folder: Path, runs: int, every: int) -> None:
@@ -85,22 +98,24 @@ def headline(folder: Path, runs: int, every: int) -> None:
         f"{len(episode.contacts) / len(episode):.0f} contacts per frame"
     )
     print(
-        "\nms of one core: read + score by the assigned rules (by all of the stage); from a cache"
+        "\nms of one core, least (median): read + score by the assigned rules, and by all of the stage; "
+        "from a cache"
     )
-    print(f"{'':5}{'Parquet':>9}{'(all)':>9}{'MCAP':>9}{'again':>9}{'changed':>9}   verdicts")
+    print("     " + "".join(f"{x:>15}" for x in ("Parquet", "all", "MCAP", "again", "changed")))
     for stage in made.ASSIGNED:
-        rules, times = load_rules([stage.lower()]), []
+        rules = load_rules([stage.lower()])
+        times: list[Times] = []
         parquet = made.write(folder / stage, stage)
         mcap = made.write(folder / f"{stage}.mcap", stage)
         for ref, assigned in ((parquet, True), (parquet, False), (mcap, True)):
-            seconds, result = best(
+            found, result = timed(
                 lambda ref=ref, a=assigned, rules=rules: read_and_score(ref, rules, a), runs
             )
-            times.append(seconds)
+            times.append(found)
         time.sleep(2.5)  # a file that changed a moment ago is not trusted
         times += again(parquet, mcap, rules, stage, folder / "cache", runs)
         told = ", ".join(f"{v.rule} {v.verdict}" for v in result.verdicts)
-        print(f"{stage:5}" + "".join(f"{x * 1e3:9.1f}" for x in times) + f"   {told}", flush=True)
+        print(f"{stage:5}" + "".join(f"{x!s:>15}" for x in times) + f"   {told}", flush=True)
     print("\nagainst the plain python-fcl loop: robot and target to each protected object")
     for protected, walls in ((3, 0), (17, 0), (3, 24)):
         compare(folder, made.Size(protected=protected, walls=walls), runs, every)
@@ -110,7 +125,7 @@ def compare(folder: Path, size: made.Size, runs: int, every: int) -> None:
     """The rules of ETS, read and scored, against the plain loop over the same pairs of bodies."""
     ref = made.write(folder / f"plain{size.protected}.{size.walls}", "ETS", size)
     rules = load_rules(["ets"])
-    ours, result = best(lambda: read_and_score(ref, rules), runs)
+    (ours, _), result = timed(lambda: read_and_score(ref, rules), runs)
     start = time.process_time()
     episode = ref.open()
     robot = [b.name for b in episode.header.bodies if b.kind in ("robot", "gripper") and b.movable]
@@ -144,13 +159,13 @@ def growth(folder: Path, runs: int) -> None:
     }
     ruleset = {stage: load_rules([stage.lower()]) for stage in made.ASSIGNED}
     for axis, values in axes.items():
-        print(f"\n{axis:>10}  contacts/frame" + "".join(f"{stage:>11}" for stage in ruleset))
+        print(f"\n{axis:>10}  contacts/frame" + "".join(f"{stage:>15}" for stage in ruleset))
         for value in values:
             size, cells, density = replace(usual, **{axis: value}), [], 0.0
             for stage, rules in ruleset.items():
                 ref = made.write(folder / f"{axis}{value}" / stage, stage, size)
-                seconds, _ = best(lambda r=ref, rules=rules: read_and_score(r, rules), runs)
-                cells.append(f"{seconds * 1e3:8.1f} ms")
+                found, _ = timed(lambda r=ref, rules=rules: read_and_score(r, rules), runs)
+                cells.append(f"{found!s:>15}")
                 density = len(ref.open().contacts) / size.frames
             print(f"{value:10}{density:16.0f}" + "".join(cells), flush=True)
 
@@ -171,7 +186,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--growth", action="store_true", help="tables over four sizes")
     parser.add_argument("--profile", choices=made.ASSIGNED, help="one stage, by function")
-    parser.add_argument("--runs", type=int, default=9)
+    parser.add_argument("--runs", type=int, default=40)
     parser.add_argument("--every", type=int, default=10, help="frames per step of the plain loop")
     args = parser.parse_args()
     heap.keep()  # as the command and its workers do

@@ -74,20 +74,20 @@ def benchmark_names() -> list[str]:
 def find(spec: str | Path) -> list[Path]:
     """The files that a path, a folder or a built-in name stands for.
 
+    A folder without rule files does not stand in a built-in's way: episodes may lie in ``fsh``.
+
     Raises:
         RuleError: there is none.
     """
     path = Path(spec)
-    if path.is_dir():
-        found = sorted(path.glob("*.toml"))
-        if not found:
-            raise RuleError(str(spec), "the folder has no rule files.", "files ending in .toml")
+    found = sorted(path.glob("*.toml")) if path.is_dir() else [path] * path.is_file()
+    if found:
         return found
-    if path.is_file():
-        return [path]
     builtin = _builtin(str(spec))
     if builtin is not None:
         return [builtin]
+    if path.is_dir():
+        raise RuleError(str(spec), "the folder has no rule files.", "files ending in .toml")
     named = [*builtin_names(), *benchmark_names()]
     raise RuleError(
         str(spec),

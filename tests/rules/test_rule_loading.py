@@ -80,6 +80,20 @@ def test_a_file_beside_wins_over_a_builtin_name(tmp_path: Path) -> None:
     assert list(load_rules([mine]).params) == ["size"]
 
 
+def test_a_folder_of_episodes_does_not_hide_a_builtin_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "fsh" / "meta").mkdir(parents=True)
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert list(load_rules(["fsh"]).rules) == list(load_rules(["fsh.toml"]).rules)
+    for spec in ("other", "fsh/", str(tmp_path / "fsh")):
+        with pytest.raises(RuleError, match="the folder has no rule files"):
+            load_rules([spec])
+    write(tmp_path / "fsh", "mine", [], '[param]\nsize = "1 cm"\n')
+    assert list(load_rules(["fsh"]).params) == ["size"]
+
+
 def test_material_rows_are_merged_by_column(tmp_path: Path) -> None:
     mine = write(tmp_path, "mine", ["fsh"], '[material.bottle]\nmax_tilt = "5 deg"\n'
                  '[material.mug]\nmax_tilt = "9 deg"\n')  # fmt: skip
