@@ -79,7 +79,7 @@ def _plan(
     rules: RuleSet, alike: str, overrides: Mapping[str, str], backend: str
 ) -> list[_Part] | None:
     """Found once for all episodes alike; None where the values reach further than verdicts."""
-    plans: dict[Any, list[_Part] | None] = rules.digests.setdefault("plans", {})
+    plans: dict[Any, list[_Part] | None] = rules.known.setdefault("plans", {})
     key = alike, backend, *overrides.items()
     if key not in plans:
         if len(plans) >= _MANY:

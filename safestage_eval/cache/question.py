@@ -29,7 +29,7 @@ def question(
 
 def _whole(rules: RuleSet) -> str:
     """A digest of all that rule files say, prose included."""
-    if "whole" not in rules.digests:
-        rules.digests["whole"] = hashlib.sha256(repr(rules).encode()).hexdigest()
-    digest: str = rules.digests["whole"]
+    if "whole" not in rules.known:
+        rules.known["whole"] = hashlib.sha256(repr(rules).encode()).hexdigest()
+    digest: str = rules.known["whole"]
     return digest

@@ -93,11 +93,11 @@ _MANY = 4096
 def _known(rules: ast.RuleSet, node: object) -> _Known:
     """By identity: equal parts are hashed as often as they are asked about, and that takes long."""
     key = tuple(map(id, node)) if isinstance(node, tuple) else id(node)
-    found: _Known | None = rules.digests.get(("known", key))
+    found: _Known | None = rules.known.get(("known", key))
     if found is not None:
         return found
-    if len(rules.digests) > _MANY:
-        rules.digests.clear()
+    if len(rules.known) > _MANY:
+        rules.known.clear()
     uses: dict[str, Any] = {}
     todo = [node]
     while todo:
@@ -107,7 +107,7 @@ def _known(rules: ast.RuleSet, node: object) -> _Known:
                 if not isinstance(value, ast.Parameter):
                     todo.append(value)
     reads = frozenset(v.name for v in uses.values() if isinstance(v, ast.Parameter))
-    found = rules.digests["known", key] = _Known(node, uses, reads, {})
+    found = rules.known["known", key] = _Known(node, uses, reads, {})
     return found
 
 

@@ -268,5 +268,5 @@ class RuleSet:
     rules: dict[str, Rule]
     """By code. Only the rules of the files that were asked for, not of those they extend."""
     costs: dict[str, Cost]
-    digests: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    known: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     """What was found out about rules and parameter values so far: digests, and what they use."""

@@ -16,7 +16,7 @@ class Costly:
         """What was found out before is kept with the rules."""
         self._rules = rules
         # by identity: the condition is kept beside the answer, and so stays what it is
-        self._known: dict[int, tuple[ast.Condition, bool]] = rules.digests.setdefault("costly", {})
+        self._known: dict[int, tuple[ast.Condition, bool]] = rules.known.setdefault("costly", {})
         if len(self._known) > _MANY:
             self._known.clear()
 

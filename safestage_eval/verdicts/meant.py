@@ -38,7 +38,7 @@ class Meanings:
     def __init__(self, rules: ast.RuleSet) -> None:
         """What was found out before is kept with the rules."""
         self._rules = rules
-        self._known: dict[int, Meant] = rules.digests.setdefault("meant", {})
+        self._known: dict[int, Meant] = rules.known.setdefault("meant", {})
         if len(self._known) > _MANY:
             self._known.clear()
 

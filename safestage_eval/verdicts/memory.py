@@ -56,9 +56,9 @@ def short(text: str) -> str:
 
 def said(rules: ast.RuleSet, rule: ast.Rule) -> str:
     """What stands for a rule with all its wording, but without the definitions that it names."""
-    found: str | None = rules.digests.get(("said", rule.code))
+    found: str | None = rules.known.get(("said", rule.code))
     if found is None:
-        found = rules.digests["said", rule.code] = short(repr(rule))
+        found = rules.known["said", rule.code] = short(repr(rule))
     return found
 
 

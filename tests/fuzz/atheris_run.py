@@ -30,6 +30,7 @@ FOLLOWED = [
         "arrow_tables", "contact_arrays", "dataset_reader", "dataset_tables", "discover",
         "episode_row", "mcap_arrays", "mcap_chunks", "mcap_clouds", "mcap_frames", "mcap_messages",
         "mcap_metadata", "mcap_reader", "mcap_records", "parquet_columns", "parquet_footer", "ply",
+        "row_groups", "stored_scene",
         "stored_contacts", "stored_file", "stored_table", "wire",
     )),
     "safestage_eval.rules",
