@@ -11,7 +11,6 @@ nineteen objects against one mug made of ten hulls and a disc, 8,000 frames at 1
 from __future__ import annotations
 
 import argparse
-import platform
 import time
 from collections.abc import Callable
 from itertools import pairwise
@@ -19,7 +18,7 @@ from typing import Any
 
 import fcl
 import numpy as np
-from machine import processor
+from machine import machine
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Geom, Mesh
@@ -243,7 +242,7 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=8000)
     parser.add_argument("--every", type=int, default=1)
     options = parser.parse_args()
-    print(f"{platform.node()}: {processor()}, Python {platform.python_version()}")
+    print(machine())
     scene = Scene(options.frames)
     group, mug = [*scene.robot, *scene.objects[1:]], scene.objects[0]
     start = time.perf_counter()

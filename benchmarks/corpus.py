@@ -16,7 +16,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import platform
 import shutil
 import signal
 import subprocess
@@ -30,7 +29,7 @@ from typing import Any
 import made
 import numpy as np
 import pyarrow.parquet as pq
-from machine import processor
+from machine import machine
 
 from safestage_eval.episode import Episode
 from safestage_eval.formats.arrow_tables import write_options
@@ -210,7 +209,7 @@ def score(folder: Path, work: Path, jobs: int, most: int | None, *, ray: bool, k
         pq.read_metadata(path).num_rows for path in (visits[0] / "meta/episodes").glob("*.parquet")
     )
     stored = sum(path.stat().st_size for path in visits[0].rglob("*") if path.is_file())
-    print(f"{processor()}, Python {platform.python_version()}, {count} episodes, of these "
+    print(f"{machine()}, {count} episodes, of these "
           f"{distinct} distinct in {stored / 2**30:.1f} GiB, {jobs} processes")  # fmt: skip
     shutil.rmtree(work, ignore_errors=True)
     work.mkdir(parents=True)

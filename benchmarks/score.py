@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import cProfile
-import platform
 import pstats
 import tempfile
 import time
@@ -26,7 +25,7 @@ from typing import Any, NamedTuple
 
 import made
 import numpy as np
-from machine import processor
+from machine import machine
 from plain import distances
 
 from safestage_eval import heap
@@ -190,10 +189,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=10, help="frames per step of the plain loop")
     args = parser.parse_args()
     heap.keep()  # as the command and its workers do
-    print(
-        f"{platform.node()}: {processor()}, Python {platform.python_version()}, "
-        f"NumPy {np.__version__}"
-    )
+    print(f"{machine()}, NumPy {np.__version__}")
     with tempfile.TemporaryDirectory() as name:
         if args.profile:
             profile(Path(name), args.profile, args.runs)

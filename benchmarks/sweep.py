@@ -10,14 +10,13 @@ The sweep's verdicts are compared with those of scoring at every tenth value.
 from __future__ import annotations
 
 import argparse
-import platform
 import statistics
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from machine import processor
+from machine import machine
 
 from safestage_eval.formats import discover
 from safestage_eval.metrics import outcomes, rates
@@ -53,7 +52,7 @@ def main() -> None:
     score_many(refs, specs, jobs=1)  # compile
     score, _ = timed(lambda: score_many(refs, specs, jobs=1), args.runs)
     swept, found = timed(lambda: sweep(refs, specs, args.param, values, jobs=1), args.runs)
-    print(f"{platform.node()}: {processor()}, Python {platform.python_version()}")
+    print(machine())
     print(f"one scoring run, {len(refs)} episodes, rules {args.rules}: {score * 1e3:8.1f} ms")
     print(f"{len(values)} values of {args.param}:{swept * 1e3:21.1f} ms")
     print(f"ratio: {swept / score:.2f}")
