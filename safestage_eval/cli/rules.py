@@ -198,7 +198,10 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     ),
     help="With --mutate: only such mistakes. Repeatable.",
 )  # fmt: skip
-@click.option("--deep", is_flag=True, help="With --mutate: break the states it rests on as well.")
+@click.option(
+    "--deep", is_flag=True,
+    help="With --mutate: break the states and phases that rules rest on as well.",
+)  # fmt: skip
 @click.option(
     "--format", "-f", "form", type=click.Choice(["table", "json", "junit"]), default="table",
     show_default=True,
@@ -236,7 +239,8 @@ def test(
     --mutate tests the examples: it turns comparisons round, mistakes units (ten times too much or
     too little) and durations (twice, half, none), exchanges roles and widens them, judges too much
     (no given, no until, the other end of an event), drops obligations and swaps true and false, one
-    at a time.
+    at a time. With --deep it makes the same mistakes in the states and phases that rules rest on;
+    any rule's example may notice those. What a cost charges, and its budget, are mistaken alike.
 
     \b
     Examples:

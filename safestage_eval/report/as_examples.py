@@ -58,7 +58,7 @@ def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
         alive = [m for m in every if m.killer is None]
         if alive:
             lines += ["", "Mistakes that no example notices:"]
-            lines += _columns([[f"  {m.rule}", m.kind, m.what] for m in alive])
+            lines += _columns([[f"  {m.where}", m.kind, m.what] for m in alive])
         lines.append(f"{len(every) - len(alive)} of {len(every)} mistakes noticed")
     return "\n".join(lines) + "\n"
 
@@ -76,7 +76,7 @@ def _json(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | 
     }
     if hunted is not None:
         document["mutants"] = [
-            {"rules": name, "rule": m.rule, "kind": m.kind, "what": m.what, "killer": m.killer}
+            {"rules": name, "rule": m.where, "kind": m.kind, "what": m.what, "killer": m.killer}
             for name, found in hunted.items()
             for m in found
         ]
@@ -101,7 +101,7 @@ def _junit(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
             ET.SubElement(case, "failure", message=_lacks(code, *counts))
         for m in (hunted or {}).get(name, ()):
             case = ET.SubElement(
-                node, "testcase", classname=f"{name}.{m.rule}.mutants", name=m.what
+                node, "testcase", classname=f"{name}.{m.where}.mutants", name=m.what
             )
             if m.killer is None:
                 ET.SubElement(case, "failure", message="no example notices this mistake")

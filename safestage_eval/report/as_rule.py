@@ -42,6 +42,11 @@ def rule_facts(
             level: {name: words.value(v) for name, v in values} for level, values in rule.severity
         },
         "explain": rule.explain,
+        "examples": {
+            "violates": list(rule.violates),
+            "passes": list(rule.passes),
+            "vacuous": list(rule.vacuous),
+        },
         "parameters": [
             _parameter(name, value, f"rule {rule.code}" if name in own else "", whence)
             for name, value in uses.params.items()
@@ -77,11 +82,6 @@ def _asked(rule: ast.Rule, params: words.Values) -> dict[str, Any]:
         "forbid": [words.alternative(item, params) for item in rule.forbid],
         "reach": words.alternative(rule.reach, params) if rule.reach is not None else None,
         "for": words.duration(rule.for_, params) if rule.for_ is not None else None,
-        "examples": {
-            "violates": list(rule.violates),
-            "passes": list(rule.passes),
-            "vacuous": list(rule.vacuous),
-        },
     }
 
 
@@ -126,7 +126,7 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
     measured += [[name, RELATIONS[name].meaning] for name in facts["relations"]]
     lines += _table("measures", measured)
     lines += _entry("trace needs", [", ".join(facts["needs"])])
-    for kind, names in facts.get("examples", {}).items():
+    for kind, names in facts["examples"].items():
         lines += _entry(kind, [", ".join(names)])
     lines += _entry("declared in", [f"{facts['path']}:{facts['line']}"])
     lines += _entry("digest", [facts["digest"]])

@@ -7,6 +7,7 @@ from typing import Any
 
 from . import parse
 from . import syntax as ast
+from .keys import TABLES
 
 Table = Mapping[str, Any]
 
@@ -82,7 +83,6 @@ class Builder:
     def rule(self, table: Table, path: str, line: int) -> ast.Rule:
         """``[[rule]]``."""
         forbid = table.get("forbid", ())
-        examples = table.get("examples", {})
         return ast.Rule(
             code=table["code"],
             title=table["title"],
@@ -102,9 +102,7 @@ class Builder:
             set=settings(table.get("set", {})),
             why=table.get("why", ""),
             explain=table.get("explain", ""),
-            violates=tuple(examples.get("violates", ())),
-            passes=tuple(examples.get("passes", ())),
-            vacuous=tuple(examples.get("vacuous", ())),
+            **_examples(table),
             path=path,
             line=line,
         )
@@ -125,6 +123,7 @@ class Builder:
             set=settings(table.get("set", {})),
             why=table.get("why", ""),
             explain=table.get("explain", ""),
+            **_examples(table),
             path=path,
             line=line,
         )
@@ -168,6 +167,11 @@ def settings(table: Table) -> tuple[tuple[str, ast.Quantity | ast.Duration], ...
 
 def _levels(table: Table) -> tuple[tuple[str, tuple[tuple[str, Any], ...]], ...]:
     return tuple((name, settings(values)) for name, values in table.get("severity", {}).items())
+
+
+def _examples(table: Table) -> dict[str, tuple[str, ...]]:
+    named = table.get("examples", {})
+    return {kind: tuple(named.get(kind, ())) for kind in TABLES["examples"]}
 
 
 def _roles(table: Table) -> tuple[tuple[str, ast.RoleSpec], ...]:

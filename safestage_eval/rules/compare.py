@@ -59,7 +59,7 @@ class Comparison:
 
 def compare(before: ast.RuleSet, after: ast.RuleSet) -> Comparison:
     """Compare two rule sets by the codes of their rules and costs."""
-    old, new = _judged(before), _judged(after)
+    old, new = before.scoped, after.scoped
     changed, same, digests = {}, [], {}
     for code in old.keys() & new.keys():
         a = Meaning(before, old[code], own_params(before, old[code]))
@@ -104,10 +104,6 @@ def _reaching(rules: ast.RuleSet) -> dict[str, Any]:
         name: (goal, sorted(reached(rules, goal, rules.params).items(), key=lambda item: item[0]))
         for name, goal in rules.goals.items()
     }
-
-
-def _judged(rules: ast.RuleSet) -> dict[str, ast.Scoped]:
-    return {**rules.rules, **rules.costs}
 
 
 def _text(value: Any) -> str | None:

@@ -49,7 +49,7 @@ def find_rules(what: Iterable[str], specs: Sequence[str | Path] = ()) -> list[Fo
                 near or nearest(name, builtin_names()) or "safestage rules show lists all codes",
             ) from None
         whence = sources([name])
-        found += [(rules, rule, whence) for rule in _judged(rules).values()]
+        found += [(rules, rule, whence) for rule in rules.scoped.values()]
     return found
 
 
@@ -58,7 +58,7 @@ def list_rules(specs: Sequence[str | Path] = ()) -> list[tuple[str, str, str]]:
     return [
         (rule.code, rule.title, rule.path)
         for group in groups(specs)
-        for rule in _judged(load_rules(group)).values()
+        for rule in load_rules(group).scoped.values()
     ]
 
 
@@ -66,9 +66,9 @@ def _by_code(code: str, specs: Sequence[str | Path]) -> Found:
     known = []
     for group in groups(specs):
         rules = load_rules(group)
-        if code in _judged(rules):
-            return rules, _judged(rules)[code], sources(group)
-        known += list(_judged(rules))
+        if code in rules.scoped:
+            return rules, rules.scoped[code], sources(group)
+        known += list(rules.scoped)
     where = ", ".join(map(str, specs)) or "the built-in rules"
     raise RuleError(
         code,
@@ -90,7 +90,3 @@ def groups(specs: Sequence[str | Path], *, each: bool = False) -> list[list[str 
             find(spec)
         return [[spec] for spec in specs] if each else [list(specs)]
     return [[name] for name in (*builtin_names(), *benchmark_names())]
-
-
-def _judged(rules: ast.RuleSet) -> dict[str, ast.Scoped]:
-    return {**rules.rules, **rules.costs}

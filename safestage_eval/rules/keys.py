@@ -117,6 +117,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "charge": Key("charges", "What adds to the cost.", True),
         "budget": Key("value", "The cost that must not be exceeded; without it, no verdict."),
         "severity": Key("levels", "Level = parameter values under which it is judged again."),
+        "examples": Key("examples", "Names of episodes whose sum must be on the right side."),
     },
     "charge": {
         "when": Key("alternative", "Charge while, or each time, this holds."),

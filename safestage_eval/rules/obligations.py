@@ -48,6 +48,11 @@ class Obligations(Declarations):
                 usage.report("R203", (*keys, "charge"), "an empty list charges nothing")
             if "budget" in table:
                 usage.budget(table["budget"], (*keys, "budget"), scope)
+            elif "examples" in table:
+                usage.report(
+                    "R205", (*keys, "examples"), "a cost without a budget has no verdict that its "
+                    "examples could have", "budget, or no examples", key=True,
+                )  # fmt: skip
         self.settings(table.get("set", {}), (*keys, "set"))
         for level, values in table.get("severity", {}).items():
             structure.declared_name(usage, level, (*keys, "severity", level))

@@ -6,7 +6,7 @@ free of geometry.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -215,6 +215,9 @@ class Cost:
     set: tuple[tuple[str, Quantity | Duration], ...] = ()
     why: str = field(default="", compare=False)
     explain: str = field(default="", compare=False)
+    violates: tuple[str, ...] = field(default=(), compare=False)
+    passes: tuple[str, ...] = field(default=(), compare=False)
+    vacuous: tuple[str, ...] = field(default=(), compare=False)
     path: str = field(default="", compare=False)
     line: int = field(default=0, compare=False)
 
@@ -268,5 +271,17 @@ class RuleSet:
     rules: dict[str, Rule]
     """By code. Only the rules of the files that were asked for, not of those they extend."""
     costs: dict[str, Cost]
+    """By code, as ``rules``."""
     known: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     """What was found out about rules and parameter values so far: digests, and what they use."""
+
+    @property
+    def scoped(self) -> dict[str, Scoped]:
+        """Rules and costs by code, the rules first."""
+        return {**self.rules, **self.costs}
+
+    def with_scoped(self, changed: Scoped) -> RuleSet:
+        """The set with another rule, or cost, in the place of the one of its code."""
+        if isinstance(changed, Rule):
+            return replace(self, rules={**self.rules, changed.code: changed})
+        return replace(self, costs={**self.costs, changed.code: changed})

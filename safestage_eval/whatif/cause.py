@@ -166,4 +166,4 @@ class _Trial:
 
 
 def _rule(side: Again, code: str) -> ast.Scoped:
-    return side.rules.rules[code] if code in side.rules.rules else side.rules.costs[code]
+    return side.rules.scoped[code]

@@ -7,13 +7,29 @@ from dataclasses import dataclass, field
 
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import RuleSet
+from safestage_eval.rules.digest import digest_of
 
-from .examples import Checked, Library, Suite, check_rule, suite
+from .examples import Checked, Library, Suite, check_rule, deciding, suite
 from .many import Progress, each
-from .mutants import Hunted, hunt
+from .mutants import Hunted, definitions, hunt, hunt_in
 
 WORTH = 12
 """Rules below which starting worker processes costs more than it saves."""
+
+
+@dataclass(frozen=True)
+class _Task:
+    """The examples of one rule and its mistakes, or the mistakes in one definition.
+
+    Attributes:
+        sets: names of the rule sets; several where they share a definition.
+        code: of the rule or cost; None for a definition.
+        name: of the state or phase.
+    """
+
+    sets: tuple[str, ...]
+    code: str | None = None
+    name: str = ""
 
 
 @dataclass
@@ -23,19 +39,19 @@ class _Work:
     sets: Mapping[str, RuleSet]
     recorded: Sequence[EpisodeRef]
     kinds: Collection[str]
-    deep: bool
     _library: Library | None = field(default=None, repr=False)
 
-    def __call__(self, which: tuple[str, str]) -> tuple[list[Checked], list[Hunted]]:
-        """The examples of one rule, and its mistakes, given its set and code."""
+    def __call__(self, task: _Task) -> tuple[list[Checked], list[Hunted]]:
         if self._library is None:
             self._library = Library(self.recorded)
-        rules = self.sets[which[0]]
-        rule = rules.rules[which[1]]
-        checked = check_rule(rules, rule, self._library)
+        sets = [self.sets[name] for name in task.sets]
+        if task.code is None:
+            return [], hunt_in(sets, task.name, self._library, kinds=self.kinds)
+        rule = sets[0].scoped[task.code]
+        checked = check_rule(sets[0], rule, self._library)
         if not self.kinds:
             return checked, []
-        return checked, hunt(rules, rule, self._library, kinds=self.kinds, deep=self.deep)
+        return checked, hunt(sets[0], rule, self._library, kinds=self.kinds)
 
 
 def check_sets(
@@ -48,33 +64,47 @@ def check_sets(
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> tuple[dict[str, Suite], dict[str, list[Hunted]]]:
-    """Judge the examples of every rule of every set.
+    """Judge the examples of every rule, and every cost with a budget, of every set.
 
     Args:
         sets: name → rule set.
         recorded: stored episodes that examples may name by their ids.
         least: how many violating and how many passing examples each rule must have.
         kinds: of mistakes to make in each rule; none if empty.
-        deep: mistakes in the states that a rule rests on as well.
+        deep: mistakes in the states and phases that rules rest on as well. Each is made once, and
+            may be noticed by any rule of any of the sets that declare it alike.
         jobs: worker processes.
-        progress: told (done, total) after each rule.
+        progress: told (done, total) after each rule and definition.
 
     Returns:
-        Name → what became of the examples, and of the mistakes.
+        Name → what became of the examples, and of the mistakes; those in a definition that sets
+        share under the first of them.
     """
-    todo = [(name, code) for name, rules in sets.items() for code in rules.rules]
-    work = _Work(sets, recorded, kinds, deep)
-    found = dict(
+    filled = {name: rules for name, rules in sets.items() if deciding(rules)}
+    todo = [_Task((name,), code) for name, rules in filled.items() for code in deciding(rules)]
+    if deep and kinds:
+        todo += _shared(filled)
+    work = _Work(filled, recorded, kinds)
+    found = list(
         zip(todo, each(todo, work, jobs=jobs, worth=WORTH, progress=progress), strict=True)
     )
     suites = {
-        name: suite(rules, (c for code in rules.rules for c in found[name, code][0]), least)
-        for name, rules in sets.items()
-        if rules.rules
+        name: suite(
+            rules, (c for task, (cs, _) in found if task.sets[0] == name for c in cs), least
+        )
+        for name, rules in filled.items()
     }
     hunted = {
-        name: [m for code in rules.rules for m in found[name, code][1]]
-        for name, rules in sets.items()
-        if rules.rules
+        name: [m for task, (_, ms) in found if task.sets[0] == name for m in ms] for name in filled
     }
     return suites, hunted
+
+
+def _shared(sets: Mapping[str, RuleSet]) -> list[_Task]:
+    """One task for each definition that rules rest on; sets that declare it alike share it."""
+    found: dict[tuple[str, object, str], list[str]] = {}
+    for name, rules in sets.items():
+        for defined, meaning in definitions(rules).items():
+            key = (defined, meaning, digest_of(rules, meaning, rules.params))
+            found.setdefault(key, []).append(name)
+    return [_Task(tuple(names), name=defined) for (defined, *_), names in found.items()]

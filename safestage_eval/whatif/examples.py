@@ -88,7 +88,7 @@ class Library:
         self._opened: dict[tuple[str, str], Episode] = {}
         self._measured: dict[tuple[str, str, int], Relations] = {}
 
-    def episode(self, name: str, rule: ast.Rule) -> Episode:
+    def episode(self, name: str, rule: ast.Scoped) -> Episode:
         """The episode that a rule calls by a name.
 
         Looked for as a trace file beside the rule file, then in its folder ``examples`` (a sketch
@@ -124,8 +124,8 @@ class Library:
                 "a built-in sketch, or the id of an episode in --traces",
             ) from None
 
-    def judge(self, name: str, rules: RuleSet, rule: ast.Rule) -> Verdict:
-        """What a rule says of an example.
+    def judge(self, name: str, rules: RuleSet, rule: ast.Scoped) -> Verdict:
+        """What a rule, or a cost with a budget, says of an example.
 
         Raises InputError as ``episode`` does, or where roles and trace do not fit.
         """
@@ -135,7 +135,21 @@ class Library:
         if key not in self._measured:
             self._measured[key] = Relations(Signals(episode, frames))
         binding = bind_episode(rules, episode.header)
-        return Judge(episode, rules, binding, self._measured[key]).verdict(rule)
+        judge = Judge(episode, rules, binding, self._measured[key])
+        if isinstance(rule, ast.Rule):
+            return judge.verdict(rule)
+        verdict = judge.cost(rule)[1]
+        assert verdict is not None, "only a budget makes a cost a verdict"
+        return verdict
+
+
+def deciding(rules: RuleSet) -> dict[str, ast.Scoped]:
+    """Code → what needs examples: rules, and the costs that decide something."""
+    return {
+        code: rule
+        for code, rule in rules.scoped.items()
+        if isinstance(rule, ast.Rule) or rule.budget is not None
+    }
 
 
 def outcome(verdict: Verdict, expected: Expected) -> str:
@@ -147,7 +161,7 @@ def outcome(verdict: Verdict, expected: Expected) -> str:
     return "vacuous" if vacuous else verdict.verdict
 
 
-def examples_of(rule: ast.Rule) -> list[tuple[str, Expected]]:
+def examples_of(rule: ast.Scoped) -> list[tuple[str, Expected]]:
     """Names with what is expected, the violating ones first, those without anything to judge last."""
     kinds: list[tuple[Expected, tuple[str, ...]]] = [
         ("violation", rule.violates), ("pass", rule.passes), ("vacuous", rule.vacuous),
@@ -155,8 +169,8 @@ def examples_of(rule: ast.Rule) -> list[tuple[str, Expected]]:
     return [(name, expected) for expected, names in kinds for name in names]
 
 
-def check_rule(rules: RuleSet, rule: ast.Rule, library: Library) -> list[Checked]:
-    """Judge every example of a rule; one that cannot be judged is wrong, and stops no other."""
+def check_rule(rules: RuleSet, rule: ast.Scoped, library: Library) -> list[Checked]:
+    """Judge every example of a rule or cost; one that cannot be judged is wrong, and stops no other."""
     checked = []
     for name, expected in examples_of(rule):
         try:
@@ -170,7 +184,8 @@ def check_rule(rules: RuleSet, rule: ast.Rule, library: Library) -> list[Checked
 def suite(rules: RuleSet, checked: Iterable[Checked], least: int) -> Suite:
     """What became of the examples of a rule set, of which each rule must have ``least`` each way."""
     counts = {
-        rule.code: (len(set(rule.violates)), len(set(rule.passes))) for rule in rules.rules.values()
+        code: (len(set(rule.violates)), len(set(rule.passes)))
+        for code, rule in deciding(rules).items()
     }
     lacking = {code: count for code, count in counts.items() if min(count) < least}
     return Suite(tuple(checked), lacking)

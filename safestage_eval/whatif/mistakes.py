@@ -44,27 +44,26 @@ class Mistake(NamedTuple):
 
 
 class _Place(NamedTuple):
-    """Where a mistake is made."""
+    """Where a mistake is made; ``roles`` are the names that may be exchanged there."""
 
     rules: RuleSet
     params: words.Values
     roles: tuple[str, ...]
 
 
-def mistakes(rules: RuleSet, rule: ast.Rule, *, deep: bool) -> Iterator[Mistake]:
-    """Every mistake in a rule; ``changed`` is the whole rule set with it.
+def mistakes(rules: RuleSet, rule: ast.Scoped) -> Iterator[Mistake]:
+    """Every mistake in a rule or cost; ``changed`` is the whole rule set with it.
 
     Args:
-        rules: the set that the rule belongs to.
+        rules: the set that it belongs to.
         rule: as meant.
-        deep: also mistakes in the states and phases that it rests on.
     """
     params = own_params(rules, rule)
     place = _Place(rules, params, tuple(name for name, _ in rule.roles))
-    for kind, what, changed in _of_rule(rule, place):
-        yield Mistake(kind, what, replace(rules, rules={**rules.rules, rule.code: changed}))
-    uses = uses_of(rules, rule, params)
-    for column in uses.columns:
+    of_kind = _of_rule(rule, place) if isinstance(rule, ast.Rule) else _of_cost(rule, place)
+    for kind, what, changed in (*_of_scope(rule, place), *of_kind):
+        yield Mistake(kind, what, rules.with_scoped(changed))
+    for column in uses_of(rules, rule, params).columns:
         for factor in (FACTOR, 1 / FACTOR):
             rows = {
                 material: {
@@ -75,29 +74,29 @@ def mistakes(rules: RuleSet, rule: ast.Rule, *, deep: bool) -> Iterator[Mistake]
             }
             what = f"the {column} of materials × {factor:g}"
             yield Mistake("unit", what, replace(rules, materials=rows))
-    if not deep:
-        return
-    for name in uses.states:
+
+
+def mistakes_in(rules: RuleSet, name: str) -> Iterator[Mistake]:
+    """Every mistake in a state or phase; ``changed`` is the whole rule set with it.
+
+    Args:
+        rules: the set that declares it.
+        name: of the state or phase.
+    """
+    if name in rules.states:
         state = rules.states[name]
-        for kind, what, changed in _of_tree(state, place._replace(roles=state.of)):
-            states = {**rules.states, name: changed}
-            yield Mistake(kind, f"in {name}: {what}", replace(rules, states=states))
-    for name in uses.phases:
+        for kind, what, changed in _of_tree(state, _Place(rules, rules.params, state.of)):
+            yield Mistake(kind, what, replace(rules, states={**rules.states, name: changed}))
+    else:
         phase = rules.phases[name]
-        for kind, what, changed in _of_tree(phase, place._replace(roles=phase.of)):
-            phases = {**rules.phases, name: changed}
-            yield Mistake(kind, f"in {name}: {what}", replace(rules, phases=phases))
+        for kind, what, changed in _of_tree(phase, _Place(rules, rules.params, phase.of)):
+            yield Mistake(kind, what, replace(rules, phases={**rules.phases, name: changed}))
 
 
-def _of_rule(rule: ast.Rule, place: _Place) -> Iterator[Mistake]:
+def _of_scope(rule: ast.Scoped, place: _Place) -> Iterator[Mistake]:
+    """What rules and costs have in common: who takes part, and what is judged."""
     yield from _of_tree(rule, place)
     yield from _of_roles(rule)
-    for i, item in enumerate(rule.forbid):
-        if isinstance(item, ast.Event) and item.call is not None and item.edge is None:
-            turned = ast.Condition((ast.StateAtom(item.call, want=False),))
-            forbid = (*rule.forbid[:i], turned, *rule.forbid[i + 1 :])
-            what = f"never {item.call} → never not {item.call}"
-            yield Mistake("truth", what, replace(rule, forbid=forbid))
     if rule.given is not None:
         yield from _without("scope", "only if", rule, "given", place)
     if rule.at is not None:
@@ -108,6 +107,16 @@ def _of_rule(rule: ast.Rule, place: _Place) -> Iterator[Mistake]:
     if rule.until is not None:
         what = f"until {words.event(rule.until)} → to the end"
         yield Mistake("scope", what, replace(rule, until=None))
+
+
+def _of_rule(rule: ast.Rule, place: _Place) -> Iterator[Mistake]:
+    """What a rule asks for."""
+    for i, item in enumerate(rule.forbid):
+        if isinstance(item, ast.Event) and item.call is not None and item.edge is None:
+            turned = ast.Condition((ast.StateAtom(item.call, want=False),))
+            forbid = (*rule.forbid[:i], turned, *rule.forbid[i + 1 :])
+            what = f"never {item.call} → never not {item.call}"
+            yield Mistake("truth", what, replace(rule, forbid=forbid))
     asked = len(rule.require.atoms) if rule.require is not None else 0
     if asked + len(rule.forbid) + (rule.reach is not None) < 2:
         return  # a rule that asks for nothing is no rule
@@ -122,7 +131,48 @@ def _of_rule(rule: ast.Rule, place: _Place) -> Iterator[Mistake]:
         yield Mistake("obligation", f"without: at some time {said}", replace(rule, reach=None))
 
 
-def _without(kind: Kind, link: str, rule: ast.Rule, field: str, place: _Place) -> Iterator[Mistake]:
+def _of_cost(cost: ast.Cost, place: _Place) -> Iterator[Mistake]:
+    """What a cost charges, and how much it may come to."""
+    for i, charge in enumerate(cost.charge):
+        said = words.charge(charge, place.params)
+        for kind, changed in _of_charge(charge, cost, place):
+            what = f"{said} → {words.charge(changed, place.params)}"
+            charges = (*cost.charge[:i], changed, *cost.charge[i + 1 :])
+            yield Mistake(kind, what, replace(cost, charge=charges))
+        if len(cost.charge) > 1:
+            rest = cost.charge[:i] + cost.charge[i + 1 :]
+            yield Mistake("obligation", f"without: {said}", replace(cost, charge=rest))
+    for budget in _scalings(cost.budget, place):
+        what = f"budget → at most {budget.value:g}"
+        yield Mistake("unit", what, replace(cost, budget=budget))
+
+
+def _of_charge(
+    charge: ast.Charge, cost: ast.Cost, place: _Place
+) -> Iterator[tuple[Kind, ast.Charge]]:
+    for above in _scalings(charge.above, place):
+        yield "unit", replace(charge, above=above)
+    if not any(_scalings(cost.budget, place)):
+        return  # without a budget to exceed, the first charge decides, whatever it comes to
+    for factor in (FACTOR, 1 / FACTOR):
+        yield "unit", replace(charge, add=charge.add * factor)
+    for per in ("start", "second", "step"):
+        if per != charge.per and not (per == "start" and charge.of is not None):
+            yield "unit", replace(charge, per=per)
+
+
+def _scalings(value: ast.Value | None, place: _Place) -> Iterator[ast.Quantity]:
+    """A value ten times as large, and a tenth of it; none of 0, or of a material's value."""
+    if isinstance(value, ast.Parameter):
+        held, sign = place.params[value.name], -1.0 if value.negative else 1.0
+        value = _scaled(held, sign) if isinstance(held, ast.Quantity) else None
+    if isinstance(value, ast.Quantity) and value.value:
+        yield from (_scaled(value, factor) for factor in (FACTOR, 1 / FACTOR))
+
+
+def _without(
+    kind: Kind, link: str, rule: ast.Scoped, field: str, place: _Place
+) -> Iterator[Mistake]:
     """Each atom of a condition of the rule left out."""
     condition: ast.Condition = getattr(rule, field)
     for i, atom in enumerate(condition.atoms):
@@ -132,7 +182,7 @@ def _without(kind: Kind, link: str, rule: ast.Rule, field: str, place: _Place) -
         yield Mistake(kind, what, replace(rule, **{field: left}))  # type: ignore[arg-type]
 
 
-def _of_roles(rule: ast.Rule) -> Iterator[Mistake]:
+def _of_roles(rule: ast.Scoped) -> Iterator[Mistake]:
     """Too many bodies play a role."""
     for i, (name, spec) in enumerate(rule.roles):
         wider = [replace(spec, tag=None, text="")] if spec.tag else []
@@ -206,16 +256,10 @@ def _of_limits(atom: ast.SignalAtom, place: _Place) -> Iterator[Mistake]:
         changes: list[tuple[Kind, ast.Limit]] = [
             ("operator", replace(limit, op=_FLIPPED[limit.op], text=""))
         ]
-        number = limit.value
-        if isinstance(number, ast.Parameter) and isinstance(params[number.name], ast.Quantity):
-            value = params[number.name]
-            assert isinstance(value, ast.Quantity)
-            number = _scaled(value, -1.0 if number.negative else 1.0)
-        if isinstance(number, ast.Quantity) and number.value:
-            changes += [
-                ("unit", replace(limit, value=_scaled(number, factor), text=""))
-                for factor in (FACTOR, 1 / FACTOR)
-            ]
+        changes += [
+            ("unit", replace(limit, value=value, text=""))
+            for value in _scalings(limit.value, place)
+        ]
         for kind, changed in changes:
             said, other = words.limit(limit, params), words.limit(changed, params)
             limits = (*atom.limits[:i], changed, *atom.limits[i + 1 :])

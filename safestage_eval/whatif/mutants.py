@@ -6,30 +6,31 @@ Mutation testing after DeMillo, Lipton and Sayward, "Hints on Test Data Selectio
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from safestage_eval.errors import InputError
 from safestage_eval.rules import RuleSet, rule_digest
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.digest import digest_of, reached
 from safestage_eval.rules.uses import own_params
 
-from .examples import Expected, Library, examples_of, outcome
-from .mistakes import KINDS, Kind, mistakes
+from .examples import Expected, Library, deciding, examples_of, outcome
+from .mistakes import KINDS, Kind, mistakes, mistakes_in
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """A rule with one mistake.
+    """A rule set with one mistake.
 
     Attributes:
-        rule: code.
+        where: code of the rule or cost that has it, or name of the state or phase.
         kind: of mistake.
         what: the mistake, in words.
         rules: the rule set with it.
     """
 
-    rule: str
+    where: str
     kind: Kind
     what: str
     rules: RuleSet
@@ -40,41 +41,59 @@ class Hunted:
     """A mistake, and what became of it.
 
     Attributes:
-        rule, kind, what: as of the mutant.
+        where, kind, what: as of the mutant.
         killer: the example that tells it from the rule as meant; None if none does.
     """
 
-    rule: str
+    where: str
     kind: Kind
     what: str
     killer: str | None
 
 
-def mutants(rules: RuleSet, rule: ast.Rule, *, deep: bool = False) -> Iterator[Mutant]:
+def mutants(rules: RuleSet, rule: ast.Scoped) -> Iterator[Mutant]:
     """Every rule that differs by one mistake and means something else.
 
     Args:
-        rules: the set that the rule belongs to.
+        rules: the set that the rule, or cost, belongs to.
         rule: as meant.
-        deep: also mistakes in the states and phases that it rests on.
     """
     params = own_params(rules, rule)
     seen = {rule_digest(rules, rule, params)}
-    for kind, what, changed in mistakes(rules, rule, deep=deep):
-        mutated = changed.rules[rule.code]
+    for kind, what, changed in mistakes(rules, rule):
+        mutated = changed.scoped[rule.code]
         digest = rule_digest(changed, mutated, own_params(changed, mutated))
         if digest not in seen:
             seen.add(digest)
             yield Mutant(rule.code, kind, what, changed)
 
 
+def mutants_in(rules: RuleSet, name: str) -> Iterator[Mutant]:
+    """Every rule set in which a state or phase differs by one mistake and means something else."""
+
+    def digest(some: RuleSet) -> str:
+        return digest_of(some, some.states.get(name) or some.phases[name], some.params)
+
+    seen = {digest(rules)}
+    for kind, what, changed in mistakes_in(rules, name):
+        if digest(changed) not in seen:
+            seen.add(digest(changed))
+            yield Mutant(name, kind, what, changed)
+
+
+def definitions(rules: RuleSet) -> dict[str, object]:
+    """Name → every state and phase that a rule, or a cost with a budget, rests on."""
+    found = {}
+    for rule in deciding(rules).values():
+        for key, value in reached(rules, rule, rules.params).items():
+            kind, _, name = key.partition(".")
+            if kind in ("state", "phase"):
+                found[name] = value
+    return found
+
+
 def hunt(
-    rules: RuleSet,
-    rule: ast.Rule,
-    library: Library,
-    *,
-    kinds: Collection[str] = KINDS,
-    deep: bool = False,
+    rules: RuleSet, rule: ast.Scoped, library: Library, *, kinds: Collection[str] = KINDS
 ) -> list[Hunted]:
     """All mutants of a rule, each with the example that kills it.
 
@@ -82,30 +101,72 @@ def hunt(
     wrong to begin with kill nothing.
 
     Args:
-        rules: the set that the rule belongs to.
+        rules: the set that the rule, or cost, belongs to.
         rule: as meant.
         library: where the examples are.
         kinds: of mistakes.
-        deep: as for ``mutants``.
     """
     sound = _sound(rules, rule, library)
+    return [
+        Hunted(m.where, m.kind, m.what, _killer(m.rules, rule.code, sound, library))
+        for m in mutants(rules, rule)
+        if m.kind in kinds
+    ]
+
+
+def hunt_in(
+    sets: Sequence[RuleSet], name: str, library: Library, *, kinds: Collection[str] = KINDS
+) -> list[Hunted]:
+    """All mutants of a state or phase, each with an example of any rule that kills it.
+
+    A definition stands in one place, and many rules may rest on it: whichever of them has an
+    example that no longer comes out as it should notices the mistake.
+
+    Args:
+        sets: rule sets that declare it alike.
+        name: of the state or phase.
+        library: where the examples are.
+        kinds: of mistakes.
+    """
+    resting = [
+        [(rule, _sound(rules, rule, library)) for rule in resting_on(rules, name)] for rules in sets
+    ]
     found = []
-    for mutant in mutants(rules, rule, deep=deep):
+    for mutant, *others in zip(*(mutants_in(rules, name) for rules in sets), strict=True):
         if mutant.kind not in kinds:
             continue
         killer = next(
             (
-                name
-                for name, expected in sound
-                if not _right(mutant.rules, rule.code, name, expected, library)
+                killer
+                for one, users in zip((mutant, *others), resting, strict=True)
+                for rule, sound in users
+                if (killer := _killer(one.rules, rule.code, sound, library)) is not None
             ),
             None,
         )
-        found.append(Hunted(mutant.rule, mutant.kind, mutant.what, killer))
+        found.append(Hunted(name, mutant.kind, mutant.what, killer))
     return found
 
 
-def _sound(rules: RuleSet, rule: ast.Rule, library: Library) -> list[tuple[str, Expected]]:
+def resting_on(rules: RuleSet, name: str) -> list[ast.Scoped]:
+    """The rules, and costs with a budget, that use a state or phase, directly or not."""
+    keys = {f"state.{name}", f"phase.{name}"}
+    return [
+        rule
+        for rule in deciding(rules).values()
+        if not keys.isdisjoint(reached(rules, rule, rules.params))
+    ]
+
+
+def _killer(
+    rules: RuleSet, code: str, sound: Sequence[tuple[str, Expected]], library: Library
+) -> str | None:
+    return next(
+        (name for name, expected in sound if not _right(rules, code, name, expected, library)), None
+    )
+
+
+def _sound(rules: RuleSet, rule: ast.Scoped, library: Library) -> list[tuple[str, Expected]]:
     return [
         (name, expected)
         for name, expected in examples_of(rule)
@@ -115,6 +176,6 @@ def _sound(rules: RuleSet, rule: ast.Rule, library: Library) -> list[tuple[str, 
 
 def _right(rules: RuleSet, code: str, name: str, expected: Expected, library: Library) -> bool:
     try:
-        return outcome(library.judge(name, rules, rules.rules[code]), expected) == expected
+        return outcome(library.judge(name, rules, rules.scoped[code]), expected) == expected
     except InputError:
         return False

@@ -165,7 +165,7 @@ def sweep(
     rules = load_rules(list(specs))
     readers = tuple(
         code
-        for code, rule in _judged(rules).items()
+        for code, rule in rules.scoped.items()
         if f"param.{param}" in reached(rules, rule, own_params(rules, rule))
     )
     if not readers:
@@ -269,14 +269,10 @@ def _si(value: Value) -> str:
     return units[0] if units else ""
 
 
-def _judged(rules: RuleSet) -> dict[str, ast.Scoped]:
-    return {**rules.rules, **rules.costs}
-
-
 def _read_by(rules: RuleSet) -> str:
     names = {
         name.removeprefix("param.")
-        for rule in _judged(rules).values()
+        for rule in rules.scoped.values()
         for name in reached(rules, rule, own_params(rules, rule))
         if name.startswith("param.")
     }

@@ -9,9 +9,10 @@ from turns import in_turn
 
 from safestage_eval.formats import discover, save
 from safestage_eval.rules import load_rules
+from safestage_eval.whatif.check import check_sets
 from safestage_eval.whatif.examples import Library
 from safestage_eval.whatif.mistakes import KINDS
-from safestage_eval.whatif.mutants import hunt, mutants
+from safestage_eval.whatif.mutants import definitions, hunt, mutants, mutants_in, resting_on
 
 RULE = """
 [ruleset]
@@ -177,10 +178,125 @@ def test_roles_are_exchanged_but_not_where_order_says_nothing():
 def test_a_mutant_means_something_else_and_keeps_the_rest():
     rules = load_rules(["ish", "ets"])
     for rule in in_turn(list(rules.rules.values())):
-        for mutant in mutants(rules, rule, deep=True):
+        for mutant in mutants(rules, rule):
             assert mutant.kind in KINDS
             same = {code: r for code, r in mutant.rules.rules.items() if code != rule.code}
             assert same == {code: r for code, r in rules.rules.items() if code != rule.code}
+
+
+def test_a_mistake_in_a_state_changes_that_state_alone():
+    rules = load_rules(["ish", "ets"])
+    for name in in_turn(list(definitions(rules))):
+        for mutant in mutants_in(rules, name):
+            assert mutant.where == name
+            assert mutant.rules.rules == rules.rules
+            changed = {n for n in rules.states if mutant.rules.states[n] != rules.states[n]} | {
+                n for n in rules.phases if mutant.rules.phases[n] != rules.phases[n]
+            }
+            assert changed == {name}
+
+
+def test_the_definitions_that_rules_rest_on_are_found_to_the_ground():
+    rules = load_rules(["fsh"])
+    found = definitions(rules)
+    assert {"settle", "put_down", "moved", "displaced", "contact"} <= set(found)
+    assert not {"committed", "over"} & set(found)
+    assert {r.code for r in resting_on(rules, "contact")} == {"FSH203", "FSH205"}
+    assert {r.code for r in resting_on(rules, "hold")} == {r for r in rules.rules if r != "FSH105"}
+
+
+def test_any_rule_may_notice_a_mistake_in_a_state_and_sets_share_it(tmp_path):
+    files = []
+    poor = 'violates = ["pushed(last = 2)"]\npasses = ["pushed(last = 1)"]\n'
+    for name, examples in (("poor", poor), ("good", GOOD)):
+        file = tmp_path / f"{name}.toml"
+        file.write_text(COSTLY.replace("NAME", name) + "[cost.examples]\n" + examples)
+        files.append(str(file))
+    (tmp_path / "examples").mkdir()
+    (tmp_path / "examples" / "pushed.toml").write_text(PUSHED)
+    sets = {file: load_rules([file]) for file in files}
+    suites, hunted = check_sets(sets, kinds=("unit",), deep=True, jobs=1)
+    assert [suite.passed for suite in suites.values()] == [False, True]
+    shared = [m for m in hunted[files[0]] if m.where == "quick"]
+    assert {m.what: bool(m.killer) for m in shared} == {
+        "speed(a) more than 2 cm/s → more than 0.2 cm/s": True,
+        "speed(a) more than 2 cm/s → more than 20.0 cm/s": True,
+    }
+    assert not [m for m in hunted[files[1]] if m.where == "quick"]
+
+
+COSTLY = """
+[ruleset]
+format  = 1
+name    = "NAME"
+version = "1"
+[state.quick]
+of   = ["a"]
+when = { "speed(a)" = "> 2 cm/s" }
+[[cost]]
+code   = "FSH901"
+title  = "Time on the move"
+roles  = { thing = "every object" }
+charge = [{ when = "quick(thing)", add = 1, per = "second" }]
+budget = 1.5
+"""
+
+GOOD = """
+violates = ["pushed(last = 2)", "pushed(last = 3)"]
+passes   = ["pushed(last = 1)", "pushed(last = 2, way = 3)"]
+"""
+
+PUSHED = """
+says     = "A box is pushed."
+duration = "4 s"
+knobs    = { last = "1", way = "8" }
+story    = [{ move = "box", by = "{way}, 0, 0 cm", during = "0 to {last} s" }]
+[bodies.box]
+shape = "box 6 x 6 x 6 cm"
+"""
+
+
+@pytest.fixture
+def costly(tmp_path):
+    """A file with one cost, its budget and what it charges; beside it a sketch."""
+    (tmp_path / "examples").mkdir()
+    (tmp_path / "examples" / "pushed.toml").write_text(PUSHED)
+
+    def write(budget="budget = 1.5", examples="[cost.examples]" + GOOD):
+        text = COSTLY.replace("budget = 1.5", budget) + examples
+        (tmp_path / "mine.toml").write_text(text)
+        return tmp_path / "mine.toml"
+
+    return write
+
+
+def test_costs_have_examples_and_mistakes(costly):
+    done, document = listed(costly(), "--mutate")
+    assert [(e["example"], e["got"]) for e in document["examples"]] == [
+        ("pushed(last = 2)", "violation"), ("pushed(last = 3)", "violation"),
+        ("pushed(last = 1)", "pass"), ("pushed(last = 2, way = 3)", "pass"),
+    ]  # fmt: skip
+    mistakes = {
+        m["what"].replace("1 per second while quick(thing) → ", ""): m["killer"]
+        for m in document["mutants"]
+    }
+    assert {*mistakes} == {
+        "10 per second while quick(thing)", "0.1 per second while quick(thing)",
+        "1 per start of quick(thing)", "1 per step while quick(thing)",
+        "when quick(thing) → the end of quick(thing)",
+        "budget → at most 15", "budget → at most 0.15",
+    }  # fmt: skip
+    assert (done.code, None in mistakes.values()) == (0, False)
+
+
+def test_a_cost_with_a_budget_needs_examples(costly):
+    done, document = listed(costly(examples=""))
+    assert (done.code, document["lacking"][0]["rule"]) == (1, "FSH901")
+
+
+def test_a_cost_without_a_budget_needs_none(costly):
+    done = run("rules", "test", costly("", ""))
+    assert (done.code, done.err) == (0, "only definitions, no rules to test\n")
 
 
 def test_good_examples_notice_what_poor_ones_let_through(house):
