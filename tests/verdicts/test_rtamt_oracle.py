@@ -12,14 +12,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from toy import ALONE, HEAD, Facts, judge_toy
-from turns import in_turn
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # of the parser generator it uses
     rtamt = pytest.importorskip("rtamt", reason="not installed for this Python")
 
-SIGNALS = 2_500
-"""For each of the formulas below, 20,000 in all; a quarter of them in turn."""
+SIGNALS = 1_500
+"""For each of the formulas below: 12,000 in all, of which hardly 1,000 are left out (``response``)."""
 LIMIT = 2
 FAR = 1e9
 AT_LEAST = f'{{ "height(a)" = ">= {LIMIT} m" }}'
@@ -77,9 +76,9 @@ def robustness(formula: str) -> Callable[[list[float], list[float]], float]:
 def test_margins_are_robustness(name: str) -> None:
     rule, formula, pad = CASES[name]
     head = HEAD if "q(b)" in rule else ALONE
-    oracle, signals = robustness(formula), in_turn(range(SIGNALS))
+    oracle = robustness(formula)
     ties = compared = 0
-    for number in signals:
+    for number in range(SIGNALS):
         rng = np.random.default_rng([5, number])
         frames = int(rng.integers(3, 13))
         x = (rng.integers(-6, 7, frames) / 2).tolist()
@@ -96,5 +95,5 @@ def test_margins_are_robustness(name: str) -> None:
             assert (found.verdict == "pass") == (expected > 0), (x, q.tolist(), found.verdict)
         if found.margin_normalised is not None and math.isfinite(found.margin_normalised):
             assert found.margin_normalised * LIMIT == pytest.approx(expected, abs=1e-9), (x, q)
-    assert compared > len(signals) / 3
+    assert compared >= (SIGNALS if name != "response" else SIGNALS / 3)
     assert ties < compared / 2
