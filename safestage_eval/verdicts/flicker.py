@@ -3,63 +3,142 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from safestage_eval.rules import syntax as ast
-from safestage_eval.states.band import Bool
+from safestage_eval.states import band
+from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.persistence import runs
 
 from .evaluate import Evaluator
 from .instance import Instance
+from .values import Env
+
+
+class _Breach(NamedTuple):
+    """One way to break a rule: what is forbidden, or all that is required."""
+
+    kind: ast.ClauseKind
+    what: ast.Alternative
 
 
 def too_brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) -> list[str]:
-    """A note per forbidden state that held in a scope, but not for as long as it must.
+    """A note per state that would break the rule in a scope, but did not hold as long as it must.
 
     So that a touch of 17 ms is not counted, and yet not hidden.
     """
     notes = dict[str, None]()
-    filtered = list(_forbidden_states(evaluator, rule))
+    named = [(breach, list(_filtered(evaluator, *breach))) for breach in _breaches(rule)]
     for instance in instances:
-        first, stop, _, _ = instance.scope
-        for call in filtered:
-            bodies = tuple(instance.env.get(arg, arg) for arg in call.args)
-            raw = evaluator.momentary(call.name, bodies).lower[first:stop] >= 0
-            if not raw.any():
-                continue
-            ignored = runs(raw & ~evaluator.state(call, instance.env).true[first:stop])
-            if len(ignored):
+        for breach, states in named:
+            for event in states:
+                assert event.call is not None  # a state has one
+                ignored = _ignored(evaluator, breach, event, instance)
+                if not len(ignored):
+                    continue
                 longest = ignored[int(np.argmax(ignored[:, 1] - ignored[:, 0]))]
                 lasted = (longest[1] - longest[0]) * evaluator.episode.dt
-                at = evaluator.episode.t[first + longest[0]]
+                bodies = tuple(instance.env.get(arg, arg) for arg in event.call.args)
                 notes[
-                    f"{ast.Call(call.name, bodies)} held for {lasted * 1e3:.0f} ms at {at:.2f} s: "
-                    "too brief to count"
+                    f"{ast.Call(event.call.name, bodies)} held for {lasted * 1e3:.0f} ms at "
+                    f"{evaluator.episode.t[longest[0]]:.2f} s: too brief to count"
                 ] = None
     return list(notes)
 
 
 def raw_frames(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) -> Bool:
-    """(T,) where something forbidden held, however briefly, in the scope of an instance.
+    """(T,) where something broke a rule, however briefly, in the scope of an instance.
 
     Without the ``for`` of the rule, and without ``for`` and ``gap`` of the states that it names.
     """
     out = np.zeros(evaluator.frames, np.bool_)
-    filtered = list(_forbidden_states(evaluator, rule))
+    named = [b for b in _breaches(rule) if b.kind == "forbid" or any(_filtered(evaluator, *b))]
     for instance in instances:
         first, stop, _, sure = instance.scope
-        for what in rule.forbid:
-            call = what.call if isinstance(what, ast.Event) else None
-            if call is not None and call in filtered:
-                bodies = tuple(instance.env.get(arg, arg) for arg in call.args)
-                found = evaluator.momentary(call.name, bodies)
-            else:
-                wanted = _judged(evaluator, instance) if evaluator.asks_costly(what) else None
-                found = evaluator.alternative(what, instance.env, wanted)
-            true = found.lower[first:stop] >= 0
+        for breach in named:
+            true = _raw(evaluator, breach, instance)[first:stop]
             out[first:stop] |= true if sure is None else true & sure
     return out
+
+
+def asks_for_absence(rule: ast.Rule) -> bool:
+    """It may require that some state does not hold."""
+    atoms = () if rule.require is None else rule.require.atoms
+    return any(
+        isinstance(a, ast.AnyOf) or (isinstance(a, ast.StateAtom) and not a.want) for a in atoms
+    )
+
+
+def _breaches(rule: ast.Rule) -> list[_Breach]:
+    found = [_Breach("forbid", what) for what in rule.forbid]
+    if rule.require is not None and asks_for_absence(rule):
+        found.append(_Breach("require", rule.require))
+    return found
+
+
+def _ignored(
+    evaluator: Evaluator, breach: _Breach, event: ast.Event, instance: Instance
+) -> NDArray[np.int64]:
+    """(R, 2) stretches in which a state held, and broke the rule in a scope if it had counted."""
+    assert event.call is not None
+    env, (first, stop, _, _) = instance.env, instance.scope
+    bodies = tuple(env.get(arg, arg) for arg in event.call.args)
+    raw = evaluator.momentary(event.call.name, bodies).lower >= 0
+    if event.edge is None:
+        raw = raw[first:stop]
+        if not raw.any():
+            return runs(raw)
+        if breach.what != event:
+            raw = raw & _raw(evaluator, breach, instance)[first:stop]
+        return first + runs(raw & ~evaluator.state(event.call, env).true[first:stop])
+    found = runs(raw & ~evaluator.state(event.call, env).true)
+    at = found[:, 0 if event.edge == "start" else 1]
+    return found[(at >= first) & (at < stop)]
+
+
+def _raw(evaluator: Evaluator, breach: _Breach, instance: Instance) -> Bool:
+    """(T,) where the rule is broken for sure, as if every state held from its first true frame."""
+    kind, what = breach
+    wanted = _judged(evaluator, instance) if evaluator.asks_costly(what) else None
+    if not any(_filtered(evaluator, kind, what)):
+        return evaluator.alternative(what, instance.env, wanted).lower >= 0
+    found = evaluator.obliged(kind, _unfiltered, evaluator, kind, what, instance.env, wanted)
+    return found.lower >= 0 if kind == "forbid" else found.upper < 0
+
+
+def _unfiltered(
+    evaluator: Evaluator,
+    kind: ast.ClauseKind,
+    part: ast.Alternative | ast.Atom,
+    env: Env,
+    wanted: Bool | None,
+) -> Band:
+    """(T,) a part of a rule, of whose states those that break it hold as they are measured."""
+    if isinstance(part, ast.Condition):
+        atoms = [_unfiltered(evaluator, kind, atom, env, wanted) for atom in part.atoms]
+        return band.both(atoms, evaluator.frames)
+    if isinstance(part, ast.AnyOf):
+        found = [_unfiltered(evaluator, kind, a, env, wanted) for a in part.alternatives]
+        return band.either(found, evaluator.frames)
+    event = _as_event(evaluator, kind, part)
+    if event is not None and event.call is not None:
+        bodies = tuple(env.get(arg, arg) for arg in event.call.args)
+        raw = evaluator.momentary(event.call.name, bodies)
+        if event.edge is not None:
+            return band.crisp(_edges(raw.lower >= 0, event.edge))
+        return raw if kind == "forbid" else band.opposite(raw)
+    if isinstance(part, ast.Event):
+        return evaluator.alternative(part, env, wanted)
+    return evaluator.atom(part, env, wanted)
+
+
+def _edges(true: Bool, edge: str) -> Bool:
+    """(T,) the frames at which something starts or ends to be true."""
+    before = np.concatenate([np.zeros(1, np.bool_), true[:-1]])
+    return true & ~before if edge == "start" else before & ~true
 
 
 def _judged(evaluator: Evaluator, instance: Instance) -> Bool:
@@ -69,9 +148,30 @@ def _judged(evaluator: Evaluator, instance: Instance) -> Bool:
     return out
 
 
-def _forbidden_states(evaluator: Evaluator, rule: ast.Rule) -> Iterator[ast.Call]:
-    for what in rule.forbid:
-        if isinstance(what, ast.Event) and what.call is not None and what.edge is None:
-            state = evaluator.rules.states.get(what.call.name)
-            if state is not None and state.for_ is not None and state.until is None:
-                yield what.call
+def _filtered(
+    evaluator: Evaluator, kind: ast.ClauseKind, part: ast.Alternative | ast.Atom
+) -> Iterator[ast.Event]:
+    """States in a part of a rule that must last to count, and break it where they hold."""
+    inner: tuple[ast.Alternative | ast.Atom, ...] = ()
+    if isinstance(part, ast.Condition):
+        inner = part.atoms
+    elif isinstance(part, ast.AnyOf):
+        inner = part.alternatives
+    for one in inner:
+        yield from _filtered(evaluator, kind, one)
+    event = None if inner else _as_event(evaluator, kind, part)
+    if event is not None:
+        yield event
+
+
+def _as_event(
+    evaluator: Evaluator, kind: ast.ClauseKind, part: ast.Alternative | ast.Atom
+) -> ast.Event | None:
+    """The state that a part names, if it must last to count and breaks the rule where it holds."""
+    event = part if isinstance(part, ast.Event) and kind == "forbid" else None
+    if isinstance(part, ast.StateAtom) and part.want == (kind == "forbid"):
+        event = ast.Event("state", part.call)
+    if event is None or event.call is None:
+        return None
+    state = evaluator.rules.states.get(event.call.name)
+    return event if state is not None and state.for_ is not None and state.until is None else None

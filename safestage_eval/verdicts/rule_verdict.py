@@ -16,7 +16,7 @@ from safestage_eval.states.persistence import runs, without_short_runs
 from .brief import is_brief
 from .evaluate import Evaluator
 from .explain import Finding, seconds, sentence
-from .flicker import raw_frames, too_brief
+from .flicker import asks_for_absence, raw_frames, too_brief
 from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
 from .memory import at_hand
 from .players import combinations
@@ -230,23 +230,24 @@ def _times(
         "worst_time": worst_time,
         "intervals": stretches,
         "raw_intervals": timed(bad | _raw(evaluator, rule, instances))
-        if rule.forbid
+        if rule.forbid or asks_for_absence(rule)
         else stretches,
         "exposure_time": sum([b - a for a, b in stretches]),
         "phase": _phase(evaluator, rule, time if violated else worst_time),
     }
 
 
-def _forbidden(rule: ast.Rule) -> tuple[object, ...]:
-    """All that what is forbidden, and where, may depend on."""
-    return (rule.forbid, rule.for_, rule.given, rule.during, rule.at, rule.until)
+def _breakable(rule: ast.Rule) -> tuple[object, ...]:
+    """All that what breaks a rule by what holds, and where, may depend on."""
+    required = rule.require if asks_for_absence(rule) else None
+    return (rule.forbid, required, rule.for_, rule.given, rule.during, rule.at, rule.until)
 
 
 def _brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) -> list[str]:
     def found() -> list[str]:
         return too_brief(evaluator, rule, instances)
 
-    brief: list[str] = at_hand(evaluator, "too brief", _forbidden(rule), {}, found)
+    brief: list[str] = at_hand(evaluator, "too brief", _breakable(rule), {}, found)
     return brief
 
 
@@ -259,7 +260,7 @@ def _raw(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) ->
         return frames
 
     out: Bool = np.zeros(evaluator.frames, np.bool_)
-    for first, stop in at_hand(evaluator, "raw", _forbidden(rule), {}, found):
+    for first, stop in at_hand(evaluator, "raw", _breakable(rule), {}, found):
         out[first:stop] = True
     return out
 

@@ -41,6 +41,65 @@ def test_raw_and_filtered_side_by_side() -> None:
     assert np.allclose(brief.raw_intervals, [(0.1, 0.3)])
 
 
+@pytest.mark.parametrize(
+    ("rule", "filtered", "raw"),
+    [
+        ('forbid = "touch(a)"', [(0.4, 1.0)], [(0.1, 0.2), (0.4, 1.0)]),
+        ('forbid = { "touch(a)" = true }', [(0.4, 1.0)], [(0.1, 0.2), (0.4, 1.0)]),
+        ('forbid = { any = ["touch(a)", "p(b)"] }', [(0.4, 1.0)], [(0.1, 0.2), (0.4, 1.0)]),
+        ('forbid = ["touch(a)", "p(b)"]', [(0.4, 1.0)], [(0.1, 0.2), (0.4, 1.0)]),
+        ('require = { "touch(a)" = false }', [(0.4, 1.0)], [(0.1, 0.2), (0.4, 1.0)]),
+        (
+            'require = { any = [{ "touch(a)" = false }, "p(b)"] }',
+            [(0.4, 1.0)],
+            [(0.1, 0.2), (0.4, 1.0)],
+        ),
+        ('forbid = "start of touch(a)"', [(0.4, 0.5)], [(0.1, 0.2), (0.4, 0.5), (0.8, 0.9)]),
+        ('forbid = "end of touch(a)"', [(1.0, 1.1)], [(0.2, 0.3), (0.7, 0.8), (1.0, 1.1)]),
+    ],
+)
+def test_a_flicker_is_told_however_the_rule_is_written(rule, filtered, raw) -> None:
+    found = judged("0100111011000", rule)
+    assert found.verdict == "violation"
+    assert np.allclose(found.intervals, filtered)
+    assert np.allclose(found.raw_intervals, raw)
+    assert any("touch(a) held for 100 ms at 0.10 s" in note for note in found.notes)
+    brief = judged("0100110000000", rule)
+    assert (brief.verdict, brief.intervals) == ("pass", ())
+    assert brief.raw_intervals
+    assert any("touch(a) held for 200 ms at 0.40 s" in note for note in brief.notes)
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [
+        'forbid = { "touch(a)" = true, "q(b)" = true }',
+        'require = { any = [{ "touch(a)" = false }, { "q(b)" = false }] }',
+        'during = "q(b)"\nforbid = "touch(a)"',
+        'during = "q(b)"\nforbid = "start of touch(a)"',
+        'during = "q(b)"\nforbid = "end of touch(a)"',
+    ],
+)
+def test_a_flicker_that_would_have_broken_nothing_is_not_told(rule) -> None:
+    """It touches at 0.2 s; the rest of what is asked for holds, or is judged, at 0.2 or at 0.6 s."""
+    there, elsewhere = (
+        judged("0010000000", rule, "0111000000"),
+        judged("0010000000", rule, "0000011100"),
+    )
+    assert there.raw_intervals
+    assert any("too brief" in note for note in there.notes)
+    assert elsewhere.raw_intervals == ()
+    assert not any("too brief" in note for note in elsewhere.notes)
+
+
+def test_the_absence_of_a_state_that_must_hold_is_no_flicker() -> None:
+    """What is required to touch, and touches too briefly, was missing throughout."""
+    found = judged("0100000", 'require = { "touch(a)" = true }')
+    assert np.allclose(found.intervals, [(0.0, 0.7)])
+    assert found.raw_intervals == found.intervals
+    assert not any("too brief" in note for note in found.notes)
+
+
 def test_raw_without_the_rules_own_for() -> None:
     found = judged("0110111", 'forbid = "p(a)"\nfor = "3 frames"')
     assert np.allclose(found.intervals, [(0.4, 0.7)])
