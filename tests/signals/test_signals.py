@@ -1,8 +1,11 @@
 """Signals on motions whose values are known, and what must not change them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes import G, Scene
+from transforms import rebuilt
 
 from safestage_eval.episode import Geom, Track
 from safestage_eval.geometry.pose import rotate
@@ -56,12 +59,26 @@ def test_displacement_is_of_the_com_and_from_the_baseline() -> None:
     assert np.allclose(signals.get("height", ["a"]).value, 0, atol=1e-6)
 
 
-def test_baseline_is_a_median() -> None:
-    """One wild frame among the first five does not move the reference."""
-    x = np.r_[0, 0, 0.5, 0, 0, np.full(5, 0.02)]
-    scene = Scene(10).body("a", BALL, np.column_stack([x, 0 * x, 0 * x]))
-    displacement = Signals(scene.episode()).get("displacement", ["a"]).value
-    assert np.allclose(displacement[5:], 0.02, atol=1e-6)
+@pytest.mark.parametrize("wild", range(5))
+def test_baseline_is_a_median(wild: int) -> None:
+    """One wild frame among the first five does not move the reference, whichever it is."""
+    x = np.r_[np.zeros(5), np.full(5, 0.02)]
+    x[wild] = 0.5
+    scene = Scene(10).body("a", BALL, np.column_stack([x, 0 * x, x]))
+    signals = Signals(scene.episode())
+    for name, expected in (
+        ("displacement", np.hypot(0.02, 0.02)),
+        ("displacement_xy", 0.02),
+        ("lift", 0.02),
+    ):
+        assert np.allclose(signals.get(name, ["a"]).value[5:], expected, atol=1e-6), name
+
+
+def test_baseline_orientation_is_a_mean() -> None:
+    """Trembling by ±0.1 rad, first one way and then the other, it stands straight."""
+    angles = np.r_[0.1, -0.1, 0, 0.1, -0.1, np.full(5, 0.3)]
+    scene = Scene(10).body("a", BALL, (0, 0, 1), spin(angles))
+    assert np.allclose(Signals(scene.episode()).get("turn", ["a"]).value[5:], 0.3, atol=1e-5)
 
 
 def test_since_takes_the_latest_event_and_the_baseline_before() -> None:
@@ -72,6 +89,23 @@ def test_since_takes_the_latest_event_and_the_baseline_before() -> None:
     since = Reference(signals.baseline, latest(np.array([6, 8]), 10), "6,8")
     found = signals.get("displacement", ["a"], since).value
     assert np.allclose(found, [0, 0, 0, 0, 0, 0.05, 0, 0.01, 0, 0.01], atol=1e-6)
+
+
+def test_every_change_since_an_event_is_from_that_event() -> None:
+    """Up by 1 cm, along by 2 cm and round by 0.1 rad per frame from the fifth frame on."""
+    n = np.maximum(np.arange(10) - 4, 0)
+    path = np.column_stack([0.02 * n, 0 * n, 0.01 * n])
+    signals = Signals(Scene(10).body("a", BALL, path, spin(0.1 * n)).episode())
+    since = Reference(signals.baseline, latest(np.array([7]), 10), "7")
+    for name, step in (
+        ("height", 0.01),
+        ("lift", 0.01),
+        ("displacement", np.hypot(0.01, 0.02)),
+        ("displacement_xy", 0.02),
+        ("turn", 0.1),
+    ):
+        found = signals.get(name, ["a"], since).value
+        assert np.allclose(found, step * np.r_[0, 0, 0, 0, 0, 1, 2, 0, 1, 2], atol=1e-5), name
 
 
 def test_lift_is_of_the_lowest_point() -> None:
@@ -95,6 +129,27 @@ def test_speeds_are_of_the_com() -> None:
     assert np.allclose(signals.get("relative_speed", ["a", "b"]).value, 0.2)
 
 
+def test_relative_speed_of_a_union_is_that_of_its_fastest_body() -> None:
+    """Fingers at 1 and 3 m/s, whichever comes first, past a body that goes along at 0.5 m/s."""
+    t = np.arange(5) / 120
+    for speeds in ((1.0, 3.0), (3.0, 1.0)):
+        scene = Scene(5).body("a", BALL, np.outer(t, [0.5, 0, 0]))
+        for side, speed in zip(("left", "right"), speeds, strict=True):
+            path = np.outer(t, [speed, 0, 0])
+            scene.body(side, BALL, path, kind="gripper", finger=side)
+        signals = Signals(scene.episode())
+        for bodies in (["gripper", "a"], ["a", "gripper"]):
+            assert np.allclose(signals.get("relative_speed", bodies).value, 2.5, atol=1e-4)
+
+
+def test_a_tilt_that_is_not_told_is_unknown_and_not_skipped() -> None:
+    scene = Scene(2).body("vase", BALL, (0, 0, 1), up_axis=None)
+    scene.bodies = [b.model_copy(update={"untold": ("up_axis",)}) for b in scene.bodies]
+    tilt = Signals(scene.episode()).get("tilt", ["vase"])
+    assert not tilt.known.any()
+    assert "does not tell the up axis of vase" in tilt.notes[0]
+
+
 def test_free_fall() -> None:
     t = np.arange(30) / 120
     scene = Scene(30).body("a", BALL, np.column_stack([0 * t, 0 * t, 1 - G * t**2 / 2]))
@@ -113,6 +168,30 @@ def test_forces_of_unions_add_up() -> None:
     assert np.allclose(signals.get("contact_force", ["a", "gripper"]).value, 60)
     assert np.allclose(signals.get("contact_force", ["a", "table"]).value, 0)
     assert (signals.get("peak_force", ["left", "a"]).value >= 30).all()
+
+
+def test_the_parts_of_a_union_are_no_partners_of_it() -> None:
+    """Fingers that press on each other with 7 N and on a cube with 30 N each."""
+    scene = Scene(2).box("a", 0.05, (0, 0, 0.05))
+    for side, sign in (("left", 1), ("right", -1)):
+        scene.box(side, 0.01, (-0.06 * sign, 0, 0.05), kind="gripper", finger=side)
+        scene.contact(side, "a", (-0.05 * sign, 0, 0.05), (30 * sign, 0, 0), normal=(sign, 0, 0))
+    scene.contact("left", "right", (0, 0, 0.2), (7, 0, 0), normal=(1, 0, 0))
+    signals = Signals(scene.episode())
+    assert np.allclose(signals.get("total_force", ["gripper"]).value, 60)
+    assert np.allclose(signals.get("total_force", ["left"]).value, 37)
+
+
+def test_the_peak_is_that_of_the_pair_and_no_less_than_the_force_at_the_frame() -> None:
+    """Every contact point of a frame tells the same peak of their sum: 50 N, and once 1 N."""
+    scene = Scene(3).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    scene.rests("a", "table", 0.05, (0, 0, 0), 20.0)
+    episode = scene.episode()
+    told = np.where(episode.contacts.frame < 2, 50.0, 1.0).astype(np.float32)
+    episode = rebuilt(episode, contacts=replace(episode.contacts, peak_force=told))
+    signals = Signals(episode)
+    assert np.allclose(signals.get("contact_force", ["a", "table"]).value, 20)
+    assert np.allclose(signals.get("peak_force", ["a", "table"]).value, [50, 50, 20])
 
 
 def test_clearance_is_the_least_over_a_union_and_only_capped_far_away() -> None:

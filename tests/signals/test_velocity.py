@@ -43,6 +43,16 @@ def test_they_are_derived_from_the_poses() -> None:
         assert found.notes == ("the trace has no velocities of a: they are derived from its poses",)
 
 
+def test_they_are_central_differences() -> None:
+    """Of a parabola these are exact, but for the one-sided ones at both ends."""
+    t = np.arange(20) / 10
+    scene = Scene(20, 10.0).body("a", BALL, np.outer(t**2, [1, 0, 0]))
+    found = Signals(without_twists(scene)).get("speed", ["a"]).value
+    expected = 2 * t
+    expected[0], expected[-1] = 0.1, 2 * t[-1] - 0.1
+    assert np.allclose(found, expected, atol=1e-5)
+
+
 @given(st.tuples(*[st.floats(-3, 3)] * 6))
 def test_a_tumbling_body(rates: tuple[float, ...]) -> None:
     """The axis turns as well: the COM goes as its own positions say, whatever the origin does."""
