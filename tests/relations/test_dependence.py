@@ -124,7 +124,10 @@ def test_sliding_on_a_slope_starts_at_the_friction_angle(friction: float) -> Non
         assert (unbalanced(normal, np.full(4, friction), points) <= 0.02) is stands
 
 
-@pytest.mark.parametrize(("overhang", "stands"), [(0.04, True), (0.049, True), (0.056, False)])
+@pytest.mark.parametrize(
+    ("overhang", "stands"),
+    [(0.04, True), (0.049, True), (0.0505, True), (0.053, False), (0.056, False)],
+)
 def test_overhang_stands_while_the_com_is_over_the_support(overhang: float, stands: bool) -> None:
     """A block of half width 5 cm whose support ends ``overhang`` before its far side."""
     edge = 0.05 - overhang

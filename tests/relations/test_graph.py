@@ -1,6 +1,7 @@
 """The support graph: bearing, paths to fixtures, what the robot carries."""
 
 import numpy as np
+import pytest
 from scenes import G, Scene
 
 from safestage_eval.relations.measure import Relations
@@ -56,6 +57,39 @@ def test_a_gripper_pressing_down_supports_nothing() -> None:
     assert found.get("supported", ("a",)).all()
 
 
+def test_bearing_something_light_needs_two_hundredths_of_a_newton() -> None:
+    """Of 10 g a tenth of the weight is less than that: a touch of 15 mN bears nothing."""
+    scene = Scene(2).fixed("table").box("card", 0.05, (0, 0, 0.05), mass=0.01)
+    for frame, force in enumerate((0.015, 0.021)):
+        at = slice(frame, frame + 1)
+        scene.rests("card", "table", 0.05, (0, 0, 0), force, frames=at)
+    assert relations(scene).get("supports", ("table", "card")).tolist() == [False, True]
+
+
+def test_what_lifts_it_carries_it_and_supports_nothing() -> None:
+    """The fingers bear it from a tenth of its weight on; no finger is a support of it."""
+    for lift, carried in ((0.12 * G, True), (0.08 * G, False)):
+        scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
+        scene.rests("a", "table", 0.05, (0, 0, 0), G - lift)
+        found = relations(gripped(scene, "a", 0, 0.05, lift))
+        assert found.get("carried", ("a",)).all() == carried
+        assert found.get("carried", ("a",)).any() == carried
+        assert found.get("held", ("a",)).all()
+        assert not found.get("supports", ("finger_left", "a")).any()
+        assert found.get("supported", ("a",)).all()
+
+
+def test_the_upper_half_of_a_carried_stack_is_carried() -> None:
+    scene = Scene(2).fixed("table")
+    for i, name in enumerate("abc"):
+        scene.box(name, 0.05, (0, 0, 0.55 + 0.1 * i))
+    scene.rests("b", "a", 0.05, (0, 0, 0.6), 2 * G).rests("c", "b", 0.05, (0, 0, 0.7), G)
+    found = relations(gripped(scene, "a", 0, 0.55, 3 * G))
+    for name in "abc":
+        assert found.get("carried", (name,)).all(), name
+        assert not found.get("supported", (name,)).any(), name
+
+
 def test_fruit_in_a_carried_bowl_is_carried_not_held() -> None:
     scene = Scene(2).fixed("table").box("bowl", 0.05, (0, 0, 0.3)).box("fruit", 0.02, (0, 0, 0.37))
     scene.rests("fruit", "bowl", 0.02, (0, 0, 0.35), G)
@@ -65,6 +99,22 @@ def test_fruit_in_a_carried_bowl_is_carried_not_held() -> None:
     assert found.get("carried", ("fruit",)).all()
     assert not found.get("held", ("fruit",)).any()
     assert not found.get("supported", ("fruit",)).any()
+
+
+@pytest.mark.parametrize("touching", [("left",), ("right",), ("left", "palm"), ("palm",)])
+def test_one_finger_or_the_palm_holds_nothing(touching: tuple[str, ...]) -> None:
+    scene = (
+        Scene(2)
+        .fixed("table")
+        .box("a", 0.05, (0, 0, 0.05))
+        .box("palm", 0.02, (0, 0, 0.5), kind="gripper")
+    )
+    scene.rests("a", "table", 0.05, (0, 0, 0), G)
+    for side in ("left", "right"):
+        scene.box(side, 0.01, (0, 0, 0.5), kind="gripper", finger=side)
+    for name in touching:
+        scene.contact(name, "a", (0, 0.05, 0.05), (0, -20, 0), normal=(0, -1, 0))
+    assert not relations(scene).get("held", ("a",)).any()
 
 
 def test_support_is_inherited_down_to_the_fixture() -> None:

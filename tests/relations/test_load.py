@@ -85,10 +85,41 @@ def test_a_body_that_the_hand_holds_rests_on_nothing() -> None:
 
 
 def test_a_wall_beside_it_is_not_stood_on() -> None:
-    scene = Scene(2).fixed("bin").box("a", 0.05, (0, 0, 0.05))
+    """Its COM is 2 cm from the side that the wall is on; a third pier there would make it more."""
+    scene = Scene(2).fixed("bin").box("a", 0.05, (0, 0, 0.05), com=(0.03, 0, 0))
     scene.rests("a", "bin", 0.05, (0, 0, 0), G)
-    scene.contact("bin", "a", (0.2, 0, 0.1), (-0.5, 0, 0.01), normal=(-1, 0, 0))
-    assert value(scene, "support_margin", "a") == pytest.approx(0.05, abs=1e-6)
+    scene.contact("bin", "a", [(0.2, -0.05, 0.1), (0.2, 0.05, 0.1)], (-0.5, 0, 0.01),
+                  normal=(-1, 0, 0))  # fmt: skip
+    assert value(scene, "support_margin", "a") == pytest.approx(0.02, abs=1e-6)
+
+
+def test_walls_whose_friction_bears_it_are_stood_on() -> None:
+    """A wedged book: its support is what spans from wall to wall."""
+    scene = Scene(2).fixed("left").fixed("right").box("book", 0.05, (0, 0, 1))
+    for name, sign in (("left", 1), ("right", -1)):
+        points = [(-0.05 * sign, y, 1.0) for y in (-0.03, 0.03)]
+        scene.contact(name, "book", points, (40 * sign, 0, G / 2), normal=(sign, 0, 0))
+    assert value(scene, "support_margin", "book") == pytest.approx(0.03, abs=1e-6)
+    assert value(scene, "load_share", "book", "left") == pytest.approx(0.5)
+
+
+def test_what_hardly_presses_on_it_from_below_is_not_stood_on() -> None:
+    """A spring beside the post: it counts as long as it bears a tenth of the weight."""
+    scene = Scene(2).fixed("post").fixed("spring").box("a", 0.05, (0, 0, 0.05), com=(0.01, 0, 0))
+    scene.rests("a", "post", 0.02, (0, 0, 0), 0.9 * G)
+    for frame, share in enumerate((0.11, 0.09)):
+        at = slice(frame, frame + 1)
+        scene.rests("a", "spring", 0.02, (0.03, 0, 0), share * G, frames=at)
+    margin = measured(scene, "support_margin", "a").value
+    assert np.allclose(margin, [0.02, 0.01], atol=1e-6)
+
+
+def test_what_presses_down_takes_no_share_of_the_load() -> None:
+    scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    scene.box("palm", 0.02, (0, 0, 0.12), kind="gripper")
+    scene.rests("a", "table", 0.05, (0, 0, 0), G + 5).contact("palm", "a", (0, 0, 0.1), (0, 0, -5))
+    assert value(scene, "load_share", "a", "table") == pytest.approx(1.0)
+    assert value(scene, "load_share", "a", "palm") == 0
 
 
 @pytest.mark.parametrize("points", [[(0, 0)], [(-0.03, 0), (0.03, 0)],

@@ -118,12 +118,78 @@ def test_held_by_going_along_with_a_hand_without_fingers() -> None:
     assert "goes along" in facts.caveat("held")[0]
 
 
+def accompanied(path: np.ndarray) -> Scene:
+    """A box on a path (T, 3) with a hand above it that goes along all the time."""
+    scene = Scene(len(path)).fixed("table").box("a", 0.05, path)
+    return scene.box("hand", 0.015, path + np.array([0, 0, 0.07]), kind="gripper",
+                     tcp=Tcp(position=(0, 0, -0.05), orientation=(1, 0, 0, 0)))  # fmt: skip
+
+
+def line(*knots: tuple[float, float, float]) -> np.ndarray:
+    """(T, 3) m: x and the height of the bottom over frames, straight between knots."""
+    frame, x, z = np.transpose(knots)
+    t = np.arange(int(frame[-1]) + 1)
+    return np.column_stack([np.interp(t, frame, x), 0 * t, np.interp(t, frame, z) + 0.05])
+
+
+@pytest.mark.parametrize(("way", "held"), [(0.025, True), (0.015, False)])
+def test_going_along_for_two_centimetres_is_being_held(way: float, held: bool) -> None:
+    facts = blind(accompanied(line((0, 0, 0), (30, 0, 0), (60, way, 0), (90, way, 0))))
+    found = facts.get("held", ("a",))
+    assert found[32:58].all() == held
+    assert not found[:28].any()
+    assert not found[63:].any()
+
+
+def test_what_hangs_in_the_air_beside_a_still_hand_that_brought_it_is_held() -> None:
+    facts = blind(accompanied(line((0, 0, 0), (30, 0, 0), (60, 0, 0.1), (120, 0, 0.1))))
+    assert facts.get("held", ("a",))[32:].all()
+    assert facts.get("carried", ("a",))[40:].all()
+
+
+def test_what_stands_on_what_was_just_set_down_is_perhaps_still_carried() -> None:
+    """The hand stays where it set the box down: it may have let go of it or not."""
+    path = line((0, 0, 0), (30, 0, 0), (60, 0, 0.1), (90, 0.2, 0.1), (120, 0.2, 0), (180, 0.2, 0))
+    facts = blind(accompanied(path).box("top", 0.02, path + np.array([0.03, 0, 0.07])))
+    carried = facts.get("carried", ("top",))
+    assert carried[40:115].all()
+    assert not carried[125:].any()
+    open_, why = facts.doubtful("carried", ("top",))
+    assert open_[125:].all()
+    assert not open_[40:115].any()
+    assert "let go" in why
+
+
+@pytest.mark.parametrize(("frames", "open_"), [(24, True), (6, False)])
+def test_what_does_not_fall_beside_a_still_hand_may_be_held(frames: int, open_: bool) -> None:
+    """At 120 Hz: for 0.2 s, or for too short a time to tell."""
+    facts = blind(accompanied(line((0, 0, 0.3), (frames - 1, 0, 0.3))))
+    assert not facts.get("held", ("a",)).any()
+    doubt = facts.doubtful("held", ("a",))
+    assert (doubt is not None) == open_
+    assert doubt is None or doubt[0].all()
+
+
 def test_without_a_gripper_that_is_known_nothing_is_held_for_sure() -> None:
     scene = Scene(2).box("a", 0.05, (0, 0, 0.05))
     scene.box("one", 0.01, (1, 0, 0), kind="gripper").box("two", 0.01, (1, 1, 0), kind="gripper")
     facts = blind(scene)
     assert facts.get("held", ("a",)) is None
     assert "gripper" in facts.lacking("held", ("a",))
+
+
+def test_what_a_hand_may_bear_as_well_has_an_unknown_share_of_load() -> None:
+    """Held by two fingers, or lying on the palm, and on the table too: nothing to all of it."""
+    gripped = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    palm = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    palm.box("hand", (0.2, 0.02, 0.02), (0.24, 0, -0.02), kind="gripper")
+    free = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    for scene, at, least in ((gripped, 0.0, 0), (palm, 2.0, 0), (free, 2.0, 1)):
+        share = blind(fingers(scene, np.array([at, 0, 0.05]), 0)).signal(
+            "load_share", ("a", "table")
+        )
+        assert (share.lower == least).all()
+        assert (share.upper == 1).all()
 
 
 def test_a_held_body_depends_on_nothing() -> None:

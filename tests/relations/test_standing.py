@@ -39,6 +39,18 @@ def test_of_two_that_bear_it_each_has_its_own_edge_and_both_together_one() -> No
     assert margin(scene, "box") == pytest.approx(0.05, abs=1e-4)  # to the blocks' sides
 
 
+def test_at_each_frame_what_bears_it_then_counts() -> None:
+    """The right block bears it throughout, the left one at the first frame."""
+    scene = (
+        standing("right")
+        .box("left", 0.1, (-0.1, 0, 0.1))
+        .rests("left", "table", 0.1, (-0.1, 0, 0), G)
+    )
+    scene.rests("box", "left", 0.02, (0.0, 0, 0.2), G / 2, frames=slice(0, 1))
+    found = Relations(Signals(scene.episode())).signal("edge_margin", ("box",))
+    assert np.allclose(found.value, [0.05, -0.02], atol=1e-4)
+
+
 def test_of_what_it_does_not_stand_on_there_is_none() -> None:
     scene = standing("right")
     assert margin(scene, "box", "table") == -np.inf

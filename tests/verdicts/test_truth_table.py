@@ -208,6 +208,31 @@ def test_ordering_reports_the_time_between() -> None:
     assert (late.value, late.limit) == (pytest.approx(0.1), pytest.approx(0.3))
 
 
+def test_an_ordering_is_of_moments_within_its_scope() -> None:
+    """What came before the last four frames is not judged, and not told."""
+    facts = Facts({"height(a)": series("1100100"), "height(b)": series("0000001")}, rate=10.0)
+    found = judge_toy(facts, 'during = "last 4 frames of episode"\n' + FORBID_UNTIL)
+    assert (found.verdict, found.margin) == ("violation", pytest.approx(-0.2))
+    assert (found.value, found.limit) == (pytest.approx(0.4), pytest.approx(0.6))
+
+
+@pytest.mark.parametrize(
+    ("p", "success", "phase"),
+    [
+        ("0100", 2, "execution"),
+        ("0010", 2, "hold"),
+        ("0001", 2, "hold"),
+        ("0001", None, "execution"),
+    ],
+)
+def test_the_phase_of_a_finding(p: str, success: int | None, phase: str) -> None:
+    """The hold begins with the frame that confirms success; before what resolves a hazard: before."""
+    facts = Facts({"height(a)": series(p), "height(b)": series("0000")})
+    text = f'forbid = "p(a)"\n{BOTH}'
+    assert judge_toy(facts, text, success=success).phase == phase
+    assert judge_toy(facts, FORBID_UNTIL, success=success).phase == "before"
+
+
 def test_an_ordering_counts_only_what_lasts_long_enough() -> None:
     facts = Facts({"height(a)": series("100000"), "height(b)": series("000010")})
     verdict = judge_toy(facts, FORBID_UNTIL + '\nfor = "3 frames"')

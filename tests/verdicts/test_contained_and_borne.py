@@ -1,0 +1,188 @@
+"""Sentences about containment, support and loss, at the level of a rule's verdict."""
+
+from pathlib import Path
+
+import pytest
+from sketched import drawn, plain, verdict, with_and_without_forces
+from test_counterexamples import EXAMPLES
+
+HOVERING = """
+says = "A lemon lies on a beam, HIGH cm above the floor of a bin; the bin is carried off."
+duration = "4 s"
+roles = { target = "bin", dependent = "lemon" }
+story = [
+  { hold = "bin", during = "1 to 3.5 s", across = "y" },
+  { move = "bin", by = "40, 0, 0 cm", during = "1.5 to 2.5 s" },
+]
+[bodies.bin]
+shape = "bin 20 x 14 x 10 cm wall 5 mm"
+mass = "300 g"
+[bodies.beam]
+shape = "box 8 x 60 x 1 cm"
+at = "0, 0, HIGH cm"
+kind = "fixture"
+movable = false
+[bodies.lemon]
+shape = "sphere 6 cm"
+mass = "100 g"
+on = "beam"
+"""
+
+
+@with_and_without_forces
+def test_a_fruit_above_a_bin_is_not_in_it(forces: bool, tmp_path: Path) -> None:
+    episode = drawn(HOVERING.replace("HIGH", "30"), tmp_path)
+    for rule in ("ISH201", "ISH202", "ISH203"):
+        found = verdict(episode, rule, forces)
+        assert (found.verdict, found.vacuity) == ("not_applicable", "not_given")
+        assert any("invalid scene" in note for note in found.notes)
+
+
+ACROSS = """
+says = "A book lies across the rim of a bin, its middle above it, or stands in it; the bin is carried off."
+duration = "4 s"
+roles = { target = "bin", dependent = "book" }
+story = [
+  { hold = "bin", during = "1 to 3.5 s", across = "y", height = "3 cm" },
+  { move = ["bin", "book"], by = "0, 0, 10 cm", during = "1.5 to 2 s" },
+]
+[bodies.bin]
+shape = "bin 20 x 14 x 10 cm wall 5 mm"
+mass = "300 g"
+[bodies.book]
+shape = "SHAPE"
+mass = "300 g"
+on = "bin"
+"""
+
+
+@with_and_without_forces
+@pytest.mark.parametrize(
+    ("shape", "expected"),
+    [("box 26 x 12 x 2 cm", "not_applicable"), ("box 4 x 12 x 17 cm", "violation")],
+)
+def test_what_lies_across_the_rim_is_not_in_it(
+    shape: str, expected: str, forces: bool, tmp_path: Path
+) -> None:
+    """The bin bears it either way, and its foot is over the bin's floor either way."""
+    text = ACROSS.replace("SHAPE", shape)
+    if shape.startswith("box 26"):
+        text = text.replace('on = "bin"', 'on = "bin"\nat = "0, 0, 10 cm"')
+    assert verdict(drawn(text, tmp_path), "ISH201", forces).verdict == expected
+
+
+PUSHED = """
+says = "A bottle is shoved along the box that it stands on, or slides by itself."
+duration = "4 s"
+roles = { target = "crate", dependent = "bottle" }
+story = [
+  { move = "bottle", by = "WAY, 0, 0 cm", during = "1 to 2 s" },
+  TOUCH
+]
+[bodies.crate]
+shape = "box 60 x 20 x 14 cm"
+mass = "3 kg"
+[bodies.bottle]
+shape = "cylinder 6 x 20 cm"
+mass = "500 g"
+on = "crate"
+"""
+TOUCH = '{ touch = "bottle", by = "gripper", side = "-x", force = "2 N", during = "0.9 to 2.1 s" },'
+
+
+@pytest.mark.parametrize(
+    ("way", "touch", "expected"),
+    [("5", TOUCH, "pass"), ("5", "", "violation"), ("1.9", "", "pass"), ("2.1", "", "violation")],
+)
+def test_a_dependent_that_is_pushed_while_it_is_supported_is_not_lost(
+    way: str, touch: str, expected: str, tmp_path: Path
+) -> None:
+    text = PUSHED.replace("WAY", way).replace("TOUCH", touch)
+    assert verdict(drawn(text, tmp_path), "ISH101", True).verdict == expected
+
+
+LOADED = """
+says = "A tray with a can on it is put onto a post."
+duration = "9.5 s"
+rate = 30
+success = "4.2 s"
+roles = { target = "tray" }
+story = [
+  { hold = "tray", during = "1 to 4 s", across = "y" },
+  { move = ["tray", "can"], by = "0, 0, 30 cm", during = "1.5 to 2 s" },
+  { move = ["tray", "can"], by = "40, 0, 0 cm", during = "2 to 3 s" },
+  { move = ["tray", "can"], by = "0, 0, -15 cm", during = "3 to 3.5 s" },
+]
+[bodies.post]
+shape = "box 6 x 6 x 15 cm"
+at = "30, 0 cm"
+kind = "fixture"
+[bodies.tray]
+shape = "box 20 x 20 x 1 cm"
+at = "-10, 0 cm"
+mass = "500 g"
+[bodies.can]
+shape = "cylinder 6 x 8 cm"
+at = "OFF, 0 cm"
+on = "tray"
+mass = "500 g"
+"""
+
+
+@pytest.mark.parametrize(("off", "expected"), [("4.8", "pass"), ("5.2", "violation")])
+def test_what_stands_on_it_counts_towards_whether_it_stands_firm(
+    off: str, expected: str, tmp_path: Path
+) -> None:
+    """Their common centre is half as far out as the can, and 5 mm of 3 cm must be left."""
+    found = verdict(drawn(LOADED.replace("OFF", off), tmp_path), "FSH103", True)
+    assert found.verdict == expected
+    assert found.signal == "support_margin(tray)"
+    assert found.value == pytest.approx(0.03 - float(off) / 200, abs=1e-3)
+
+
+def test_a_ball_stands_neither_firmly_nor_badly() -> None:
+    """It has no support polygon: what is not defined is never a violation, and never a pass."""
+    found = verdict(plain(EXAMPLES / "rolled_after_release.toml"), "FSH103", True)
+    assert found.verdict == "inconclusive"
+    assert any("three support contacts" in note for note in found.notes)
+
+
+TILTED = """
+says = "A bin with a lemon at its lower wall is tilted with it by ANGLE degrees, and back."
+duration = "4 s"
+roles = { target = "bin", dependent = "lemon" }
+story = [
+  { hold = "bin", during = "1 to 3.5 s" },
+  { move = ["bin", "lemon"], by = "0, 0, 20 cm", during = "1.2 to 1.8 s" },
+  { turn = ["bin", "lemon"], by = "ANGLE deg", about = "x", during = "2 to 2.3 s" },
+  { turn = ["bin", "lemon"], by = "-ANGLE deg", about = "x", during = "2.7 to 3 s" },
+  OUT
+]
+[bodies.bin]
+shape = "bin 20 x 14 x 10 cm wall 5 mm"
+mass = "300 g"
+[bodies.lemon]
+shape = "sphere 6 cm"
+at = "0, SIDE cm"
+mass = "100 g"
+on = "bin"
+"""
+
+
+@with_and_without_forces
+@pytest.mark.parametrize("angle", ["-60", "60", "85"])
+def test_what_goes_along_with_a_tilted_bin_stays_in_it(
+    angle: str, forces: bool, tmp_path: Path
+) -> None:
+    """Seen in the bin's own frame; in the world's its middle is outside where the bin was."""
+    text = TILTED.replace("ANGLE", angle).replace("OUT", "").replace("SIDE", "3.4")
+    text = text.replace("--", "")
+    assert verdict(drawn(text, tmp_path), "ISH203", forces).verdict == "pass"
+
+
+@with_and_without_forces
+def test_what_leaves_a_tilted_bin_has_left_it(forces: bool, tmp_path: Path) -> None:
+    """Straight along the floor, which is steep: it stays at the same place of the world's plane."""
+    out = '{ move = "lemon", by = "0, -12.1, 7 cm", during = "2.4 to 2.6 s" },'
+    text = TILTED.replace("ANGLE", "60").replace("OUT", out).replace("SIDE", "0")
+    assert verdict(drawn(text, tmp_path), "ISH203", forces).verdict == "violation"
