@@ -27,8 +27,9 @@ class InputError(Exception):
 
     def __str__(self) -> str:
         """``where: what Allowed: … Fix: …`` in one line."""
-        stop = "" if self.what.endswith((".", "?", "!", ":")) else "."
-        parts = [f"{self.where}: {self.what}{stop}"]
+        what = self.what.rstrip(".") + "." if self.what.endswith("..") else self.what
+        stop = "" if what.endswith((".", "?", "!", ":")) else "."
+        parts = [f"{self.where}: {what}{stop}"]
         if self.allowed:
             parts.append(f"Allowed: {self.allowed}.")
         if self.fix:

@@ -31,8 +31,13 @@ def seconds(time: float | None) -> str:
 
 
 def worded(text: str) -> str:
-    """A filled template in which what did not happen reads so: ``moved at never`` → ``never moved``."""
-    return re.sub(r"\b(\w+) at never\b", r"never \1", text)
+    """A filled template in which moments read as such.
+
+    What did not happen: ``moved at never`` → ``never moved``. What began, where others measure a
+    value: ``lost(bottle) was 4.48 s at 4.48 s`` → ``lost(bottle) came at 4.48 s``.
+    """
+    text = re.sub(r"\b(\w+) at never\b", r"never \1", text)
+    return re.sub(r"\bwas (\d+\.\d\d s) at \1", r"came at \1", text)
 
 
 def measured(value: float | None, witness: Witness) -> str:

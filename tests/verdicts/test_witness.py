@@ -229,6 +229,8 @@ def test_one_body_in_two_roles_of_an_assigned_rule_is_refused() -> None:
         ("can moved at never while it stood (lost: never).", "can never moved while it stood (lost: never)."),
         ("vase was disturbed at never: it fell.", "vase was never disturbed: it fell."),
         ("can moved at 3.10 s (lost: never).", "can moved at 3.10 s (lost: never)."),
+        ("tray was handled: lost(cup) was 2.32 s at 2.32 s.", "tray was handled: lost(cup) came at 2.32 s."),
+        ("tray was handled: tilt(tray) was 11.0 deg at 2.32 s.", "tray was handled: tilt(tray) was 11.0 deg at 2.32 s."),
     ],
 )  # fmt: skip
 def test_what_did_not_happen_is_told_as_such(filled: str, said: str) -> None:
