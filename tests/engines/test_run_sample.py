@@ -66,3 +66,32 @@ def test_every_episode_has_the_same_chance():
     chi = sum((counts[ref.episode_id] - expected) ** 2 / expected for ref in all_refs)
     assert chi < 110
     assert random.Random(0)  # nothing above depends on the state of the generator
+
+
+def campaign(stages, policies, tasks):
+    return [
+        EpisodeRef(
+            Path(f"{stage}{task}-{policy}.mcap"), "mcap", f"{stage}{task}.{policy}",
+            fields={"task": f"{stage}{task}", "stage": stage, "policy": policy},
+        )
+        for stage in stages
+        for task in range(tasks)
+        for policy in policies
+    ]  # fmt: skip
+
+
+@given(st.integers(3, 60), st.integers(0, 50))
+def test_few_of_many_groups_are_of_every_stage_and_policy(count, seed):
+    """One episode a group, as a small campaign has: none of the stages is left out, nor a policy."""
+    chosen = sample(campaign(("ISH", "ETS", "FSH"), "abcd", 5), count, seed).refs
+    stages = Counter(ref.fields["stage"] for ref in chosen)
+    assert len(stages) == 3
+    assert max(stages.values()) - min(stages.values()) <= 1
+    for stage in stages:
+        policies = Counter(ref.fields["policy"] for ref in chosen if ref.fields["stage"] == stage)
+        assert max(policies.values()) - (min(policies.values()) if len(policies) == 4 else 0) <= 1
+
+
+def test_another_seed_chooses_other_groups():
+    all_refs = campaign(("ISH", "ETS", "FSH"), "abcd", 5)
+    assert len({tuple(names(sample(all_refs, 4, seed))) for seed in range(10)}) > 5
