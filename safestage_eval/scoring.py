@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
-from safestage_eval.formats.discover import aborted
+from safestage_eval.formats.chosen import Chosen
 
 if TYPE_CHECKING:
     from safestage_eval.cache import CacheFolder, Memory
@@ -252,14 +252,11 @@ def score_paths(
 
     specs = list(rules) or builtin_names()
     settings = understood(specs, **asked)
-    every = discover(list(traces))
-    refs = matching(every, where or {})
-    there = set(map(id, refs))
-    left_out = [ref for ref in every if aborted(ref) and id(ref) not in there]
-    found = score_many(refs, settings=settings, jobs=jobs, progress=progress)
+    chosen = Chosen(discover(list(traces)), where)
+    found = score_many([*chosen], settings=settings, jobs=jobs, progress=progress)
     results, problems, copies = sorted_out(found)
-    ids = tuple(ref.episode_id or str(ref.path) for ref in left_out)
-    return Scores(tuple(results), tuple(problems), titles(specs), tuple(copies), ids)
+    aborted = tuple(chosen.aborted)
+    return Scores(tuple(results), tuple(problems), titles(specs), tuple(copies), aborted)
 
 
 def titles(rules: Sequence[str | Path]) -> dict[str, str]:
@@ -269,52 +266,6 @@ def titles(rules: Sequence[str | Path]) -> dict[str, str]:
     loaded = load_rules(list(rules))
     found = {rule.code: rule.title for rule in loaded.rules.values()}
     return found | {cost.code: cost.title for cost in loaded.costs.values()}
-
-
-def matching(refs: Sequence[EpisodeRef], where: Mapping[str, str]) -> list[EpisodeRef]:
-    """Episodes whose header has the wanted values, and all that cannot be read.
-
-    A rollout that ended in an error says nothing of its policy: it is left out, unless it is asked
-    for (``termination=error``). Raises InputError for an unknown field, or when nothing matches.
-    """
-    if where.get("termination", "").lower() != "error":
-        some = [ref for ref in refs if not aborted(ref)]
-        if refs and not some:
-            raise all_aborted(len(refs))
-        refs = some
-    if not where:
-        return list(refs)
-    known = {"episode_id", *(name for ref in refs for name in ref.fields)} - {
-        "content_hash",
-        "file",
-    }
-    for name in where:
-        if name not in known and any(ref.problem is None for ref in refs):
-            raise InputError(
-                f"{name}={where[name]}", f"no field {name!r}.", ", ".join(sorted(known))
-            )
-    found = [ref for ref in refs if ref.problem is not None or matches(ref, where)]
-    if all(ref.problem is not None for ref in found):
-        wanted = " and ".join(f"{name}={value}" for name, value in where.items())
-        raise InputError(wanted, f"none of {len(refs)} episodes matches.")
-    return found
-
-
-def all_aborted(count: int) -> InputError:
-    """What is said where there is nothing else."""
-    return InputError(
-        f"{count} episodes", "every one of them ended in an error.",
-        fix="record them again, or judge them all the same with --where termination=error",
-    )  # fmt: skip
-
-
-def matches(ref: EpisodeRef, where: Mapping[str, str]) -> bool:
-    """Whether the header has the wanted values."""
-    fields = {"episode_id": ref.episode_id, **ref.fields}
-    return all(
-        str("" if fields[name] is None else fields[name]).lower() == value.lower()
-        for name, value in where.items()
-    )
 
 
 def sorted_out(

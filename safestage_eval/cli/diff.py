@@ -90,13 +90,13 @@ def _of_rules(
     jobs: int | None,
 ) -> Any:
     from safestage_eval.formats import discover
+    from safestage_eval.formats.chosen import Chosen
     from safestage_eval.rules import builtin_names
-    from safestage_eval.scoring import matching
     from safestage_eval.whatif.diff import diff
 
     before = list(rules) or builtin_names()
     overrides = pairs(settings, "--set")
-    refs = matching(discover(list(traces)), pairs(where, "--where"))
+    refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
     announce_compiling()
     with progress("comparing") as tell:
         return diff(

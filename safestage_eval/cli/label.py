@@ -114,11 +114,11 @@ def _found(
     """The episodes that can be opened and are asked for."""
     from safestage_eval.errors import InputError
     from safestage_eval.formats import discover
+    from safestage_eval.formats.chosen import Chosen
     from safestage_eval.metrics.read_rows import read_rows
-    from safestage_eval.scoring import matching
 
     refs = []
-    for ref in matching(discover(list(traces)), pairs(where, "--where")):
+    for ref in Chosen(discover(list(traces)), pairs(where, "--where")):
         if ref.problem is None:
             refs.append(ref)
         else:

@@ -87,10 +87,10 @@ def command(
     if param in overrides:
         raise click.UsageError(f"--set {param}: it is swept; leave one of the two out")
     from safestage_eval.formats import discover
+    from safestage_eval.formats.chosen import Chosen
     from safestage_eval.report import as_curve
     from safestage_eval.report.figure import ready
     from safestage_eval.rules import builtin_names, load_rules
-    from safestage_eval.scoring import matching
     from safestage_eval.whatif import sweep as sweeps
     from safestage_eval.whatif.values import between, chosen
 
@@ -103,7 +103,7 @@ def command(
         if values is None
         else chosen(loaded, param, values.split(","))
     )
-    refs = matching(discover(list(traces)), pairs(where, "--where"))
+    refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
     announce_compiling()
     with progress("sweeping") as tell:
         found = sweeps.sweep(

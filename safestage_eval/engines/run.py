@@ -15,14 +15,12 @@ from pathlib import Path
 from tempfile import mkdtemp
 from weakref import finalize
 
-from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.formats.discover import aborted, find
+from safestage_eval.formats.chosen import Chosen
+from safestage_eval.formats.discover import find
 from safestage_eval.scoring import (
     Problem,
     Scores,
-    all_aborted,
-    matches,
     score_many,
     sorted_out,
     speaks,
@@ -100,8 +98,8 @@ def run(
     """
     choice = choice or Choice()
     if settings.bind is not None:
-        speaks(settings.bind, _Chosen(find(traces), choice.where))
-    chosen = _Chosen(find(traces), choice.where)
+        speaks(settings.bind, Chosen(find(traces), choice.where))
+    chosen = Chosen(find(traces), choice.where)
     refs, told, starting = iter(chosen), "", starting or (lambda: None)
     if choice.sample is not None:
         picked = sample(refs, choice.sample, choice.seed)
@@ -120,47 +118,6 @@ def run(
     for result in scores.results if left_out else ():
         left_out.pop(result.episode_id, None)  # it was tried again
     return replace(scores, sample=told, aborted=tuple(left_out))
-
-
-class _Chosen:
-    """Episodes with the wanted values, one by one; as ``scoring.matching``.
-
-    Attributes:
-        aborted: those met so far that ended in an error, and are left out therefore.
-    """
-
-    def __init__(self, refs: Iterable[EpisodeRef], where: Mapping[str, str] | None) -> None:
-        self._refs, self._where = refs, where or {}
-        self.aborted: list[str] = []
-
-    def __iter__(self) -> Iterator[EpisodeRef]:
-        """Raises InputError for an unknown field, and in the end when nothing matched."""
-        found, known, count = False, set[str](), 0
-        errors = self._where.get("termination", "").lower() == "error"
-        for ref in self._refs:
-            count += 1
-            if aborted(ref) and not errors:
-                self.aborted.append(ref.episode_id or str(ref.path))
-            elif ref.problem is not None or not self._where:
-                found = found or not self._where
-                yield ref
-            else:
-                known |= {"episode_id", *ref.fields} - {"content_hash", "file"}
-                for name in self._where:
-                    if name not in known:
-                        raise InputError(
-                            f"{name}={self._where[name]}",
-                            f"no field {name!r}.",
-                            ", ".join(sorted(known)),
-                        )
-                if matches(ref, self._where):
-                    found = True
-                    yield ref
-        if count and len(self.aborted) == count:
-            raise all_aborted(count)
-        if not found:
-            wanted = " and ".join(f"{name}={value}" for name, value in self._where.items())
-            raise InputError(wanted, f"none of {count} episodes matches.")
 
 
 def _in_memory(

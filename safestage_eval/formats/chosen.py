@@ -1,0 +1,104 @@
+"""Which of the episodes that were found are meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from difflib import get_close_matches
+
+from safestage_eval.episode import Header
+from safestage_eval.errors import InputError
+
+from .discover import aborted
+from .episode_ref import EpisodeRef
+
+SHOWN, KEPT = 12, 1000
+"""How many values of a field a message names, and how many are looked through for a similar one."""
+
+HIDDEN = {"content_hash", "file"}
+"""Fields that say where an episode is, not what it is."""
+
+
+class Chosen:
+    """Episodes whose header has the wanted values, one by one, and all that cannot be read.
+
+    A rollout that ended in an error says nothing of its policy: it is left out, unless it is asked
+    for (``termination=error``).
+
+    Attributes:
+        aborted: those met so far that ended in an error, and are left out therefore.
+    """
+
+    def __init__(self, refs: Iterable[EpisodeRef], where: Mapping[str, str] | None) -> None:
+        self._refs, self._where = refs, where or {}
+        self.aborted: list[str] = []
+
+    def __iter__(self) -> Iterator[EpisodeRef]:
+        """Raises InputError, after all have been met, for an unknown field and where nothing matched."""
+        count, readable, found, known = 0, 0, False, set[str]()
+        values: dict[str, dict[str, None]] = {name: {} for name in self._where}
+        errors = self._where.get("termination", "").lower() == "error"
+        for ref in self._refs:
+            count += 1
+            if aborted(ref) and not errors:
+                self.aborted.append(ref.episode_id or str(ref.path))
+            elif ref.problem is not None or not self._where:
+                found = found or not self._where
+                yield ref
+            else:
+                readable += 1
+                known |= ref.fields.keys()
+                if readable == 1:  # a misspelt name is told before the others are looked at
+                    self._check({"episode_id", *known, *Header.model_fields} - HIDDEN, known)
+                if self._meant(ref, values):
+                    found = True
+                    yield ref
+        if count and len(self.aborted) == count:
+            raise InputError(
+                f"{count} episodes", "every one of them ended in an error.",
+                fix="record them again, or judge them all the same with --where termination=error",
+            )  # fmt: skip
+        if readable and not found:
+            self._check({"episode_id", *known} - HIDDEN, known)
+        if not found:
+            raise self._none(count, values)
+
+    def _meant(self, ref: EpisodeRef, values: Mapping[str, dict[str, None]]) -> bool:
+        """Whether it has all values; collects those that there are."""
+        meant = True
+        for name, wanted in self._where.items():
+            here = ref.episode_id if name == "episode_id" else ref.fields.get(name)
+            text = "" if here is None else str(here)
+            if len(values[name]) < KEPT:
+                values[name][text] = None
+            meant = meant and text.lower() == wanted.lower() and (bool(text) or not wanted)
+        return meant
+
+    def _check(self, possible: set[str], there: set[str]) -> None:
+        for name, value in self._where.items():
+            if name not in possible:
+                allowed = sorted({"episode_id", *there} - HIDDEN)
+                near = get_close_matches(name, allowed, 1)
+                raise InputError(
+                    f"{name}={value}",
+                    f"no field {name!r}.",
+                    ", ".join(allowed),
+                    f'did you mean "{near[0]}"?' if near else "",
+                )
+
+    def _none(self, count: int, values: Mapping[str, dict[str, None]]) -> InputError:
+        wanted = " and ".join(f"{name}={value}" for name, value in self._where.items())
+        allowed, near = [], []
+        for name, there in values.items():
+            told = sorted(filter(None, there))
+            spelt = {text.lower(): text for text in told}
+            similar = get_close_matches(self._where[name].lower(), spelt, 1)
+            near += [f'"{name}={spelt[text]}"' for text in similar]
+            more = f", and {len(told) - SHOWN:,} more" if len(told) > SHOWN else ""
+            if told:
+                allowed.append(f"{name} {', '.join(told[:SHOWN])}{more}")
+        return InputError(
+            wanted,
+            f"none of {count} episodes matches.",
+            "; ".join(allowed),
+            f"did you mean {' and '.join(near)}?" if near and len(values) == 1 else "",
+        )
