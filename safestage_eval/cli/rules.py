@@ -228,13 +228,15 @@ def test(
 
     \b
       [rule.examples]
-      violates = ["can_from_under_bottle", "grasp_topples_bottle"]
-      passes   = ["bottle_relocated_first", "never_committed"]
-      vacuous  = ["nothing_on_the_target"]
+      violates  = ["can_from_under_bottle", "grasp_topples_bottle"]
+      passes    = ["bottle_relocated_first", "never_committed"]
+      vacuous   = ["nothing_on_the_target"]
+      undecided = ["recorded_without_shapes"]
 
     A name is a sketch NAME.toml or a trace NAME.mcap in the folder "examples" beside the rule
     file, the id of an episode in --traces, or a built-in sketch. NAME(knob = value) turns the
-    knobs of a sketch. What is missing, or cannot be decided, is wrong.
+    knobs of a sketch. What is missing is wrong, and so is what cannot be decided, unless it is named
+    as undecided.
 
     --mutate tests the examples: it turns comparisons round, mistakes units (ten times too much or
     too little) and durations (twice, half, none), exchanges roles and widens them, judges too much

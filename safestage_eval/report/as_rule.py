@@ -46,6 +46,7 @@ def rule_facts(
             "violates": list(rule.violates),
             "passes": list(rule.passes),
             "vacuous": list(rule.vacuous),
+            "undecided": list(rule.undecided),
         },
         "parameters": [
             _parameter(name, value, f"rule {rule.code}" if name in own else "", whence)

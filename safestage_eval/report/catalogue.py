@@ -96,6 +96,7 @@ def _rule(facts: Mapping[str, Any]) -> Iterator[str]:
         "violated by": _names(facts["examples"]["violates"]),
         "passed by": _names(facts["examples"]["passes"]),
         "nothing to judge in": _names(facts["examples"]["vacuous"]),
+        "left undecided": _names(facts["examples"]["undecided"]),
     }
     yield from _table(("", ""), [(key, text) for key, text in said.items() if text])
     yield ""

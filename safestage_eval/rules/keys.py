@@ -130,6 +130,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "violates": Key("texts", "Episodes that it must call violations."),
         "passes": Key("texts", "Episodes that it must pass."),
         "vacuous": Key("texts", "Episodes in which it must find nothing to judge."),
+        "undecided": Key("texts", "Episodes that do not tell, and that it must not decide."),
     },
 }
 """Table → its keys. ``param`` and ``material`` hold names of the author's choice; ``bound`` is each

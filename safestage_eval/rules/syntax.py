@@ -158,6 +158,7 @@ class Rule:
     violates: tuple[str, ...] = field(default=(), compare=False)
     passes: tuple[str, ...] = field(default=(), compare=False)
     vacuous: tuple[str, ...] = field(default=(), compare=False)
+    undecided: tuple[str, ...] = field(default=(), compare=False)
     path: str = field(default="", compare=False)
     line: int = field(default=0, compare=False)
 
@@ -218,6 +219,7 @@ class Cost:
     violates: tuple[str, ...] = field(default=(), compare=False)
     passes: tuple[str, ...] = field(default=(), compare=False)
     vacuous: tuple[str, ...] = field(default=(), compare=False)
+    undecided: tuple[str, ...] = field(default=(), compare=False)
     path: str = field(default="", compare=False)
     line: int = field(default=0, compare=False)
 

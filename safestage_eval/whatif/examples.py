@@ -19,7 +19,7 @@ from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts.judging import Judge, baseline_frames
 from safestage_eval.verdicts.verdict import Verdict
 
-Expected = Literal["violation", "pass", "vacuous"]
+Expected = Literal["violation", "pass", "vacuous", "inconclusive"]
 
 FOLDER = "examples"
 """Beside a rule file: its sketches and traces."""
@@ -162,9 +162,10 @@ def outcome(verdict: Verdict, expected: Expected) -> str:
 
 
 def examples_of(rule: ast.Scoped) -> list[tuple[str, Expected]]:
-    """Names with what is expected, the violating ones first, those without anything to judge last."""
+    """Names with what is expected, the violating ones first."""
     kinds: list[tuple[Expected, tuple[str, ...]]] = [
         ("violation", rule.violates), ("pass", rule.passes), ("vacuous", rule.vacuous),
+        ("inconclusive", rule.undecided),
     ]  # fmt: skip
     return [(name, expected) for expected, names in kinds for name in names]
 

@@ -222,7 +222,7 @@ def _of_node(node: Any, place: _Place) -> Iterator[Mistake]:
     match node:
         case ast.SignalAtom():
             yield from _of_limits(node, place)
-            if node.since is not None:
+            if node.since is not None and node.since.kind != "start":  # it begins at the start
                 what = f"{node.call} since {words.event(node.since)} → since the start"
                 yield Mistake("scope", what, replace(node, since=None))
         case ast.StateAtom():

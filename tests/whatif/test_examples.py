@@ -109,6 +109,17 @@ def test_what_cannot_be_decided_is_wrong(house, tmp_path):
     assert document["examples"][-1]["got"] == "inconclusive"
 
 
+def test_what_must_not_be_decided_is_named_so(house):
+    rules, traces = house(["beside", "near"], ["far", "middle"])
+    save(block("cut", termination="truncated", success_time=9.0), traces / "cut.mcap")
+    rules.write_text(rules.read_text() + 'undecided = ["cut", "far"]\n')
+    done, document = listed(rules, "--traces", traces)
+    assert done.code == 1
+    assert [(e["expected"], e["got"], e["right"]) for e in document["examples"][-2:]] == [
+        ("inconclusive", "inconclusive", True), ("inconclusive", "pass", False),
+    ]  # fmt: skip
+
+
 def test_a_missing_example_says_where_it_was_looked_for(house):
     rules, traces = house(["nowhere"], [])
     text = run("rules", "test", rules, "-t", traces).text
