@@ -21,6 +21,8 @@ AXES: dict[View, tuple[int, int, int]] = {"xz": (0, 2, 1), "yz": (1, 2, 0), "xy"
 COLORS = {"robot": "#8a94a6", "gripper": "#5d6778", "fixture": "#d9cfc1", "region": "#e8e3ef"}
 PALETTE = ("#2b7bba", "#e07b39", "#4c9f70", "#b0509e", "#c9a227", "#7a6fd0")
 """Of objects, in the order in which the scene lists them."""
+SOLID, SHEER = 0.9, 0.35
+"""How opaque bodies are; what lies in a container is seen through it."""
 
 
 def surface_points(geom: Geom, episode: Episode) -> F64:
@@ -77,6 +79,23 @@ def frame_of_interest(
     return middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1]
 
 
+def apart(
+    names: Sequence[tuple[str, F64, int]], window: tuple[float, float, float, float]
+) -> list[tuple[str, tuple[float, float]]]:
+    """Names with places (m) at which none covers another: those in the way go up (1) or down (-1)."""
+    line, letter = 0.13 * (window[3] - window[2]), 0.055 * (window[1] - window[0])
+    found: list[tuple[str, tuple[float, float]]] = []
+    for name, (x, middle), way in sorted(names, key=lambda item: -item[2]):
+        y = middle
+        while any(
+            abs(y - v) < line and abs(x - u) < letter * (len(name) + len(other)) / 2
+            for other, (u, v) in found
+        ):
+            y = y + way * line / 4
+        found.append((name, (float(x), float(y))))
+    return found
+
+
 def draw_scene(
     axes: Any,
     episode: Episode,
@@ -94,13 +113,17 @@ def draw_scene(
         body = episode.bodies[name]
         color = COLORS.get(body.kind) or PALETTE[objects.index(name) % len(PALETTE)]
         found = outlines(episode, name, frame, view)
-        shapes += [(depth, flat, color) for depth, flat in found]
+        seen_through = body.cavity is not None
+        shapes += [(depth, flat, color, SHEER if seen_through else SOLID) for depth, flat in found]
         if body.kind == "object":
             everything = np.vstack([flat for _, flat in found])
-            names.append((name, (everything.min(axis=0) + everything.max(axis=0)) / 2, color))
-    for _, flat, color in sorted(shapes, key=lambda s: -s[0]):
-        axes.add_patch(Polygon(flat, facecolor=color, edgecolor="white", linewidth=0.6, alpha=0.9))
-    for name, (x, y), _ in names:
+            middle = (everything.min(axis=0) + everything.max(axis=0)) / 2
+            names.append((name, middle, -1 if seen_through else 1))
+    for _, flat, color, alpha in sorted(shapes, key=lambda s: -s[0]):
+        axes.add_patch(
+            Polygon(flat, facecolor=color, edgecolor="white", linewidth=0.6, alpha=alpha)
+        )
+    for name, (x, y) in apart(names, window):
         axes.annotate(
             name, (x, y), fontsize=6.5, ha="center", va="center", clip_on=True,
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "alpha": 0.75, "linewidth": 0},
