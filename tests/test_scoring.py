@@ -8,7 +8,8 @@ from studio import block, safe_and_unsafe
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover, save
-from safestage_eval.scoring import Problem, score_many, score_paths
+from safestage_eval.rules import load_bind, load_rules
+from safestage_eval.scoring import Problem, misspelt_roles, score_many, score_paths
 
 
 class Deadly(EpisodeRef):
@@ -121,3 +122,17 @@ def test_an_attempt_that_failed_gives_way_to_the_next(tmp_path):
     save(replace_header(block("again"), termination="error"), tmp_path)  # a later one as well
     assert [ref.fields["termination"] for ref in discover(tmp_path)] == ["horizon"]
     assert score_paths([tmp_path], ["fsh"]).aborted == ()
+
+
+def test_a_role_of_a_bind_file_that_is_nearly_one_of_the_rules(tmp_path):
+    """Roles that resemble none are for rules that are not loaded."""
+    bind = tmp_path / "labels.toml"
+    bind.write_text(
+        '[task.pour]\nroles = { protcted = "vase", target = "pot", waiter = "cup" }\n'
+        '[episode."e1"]\nroles = { protected = "vase" }\n'
+    )
+    rules = load_rules(["ets"])
+    assert misspelt_roles(load_bind(bind, rules), rules) == [
+        f'{bind}: pour: no loaded rule has a role protcted: did you mean "protected"?'
+    ]
+    assert misspelt_roles(None, rules) == []

@@ -152,8 +152,8 @@ def command(
     from safestage_eval import heap
     from safestage_eval import memory as memories
     from safestage_eval.engines import run
-    from safestage_eval.rules import builtin_names
-    from safestage_eval.scoring import understood
+    from safestage_eval.rules import builtin_names, load_rules
+    from safestage_eval.scoring import misspelt_roles, understood
 
     kept = None if no_cache else cache
     if kept is not None and (why := unusable(kept)):
@@ -169,6 +169,9 @@ def command(
         timeout=timeout,
         memory=None if memory is None else memories.limit(memory),
     )
+    if asked.bind is not None:
+        for told in misspelt_roles(asked.bind, load_rules(list(asked.rules))):
+            click.echo(f"warning: {told}", err=True)
     with progress("scoring") as tell:
         heap.keep()
         scores = run.run(traces, asked, choice, tell, announce_compiling)

@@ -170,7 +170,9 @@ def _lines(where: str, text: TextIO, allowed: str) -> Iterator[dict[str, Any]]:
             try:
                 row = json.loads(line)
             except json.JSONDecodeError as error:
-                raise InputError(f"{where}, line {number}", f"{error.msg}.", allowed) from None
+                raise InputError(
+                    f"{where}, line {number}", f"not JSON: {error.msg}.", allowed
+                ) from None
             if not isinstance(row, dict):
                 raise InputError(f"{where}, line {number}", "not a result row.", allowed)
             read += 1

@@ -12,6 +12,7 @@ from safestage_eval.relations.measure import Relations
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import parse
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.names import nearest
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.series import Series, exact, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
@@ -44,7 +45,10 @@ def ask(episode: Episode, expression: str, relations: Relations | None = None) -
             return unknown(len(episode), "number", relations.lacking(call.name, bodies))
         return exact(truth.astype(np.float64), "number")
     if spec is None:
-        raise InputError(expression, f"no signal {call.name!r}.", ", ".join([*SIGNALS, *RELATIONS]))
+        names = [*SIGNALS, *RELATIONS]
+        raise InputError(
+            expression, f"no signal {call.name!r}.", ", ".join(names), nearest(call.name, names)
+        )
     _check_count(expression, len(call.args), spec.args)
     return relations.signal(call.name, bodies, options=options)
 
@@ -78,7 +82,9 @@ def _body(episode: Episode, argument: str, expression: str, joints: bool) -> str
             expression, f"several bodies play {argument!r}.", ", ".join(players), "name one"
         )
     names = [*episode.header.roles, *episode.bodies, *named, "robot", "gripper"]
-    raise InputError(expression, f"no role or body {argument!r}.", ", ".join(names))
+    raise InputError(
+        expression, f"no role or body {argument!r}.", ", ".join(names), nearest(argument, names)
+    )
 
 
 def _check_count(expression: str, given: int, allowed: Sequence[int]) -> None:

@@ -37,8 +37,9 @@ def test_a_signal_that_no_rule_reads_has_no_limit(again):
 @pytest.mark.parametrize(
     ("asked", "said"),
     [
-        ("hight(cube)", "no signal"),
+        ("hight(cube)", 'no signal .*did you mean "height"'),
         ("height(mug)", "no role or body"),
+        ("height(cub)", 'no role or body .*did you mean "cube"'),
         ("height(cube, ball)", "takes"),
         ("height(ball) since success", "no rule that was judged"),
     ],
