@@ -88,6 +88,7 @@ def test_the_upper_half_of_a_carried_stack_is_carried() -> None:
     for name in "abc":
         assert found.get("carried", (name,)).all(), name
         assert not found.get("supported", (name,)).any(), name
+    assert not found.get("supports", ("finger_left", "a")).any()
 
 
 def test_fruit_in_a_carried_bowl_is_carried_not_held() -> None:

@@ -4,11 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from toy import HEAD, Facts, ruleset, series
 
 from safestage_eval.episode import ContactTable, Episode, RobotFrames, Track
 from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import judge
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.goal import first_success
 
 TRACES = Path(__file__).parents[2] / "traces"
 
@@ -78,6 +81,57 @@ def test_a_disagreement_is_told_and_the_record_wins(placed: Episode) -> None:
     early = judge(changed(placed, success_time=5.0), load_rules(["fsh", "goals"]))
     assert early.success_time == pytest.approx(5.0)
     assert any("recorded success at 5.000 s" in note for note in early.notes)
+
+
+@pytest.mark.parametrize(
+    ("frames", "told"), [(0, False), (1, False), (2, True), (-1, False), (-2, True)]
+)
+def test_a_success_that_is_recorded_a_frame_off_is_no_disagreement(
+    placed: Episode, frames: int, told: bool
+) -> None:
+    rules = load_rules(["goals"])
+    reached = judge(changed(placed, success_time=None), rules).success_time
+    assert reached is not None
+    found = judge(changed(placed, success_time=reached + frames * placed.dt), rules)
+    assert found.success_time == pytest.approx(reached + frames * placed.dt, abs=1e-6)
+    assert any("recorded success at" in note for note in found.notes) == told
+
+
+GOAL = """
+[goal.high]
+roles = { a = "object", b = "object" }
+require = { "p(a)" = true, any = ["p(a)", "q(b)"] }
+LASTING
+[[rule]]
+code = "TOY102"
+title = "toy"
+roles = { a = "object", b = "object" }
+forbid = ["p(a)", "q(b)"]
+"""
+
+
+@pytest.mark.parametrize(
+    ("p", "lasting", "frame", "unsure"),
+    [
+        ("0011100", "", 4, False),  # the third of three frames confirms it
+        ("0110111", "", 6, False),  # two are too few, and do not add up
+        ("0110110", "", None, False),
+        ("1110000", "", 2, False),  # once reached, reached
+        ("0111110", 'for = "5 frames"', 5, False),
+        ("0111100", 'for = "5 frames"', None, False),
+        ("0111000", 'for = "1 frames"', 3, False),  # a goal may ask for more, not for less
+        ("01?1000", "", None, True),
+        ("0???111", "", 6, False),
+    ],
+)
+def test_a_goal_must_hold_for_three_frames_and_the_last_confirms_it(
+    p: str, lasting: str, frame: int | None, unsure: bool
+) -> None:
+    facts = Facts({"height(a)": series(p), "height(b)": series("0" * len(p))})
+    rules = ruleset(HEAD.split("[[rule]]")[0] + GOAL.replace("LASTING", lasting))
+    causal = Evaluator(facts, rules, rules.params, None, causal=True)  # type: ignore[arg-type]
+    found = first_success(causal, rules.goals["high"], {"a": ("a",), "b": ("b",)})
+    assert found == (frame, unsure)
 
 
 def test_without_success_what_was_put_down_is_judged_at_the_end(placed: Episode) -> None:

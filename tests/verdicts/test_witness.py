@@ -100,6 +100,13 @@ def test_the_absence_of_a_state_that_must_hold_is_no_flicker() -> None:
     assert not any("too brief" in note for note in found.notes)
 
 
+def test_of_several_flickers_the_longest_is_told() -> None:
+    found = judged("01001100100", 'forbid = "touch(a)"')
+    assert [note for note in found.notes if "too brief" in note] == [
+        "touch(a) held for 200 ms at 0.40 s: too brief to count"
+    ]
+
+
 def test_only_frames_that_are_certainly_judged_are_told() -> None:
     """Whether the later ones belong to the scope is not known."""
     found = judged("01111000", 'during = "q(b)"\nrequire = { "p(a)" = true }', "11111???")
