@@ -17,6 +17,7 @@ from .instance import stretches
 from .players import combinations
 from .values import Env
 from .verdict import Verdict
+from .witness import since
 
 
 @dataclass(frozen=True)
@@ -172,9 +173,8 @@ def _curve(
         side: Literal["above", "below"] = "above" if (limit.op[0] == ">") == bad_when else "below"
         param = limit.value.name if isinstance(limit.value, ast.Parameter) else None
         bounds.append(Bound(evaluator.number(limit.value, env), side, param))
-    since = f" since {atom.since.text}" if atom.since is not None and atom.since.text else ""
     series = evaluator.series(atom, env, wanted)
-    return Curve(_said(atom.call, env) + since, series, tuple(bounds))
+    return Curve(_said(atom.call, env) + since(atom, env), series, tuple(bounds))
 
 
 def _said(call: ast.Call, env: Env) -> str:

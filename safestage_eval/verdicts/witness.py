@@ -166,10 +166,9 @@ class Search(NamedTuple):
         said = tuple([env.get(arg, arg) for arg in atom.call.args])
         value, limit = float(series.value[0]), limits[i]
         direction = 1 if atom.limits[i].op[0] == ">" else -1
-        since = f" since {atom.since.text}" if atom.since is not None and atom.since.text else ""
         finite = bool(np.isfinite(value))
         return Witness(
-            f"{ast.Call(atom.call.name, said)}{since}",
+            f"{ast.Call(atom.call.name, said)}{since(atom, env)}",
             bodies,
             frame,
             value if finite else None,
@@ -179,6 +178,16 @@ class Search(NamedTuple):
             name,
             at_least=finite and bool(np.isposinf(series.upper[0])),
         )
+
+
+def since(atom: ast.SignalAtom, env: Env) -> str:
+    """`` since end of handled(can)``: what a change is measured from; empty for the baseline."""
+    event = atom.since
+    if event is None or event.call is None:
+        return f" since {event.text}" if event is not None and event.text else ""
+    bodies = tuple([env.get(arg, arg) for arg in event.call.args])
+    edge = "" if event.edge is None else f"{event.edge} of "
+    return f" since {edge}{ast.Call(event.call.name, bodies)}"
 
 
 def or_tied(witness: Witness, margins: list[float], decisive: float) -> Witness:

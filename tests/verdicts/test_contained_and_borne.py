@@ -187,3 +187,12 @@ def test_what_leaves_a_tilted_bin_has_left_it(forces: bool, tmp_path: Path) -> N
     out = '{ move = "lemon", by = "0, -12.1, 7 cm", during = "2.4 to 2.6 s" },'
     text = TILTED.replace("ANGLE", "60").replace("OUT", out).replace("SIDE", "0")
     assert verdict(drawn(text, tmp_path), "ISH203", forces).verdict == "violation"
+
+
+def test_a_change_since_an_event_names_the_body_that_it_happened_to() -> None:
+    """Not the name that the state's definition has for it."""
+    found = verdict(plain(EXAMPLES / "obstacle_swept_off_step.toml"), "ETS103", True)
+    assert found.signal == "height(can) since airborne(can)"
+    assert "height(can) since airborne(can) reached" in found.explanation
+    rolled = verdict(plain(EXAMPLES / "rolled_after_release.toml"), "FSH104", True)
+    assert rolled.signal == "displacement(orange) since success"
