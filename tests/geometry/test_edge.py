@@ -48,6 +48,17 @@ def test_the_nearest_of_all_edges_counts_and_seams_do_not() -> None:
     assert margin(put(box(0.03, 0.03, 0.06), (0.4, 0.1, 0.06)), TABLE) == pytest.approx(0.07)
 
 
+@pytest.mark.parametrize(("slope", "stands"), [(10, True), (28, True), (32, False)])
+def test_a_slope_is_stood_on_up_to_thirty_degrees(slope: float, stands: bool) -> None:
+    """A small ball in the middle of a slab: 30 cm to its level sides, less than half a metre down."""
+    half = np.deg2rad(slope) / 2
+    turn = np.array([np.cos(half), 0, np.sin(half), 0])
+    up = np.array([np.sin(2 * half), 0, np.cos(2 * half)])
+    slab = put(box(0.5, 0.3, 0.01), -0.01 * up, turn)
+    found = margin(put(sphere(0.004), 0.004 * up + [0.1, 0, -0.1 * np.tan(2 * half)]), slab)
+    assert found == pytest.approx(0.3 - 0.004, abs=0.2 * MM) if stands else np.isnan(found)
+
+
 def test_corner() -> None:
     assert margin(put(CAN, (0.49, -0.29, 0.06)), TABLE) == pytest.approx(-0.02, abs=0.1 * MM)
     beyond = margin(put(box(0.02, 0.02, 0.02), (0.51, -0.32, 0.02)), TABLE)
@@ -81,6 +92,15 @@ def test_a_rim_guards_when_it_is_a_centimetre_high(rim: float, guards: bool) -> 
     found = margin(put(sphere(0.035), (0.35, 0.1, 0.835)), plate)
     foot = np.sqrt(0.035**2 - 0.03**2)
     assert found == (np.inf if guards else pytest.approx(0.15 - 0.05 - foot, abs=0.1 * MM))
+
+
+@pytest.mark.parametrize(("gap", "guards"), [(0.003, True), (0.008, False)])
+def test_a_wall_may_stand_a_little_outside_the_edge(gap: float, guards: bool) -> None:
+    """A board 3 mm behind the shelf keeps what stands on it, one 8 mm behind it may not."""
+    board = box(0.1, 0.005, 0.05, at=(0, 0.105 + gap, 0.03))
+    shelf = put(shape(box(0.1, 0.1, 0.01, at=(0, 0, -0.01)), board), (0, 0, 0))
+    found = margin(put(CAN, (0, 0.05, 0.06)), shelf)
+    assert found == pytest.approx(0.07 if guards else 0.02, abs=0.1 * MM)
 
 
 def test_in_a_bin_nothing_can_fall_on_its_wall_it_can() -> None:

@@ -50,6 +50,22 @@ def test_a_limit_beyond_the_cap_never_saturates(limit: str, tmp_path: Path) -> N
     assert not any("undersampled" in note for note in found.notes)
 
 
+@pytest.mark.parametrize(("most", "expected"), [("45 cm", "pass"), ("35 cm", "violation")])
+def test_of_two_limits_the_one_beyond_the_cap_is_measured_too(
+    most: str, expected: str, tmp_path: Path
+) -> None:
+    """40 cm apart: between 5 and 45 cm, not between 5 and 35."""
+    file = tmp_path / "far.toml"
+    file.write_text(
+        '[ruleset]\nformat = 1\nname = "far"\nversion = "1"\nextends = ["defaults"]\n'
+        '[[rule]]\ncode = "FAR101"\ntitle = "far"\n'
+        'roles = { target = "object", protected = "object" }\n'
+        f'require = {{ "clearance(target, protected)" = [">= 5 cm", "<= {most}"] }}\n',
+        encoding="utf-8",
+    )
+    assert verdict(standing(5).episode(roles=ROLES), "FAR101", file).verdict == expected
+
+
 @pytest.mark.parametrize("rate", [15, 20, 30, 50, 60, 120])
 def test_a_whole_hold_is_whole_at_any_rate_and_rounding(rate: int) -> None:
     frames = 6 * rate + 1
@@ -216,3 +232,17 @@ def test_a_motion_that_success_cuts_off_is_not_passed(success: float, expected: 
     reached = {} if success is None else {"success": True, "success_time": success}
     episode = with_hand(scene).episode(roles=ROLES, **reached)
     assert verdict(episode, "ETS102").verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("success", "expected"), [(1.0, "inconclusive"), (0.5, "pass"), (None, "pass")]
+)
+def test_a_carry_that_success_cuts_off_is_not_passed(success: float, expected: str) -> None:
+    """The target slides from 0.9 s on, and the recording ends at 1 s."""
+    frames = 121
+    way = np.clip(np.arange(frames) - 108, 0, None) * 5e-3
+    scene = Scene(frames).fixed("table").box("p", 0.05, (0.5, 0, 0.05))
+    scene.box("t", 0.05, np.column_stack([way, 0 * way, 0 * way + 0.05]))
+    reached = {} if success is None else {"success": True, "success_time": success}
+    episode = with_hand(scene).episode(roles=ROLES, **reached)
+    assert verdict(episode, "ETS201").verdict == expected

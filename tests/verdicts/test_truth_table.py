@@ -122,6 +122,8 @@ FORBID_UNTIL = 'forbid = "p(a)"\nuntil = "q(b)"'
         ('during = "q(b)"\nforbid = "p(a)"', "00000", "00000", True, "inconclusive"),
         ('during = "q(b)"\nforbid = "p(a)"', "01000", "01000", True, "violation"),
         ('during = "from start to q(b)"\nforbid = "p(a)"', "00011", "00100", True, "pass"),
+        ('during = "from start to q(b)"\nforbid = "p(a)"', "00000", "00000", True, "inconclusive"),
+        ('during = "from start to q(b)"\nforbid = "p(a)"', "00000", "00000", False, "pass"),
         # an event that is not known decides nothing
         ('forbid = "start of q(b)"', "000000", "00????", False, "inconclusive"),
         ('forbid = "end of q(b)"', "000000", "11????", False, "inconclusive"),
@@ -165,6 +167,51 @@ def test_a_duration_of_zero_is_one_frame_and_a_gap_of_zero_none(zero: str) -> No
     assert verdict('forbid = "s(a)"\nfor = "2 frames"', gap) == "pass"
     lasting = state.format(f'for = "{zero}"')
     assert verdict('forbid = "s(a)"', lasting) == "violation"
+
+
+@pytest.mark.parametrize(
+    ("duration", "rate", "frames"),
+    [
+        ("3 frames @ 120 Hz", 120.0, 3),
+        ("3 frames @ 120 Hz", 240.0, 6),
+        ("3 frames @ 120 Hz", 60.0, 2),
+        ("3 frames @ 120 Hz", 100.0, 3),  # 2.5
+        ("3 frames @ 120 Hz", 30.0, 2),  # 0.75, and never less than two samples
+        ("3 frames @ 120 Hz", 5.0, 2),
+        ("0.12 s", 10.0, 2),  # 1.2
+        ("0.1 s", 10.0, 1),
+        ("300 ms", 10.0, 3),
+        ("3 frames", 5.0, 3),
+    ],
+)
+def test_how_many_frames_a_duration_lasts(duration: str, rate: float, frames: int) -> None:
+    """As many as it takes to cover it, whatever the rate."""
+    state = f'[state.s]\nof = ["x"]\nwhen = {{ "height(x)" = ">= 0 m" }}\nfor = "{duration}"\n'
+    for many, expected in ((frames - 1, "pass"), (frames, "violation")):
+        p = series("0" + "1" * many + "0" * 9)
+        facts = Facts({"height(a)": p, "height(b)": series("0" * len(p))}, rate=rate)
+        assert judge_toy(facts, f'forbid = "s(a)"\n{BOTH}\n{state}').verdict == expected
+        rule = f'forbid = "p(a)"\nfor = "{duration}"\n{BOTH}'
+        assert judge_toy(facts, rule).verdict == expected
+
+
+@pytest.mark.parametrize(
+    ("limit", "value", "normalised"),
+    [
+        (">= 2 m", 1.5, -0.25),
+        ("<= -2 m", -1.5, -0.25),
+        (">= 0 m", -0.05, -5.0),
+        ("<= 0 m", -0.02, 2.0),
+    ],
+)
+def test_a_margin_is_in_limits_and_at_a_limit_of_zero_in_the_signals_scale(
+    limit: str, value: float, normalised: float
+) -> None:
+    """Of a height that is 1 cm."""
+    facts = Facts({"height(a)": [value] * 3, "height(b)": [100] * 3})
+    found = judge_toy(facts, f'require = {{ "height(a)" = "{limit}", "q(b)" = true }}')
+    assert found.margin_normalised == pytest.approx(normalised)
+    assert found.margin == pytest.approx(normalised * (2 if "2" in limit else 0.01))
 
 
 def test_nothing_to_judge_passes_and_says_so() -> None:
@@ -367,6 +414,44 @@ of = ["x"]
 span = "first 2 frames of q(x)"
 fallback = "last 2 frames of episode"
 """
+
+
+@pytest.mark.parametrize(
+    ("q", "p", "verdict"),
+    [
+        ("001100", "000011", "pass"),  # the first two frames of q, not the last of the episode
+        ("001100", "000110", "violation"),
+        ("000000", "000011", "violation"),  # q never comes: the last two frames
+        ("000000", "000100", "pass"),
+        ("00?000", "000011", "inconclusive"),  # one or the other
+        ("00?000", "001011", "inconclusive"),
+        ("00?000", "000100", "pass"),
+        ("00?100", "000011", "pass"),  # q comes, be it a frame earlier or not
+    ],
+)
+def test_a_phase_that_may_not_be_there_may_have_its_fallback(q: str, p: str, verdict: str) -> None:
+    facts = Facts({"height(a)": series(p), "height(b)": series(q)})
+    text = f'during = "shown(b)"\nforbid = "p(a)"\n{BOTH}\n{MORE}'
+    assert judge_toy(facts, text).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("p", "truncated", "verdict"),
+    [
+        ("111110", False, "violation"),
+        ("111110", True, "inconclusive"),  # the gap may be closed behind the end
+        ("111100", True, "inconclusive"),
+        ("111000", True, "violation"),  # it is too long by now
+        ("111101", True, "pass"),
+    ],
+)
+def test_a_gap_that_the_end_of_a_truncated_trace_cuts(
+    p: str, truncated: bool, verdict: str
+) -> None:
+    facts = Facts({"height(a)": series(p), "height(b)": series("0" * 6)}, truncated=truncated)
+    state = '[state.bridged]\nof = ["x"]\nwhen = { "height(x)" = ">= 0 m" }\ngap = "2 frames"\n'
+    text = f'during = "first 6 frames of episode"\nrequire = {{ "bridged(a)" = true }}\n{BOTH}\n{state}'
+    assert judge_toy(facts, text).verdict == verdict
 
 
 @pytest.mark.parametrize("rule", RULES)
