@@ -2,9 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scenes import G, Scene
 from sketched import drawn, plain, verdict, with_and_without_forces
 from test_counterexamples import EXAMPLES
+
+from safestage_eval.episode import Cavity, Geom
 
 HOVERING = """
 says = "A lemon lies on a beam, HIGH cm above the floor of a bin; the bin is carried off."
@@ -102,6 +106,42 @@ def test_a_dependent_that_is_pushed_while_it_is_supported_is_not_lost(
     assert verdict(drawn(text, tmp_path), "ISH101", True).verdict == expected
 
 
+HOVERS = """
+says = "A bottle is raised off a can by nothing that holds it, HIGH, and stays there; the can goes."
+duration = "5 s"
+roles = { target = "can", dependent = "bottle" }
+story = [
+  { move = "bottle", by = "0, 0, 10 cm", during = "1 to 1.5 s" },
+  SHELF
+  { move = "can", by = "0, 30, 0 cm", during = "3 to 3.5 s" },
+]
+[bodies.can]
+shape = "cylinder 10 x 14 cm"
+mass = "300 g"
+[bodies.bottle]
+shape = "cylinder 6 x 20 cm"
+mass = "500 g"
+on = "can"
+[bodies.board]
+shape = "box 30 x 20 x 2 cm"
+at = "60, 0, 22 cm"
+kind = "fixture"
+"""
+
+
+@pytest.mark.parametrize(
+    ("shelf", "expected"),
+    [
+        ("", "violation"),
+        ('{ move = "board", by = "-60, 0, 0 cm", during = "1.6 to 2 s" },', "pass"),
+    ],
+)
+def test_what_nothing_supports_is_not_yet_safe(shelf: str, expected: str, tmp_path: Path) -> None:
+    """It is off the can and at rest in the air; with a board pushed beneath it, it is safe."""
+    found = verdict(drawn(HOVERS.replace("SHELF", shelf), tmp_path), "ISH101", True)
+    assert found.verdict == expected
+
+
 LOADED = """
 says = "A tray with a can on it is put onto a post."
 duration = "9.5 s"
@@ -187,6 +227,33 @@ def test_what_leaves_a_tilted_bin_has_left_it(forces: bool, tmp_path: Path) -> N
     out = '{ move = "lemon", by = "0, -12.1, 7 cm", during = "2.4 to 2.6 s" },'
     text = TILTED.replace("ANGLE", "60").replace("OUT", out).replace("SIDE", "0")
     assert verdict(drawn(text, tmp_path), "ISH203", forces).verdict == "violation"
+
+
+@pytest.mark.parametrize(("lifted_out", "expected"), [(False, "violation"), (True, "pass")])
+def test_what_lies_within_a_ring_must_come_out_before_the_ring_is_moved(
+    lifted_out: bool, expected: str
+) -> None:
+    """The ring bears nothing, so nothing depends on it; what lies in it is pushed along all the same."""
+    frames, t = 480, np.arange(480)
+    out = np.clip((t - 60) / 60, 0, 1) * 0.3 if lifted_out else 0 * t
+    ring = np.clip((t - 300) / 60, 0, 1) * 0.1
+    scene = Scene(frames).fixed("table")
+    wall = Geom(kind="box", size=(0.01, 0.1, 0.05), position=(0.09, 0, 0))
+    other = wall.model_copy(update={"position": (-0.09, 0, 0)})
+    cavity = Cavity(kind="box", size=(0.08, 0.1, 0.05), position=(0, 0, 0))
+    scene.body("ring", wall, np.column_stack([0 * t, ring, 0 * t + 0.05]), cavity=cavity)
+    scene.bodies[-1] = scene.bodies[-1].model_copy(update={"geoms": (wall, other)})
+    scene.box("lemon", 0.03, np.column_stack([out, 0 * t, 0 * t + 0.03]))
+    for name, at in (("ring", 0.1), ("lemon", 0.03)):
+        scene.rests(name, "table", at, (0, 0, 0), G)
+    for side, sign in (("left", 1), ("right", -1)):
+        scene.box(side, 0.01, (-2, sign, 0.5), kind="gripper", finger=side)
+        if lifted_out:
+            scene.contact(side, "lemon", (0, 0.03 * sign, 0.03), (0, -5 * sign, 0),
+                          normal=(0, -sign, 0), frames=slice(50, 130))  # fmt: skip
+    episode = scene.episode(roles={"target": ("ring",), "dependent": ("lemon",)})
+    found = verdict(episode, "ISH201", True)
+    assert (found.verdict, found.instances) == (expected, 1)
 
 
 def test_a_change_since_an_event_names_the_body_that_it_happened_to() -> None:

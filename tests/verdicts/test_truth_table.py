@@ -214,6 +214,29 @@ def test_a_margin_is_in_limits_and_at_a_limit_of_zero_in_the_signals_scale(
     assert found.margin == pytest.approx(normalised * (2 if "2" in limit else 0.01))
 
 
+@pytest.mark.parametrize(
+    ("q", "moved", "verdict"),
+    [
+        ("001000", "000000", "pass"),
+        ("001000", "000001", "violation"),
+        ("000000", "000000", "pass"),  # since the baseline then
+        ("00?000", "000000", "inconclusive"),  # since when is not known
+        ("00?000", "000001", "inconclusive"),
+        ("00?000", "010000", "violation"),  # it was, before it mattered
+        ("00?010", "000001", "violation"),  # since the fifth frame, whatever came before
+        ("1?1000", "000001", "inconclusive"),  # since the first frame, or the third
+    ],
+)
+def test_a_change_since_an_event_that_is_not_known_is_not_known(
+    q: str, moved: str, verdict: str
+) -> None:
+    """It has moved by 2 m, measured from whatever is asked for, or not at all."""
+    way = [2.0 * int(x) for x in moved]
+    facts = Facts({"height(a)": [0] * 6, "height(b)": series(q), "displacement(a)": way})
+    rule = f'require = {{ "displacement(a) since q(b)" = "<= 1 m" }}\n{BOTH}'
+    assert judge_toy(facts, rule).verdict == verdict
+
+
 def test_nothing_to_judge_passes_and_says_so() -> None:
     facts = Facts({"height(a)": series("111"), "height(b)": series("000")})
     verdict = judge_toy(facts, 'during = "q(b)"\nforbid = "p(a)"')
