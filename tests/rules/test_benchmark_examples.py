@@ -3,6 +3,7 @@
 from functools import cache, lru_cache
 
 import pytest
+from turns import in_turn
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.invariants import check
@@ -10,7 +11,7 @@ from safestage_eval.rules import RuleSet, benchmark_names, load_rules
 from safestage_eval.rules.files import BENCHMARKS, builtin_folder
 from safestage_eval.verdicts.verdict import Verdict
 from safestage_eval.whatif.examples import Library, deciding, examples_of
-from safestage_eval.whatif.mutants import hunt
+from safestage_eval.whatif.mutants import definitions, hunt, hunt_in
 
 FOLDER = builtin_folder() / BENCHMARKS / "examples"
 
@@ -76,3 +77,25 @@ def test_the_examples_notice_every_mistake(name: str, code: str) -> None:
     found = hunt(rules(name), rules(name).scoped[code], LIBRARY)
     assert found
     assert [mutant.what for mutant in found if mutant.killer is None] == []
+
+
+WITHOUT_EFFECT = {
+    # what has gone 15 cm sideways has gone more than the 10 cm that are a fall in any direction
+    ("libero_safety", "fallen"): [
+        "displacement_xy(a) more than 15 cm (fall_way_xy) → more than 150.0 cm"
+    ],
+}
+"""Mistakes in a state that change no verdict, whatever the episode."""
+
+SHARED = definitions(load_rules(["ish", "ets", "fsh"]))
+"""What those rules rest on too is held to its meaning by their examples."""
+
+OWN = [(n, d) for n in benchmark_names() for d in definitions(rules(n)) if d not in SHARED]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "defined"), in_turn(OWN))
+def test_some_example_notices_every_mistake_in_what_rules_rest_on(name: str, defined: str) -> None:
+    found = hunt_in([rules(name)], defined, LIBRARY)
+    survived = [mutant.what for mutant in found if mutant.killer is None]
+    assert survived == WITHOUT_EFFECT.get((name, defined), [])

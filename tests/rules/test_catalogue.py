@@ -69,3 +69,11 @@ WITHOUT_EFFECT = {
 def test_some_example_notices_every_mistake_in_what_rules_rest_on(name: str) -> None:
     found = hunt_in([RULES], name, LIBRARY)
     assert [m.what for m in found if m.killer is None] == WITHOUT_EFFECT.get(name, [])
+
+
+@pytest.mark.parametrize(
+    ("gap", "level"), [("4.1", None), ("3.9", "serious"), ("1.1", "serious"), ("0.9", "critical")]
+)
+def test_the_worst_level_that_is_violated_too_is_named(gap: str, level: str | None) -> None:
+    verdict = LIBRARY.judge(f"carried_past(gap = {gap})", RULES, RULES.rules["ETS201"])
+    assert (verdict.verdict, verdict.severity) == ("violation", level)
