@@ -200,7 +200,7 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
 )  # fmt: skip
 @click.option(
     "--deep", is_flag=True,
-    help="With --mutate: break the states and phases that rules rest on as well.",
+    help="With --mutate: break the states, phases and signals that rules define as well.",
 )  # fmt: skip
 @click.option(
     "--format", "-f", "form", type=click.Choice(["table", "json", "junit"]), default="table",
@@ -241,7 +241,7 @@ def test(
     --mutate tests the examples: it turns comparisons round, mistakes units (ten times too much or
     too little) and durations (twice, half, none), exchanges roles and widens them, judges too much
     (no given, no until, the other end of an event), drops obligations and swaps true and false, one
-    at a time. With --deep it makes the same mistakes in the states and phases that rules rest on;
+    at a time. With --deep it makes the same mistakes in the states, phases and variants of signals;
     any rule's example may notice those. What a cost charges, and its budget, are mistaken alike.
 
     \b

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 from safestage_eval.rules import RuleSet, words
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.uses import own_params, uses_of
+from safestage_eval.signals.options import NORM
 
 from .symmetry import symmetric
 
@@ -77,13 +78,16 @@ def mistakes(rules: RuleSet, rule: ast.Scoped) -> Iterator[Mistake]:
 
 
 def mistakes_in(rules: RuleSet, name: str) -> Iterator[Mistake]:
-    """Every mistake in a state or phase; ``changed`` is the whole rule set with it.
+    """Every mistake in a definition; ``changed`` is the whole rule set with it.
 
     Args:
         rules: the set that declares it.
-        name: of the state or phase.
+        name: of a state, a phase or a variant of a signal.
     """
-    if name in rules.states:
+    if name in rules.signals:
+        for kind, what, variant in _of_variant(rules.signals[name]):
+            yield Mistake(kind, what, replace(rules, signals={**rules.signals, name: variant}))
+    elif name in rules.states:
         state = rules.states[name]
         for kind, what, changed in _of_tree(state, _Place(rules, rules.params, state.of)):
             yield Mistake(kind, what, replace(rules, states={**rules.states, name: changed}))
@@ -91,6 +95,21 @@ def mistakes_in(rules: RuleSet, name: str) -> Iterator[Mistake]:
         phase = rules.phases[name]
         for kind, what, changed in _of_tree(phase, _Place(rules, rules.params, phase.of)):
             yield Mistake(kind, what, replace(rules, phases={**rules.phases, name: changed}))
+
+
+def _of_variant(variant: ast.SignalDef) -> Iterator[Mistake]:
+    """A time or box ten times as large, or a tenth of it; another way to measure a distance."""
+    for i, (option, value) in enumerate(variant.options):
+        others: dict[str, float | str | tuple[float, ...]] = {}
+        if option == NORM.name:
+            others = {other: other for other in NORM.choices if other != value}
+        elif not isinstance(value, str):
+            for factor in (FACTOR, 1 / FACTOR):
+                size = [x * factor for x in (value if isinstance(value, tuple) else (value,))]
+                others[f"× {factor:g}"] = tuple(size) if isinstance(value, tuple) else size[0]
+        for said, other in others.items():
+            options = (*variant.options[:i], (option, other), *variant.options[i + 1 :])
+            yield Mistake("unit", f"{option} → {said}", replace(variant, options=options))
 
 
 def _of_scope(rule: ast.Scoped, place: _Place) -> Iterator[Mistake]:

@@ -24,7 +24,7 @@ class Mutant:
     """A rule set with one mistake.
 
     Attributes:
-        where: code of the rule or cost that has it, or name of the state or phase.
+        where: code of the rule or cost that has it, or name of the definition.
         kind: of mistake.
         what: the mistake, in words.
         rules: the rule set with it.
@@ -69,10 +69,11 @@ def mutants(rules: RuleSet, rule: ast.Scoped) -> Iterator[Mutant]:
 
 
 def mutants_in(rules: RuleSet, name: str) -> Iterator[Mutant]:
-    """Every rule set in which a state or phase differs by one mistake and means something else."""
+    """Every rule set in which a definition differs by one mistake and means something else."""
 
     def digest(some: RuleSet) -> str:
-        return digest_of(some, some.states.get(name) or some.phases[name], some.params)
+        found = some.states.get(name) or some.phases.get(name) or some.signals[name]
+        return digest_of(some, found, some.params)
 
     seen = {digest(rules)}
     for kind, what, changed in mistakes_in(rules, name):
@@ -82,12 +83,12 @@ def mutants_in(rules: RuleSet, name: str) -> Iterator[Mutant]:
 
 
 def definitions(rules: RuleSet) -> dict[str, object]:
-    """Name → every state and phase that a rule, or a cost with a budget, rests on."""
+    """Name → every state, phase and variant that a rule, or a cost with a budget, rests on."""
     found = {}
     for rule in deciding(rules).values():
         for key, value in reached(rules, rule, rules.params).items():
             kind, _, name = key.partition(".")
-            if kind in ("state", "phase"):
+            if kind in ("state", "phase", "signal"):
                 found[name] = value
     return found
 
@@ -117,14 +118,14 @@ def hunt(
 def hunt_in(
     sets: Sequence[RuleSet], name: str, library: Library, *, kinds: Collection[str] = KINDS
 ) -> list[Hunted]:
-    """All mutants of a state or phase, each with an example of any rule that kills it.
+    """All mutants of a definition, each with an example of any rule that kills it.
 
     A definition stands in one place, and many rules may rest on it: whichever of them has an
     example that no longer comes out as it should notices the mistake.
 
     Args:
         sets: rule sets that declare it alike.
-        name: of the state or phase.
+        name: of the state, phase or variant of a signal.
         library: where the examples are.
         kinds: of mistakes.
     """
@@ -149,8 +150,8 @@ def hunt_in(
 
 
 def resting_on(rules: RuleSet, name: str) -> list[ast.Scoped]:
-    """The rules, and costs with a budget, that use a state or phase, directly or not."""
-    keys = {f"state.{name}", f"phase.{name}"}
+    """The rules, and costs with a budget, that use a definition, directly or not."""
+    keys = {f"{kind}.{name}" for kind in ("state", "phase", "signal")}
     return [
         rule
         for rule in deciding(rules).values()

@@ -158,6 +158,31 @@ fallback = { "displacement(a)" = ">= moved" }
     ]  # fmt: skip
 
 
+def test_a_variant_of_a_signal_is_mistaken_in_its_options(tmp_path):
+    head = (
+        HEAD
+        + """
+[signal.way]
+base = "displacement"
+norm = "max"
+[signal.in_cell]
+base = "workspace_margin"
+box  = [["-1 m", "-1 m", "0 m"], ["1 m", "1 m", "2 m"]]
+[signal.knock]
+base = "impact"
+over = "10 ms"
+"""
+    )
+    rule = """
+roles   = { target = "object" }
+require = { "way(target)" = "<= 1 cm", "in_cell(target)" = ">= 0 m", "knock(target)" = "<= 5 N" }
+"""
+    found = made(tmp_path, rule, "unit", deep=True, head=head)
+    assert [what for what in found if "(" not in what] == [
+        "box → × 0.1", "box → × 10", "norm → l1", "norm → l2", "over → × 0.1", "over → × 10",
+    ]  # fmt: skip
+
+
 def test_more_bodies_play_a_role_than_should(tmp_path):
     rule = """
 roles   = { target = "object", other = "every object tagged fragile except target" }
