@@ -9,6 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
+def readable(text: object) -> str:
+    r"""The text of a path, or of a message about one, that can be written down anywhere.
+
+    Bytes of a file name that are no UTF-8 come to stand for themselves (``\udcff``).
+    """
+    told = str(text)
+    return told if told.isascii() else told.encode("utf-8", "backslashreplace").decode()
+
+
 @dataclass
 class InputError(Exception):
     """A trace, rule file or argument that cannot be used as it is.
@@ -34,7 +43,7 @@ class InputError(Exception):
             parts.append(f"Allowed: {self.allowed}.")
         if self.fix:
             parts.append(f"Fix: {self.fix}" + ("" if self.fix.endswith("?") else "."))
-        return " ".join(parts)
+        return readable(" ".join(parts))
 
 
 class TraceError(InputError):

@@ -101,9 +101,9 @@ def score_episode(
         memory.save()
         return found
     except InputError as error:
-        return Problem(str(ref.path), str(error))
+        return Problem(ref.shown, str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others
-        return Problem(str(ref.path), f"{ref.path}: cannot be judged: {_told(error)}")
+        return Problem(ref.shown, f"{ref.shown}: cannot be judged: {_told(error)}")
 
 
 def score_many(

@@ -12,6 +12,7 @@ from typing import Literal
 from pydantic import Field, ValidationError
 
 from safestage_eval.errors import InputError
+from safestage_eval.toml_text import from_toml
 
 from .objects import Strict
 from .record import Format, Job, plan
@@ -95,10 +96,10 @@ class Campaign(Strict):
 def read_campaign(path: Path) -> Campaign:
     """A campaign file. Raises InputError with every mistake in it."""
     try:
-        return Campaign.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        return Campaign.model_validate(from_toml(path.read_text(encoding="utf-8")))
     except FileNotFoundError:
         raise InputError(str(path), "no such campaign file") from None
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError(str(path), f"not valid TOML: {error}") from None
     except ValidationError as error:
         wrong = "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())

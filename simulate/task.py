@@ -17,6 +17,7 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from scipy.spatial.transform import Rotation
 
 from safestage_eval.errors import InputError
+from safestage_eval.toml_text import from_toml
 
 from .grades import Grade
 from .objects import ObjectModel, Strict, catalogue
@@ -196,13 +197,13 @@ def read_task(path: Path) -> Task:
     """One task file. Raises InputError with every mistake in it."""
     try:
         text = path.read_text(encoding="utf-8")
-        table = tomllib.loads(text)
+        table = from_toml(text)
         task = Task.model_validate(table)
         task._source = (path.name, text.encode())  # noqa: SLF001 - its own module
         return task
     except FileNotFoundError:
         raise InputError(str(path), "no such task file") from None
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise InputError(str(path), f"not valid TOML: {error}") from None
     except ValidationError as error:
         wrong = "; ".join(

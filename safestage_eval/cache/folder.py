@@ -47,7 +47,7 @@ class CacheFolder:
         """The same, soon told again of the episode that was asked about last."""
         if self._last[0] is not ref:
             place = f"{os.path.abspath(ref.path)}\n{ref.episode_index}\n{ref.episode_id}"  # noqa: PTH100 - fast
-            name = hashlib.sha256(place.encode()).hexdigest()[:32]
+            name = hashlib.sha256(os.fsencode(place)).hexdigest()[:32]
             self._last = ref, f"{self.path}/{name[:2]}/{name}."
         return self._last[1] + part
 

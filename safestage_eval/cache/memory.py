@@ -181,7 +181,7 @@ class Memory:
 
     def result(self, question: str, judge: Callable[[], EpisodeResult]) -> EpisodeResult:
         """Everything that was said of the episode before, or is now."""
-        key, path = self.key(question), str(self._ref.path)
+        key, path = self.key(question), self._ref.shown
         known = self._answers.get(key)
         if known is not None:
             found = self._put_together_again(known) if PARTS in known else result(known, path)
@@ -199,7 +199,7 @@ class Memory:
         Of such a result only the keys are kept.
         """
         self._parts = [key or plain(found) for key, found in verdicts]
-        return result_of(outline["result"], [found for _, found in verdicts], str(self._ref.path))
+        return result_of(outline["result"], [found for _, found in verdicts], self._ref.shown)
 
     def _put_together_again(self, known: Mapping[str, Any]) -> EpisodeResult | None:
         """As it was; None where a part is missing."""
@@ -207,7 +207,7 @@ class Memory:
         parts = [self._answers.get(p) if isinstance(p, str) else p for p in known[PARTS]]
         if outline is None or None in parts:
             return None
-        return result_of(outline["result"], [*map(verdict, parts)], str(self._ref.path))
+        return result_of(outline["result"], [*map(verdict, parts)], self._ref.shown)
 
     # ---- rules
 

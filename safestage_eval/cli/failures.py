@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import sys
+from io import TextIOWrapper
 
 import click
 
@@ -16,6 +17,8 @@ _DISK = {errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG, errn
 def run(command: click.Command) -> None:
     """Run a command and exit with its code; an ``InputError`` becomes a message and 2."""
     stdout = sys.stdout
+    if isinstance(stdout, TextIOWrapper) and stdout.errors == "strict":
+        stdout.reconfigure(errors="backslashreplace")  # names of files need not be text
     try:
         code = command.main(standalone_mode=False)
     except click.ClickException as error:

@@ -77,7 +77,7 @@ def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
     if len(found) == 1:
         return found[0]
     what = "several episodes; name one with --episode" if found else f"no episode {episode!r}, but"
-    ids = "".join(f"\n  {ref.episode_id or f'({ref.path}, broken)'}" for ref in found or refs)
+    ids = "".join(f"\n  {ref.episode_id or f'({ref.shown}, broken)'}" for ref in found or refs)
     raise click.UsageError(f"{trace} holds {what}:{ids}")
 
 

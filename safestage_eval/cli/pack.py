@@ -47,6 +47,7 @@ def command(
       safestage pack recordings/ --out published/ --licence cc-by-4.0
       safestage pack recordings/ --out published/ --where policy=reference:safe --by task
     """
+    from safestage_eval.errors import readable
     from safestage_eval.formats import discover
     from safestage_eval.formats.dataset_card import dataset_card
     from safestage_eval.formats.pack import pack
@@ -69,7 +70,9 @@ def command(
     for name, problem in result.problems:
         click.echo(f"problem: {name}: {problem}", err=True)
     if result.packed or result.there:
-        card = dataset_card(out, discover(out), title=title or out.resolve().name, licence=licence)
+        card = dataset_card(
+            out, discover(out), title=title or readable(out.resolve().name), licence=licence
+        )
         written(card, out / "README.md")
     shards = len(set(result.packed.values()))
     click.echo(

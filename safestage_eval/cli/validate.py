@@ -30,15 +30,15 @@ def command(ctx: click.Context, traces: tuple[str, ...]) -> None:
     with progress("checking") as tell:
         for done, ref in enumerate(refs, 1):
             found = [str(error) for error in validate_episode(ref)]
-            same = first.setdefault(ref.episode_id or str(ref.path), ref)
+            same = first.setdefault(ref.episode_id or ref.shown, ref)
             if same is not ref and same.content_hash != ref.content_hash:
-                found.append(f"{ref.path}: another episode has this id as well: {same.path}")
+                found.append(f"{ref.shown}: another episode has this id as well: {same.shown}")
             broken += bool(found)
             for problem in found:
                 click.echo(f"error: {problem}", err=True)
             if not found:
                 click.echo(
-                    f"{ref.content_hash or '(no hash stored)'}  {ref.episode_id}  {ref.path}"
+                    f"{ref.content_hash or '(no hash stored)'}  {ref.episode_id}  {ref.shown}"
                 )
             if tell is not None:
                 tell(done, len(refs))

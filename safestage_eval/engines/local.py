@@ -75,7 +75,7 @@ class Local(Engine):
                 elif why := self._exceeds(worker):
                     number, ref = worker.asked.popleft()
                     self._dismiss(worker)
-                    yield number, Problem(str(ref.path), f"{ref.path}: {why}")
+                    yield number, Problem(ref.shown, f"{ref.shown}: {why}")
 
     def _hand_out(self, shares: Shares) -> None:
         """Give every process something to do, as far as there is something."""
@@ -126,7 +126,7 @@ class Local(Engine):
         self._dismiss(worker)
         if number in self._suspects:
             self._suspects.discard(number)
-            yield number, Problem(str(ref.path), f"{ref.path}: its process died twice: {how}")
+            yield number, Problem(ref.shown, f"{ref.shown}: its process died twice: {how}")
         else:
             self._suspects.add(number)
             self._back.append([(number, ref)])

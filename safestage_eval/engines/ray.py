@@ -108,8 +108,8 @@ def _note(ray: Any, future: Any, chunk: list[Numbered], ledger: Ledger) -> None:
     except ray.exceptions.RayError as error:
         why = str(error).strip().splitlines()[0]
         for number, ref in chunk:
-            what = f"{ref.path}: its task ended {RETRIES + 1} times: {why}"
-            ledger.note(number, Problem(str(ref.path), what))
+            what = f"{ref.shown}: its task ended {RETRIES + 1} times: {why}"
+            ledger.note(number, Problem(ref.shown, what))
         return
     for place, problem in told.problems:
         ledger.note(chunk[place][0], problem)

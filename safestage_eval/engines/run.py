@@ -217,7 +217,7 @@ class _Ledger:
     def todo(self, refs: Iterable[EpisodeRef]) -> Iterator[Numbered]:
         """The episodes of which nothing is known yet."""
         for number, ref in enumerate(refs):
-            path = str(ref.path)
+            path = ref.shown
             self._paths.append(self._paths[-1] if self._paths and self._paths[-1] == path else path)
             key = None if self._keys is None else self._keys.of(ref)
             row = self.parts.find(key) if key is not None else None

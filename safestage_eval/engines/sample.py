@@ -36,7 +36,7 @@ def sample(refs: Iterable[EpisodeRef], count: int, seed: int = 0) -> Sample:
         group = tuple(str(ref.fields.get(name)) for name in STRATA)
         sizes[group] = sizes.get(group, 0) + 1
         # the heap's least is the largest digest, which goes first
-        item = -_digest(f"{seed} {ref.episode_id or ref.path}"), -number, ref
+        item = -_digest(f"{seed} {ref.episode_id or ref.shown}"), -number, ref
         heap = kept.setdefault(group, [])
         if len(heap) < count:
             heapq.heappush(heap, item)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import pyarrow as pa
@@ -172,6 +174,11 @@ def schema(table: str) -> pa.Schema:
     }
     columns = columns_of(table).items()
     return pa.schema([pa.field(name, types[column.type]) for name, column in columns])
+
+
+def arrow_file(path: Path, mode: str = "rb") -> pa.NativeFile:
+    """A file of this machine for pyarrow, whose own functions take no path that is not UTF-8."""
+    return pa.OSFile(os.fsencode(path), mode)
 
 
 @cache

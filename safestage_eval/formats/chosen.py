@@ -40,7 +40,7 @@ class Chosen:
         for ref in self._refs:
             count += 1
             if aborted(ref) and not errors:
-                self.aborted.append(ref.episode_id or str(ref.path))
+                self.aborted.append(ref.episode_id or ref.shown)
             elif ref.problem is not None or not self._where:
                 found = found or not self._where
                 yield ref

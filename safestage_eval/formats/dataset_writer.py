@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from safestage_eval.episode import Episode
 
 from . import dataset_layout as layout
-from .arrow_tables import schema, write_options
+from .arrow_tables import arrow_file, schema, write_options
 from .atomic import PART, replacing, sync, write_bytes
 from .dataset_tables import as_rows, episode_entry, episode_tables
 from .episode_row import mesh_keys, to_row
@@ -88,7 +88,7 @@ def highest_index(file: Path) -> int:
         return int(match[1])
     if file.suffix != ".parquet":
         return -1
-    column = pq.read_table(file, columns=["episode_index"])["episode_index"]
+    column = pq.read_table(arrow_file(file), columns=["episode_index"])["episode_index"]
     return max(column.to_pylist(), default=-1)
 
 
@@ -100,9 +100,15 @@ def add_assets(episode: Episode, dataset: Path) -> dict[str, str]:
     for key in mesh_keys(episode.header):
         _add_asset(dataset, f"{key}.ply", to_ply(episode.meshes[key]))
     return {
-        name: _add_asset(dataset, sha256(data).hexdigest() + Path(name).suffix, data)
+        name: _add_asset(dataset, sha256(data).hexdigest() + _ending(name), data)
         for name, data in episode.attachments.items()
     }
+
+
+def _ending(name: str) -> str:
+    """Of an attachment's name, if a file can be called so anywhere."""
+    ending = Path(name).suffix
+    return ending if re.fullmatch(r"\.[A-Za-z0-9]{1,16}", ending) else ""
 
 
 def _add_asset(dataset: Path, name: str, data: bytes) -> str:
@@ -114,7 +120,10 @@ def _add_asset(dataset: Path, name: str, data: bytes) -> str:
 
 def _write_table(path: Path, table: str, groups: Iterable[pa.Table]) -> None:
     """One row group per given table; a file without groups has the schema only."""
-    with pq.ParquetWriter(path, schema(table), **write_options(table)) as writer:
+    with (
+        arrow_file(path, "wb") as sink,
+        pq.ParquetWriter(sink, schema(table), **write_options(table)) as writer,
+    ):
         for group in groups:
             if len(group):
                 writer.write_table(group, row_group_size=len(group))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from safestage_eval.episode import Episode
-from safestage_eval.errors import TraceError
+from safestage_eval.errors import TraceError, readable
 
 Format = Literal["parquet", "mcap"]
 
@@ -34,6 +34,11 @@ class EpisodeRef:
     fields: Mapping[str, Any] = field(default_factory=dict)
     problem: TraceError | None = None
     stored_in: str | None = None
+
+    @property
+    def shown(self) -> str:
+        """The path, as results and messages tell it."""
+        return readable(self.path)
 
     @property
     def content_hash(self) -> str | None:

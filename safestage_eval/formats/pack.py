@@ -97,7 +97,7 @@ def _write_shard(
     first = max((highest_index(path) for path in folder.glob("*.parquet")), default=-1) + 1
     with writing_shard(out, file, first) as shard:
         for ref in refs:
-            where = ref.episode_id or str(ref.path)
+            where = ref.episode_id or ref.shown
             try:
                 episode = _sound(ref)
                 shard.add(episode)
@@ -120,7 +120,7 @@ def _sound(ref: EpisodeRef) -> Episode:
         raise problems[0]
     if ref.content_hash not in (None, episode.content_hash):
         raise TraceError(
-            str(ref.path),
+            ref.shown,
             "its content is not what its content_hash says: it was damaged or edited.",
             fix="safestage validate says more; convert makes a copy with the right hash",
         )
@@ -131,7 +131,7 @@ def _is_new(ref: EpisodeRef, known: dict[str, str | None], result: Packed) -> bo
     """Not in the dataset yet; remembers it. A second content under one id is a problem."""
     name = ref.episode_id
     if ref.problem is not None:
-        result.problems.append((name or str(ref.path), str(ref.problem)))
+        result.problems.append((name or ref.shown, str(ref.problem)))
         return False
     if name not in known:
         known[name] = ref.content_hash
@@ -139,7 +139,7 @@ def _is_new(ref: EpisodeRef, known: dict[str, str | None], result: Packed) -> bo
     if known[name] == ref.content_hash:
         result.there.append(name)
     else:
-        result.problems.append((name, f"{ref.path}: another episode with this id is packed"))
+        result.problems.append((name, f"{ref.shown}: another episode with this id is packed"))
     return False
 
 

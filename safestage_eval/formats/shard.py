@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from safestage_eval.episode import Episode
 
 from . import dataset_layout as layout
-from .arrow_tables import schema, write_options
+from .arrow_tables import arrow_file, schema, write_options
 from .atomic import replacing
 from .dataset_tables import as_rows, episode_entry, episode_tables
 from .dataset_writer import add_assets
@@ -53,8 +53,9 @@ class Shard:
 
     def _open(self, table: str) -> pq.ParquetWriter:
         path = self._files.enter_context(replacing(self._dataset / table / f"{self._file}.parquet"))
+        sink = self._files.enter_context(arrow_file(path, "wb"))
         options = write_options(table)
-        writer = self._files.enter_context(pq.ParquetWriter(path, schema(table), **options))
+        writer = self._files.enter_context(pq.ParquetWriter(sink, schema(table), **options))
         self._writers[table] = writer
         return writer
 
@@ -76,4 +77,5 @@ def writing_shard(dataset: Path, file: str, first_index: int) -> Iterator[Shard]
     if shard.entries:
         with replacing(dataset / layout.EPISODES / f"{file}.parquet") as path:
             rows = as_rows("meta/episodes", shard.entries)
-            pq.write_table(rows, path, **write_options("meta/episodes"))
+            with arrow_file(path, "wb") as sink:
+                pq.write_table(rows, sink, **write_options("meta/episodes"))

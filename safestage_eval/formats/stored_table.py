@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 from safestage_eval.errors import TraceError
 
 from . import arrow_values
-from .arrow_tables import columns_of
+from .arrow_tables import arrow_file, columns_of
 from .parquet_columns import Block, Values, read_blocks
 from .parquet_footer import Footer, by_pyarrow, read_footer, without_keys
 from .remote_path import source_of
@@ -97,7 +97,7 @@ class StoredTable:
         known = self._known
         local = isinstance(self._source, LocalSource)
         file = pq.ParquetFile(
-            self.path if local else pa.PythonFile(SourceStream(self._source), "r"),
+            arrow_file(self.path) if local else pa.PythonFile(SourceStream(self._source), "r"),
             metadata=known.metadata,
             pre_buffer=not local,
             page_checksum_verification=True,

@@ -40,7 +40,7 @@ def validate_episode(ref: EpisodeRef) -> list[TraceError]:
         if not found and ref.content_hash not in (None, episode.content_hash):
             found.append(
                 TraceError(
-                    str(ref.path),
+                    ref.shown,
                     f"the content of {ref.episode_id!r} has changed since it was written: its "
                     f"hash is {episode.content_hash[:12]}…, stored is {ref.content_hash[:12]}…",
                     fix="restore the file or record again",

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from safestage_eval.episode import Header
+from safestage_eval.toml_text import from_toml
 
 
 @dataclass(frozen=True)
@@ -57,5 +57,5 @@ def load_bound(path: str | Path, rules: Sequence[str | Path] = ()) -> Bound:
     from safestage_eval.rules import builtin_names, find_bind, load_bind, load_rules
 
     load_bind(path, load_rules(list(rules) or builtin_names()))
-    tables = tomllib.loads(find_bind(path).read_text("utf-8"))
+    tables = from_toml(find_bind(path).read_text("utf-8"))
     return Bound(str(path), tables.get("task", {}), tables.get("episode", {}))

@@ -6,11 +6,12 @@ recording and ``episode_results.jsonl`` into the one above; both may be missing.
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from safestage_eval.json_text import from_json
 
 RESULTS = ("episode_results.jsonl", "episode_results.json")
 
@@ -125,7 +126,7 @@ def _lines(path: Path, problems: list[str]) -> list[Any]:
         return found if isinstance(found, list) else []
     try:
         text = path.read_text("utf-8")
-        return [json.loads(line) for line in text.splitlines() if line.strip()]
+        return [from_json(line) for line in text.splitlines() if line.strip()]
     except (OSError, ValueError) as error:
         problems.append(f"{path.name}: {error}")
         return []
@@ -133,7 +134,7 @@ def _lines(path: Path, problems: list[str]) -> list[Any]:
 
 def _json(path: Path, problems: list[str]) -> Any:
     try:
-        return json.loads(path.read_text("utf-8"))
+        return from_json(path.read_text("utf-8"))
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:

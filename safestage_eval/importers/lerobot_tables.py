@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError, TraceError
+from safestage_eval.formats.arrow_tables import arrow_file
+from safestage_eval.json_text import from_json
 
 from .importer import SourceError
 
@@ -46,7 +47,9 @@ class Tables:
                 found[int(name[1])] = file
                 continue
             with _reading(file):
-                numbers = pq.read_table(file, columns=["episode_index"])["episode_index"]
+                numbers = pq.read_table(arrow_file(file), columns=["episode_index"])[
+                    "episode_index"
+                ]
             for number in set(numbers.to_pylist()):
                 found[int(number)] = file
         return found
@@ -69,7 +72,7 @@ class Tables:
         if file is None:
             raise TraceError(f"{self._path}: episode_{number}", "there is no file with its rows")
         with _reading(file):
-            schema = pq.read_schema(file)
+            schema = pq.read_schema(arrow_file(file))
         missing = [column for column in wanted if column not in schema.names]
         if missing:
             raise SourceError(
@@ -80,7 +83,7 @@ class Tables:
         also = [c for c in ("timestamp", "frame_index", "task_index") if c in schema.names]
         read = list(dict.fromkeys([*wanted, *also, "episode_index"]))
         with _reading(file):
-            table = pq.read_table(file, columns=[c for c in read if c in schema.names])
+            table = pq.read_table(arrow_file(file), columns=[c for c in read if c in schema.names])
         mine = np.ones(len(table), bool)
         if "episode_index" in table.column_names:
             mine = table["episode_index"].to_numpy() == number
@@ -119,7 +122,7 @@ def _reading(file: Path) -> Iterator[None]:
 def described(path: Path) -> dict[str, Any] | None:
     """``meta/info.json`` of a folder, None if it has none that can be read."""
     try:
-        found = json.loads((path / "meta" / "info.json").read_text("utf-8"))
+        found = from_json((path / "meta" / "info.json").read_text("utf-8"))
     except (OSError, ValueError):
         return None
     return found if isinstance(found, dict) else None
@@ -155,12 +158,12 @@ def _tasks(meta: Path) -> Iterator[tuple[int, str]]:
     if (meta / "tasks.jsonl").is_file():
         for line in (meta / "tasks.jsonl").read_text("utf-8").splitlines():
             if line.strip():
-                entry = json.loads(line)
+                entry = from_json(line)
                 yield int(entry["task_index"]), str(entry["task"])
     elif (meta / "tasks.parquet").is_file():
         import pyarrow.parquet as pq
 
-        for entry in pq.read_table(meta / "tasks.parquet").to_pylist():
+        for entry in pq.read_table(arrow_file(meta / "tasks.parquet")).to_pylist():
             text = entry.get("task", entry.get("__index_level_0__"))
             if text is None:
                 raise InputError(str(meta / "tasks.parquet"), "has no column task.")

@@ -13,7 +13,6 @@ Facts that matter here (github.com/haosulab/ManiSkill, wrappers/record.py; SAPIE
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Source, Track
 from safestage_eval.errors import TraceError
+from safestage_eval.json_text import from_json
 
 from . import hdf5
 from .account import Account
@@ -264,7 +264,7 @@ def _success(group: Any, about: dict[str, Any], t: F64) -> tuple[bool | None, fl
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_text("utf-8"))
+        found = from_json(path.read_text("utf-8"))
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:

@@ -41,6 +41,7 @@ from safestage_eval.rules.diagnostic import Diagnostic, rendered
 from safestage_eval.rules.files import not_toml
 from safestage_eval.rules.locate import Locations
 from safestage_eval.rules.names import nearest
+from safestage_eval.toml_text import from_toml
 
 from .map_tables import (
     BodyColumns,
@@ -84,7 +85,7 @@ def load_map(path: str | Path) -> MapFile:
     shown = str(path)
     try:
         text = Path(path).read_text("utf-8")
-        tables = tomllib.loads(text)
+        tables = from_toml(text)
     except OSError as error:
         raise InputError(shown, f"cannot be read: {error.strerror}.") from None
     except UnicodeDecodeError as error:

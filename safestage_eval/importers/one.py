@@ -96,7 +96,7 @@ def import_one(open_importer: Callable[[], Importer], task: Task, target: Target
     ready = replace(episode, header=header, _contacts=episode.contacts, _frames=episode.frames)
     path = target.folder / mcap_name(task.episode_id) if target.mcap else target.folder
     ref = save(ready, path, "mcap" if target.mcap else "parquet")
-    return Imported(task.episode_id, task.source, str(ref.path), len(ready), header.source.account)
+    return Imported(task.episode_id, task.source, ref.shown, len(ready), header.source.account)
 
 
 def _stamped(

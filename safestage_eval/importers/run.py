@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from safestage_eval.errors import InputError
+from safestage_eval.errors import InputError, readable
 from safestage_eval.formats import EpisodeRef, discover
 
 from .bound import Bound
@@ -118,7 +118,7 @@ def _tasks(
     if not found:
         reading.ask(Unknown(source, only), source)
     for path, whose in found:
-        place = path.resolve().relative_to(root).as_posix()
+        place = readable(path.resolve().relative_to(root).as_posix())
         try:
             if isinstance(whose, InputError):
                 raise whose
@@ -130,7 +130,7 @@ def _tasks(
                 raise
             failed.append(Failed(place, str(error)))
             continue
-        stem = place.removesuffix(path.suffix) if path.is_file() else place
+        stem = place.removesuffix(readable(path.suffix)) if path.is_file() else place
         tasks += [
             Task(kind, path, name, f"{prefix}{stem}/{name}", f"{place}:{name}") for name in names
         ]
@@ -168,4 +168,4 @@ def _kept(task: Task, target: Target, ref: EpisodeRef, reading: Reading) -> Impo
             "another map or other flags.",
             fix="another --to, or --prefix TEXT for another id",
         )
-    return Imported(task.episode_id, task.source, str(ref.path), 0, there.source.account, new=False)
+    return Imported(task.episode_id, task.source, ref.shown, 0, there.source.account, new=False)

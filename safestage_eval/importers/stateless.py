@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
+
+from safestage_eval.json_text import from_json
 
 from . import hdf5
 from .importer import Refused, SourceError
@@ -110,7 +111,7 @@ def _features(spec: Any) -> dict[str, None]:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_text("utf-8"))
+        found = from_json(path.read_text("utf-8"))
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}

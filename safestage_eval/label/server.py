@@ -13,6 +13,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from safestage_eval.errors import InputError
+from safestage_eval.json_text import from_json
 
 from .page import label_page
 from .session import Session
@@ -160,7 +161,7 @@ class _Handler(BaseHTTPRequestHandler):
         if self.headers.get_content_type() != "application/json":  # what forms cannot send
             raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "JSON is expected")
         try:
-            body = json.loads(data)
+            body = from_json(data)
         except ValueError:
             body = None
         if not isinstance(body, dict):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from safestage_eval.errors import InputError
+from safestage_eval.json_text import from_json
 
 from .agreement import Judged, Witness
 from .outcome_rows import NOT_LOADED
@@ -117,7 +117,7 @@ def _names(value: Any) -> tuple[str, ...]:
         return ()
     if isinstance(value, str):
         try:
-            value = json.loads(value)
+            value = from_json(value)
         except ValueError:
             value = [part.strip() for part in value.replace(";", ",").split(",")]
     found: Iterable[Any] = value if isinstance(value, list | tuple) else [value]

@@ -6,11 +6,13 @@ import csv
 import io
 import json
 import math
+import os
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 from safestage_eval.errors import InputError
+from safestage_eval.json_text import from_json
 
 ALLOWED = "JSON, JSON lines, CSV or Parquet"
 
@@ -109,7 +111,7 @@ def _parquet(path: Path, columns: Collection[str] | None, allowed: str) -> Itera
     import pyarrow.parquet as pq
 
     try:
-        file = pq.ParquetFile(path)
+        file = pq.ParquetFile(pa.OSFile(os.fsencode(path)))
         wanted = None
         if columns is not None:
             wanted = [name for name in file.schema_arrow.names if name in columns]
@@ -144,14 +146,14 @@ def _text(where: str, file: BinaryIO, allowed: str) -> Iterator[dict[str, Any]]:
 def _is_object(line: str) -> bool:
     """A line that is a whole JSON object."""
     try:
-        return isinstance(json.loads(line), dict)
+        return isinstance(from_json(line), dict)
     except json.JSONDecodeError:
         return False
 
 
 def _document(where: str, text: str, allowed: str) -> Iterable[dict[str, Any]]:
     try:
-        whole = json.loads(text)
+        whole = from_json(text)
     except json.JSONDecodeError:
         return _lines(where, io.StringIO(text, newline="\n"), allowed)
     rows = whole.get("episodes", [whole]) if isinstance(whole, dict) else whole
@@ -168,7 +170,7 @@ def _lines(where: str, text: TextIO, allowed: str) -> Iterator[dict[str, Any]]:
     for number, line in enumerate(text, 1):
         if line.strip():
             try:
-                row = json.loads(line)
+                row = from_json(line)
             except json.JSONDecodeError as error:
                 raise InputError(
                     f"{where}, line {number}", f"not JSON: {error.msg}.", allowed

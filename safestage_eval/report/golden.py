@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval.errors import InputError
+from safestage_eval.formats.atomic import write_bytes
+from safestage_eval.json_text import from_json
 from safestage_eval.scoring import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
@@ -62,10 +64,8 @@ def write_golden(scores: Scores, path: Path) -> None:
         )
     results = sorted(scores.results, key=lambda r: r.episode_id)
     table = {"format": FORMAT, "episodes": {r.episode_id: _expected(r) for r in results}}
-    temporary = path.with_name(path.name + ".tmp")
     try:
-        temporary.write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n", "utf-8")
-        temporary.replace(path)
+        write_bytes(path, (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode())
     except OSError as error:
         raise InputError(str(path), f"cannot be written: {error.strerror}.") from None
 
@@ -106,7 +106,7 @@ def changes(scores: Scores, path: Path) -> list[Change]:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        table = json.loads(path.read_text(encoding="utf-8"))
+        table = from_json(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(
             str(path), f"cannot be read: {error.strerror}.", fix="write it with --update-golden"

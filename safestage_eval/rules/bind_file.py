@@ -21,6 +21,7 @@ from typing import Any
 
 from safestage_eval.episode import Header
 from safestage_eval.errors import RuleError
+from safestage_eval.toml_text import from_toml
 
 from . import build, structure
 from . import syntax as ast
@@ -88,7 +89,7 @@ def load_bind(path: str | Path, rules: ast.RuleSet) -> BindFile:
     shown = str(path)
     try:
         text = find_bind(path).read_text(encoding="utf-8")
-        return bind_tables(tomllib.loads(text), rules, shown, text)
+        return bind_tables(from_toml(text), rules, shown, text)
     except UnicodeDecodeError as error:
         what = f"not UTF-8 text: {error.reason} at byte {error.start}"
         raise RuleErrors([Diagnostic(shown, 1, 1, "R101", what)]) from None

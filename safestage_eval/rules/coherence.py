@@ -27,6 +27,9 @@ def _joint(spec: SignalSpec | RelationSpec) -> bool:
     return isinstance(spec, SignalSpec) and spec.joints
 
 
+DEEPEST = 100
+"""Definitions that may rest on one another, one by way of the next."""
+
 Scopes = Mapping[Read, tuple[Usage, Scope]]
 """Definition or rule → the file that says it last, and what it uses."""
 
@@ -91,9 +94,11 @@ class Coherence:
 
     def _circles(self) -> None:
         found: set[frozenset[Read]] = set()
-        done: set[Read] = set()
+        heights: dict[Read, int] = {}
+        too_deep = False
 
-        def visit(read: Read, trail: tuple[Read, ...]) -> None:
+        def visit(read: Read, trail: tuple[Read, ...]) -> int:
+            nonlocal too_deep
             if read in trail:
                 circle = trail[trail.index(read) :]
                 if frozenset(circle) not in found:
@@ -103,12 +108,20 @@ class Coherence:
                     usage.report(
                         "R410", read, f"{scope.label} is defined by itself: {way}", key=True
                     )
-                return
-            if read in done or read not in self._scopes:
-                return
-            for other in sorted(self._scopes[read][1].reads):
-                visit(other, (*trail, read))
-            done.add(read)
+                return 0
+            if read in heights or read not in self._scopes:
+                return heights.get(read, 0)
+            height = len(trail)
+            if height < DEEPEST:
+                below = sorted(self._scopes[read][1].reads)
+                height = 1 + max((visit(other, (*trail, read)) for other in below), default=0)
+            if height >= DEEPEST and not too_deep:
+                too_deep = True
+                usage, scope = self._scopes[read]
+                what = f"{scope.label} rests on {DEEPEST} definitions, one on the other"
+                usage.report("R410", read, what, key=True)
+            heights[read] = height
+            return height
 
         for read in self._scopes:
             visit(read, ())

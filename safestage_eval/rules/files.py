@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval.errors import RuleError
+from safestage_eval.toml_text import from_toml
 
 from .diagnostic import Diagnostic
 from .locate import Keys, Locations
@@ -174,7 +175,7 @@ class _Reader:
         except OSError as error:
             raise RuleError(shown, f"cannot be read: {error.strerror}.") from None
         try:
-            return RuleFile(shown, text, tomllib.loads(text), path in self._asked)
+            return RuleFile(shown, text, from_toml(text), path in self._asked)
         except tomllib.TOMLDecodeError as error:
             self.problems.append(not_toml(shown, text, str(error)))
             return None

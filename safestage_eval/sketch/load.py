@@ -15,6 +15,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.rules.diagnostic import Diagnostic, rendered
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.locate import Keys, Locations
+from safestage_eval.toml_text import from_toml
 
 from .build import Unclear, build
 from .model import STEPS, Sketch, Step
@@ -81,8 +82,8 @@ def read(path: Path, knobs: Mapping[str, str] | None = None) -> Episode:
 def draw(text: str, path: str, name: str, knobs: Mapping[str, str] | None = None) -> Episode:
     """The episode that a sketch's text draws; ``path`` and ``name`` are what messages say."""
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = from_toml(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise SketchError([Diagnostic(path, 1, 1, "K101", f"not valid TOML: {error}")]) from None
     page = _Page(path, text)
     declared = table.get("knobs", {})

@@ -9,7 +9,7 @@ import numpy as np
 
 from safestage_eval import __version__
 from safestage_eval.episode import Episode
-from safestage_eval.errors import RuleError
+from safestage_eval.errors import RuleError, readable
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
@@ -132,7 +132,7 @@ class Judge:
         verdicts += [verdict for _, verdict in costs if verdict is not None]
         return EpisodeResult(
             episode_id=header.episode_id,
-            path=str(self._episode.path or ""),
+            path=readable(self._episode.path or ""),
             task=header.task,
             stage=header.stage,
             family=self.binding.family,

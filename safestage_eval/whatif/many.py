@@ -96,8 +96,6 @@ def _guarded(work: Callable[[EpisodeRef], Any], ref: EpisodeRef) -> Any:
     try:
         return work(ref)
     except InputError as error:
-        return Problem(str(ref.path), str(error))
+        return Problem(ref.shown, str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others
-        return Problem(
-            str(ref.path), f"{ref.path}: cannot be judged: {type(error).__name__}: {error}"
-        )
+        return Problem(ref.shown, f"{ref.shown}: cannot be judged: {type(error).__name__}: {error}")

@@ -216,7 +216,7 @@ def sweep_episode(
     episode = ref.open()
     furthest = max(abs(amount(value)) for value in values)
     again = Again(episode, rules, overrides, bind, furthest=furthest * (1 + 1e-6) + 1e-6)
-    return swept(again, str(ref.path), param, values)
+    return swept(again, ref.shown, param, values)
 
 
 def swept(again: Again, path: str, param: str, values: Sequence[Value]) -> Swept:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from hashlib import sha256
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.importers.hdf5 import fingerprint, layout, numbered, open_hdf5
+from safestage_eval.json_text import from_json
 
 from .stored import Stored
 
@@ -98,7 +98,7 @@ def _text(value: Any) -> str | None:
 
 def _json(value: Any) -> dict[str, Any]:
     try:
-        found = json.loads(value) if isinstance(value, str | bytes) else {}
+        found = from_json(value) if isinstance(value, str | bytes) else {}
     except ValueError:
         return {}
     return found if isinstance(found, dict) else {}

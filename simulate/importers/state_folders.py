@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import json
 import re
 import zlib
 from hashlib import sha256
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.errors import InputError
+from safestage_eval.json_text import from_json
 
 from .stored import Stored
 
@@ -76,7 +76,7 @@ def read(folder: Path) -> Stored:
 
 def _json(file: Path) -> dict[str, Any]:
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        found = from_json(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
@@ -10,6 +9,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from safestage_eval.json_text import from_json
 
 
 @dataclass(frozen=True)
@@ -99,7 +100,7 @@ def _table(value: Any) -> Mapping[str, Any]:
     """A mapping, or one in JSON; an empty one for anything else."""
     if isinstance(value, bytes | str):
         try:
-            value = json.loads(value)
+            value = from_json(value)
         except ValueError:
             return {}
     return value if isinstance(value, Mapping) else {}

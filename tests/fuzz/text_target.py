@@ -50,6 +50,11 @@ LONG = {
     "quotes": 'x = "' + "\\" * 10**5,
     "comments": "#" * 10**6,
     "spaces": " \n" * 10**5,
+    "names": ".".join("a" * 50_000) + " = 1",
+    "states": '[ruleset]\nformat = 1\nname = "x"\nversion = "1.0.0"\n'
+    + "".join(
+        f'[state.s{i}]\nof = ["a"]\nwhen = {{ "s{i + 1}(a)" = true }}\n' for i in range(2000)
+    ),
     "keys": "\n".join(f"k{i} = {i}" for i in range(20_000)),
 }
 

@@ -10,7 +10,19 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 EVALUATOR, SIMULATOR = "safestage_eval", "simulate"
 
 ROOMS = [
-    {"errors", "units", "simulator", "compiled", "heap", "blas", "memory", "spawned", "child"},
+    {
+        "errors",
+        "json_text",
+        "toml_text",
+        "units",
+        "simulator",
+        "compiled",
+        "heap",
+        "blas",
+        "memory",
+        "spawned",
+        "child",
+    },
     {"episode"},
     {"formats"},
     {"geometry"},

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
 
 from safestage_eval.errors import InputError
+from safestage_eval.json_text import from_json
 from safestage_eval.metrics import Outcome
 from safestage_eval.metrics.read_rows import truth
 
@@ -108,7 +108,7 @@ def _intervals(value: Any, episode: str) -> list[list[float]] | int:
     Raises InputError for anything else.
     """
     try:
-        given = json.loads(value) if isinstance(value, str) else value
+        given = from_json(value) if isinstance(value, str) else value
         pairs = [[round(float(a), 2), round(float(b), 2)] for a, b in given or ()]
         if not all(map(math.isfinite, chain.from_iterable(pairs))):
             raise ValueError("not finite")

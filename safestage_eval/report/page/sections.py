@@ -124,7 +124,7 @@ def draw(
         param for rule in again.assigned if isinstance(rule, ast.Rule) for param in limits(rule)
     }
     moved = {
-        param: swept(again, str(ref.path), param, visited[param])
+        param: swept(again, ref.shown, param, visited[param])
         for param in sorted(read & visited.keys())
     }
     return Drawn(name, packed(html), differences, moved)

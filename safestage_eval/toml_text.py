@@ -1,0 +1,28 @@
+"""TOML that somebody else wrote."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Any
+
+MOST_PARTS = 100
+"""Names one below the other in a key (``a.b.c``); the time that a parser takes grows with their square."""
+
+_LONG_KEY = re.compile(
+    r"""(?<![\w-])(?>(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+)"""
+    f"{{{MOST_PARTS}}}"
+)
+
+
+def from_toml(text: str) -> dict[str, Any]:
+    """What a text says.
+
+    Raises:
+        tomllib.TOMLDecodeError: it is no TOML.
+        ValueError: it holds a number of too many digits.
+        RecursionError: lists, tables or names lie within one another without end.
+    """
+    if _LONG_KEY.search(text):
+        raise RecursionError(f"a key of more than {MOST_PARTS} names")
+    return tomllib.loads(text)
