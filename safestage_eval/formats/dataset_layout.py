@@ -77,7 +77,10 @@ def read_info(dataset: Path) -> dict[str, Any]:
         info = json.loads(path.read_text("utf-8"))
         version = info["schema_version"]
     except FileNotFoundError:
-        raise TraceError(str(dataset), f"not a dataset: {INFO} is missing") from None
+        raise TraceError(
+            str(dataset), f"not a whole dataset: {INFO} is missing",
+            fix="copy the dataset again, with all of its folders",
+        ) from None  # fmt: skip
     except (ValueError, KeyError, TypeError, RecursionError, OSError) as error:
         raise TraceError(
             str(path), f"not a dataset's description: {error}.", "JSON with schema_version"

@@ -201,7 +201,7 @@ def _refs_of_folder(folder: Path) -> Iterator[list[EpisodeRef]]:
     """The episodes of each file."""
     for here, folders, files in walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
-        if "meta" in folders and layout.is_dataset(here):
+        if "meta" in folders and (layout.is_dataset(here) or _has_rows(here)):
             yield from _refs_of_dataset(here)
             own = ("meta", layout.ASSETS, *layout.TABLE_FOLDERS)
             folders[:] = [name for name in folders if name not in own]
@@ -209,6 +209,11 @@ def _refs_of_folder(folder: Path) -> Iterator[list[EpisodeRef]]:
             path = here / name
             if not name.startswith(".") and (path.suffix == ".mcap" or _is_mcap(path)):
                 yield [_mcap_ref(path)]
+
+
+def _has_rows(folder: Path) -> bool:
+    """Whether episodes lie here as in a dataset; without ``meta/info.json`` they cannot be read."""
+    return any((folder / layout.EPISODES).glob("[!.]*.parquet"))
 
 
 def _refs_of_dataset(dataset: Path) -> Iterator[list[EpisodeRef]]:

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from safestage_eval import simulator
+from safestage_eval.errors import TraceError
+from safestage_eval.formats.discover import find
 
 from .importer import Format, Importer, Refused, SourceError
 from .stateless import Stateless
@@ -37,7 +39,7 @@ def importers() -> dict[str, type[Importer] | str]:
         try:
             found[name] = importer(name)
         except SourceError as error:
-            found[name] = str(error)
+            found[name] = f"{error.where}: {error.fix or error.what}"
     return found
 
 
@@ -138,8 +140,20 @@ def claimed(path: Path, kinds: Sequence[type[Format]]) -> Claim | None:
     return None if problem is None else (problem, "")
 
 
+def _is_trace(source: Path) -> bool:
+    try:
+        return any(ref.problem is None for ref in find([source]))
+    except TraceError:
+        return False
+
+
 def nothing_known(source: Path, only: str | None = None) -> SourceError:
     """That nothing under a path is of a known format, with what was looked for."""
+    if _is_trace(source):
+        return SourceError(
+            str(source), "it is a SafeStage trace, not someone else's.",
+            fix="nothing to import: safestage score reads it as it is",
+        )  # fmt: skip
     every = {only: importer(only)} if only is not None else importers()
     titles = [kind.title for kind in every.values() if not isinstance(kind, str)]
     out_of_reach = [reason for reason in every.values() if isinstance(reason, str)]

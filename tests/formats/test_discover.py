@@ -74,6 +74,17 @@ def test_a_broken_episode_does_not_stop_the_others(tree):
     assert [error.where for error in validate(tree)] == [str(file), str(tree / "loose/b.mcap")]
 
 
+def test_a_dataset_that_lost_its_description_is_told_beside_sound_files(tree):
+    """Its episodes cannot be read; that they are there must not be passed over."""
+    (tree / "dataset/meta/info.json").unlink()
+    problems = [ref.problem for ref in discover(tree) if ref.problem is not None]
+    assert [str(problem) for problem in problems] == [
+        f"{tree / 'dataset'}: not a whole dataset: meta/info.json is missing. "
+        "Fix: copy the dataset again, with all of its folders."
+    ]
+    assert [ref.episode_id for ref in discover(tree) if ref.problem is None] == ["m0", "m1", "m1"]
+
+
 @pytest.mark.parametrize("content", [None, "text"])
 def test_a_folder_without_episodes_is_an_error(tmp_path, content):
     if content:

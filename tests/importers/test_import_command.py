@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from recordings import falling_cube
 from studio import run
 from toy_importer import Toy
 
@@ -163,10 +164,7 @@ def test_what_else_could_be_read_is_named(source, tmp_path, monkeypatch):
     monkeypatch.setattr(registry, "importer", known)
     (tmp_path / "x.txt").write_text("hello")
     done = run("import", tmp_path / "x.txt", "--to", tmp_path / "data")
-    assert (
-        "install what else is read: MuJoCo states: needs the simulator. Fix: pip install it"
-        in done.err
-    )
+    assert "Fix: install what else is read: MuJoCo states: pip install it.\n" in done.err
 
 
 def test_mcap_files(source, tmp_path):
@@ -181,6 +179,14 @@ def test_what_is_missing_is_named_with_its_remedy(source, tmp_path):
     assert done.code == 2
     assert "--map FILE with [body.cube] shapes" in done.err
     assert not (tmp_path / "data").exists()
+
+
+def test_a_trace_of_our_own_needs_no_import(tmp_path):
+    falling_cube("d0").close(tmp_path / "ours")
+    for given in (tmp_path / "ours", tmp_path / "ours/meta/info.json"):
+        done = run("import", given, "--to", tmp_path / "data")
+        assert done.code == 2
+        assert "it is a SafeStage trace" in done.err
 
 
 def test_nothing_known(source, tmp_path):
