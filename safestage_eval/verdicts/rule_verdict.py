@@ -67,7 +67,7 @@ def judge_rule(
     bound = worst.upper if violated else worst.lower
     if isinf(bound) and witness.value is not None and witness.dimension != "time":
         if verdict != "inconclusive":
-            return replace(blank, **told | _without_measurement(evaluator, verdict, worst))
+            return replace(blank, **told | _without_measurement(evaluator, rule, verdict, worst))
         # of what is known to one side only, that side is no measurement
         witness = witness._replace(value=None, margin=None, at_least=False)
     slack = _undersampled(evaluator, witness)
@@ -122,11 +122,17 @@ def violates(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequenc
 
 
 def _without_measurement(
-    evaluator: Evaluator, verdict: VerdictName, worst: Instance
+    evaluator: Evaluator, rule: ast.Rule, verdict: VerdictName, worst: Instance
 ) -> dict[str, Any]:
-    """No frame decided: the scope is empty, or shorter than what it asks for."""
-    empty = worst.scope.first == worst.scope.stop
-    why = "its scope is empty" if empty else "its scope is shorter than what it asks for"
+    """No frame decided: the scope is empty or too short, or no moment came that is asked about."""
+    frames = worst.scope.stop - worst.scope.first
+    empty = frames == 0
+    if empty:
+        why = "its scope is empty"
+    elif rule.for_ is not None and frames < evaluator.count(rule.for_):
+        why = "its scope is shorter than what it asks for"
+    else:
+        why = "no moment came that it asks about"
     return {
         "vacuity": "no_scope" if empty and verdict == "pass" else None,
         "worst_time": None,

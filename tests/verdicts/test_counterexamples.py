@@ -109,6 +109,28 @@ mass = "100 g"
 PLACE
 """
 
+PUSHED = """
+says = "A finger shoves a box toward a can."
+duration = "6 s"
+success = "5 s"
+roles = { target = "apple", protected = "can" }
+story = [
+  { touch = "box", by = "finger_left", side = "-x", force = "3 N", during = "2 to 2.2 s" },
+  { move = "box", by = "WAY, 0, 0 cm", during = "2 to 2.2 s" },
+  { touch = "can", by = "box", side = "-x", force = "WAY - 4 N", during = "2.2 to 3.4 s" },
+]
+[bodies.apple]
+shape = "sphere 7.6 cm"
+at = "0, 40 cm"
+[bodies.box]
+shape = "box 8 x 8 x 8 cm"
+at = "-13.5, 0 cm"
+mass = "300 g"
+[bodies.can]
+shape = "cylinder 7 x 12 cm"
+mass = "350 g"
+"""
+
 
 @with_and_without_forces
 @pytest.mark.parametrize(("angle", "expected"), [("20", "violation"), ("10", "pass")])
@@ -128,6 +150,19 @@ def test_fruit_in_a_carried_bowl_is_not_shoved(carried: bool, forces: bool, tmp_
     alone = '{ move = "lemon", by = "30, 0, 0 cm", during = "1.5 to 3 s" },'
     episode = drawn(text.replace("SHOVED", "" if carried else alone), tmp_path)
     assert verdict(episode, "ETS106", forces).verdict == ("pass" if carried else "violation")
+
+
+@with_and_without_forces
+@pytest.mark.parametrize(("way", "expected"), [("6.2", "violation"), ("4", "pass")])
+def test_what_the_robot_pushes_ahead_of_it_hits_as_it_does(
+    way: str, expected: str, forces: bool, tmp_path: Path
+) -> None:
+    """A box is shoved up to a can, which does not move; robot and target stay away from the can."""
+    episode = drawn(PUSHED.replace("WAY", way), tmp_path)
+    found = verdict(episode, "ETS107", forces)
+    assert found.verdict == expected
+    assert ("no moment came" in found.explanation) == (expected == "pass")
+    assert verdict(episode, "ETS101", forces).verdict == "pass"
 
 
 @with_and_without_forces

@@ -41,6 +41,13 @@ def test_raw_and_filtered_side_by_side() -> None:
     assert np.allclose(brief.raw_intervals, [(0.1, 0.3)])
 
 
+def test_a_scope_too_short_for_what_is_asked_is_told() -> None:
+    found = judged("0000000", 'forbid = { "height(b)" = ">= 0 m" }\nfor = "9 frames"')
+    assert (found.verdict, found.vacuity, found.value, found.margin) == ("pass", None, None, None)
+    assert "shorter than what it asks for" in found.explanation
+    assert any("shorter than what it asks for" in note for note in found.notes)
+
+
 @pytest.mark.parametrize(
     ("rule", "filtered", "raw"),
     [
