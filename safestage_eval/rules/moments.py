@@ -94,6 +94,6 @@ class Moments(References):
         else:
             self.report(
                 "R401", keys, f'there is no phase called "{call.name}"',
-                f"episode, {', '.join(phases)}, or a state with its roles",
+                f"{', '.join(['episode', *phases])}, or a state with its roles",
                 Near(call.name, ["episode", *phases]),
             )  # fmt: skip

@@ -220,9 +220,10 @@ def _setting(rules: ast.RuleSet, name: str, text: Any, where: str) -> Setting:
         raise RuleError(where, f"{problem.what}.", problem.allowed) from None
     wanted, given = dimension_of(rules.params[name]), dimension_of(value)
     if wanted != given:
+        bare = re.search("[a-z%°]", str(text), re.IGNORECASE) is None
         raise RuleError(
             where,
-            f'{name} is in {wanted}, but "{text}" is in {given}.',
+            f'{name} is in {wanted}, but "{text}" {"has no unit" if bare else f"is in {given}"}.',
             f"{a_dimension(wanted)}; its default is {rules.params[name].text}",
         )
     return value

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba  # noqa: F401  once it is loaded, kernels read footers; before, pyarrow does
 import numpy as np
 import polars as pl
 import pyarrow as pa
