@@ -94,7 +94,7 @@ def test_player_strip_timelines_and_findings_share_one_time(pages, tab):
 
     tab.evaluate("view.replay.speed = 0.01; view.seek(0)")
     tab.locator("[data-play]").click()
-    tab.wait_for_function("view.now() > 0")
+    tab.wait_for_function("() => view.now() > 0")
     tab.locator("[data-play]").click()
     assert tab.locator("[data-play]").inner_text() == "Play"
     assert all(url.startswith(("file:", "data:")) for url in asked)

@@ -75,7 +75,7 @@ def test_requests_that_wait_go_on_together_and_everyone_gets_his_own() -> None:
         if len(sizes) == 1:
             for _ in range(6):
                 ready.acquire(timeout=30)
-            time.sleep(0.5)
+            time.sleep(2.0)
         return echo(request)
 
     with gathering(slowly_at_first) as (server, sizes), ThreadPoolExecutor(6) as pool:
