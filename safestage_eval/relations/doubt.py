@@ -71,6 +71,16 @@ def may_be_in_the_grip(relations: Relations, name: str, bodies: Sequence[str]) -
     )
 
 
+def may_have_been_touched(relations: Relations, body: str) -> Doubt | None:
+    """Between two frames, or without shapes, the robot may have touched what no frame shows."""
+    index, frames = relations.episode.body_index[body], np.arange(len(relations.episode))
+    sure, perhaps = relations.causes.since(index), relations.causes.perhaps_since(index)
+    open_ = (frames >= perhaps) & (frames < sure)
+    if not open_.any():
+        return None
+    return open_, f"it is not known whether the robot, or what it moved, touched {body}"
+
+
 def may_be_borne(relations: Relations, body: str, container: str) -> Doubt | None:
     """What looks over the rim is inside if the container bears it, of which nothing is known."""
     truth = relations.get("inside", (body, container))

@@ -1,16 +1,33 @@
-"""Contamination: what touched a body, or touched what had touched it."""
+"""Who touched whom, and through whom: contamination, and what the robot set in motion."""
 
 from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.geometry.clearance import clearance_series, motion_bound
+from safestage_eval.geometry.pose import angle
+
+from .proximity import TOUCH
+from .slip import gripper_frame
+
+if TYPE_CHECKING:
+    from .measure import Relations
+
+Bool = NDArray[np.bool_]
 
 NEVER = np.iinfo(np.int64).max
+
+GOES = 1e-3
+"""m. A drawer or a door passes on what touched it once it has gone this far …"""
+GOES_TURN = 0.0175
+"""rad. … or turned by this: one that was merely leaned on moves nothing."""
 
 
 class Exposure:
@@ -27,22 +44,38 @@ class Exposure:
         self,
         episode: Episode,
         beside: Callable[[int], Iterable[int]],
-        touching: Callable[[int, int], NDArray[np.bool_]],
+        touching: Callable[[int, int], Bool],
+        passes: Callable[[int, int], int] | None = None,
+        parts: Callable[[int], Iterable[int]] = lambda body: (body,),
     ) -> None:
-        """``beside``: the bodies that ever touch one; ``touching``: (T,) when two do."""
+        """Nothing is computed before it is asked for.
+
+        Args:
+            episode: whose bodies these are, as indices into ``header.bodies``.
+            beside: the bodies that ever touch one.
+            touching: (T,) when two do.
+            passes: frame from which a body that was reached at a frame passes it on; ``NEVER`` if
+                it does not. By default what moves freely does at once, and the rest never.
+            parts: the body and what is jointed to it, reached with it.
+        """
         self._frames = len(episode)
-        self._beside, self._touching = beside, touching
-        self._spreads = [
+        self._beside, self._touching, self._parts = beside, touching, parts
+        spreads = [
             body.movable and body.kind in ("object", "robot", "gripper")
             for body in episode.header.bodies
         ]
+        self._passes = passes or (lambda body, since: since if spreads[body] else NEVER)
         self._since: dict[frozenset[int], dict[int, int]] = {}
 
-    def exposed(self, bodies: Iterable[int], to: Iterable[int]) -> NDArray[np.bool_]:
+    def exposed(self, bodies: Iterable[int], to: Iterable[int]) -> Bool:
         """(T,) true from when one of the bodies was exposed to one of the others, for good."""
         since = self._arrivals(frozenset(to))
         first = min((since.get(body, NEVER) for body in bodies), default=NEVER)
         return np.asarray(np.arange(self._frames) >= first)
+
+    def since(self, body: int, to: Iterable[int]) -> int:
+        """Frame at which a body was exposed to one of the others; ``NEVER`` if it was not."""
+        return self._arrivals(frozenset(to)).get(body, NEVER)
 
     def _arrivals(self, sources: frozenset[int]) -> dict[int, int]:
         """Body → frame at which it was exposed."""
@@ -55,9 +88,16 @@ class Exposure:
                 if body in done:
                     continue
                 done.add(body)
-                if not (self._spreads[body] or body in sources):
+                for other in self._parts(body):
+                    if now < since.get(other, NEVER):
+                        since[other] = now
+                        heapq.heappush(todo, (now, other))
+                now = now if body in sources else self._passes(body, now)
+                if now >= self._frames:
                     continue
                 for other in self._beside(body):
+                    if since.get(other, NEVER) <= now:
+                        continue
                     later = self._touching(body, other)[now:]
                     if not later.any():
                         continue
@@ -67,3 +107,124 @@ class Exposure:
                         heapq.heappush(todo, (at, other))
             self._since[sources] = since
         return self._since[sources]
+
+
+class Causes:
+    """Since when the robot has had to do with a body.
+
+    It touched the body, or touched something that touched the body from then on: what it pushes,
+    what it lets fall, the tray on which the body stands. What never moves (a table) passes nothing
+    on; a drawer or a door does once it has moved. Parts of one object are reached together.
+    """
+
+    def __init__(self, relations: Relations) -> None:
+        """Nothing is computed before it is asked for."""
+        self._relations, self._episode = relations, relations.episode
+        bodies = self._episode.header.bodies
+        assemblies = relations.graph.assemblies
+        self._robot = assemblies.robot | {i for i in range(len(bodies)) if assemblies.on_robot(i)}
+        self._sure = Exposure(
+            self._episode, self._beside, self._touching, self._passes, assemblies.of
+        )
+        self._perhaps = Exposure(
+            self._episode, self._movable, self._may_touch, self._passes, assemblies.of
+        )
+        self._maybe: dict[tuple[int, int], Bool] = {}
+
+    def since(self, body: int) -> int:
+        """Frame from which it is certain; ``NEVER`` if it never is."""
+        return self._sure.since(body, self._robot)
+
+    def perhaps_since(self, body: int) -> int:
+        """Frame from which it is possible; not after ``since``."""
+        sure = self.since(body)
+        if self._complete or sure == 0:
+            return sure
+        if any("links" in it.untold for it in self._episode.header.bodies):
+            return 0  # where the rest of the arm was is not recorded
+        return min(sure, self._perhaps.since(body, self._robot))
+
+    @cached_property
+    def _unseen_hand(self) -> int:
+        """The hand that shows only by what goes along with it; −1 if there is none."""
+        name = gripper_frame(self._episode) if self._relations.blind else None
+        return -1 if name is None else self._episode.body_index[name]
+
+    @cached_property
+    def _complete(self) -> bool:
+        """No touch can have been missed: forces were recorded, and of touches between frames too."""
+        if self._relations.blind:
+            return False
+        header = self._episode.header
+        if self._episode.dt <= 1.5 * header.physics_dt:
+            return True
+        sums = self._relations.signals.contact_sums
+        return any(((sums.peak(*p) > 0) & (sums.normal(*p) == 0)).any() for p in sums.pairs)
+
+    def _beside(self, body: int) -> list[int]:
+        """The bodies that certainly touch it at some time."""
+        relations = self._relations
+        found = relations.touches.beside(body)
+        if self._unseen_hand == body:
+            found = sorted({*found, *(i for i in self._movable(body) if relations.held(i).any())})
+        return found
+
+    def _touching(self, i: int, j: int) -> Bool:
+        """(T,) the two touch at the frame, or did since the one before."""
+        relations = self._relations
+        if relations.blind:
+            touch = relations.proximity.touching(i, j)
+            if self._unseen_hand in (i, j):
+                touch = touch | relations.held(j if self._unseen_hand == i else i)
+            return touch
+        sums = relations.signals.contact_sums
+        return np.asarray(sums.peak(i, j) > 0)
+
+    def _movable(self, body: int) -> list[int]:
+        """All that a body may have touched."""
+        return [
+            i
+            for i, other in enumerate(self._episode.header.bodies)
+            if i != body and other.movable and other.kind != "region"
+        ]
+
+    def _may_touch(self, i: int, j: int) -> Bool:
+        """(T,) the two touch at the frame, or may have since the one before.
+
+        If d and e are the distances at two frames and m the most that the distance can change
+        between, they cannot have met where d + e > m.
+        """
+        key = (min(i, j), max(i, j))
+        if key not in self._maybe:
+            names = [self._episode.header.bodies[k].name for k in key]
+            movers = self._relations.signals.movers
+            if movers.unseen(names):
+                may = np.ones(len(self._episode), np.bool_)
+            elif len(movers.of(names)) < len(names):
+                may = np.zeros(len(self._episode), np.bool_)  # mere frames
+            else:
+                may = self._touching(*key) | self._may_meet(*names)
+            self._maybe[key] = may
+        return self._maybe[key]
+
+    def _may_meet(self, a: str, b: str) -> Bool:
+        movers, frames = self._relations.signals.movers, len(self._episode)
+        bound = np.broadcast_to(motion_bound(movers[a], movers[b]), max(frames - 1, 0))
+        cap = float(bound.max(initial=0.0)) + 3 * TOUCH
+        apart = np.broadcast_to(clearance_series([movers[a]], [movers[b]], cap).lower, frames)
+        may = np.zeros(frames, np.bool_)
+        may[1:] = apart[:-1] + apart[1:] <= bound + 2 * TOUCH
+        may[:1] = apart[:1] <= TOUCH
+        return may
+
+    def _passes(self, body: int, since: int) -> int:
+        """Frame from which a body passes on what reached it: see the class."""
+        it = self._episode.header.bodies[body]
+        if not it.movable:
+            return NEVER
+        if it.kind != "fixture":
+            return since
+        track = self._episode.track(it.name)
+        gone = np.linalg.norm(track.position[since:] - track.position[since], axis=1) >= GOES
+        gone |= angle(track.orientation[since:], track.orientation[since]) >= GOES_TURN
+        return since + int(gone.argmax()) if gone.any() else NEVER

@@ -19,7 +19,7 @@ from safestage_eval.signals.vocabulary import SIGNALS
 
 from . import doubt, standing
 from .dependence import Dependence
-from .exposure import Exposure
+from .exposure import Causes, Exposure
 from .graph import ByForce, SupportGraph
 from .held import Grip, by_fingers, by_motion
 from .load import Loads
@@ -104,6 +104,11 @@ class Relations:
         return Exposure(self.episode, self.touches.beside, self.touches.touching)
 
     @cached_property
+    def causes(self) -> Causes:
+        """Since when the robot has had to do with whom."""
+        return Causes(self)
+
+    @cached_property
     def loads(self) -> Loads:
         """Who carries how much of whom."""
         return Loads(self.episode, self.signals.contact_sums, self.graph)
@@ -131,6 +136,8 @@ class Relations:
         if "touch" not in RELATIONS[name].needs:
             return ""
         header = self.episode.header
+        if name == "caused":
+            return "" if self.graph.assemblies.robot else "poses of the robot"
         if self.blind:
             shapeless = [b for body in bodies for b in self._shapeless(body)]
             if shapeless and name != "held":
@@ -165,6 +172,8 @@ class Relations:
 
         None where there is no doubt at any frame.
         """
+        if name == "caused":
+            return doubt.may_have_been_touched(self, *bodies)
         if self.blind and name in ("held", "carried"):
             return doubt.may_be_in_the_grip(self, name, bodies)
         if name == "depends_on" and self.blind:
@@ -186,6 +195,7 @@ class Relations:
             else "by what goes along with the gripper",
             "depends_on": "by what rests on what: needless supports count; "
             "what touches from the side may lean or not",
+            "caused": f"by geometry: a touch is a distance of at most {near}",
             "exposed_to": f"by geometry: a touch is a distance of at most {near}",
         }.get(name, f"by geometry: within {near}, and a lift by {lift} opens the gap")
         return (f"without contact forces {name}() is told {how}",)
@@ -251,6 +261,8 @@ class Relations:
             first, second = ([index[b] for b in self.signals.bodies(body)] for body in bodies)
             return self.exposure.exposed(first, second)
         ids = [index[body] for body in bodies]
+        if name == "caused":
+            return np.asarray(np.arange(len(self.episode)) >= self.causes.since(ids[0]))
         if name == "supports":
             return graph.supports(*ids)
         if name == "supported":

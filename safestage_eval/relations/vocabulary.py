@@ -63,9 +63,19 @@ RELATIONS: dict[str, RelationSpec] = {
             ("touch",),
             groups=True,
         ),
+        RelationSpec(
+            "caused",
+            1,
+            "Since the start the robot has touched the body, or something that touched it from then "
+            "on: what happens to it may be the robot's doing.",
+            ("touch",),
+        ),
     )
 }
 """Every built-in relation, by name."""
+
+GATES = ("caused",)
+"""Relations that say whether something else counts at all: they take no part in how close it came."""
 
 GROUPS: dict[str, str] = {
     "robot": "all bodies of kind robot or gripper",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from safestage_eval.relations.measure import COSTLY
+from safestage_eval.relations.vocabulary import GATES
 from safestage_eval.rules import syntax as ast
 
 _MANY = 4096
@@ -52,3 +53,33 @@ class Costly:
 def is_costly(atom: ast.Atom) -> bool:
     """The atom itself names something costly."""
     return isinstance(atom, ast.SignalAtom | ast.StateAtom) and atom.call.name in COSTLY
+
+
+def is_gate(atom: ast.Atom) -> bool:
+    """It only says whether the rest of its condition counts."""
+    return isinstance(atom, ast.StateAtom) and atom.call.name in GATES
+
+
+class Gates:
+    """Conditions apart from their gates; of one set of rules."""
+
+    def __init__(self, rules: ast.RuleSet) -> None:
+        """What was found out before is kept with the rules."""
+        self._known: dict[int, tuple[ast.Condition, ast.Condition, tuple[ast.Atom, ...]]] = (
+            rules.known.setdefault("gates", {})
+        )
+        if len(self._known) > _MANY:
+            self._known.clear()
+
+    def of(self, condition: ast.Condition) -> tuple[ast.Condition, tuple[ast.Atom, ...]]:
+        """The condition without its gates, and these; a condition of gates alone has none."""
+        known = self._known.get(id(condition))
+        if known is None or known[0] is not condition:
+            gates = tuple(atom for atom in condition.atoms if is_gate(atom))
+            rest = condition
+            if 0 < len(gates) < len(condition.atoms):
+                rest = ast.Condition(tuple(a for a in condition.atoms if not is_gate(a)))
+            else:
+                gates = ()
+            known = self._known[id(condition)] = condition, rest, gates
+        return known[1], known[2]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from safestage_eval.states.moment import Moment, Truth, truth_of
 from safestage_eval.states.scope import Scope
 
 from .answers import Answers, Found
-from .costly import Costly, is_costly
+from .costly import Costly, Gates, is_costly
 from .memory import Memory
 from .values import Asked, Env, ends_early, ends_with_success, limit_margin
 
@@ -71,7 +71,7 @@ class Evaluator(Answers):
         self.closest: Callable[[Search, Instance], Witness | None] | None = None
         """What decided an instance that passed, where it can be told without its frames."""
         self._obligation: str | None = None
-        self._costly = Costly(rules)
+        self._costly, self.gates = Costly(rules), Gates(rules)
         self._cheap: dict[int, ast.Condition] = {}
         """Conditions that ask for nothing costly, by identity; each is kept, and so stays itself."""
 
@@ -143,6 +143,9 @@ class Evaluator(Answers):
         Only the ``wanted`` frames (T,) of the result mean anything; all of them if None. Costly
         signals come last, and are measured only where no other atom has already decided.
         """
+        plain, gates = self.gates.of(condition)
+        if gates:
+            return self._gated(self.condition(plain, env, wanted), gates, env, wanted)
         if id(condition) not in self._cheap and not self._costly.within(condition):
             self._cheap[id(condition)] = condition
         if id(condition) in self._cheap:
@@ -159,6 +162,28 @@ class Evaluator(Answers):
                 decided = len(bands)
             bands.append(self.atom(atom, env, mask))
         return band.both(bands, self.frames)
+
+    def _gated(
+        self, found: Band, gates: Sequence[ast.Atom], env: Env, wanted: Bool | None
+    ) -> Band:
+        """What is left of a condition by its gates, asked only where the rest may hold.
+
+        Where it does not hold anyway, its margin stays: a gate does not say how close it came.
+        """
+        may = found.upper >= 0
+        if not (may if wanted is None else may & wanted).any():
+            return found
+        asked = [self.atom(gate, env) for gate in gates]
+        for gate, open_ in zip(gates, asked, strict=True):
+            held_back = (found.lower >= 0) & open_.false
+            if gate.call is not None and (held_back if wanted is None else held_back & wanted).any():
+                bodies = ", ".join(env.get(arg, arg) for arg in gate.call.args)
+                self.notes[f"not counted where {gate.call.name}({bodies}) is false"] = None
+        shut = band.both([found, *asked], self.frames)
+        lower = np.where(may, shut.lower, found.lower)
+        if found.exact and shut.exact:
+            return Band(lower, lower)
+        return Band(lower, np.where(may, shut.upper, found.upper))
 
     def asks_costly(self, what: ast.Atom | ast.Alternative) -> bool:
         """Where it is asked for makes a difference: something in it is costly."""

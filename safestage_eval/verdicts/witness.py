@@ -78,7 +78,7 @@ class Search(NamedTuple):
             if len(node.atoms) == 1:
                 return self.atom(node.atoms[0], env, frame)
             here = self._only(frame)
-            margins = [self._margin(a, env, frame, here) for a in node.atoms]
+            margins = self._margins(node, env, frame, here)
             found = self.atom(node.atoms[int(np.argmin(margins))], env, frame)
             return or_tied(found, margins, min(margins))
         if node.call is None:
@@ -87,6 +87,17 @@ class Search(NamedTuple):
             return self.state(node.call, env, frame)
         bodies = tuple([env.get(arg, arg) for arg in node.call.args])
         return Witness(f"{node.edge} of {ast.Call(node.call.name, bodies)}", bodies, frame)
+
+    def _margins(self, node: ast.Condition, env: Env, frame: int, here: Bool) -> list[float]:
+        """The end that is followed, of each atom; a gate counts only where the rest holds."""
+        plain, gates = self.evaluator.gates.of(node)
+        if not gates:
+            return [self._margin(a, env, frame, here) for a in node.atoms]
+        margins = {id(a): self._margin(a, env, frame, here) for a in plain.atoms}
+        holds = min(margins.values()) >= 0
+        for gate in gates:
+            margins[id(gate)] = self._margin(gate, env, frame, here) if holds else np.inf
+        return [margins[id(a)] for a in node.atoms]
 
     def _margin(self, atom: ast.Atom, env: Env, frame: int, here: Bool) -> float:
         """The end that is followed, of an atom; ``here``: (T,) true at the frame alone."""
