@@ -131,10 +131,14 @@ class RememberedRelations(Relations):
                 name, bodies, reference, reach, wanted, options, limits
             )
 
-        if name not in ("slip", "load_share"):
+        if name not in ("slip", "load_share", "fall"):
             return measure()  # the signals remember
         since = reference.key if reference else ""
-        return self._memory.series(self.signals.key("signal", name, tuple(bodies), since), measure)
+        found = self._memory.series(self.signals.key("signal", name, tuple(bodies), since), measure)
+        if self.signals.seen is not None:
+            said = series_name(name, tuple(bodies), since, 0.0, False, 0.0, options)
+            self.signals.seen[said] = found, 0.0
+        return found
 
     def _costly(self, name: str, bodies: tuple[str, ...], wanted: Bool | None) -> Series:
         key = self.signals.key("partial", name, bodies)

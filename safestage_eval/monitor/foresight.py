@@ -133,6 +133,8 @@ class _Look:
 
     def _atom(self, atom: ast.Atom) -> Foresight:
         if isinstance(atom, ast.SignalAtom):
+            if self._blind and atom.call.name == "fall":
+                return _awaits("the end of the motion that tells held()")
             return NOW if atom.since is None else self._event(atom.since)
         if isinstance(atom, ast.AnyOf):
             return _all(map(self._alternative, atom.alternatives))

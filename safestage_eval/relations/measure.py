@@ -17,7 +17,7 @@ from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
-from . import doubt, standing
+from . import doubt, falls, standing
 from .dependence import Dependence
 from .exposure import Causes, Exposure
 from .graph import ByForce, SupportGraph
@@ -53,6 +53,7 @@ class Relations:
         self._known: dict[tuple[str, tuple[str, ...]], Bool | None] = {}
         self._partial: dict[tuple[str, tuple[str, ...]], Partial] = {}
         self._grips: dict[int, Grip] = {}
+        self._falls: dict[str, Series] = {}
 
     @cached_property
     def blind(self) -> bool:
@@ -219,6 +220,10 @@ class Relations:
             return self._slip(bodies[0], reference)
         if name == "load_share":
             return self._load_share(*bodies)
+        if name == "fall":
+            if bodies[0] not in self._falls:
+                self._falls[bodies[0]] = falls.fallen(self, bodies[0])
+            return self._falls[bodies[0]]
         if name not in MEASURES:
             return self.signals.get(name, bodies, reference, reach, options, limits)
         key = (name, tuple(bodies))

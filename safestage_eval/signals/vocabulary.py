@@ -196,6 +196,14 @@ SIGNALS = _table(
         since=True,
     ),
     SignalSpec(
+        "fall",
+        (1,),
+        "length",
+        "Height that the body lost since it last was supported or in the robot's hand; a range where "
+        "the frames do not tell how much of that it fell.",
+        ("poses", "touch"),
+    ),
+    SignalSpec(
         "impact",
         (1,),
         "force",
