@@ -115,7 +115,9 @@ def _rows(evaluator: Evaluator, atom: ast.Atom, env: Env, seen: Seen) -> Iterato
         sides = {_side(limit) for limit in atom.limits}
         signal, bodies, options, limits, reach = evaluator.asked(atom, env)
         if signal in COSTLY:
-            known = cast("RememberedRelations", evaluator.relations).partial(signal, bodies, options)
+            known = cast("RememberedRelations", evaluator.relations).partial(
+                signal, bodies, options
+            )
             if known is not None and not known.notes:
                 about: Value = {"dimension": SIGNALS[signal].dimension}
                 name = partial_name(signal, bodies, options)

@@ -152,8 +152,6 @@ class RememberedRelations(Relations):
             self._memory.keep(key, kept_partial(partial))
         return found
 
-    def partial(
-        self, name: str, bodies: tuple[str, ...], options: Options = ()
-    ) -> Partial | None:
+    def partial(self, name: str, bodies: tuple[str, ...], options: Options = ()) -> Partial | None:
         """What was measured at some frames so far; None if nothing was."""
         return self._partial.get((name, bodies, options))

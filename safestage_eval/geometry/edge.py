@@ -30,6 +30,7 @@ from .polygon import (
     convex_hull,
     crosses,
     edges,
+    enters,
     grown,
     loops,
     nearest_on,
@@ -241,8 +242,9 @@ def _signed_distance(base: list[F64], beyond: F64, surface: Surface, over: Walls
         return np.inf
     out = -np.inf
     if len(beyond):
-        nearest = nearest_on(beyond, outline)
-        out = nearest.distance[free[nearest.segment]].max(initial=-np.inf)
+        nearest = nearest_on(beyond, outline).distance
+        passed = nearest_on(beyond, outline[free]).distance <= nearest + SEAM  # not over a wall
+        out = nearest[passed].max(initial=-np.inf)
     sunk = outline[free & under].reshape(-1, 2)
     sunk = sunk[contains(base, sunk)]
     if len(sunk):
@@ -271,7 +273,8 @@ def _nearest_free(outline: F64, rim: F64, corners: F64, guarded: _Guarded) -> fl
 def _pieces(outline: F64, owner: I64) -> tuple[F64, I64]:
     """The same outline cut into pieces no longer than PIECE, or a thousandth of the whole."""
     length = np.sqrt(((outline[:, 1] - outline[:, 0]) ** 2).sum(1))
-    many = np.ceil(length / max(PIECE, float(length.sum()) / 1000)).astype(np.int64)
+    share = length / max(PIECE, float(length.sum()) / 1000)
+    many = np.maximum(np.ceil(share - 1e-6), 1).astype(np.int64)
     which = np.repeat(np.arange(len(outline)), many)
     rank = np.arange(len(which)) - np.repeat(np.cumsum(many) - many, many)
     start, along = outline[which, 0], outline[which, 1] - outline[which, 0]
@@ -283,7 +286,8 @@ class _Guarded:
     """Whether a wall stands at a piece of an edge, or between it and the base.
 
     The way starts a little inside the base, because what touches a wall overlaps it a little, and
-    ends a little beyond the edge, because a wall may stand just outside.
+    ends a little beyond the edge, because a wall may stand just outside. What the way only leaves is
+    no wall: it is what the base stands on, where the surface goes on further down.
     """
 
     def __init__(
@@ -291,7 +295,7 @@ class _Guarded:
     ) -> None:
         self._pieces, self._owner, self._planes, self._over = pieces, owner, planes, over
         self._rim = rim
-        self._middle = (corners.min(0) + corners.max(0)) / 2
+        self._middle = _centroid(convex_hull(corners))
 
     def __call__(self, which: I64) -> Bool:
         """(N,) of the pieces (N,)."""
@@ -312,4 +316,14 @@ class _Guarded:
         inward = self._middle - start
         norm = np.maximum(np.sqrt((inward**2).sum(1, keepdims=True)), 1e-300)
         start = start + inward / norm * np.minimum(CONTACT_TOLERANCE, norm)
-        return crosses(start, end, outlines) | crosses(end, end + GAP * out, outlines)
+        return enters(start, end, outlines) | enters(end, end + GAP * out, outlines)
+
+
+def _centroid(polygon: F64) -> F64:
+    """(2,) m, of the area of a convex polygon; of a segment or point, its middle."""
+    first = polygon[0]
+    one, other = polygon[1:-1] - first, polygon[2:] - first
+    area = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    if not area.sum() > 0:
+        return np.asarray((polygon.min(0) + polygon.max(0)) / 2)
+    return np.asarray(first + area @ (one + other) / (3 * area.sum()))

@@ -152,7 +152,10 @@ def heights(planes: F64, points: F64) -> F64:
 
 
 def walls(movers: Sequence[Mover], frame: int, plane: F64) -> F64:
-    """(W, 2, 2) outlines of what bodies have ``WALL_HEIGHT`` above a plane (3,)."""
+    """(W, 2, 2) outlines of what bodies have ``WALL_HEIGHT`` above a plane (3,).
+
+    The inside is to the left; where a mesh is cut, which may be a mere sheet, on both sides.
+    """
     found = [np.empty((0, 2, 2))]
     height = WALL_HEIGHT * (1 - 1e-3)
     for mover in movers:
@@ -196,7 +199,8 @@ def _outline(part: Polytope, points: F64, level: F64, height: float) -> F64:
     one, other = faces[over], np.roll(faces, -1, 1)[over]
     share = (height - level[one]) / (level[other] - level[one])
     cut = points[one, :2] + share[:, None] * (points[other, :2] - points[one, :2])
-    return np.asarray(cut.reshape(-1, 2, 2))
+    cut = cut.reshape(-1, 2, 2)
+    return np.concatenate([cut, cut[:, ::-1]])
 
 
 Place = tuple[BodyShape, tuple[float, ...], tuple[float, ...]]

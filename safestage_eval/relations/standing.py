@@ -58,7 +58,9 @@ def edge(
     bearers = {b: on for b, on in known.items() if movers.of([names[b]])}
     unseen = {names[b]: on for b, on in known.items() if b not in bearers and on[at].any()}
     lower, upper = np.full(frames, -np.inf), np.full(frames, -np.inf)
-    borne = at[np.logical_or.reduce([np.zeros(len(at), np.bool_), *(b[at] for b in bearers.values())])]
+    borne = at[
+        np.logical_or.reduce([np.zeros(len(at), np.bool_), *(b[at] for b in bearers.values())])
+    ]
     beside, lost = _beside(relations, a, borne)
     roles = np.array([*(on[borne] for on in bearers.values()), *beside.values()], np.int8)
     roles = roles.reshape(len(bearers) + len(beside), len(borne))
