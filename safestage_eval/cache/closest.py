@@ -115,10 +115,12 @@ def _rows(evaluator: Evaluator, atom: ast.Atom, env: Env, seen: Seen) -> Iterato
         sides = {_side(limit) for limit in atom.limits}
         signal, bodies, options, limits, reach = evaluator.asked(atom, env)
         if signal in COSTLY:
-            known = cast("RememberedRelations", evaluator.relations).partial(signal, bodies)
+            known = cast("RememberedRelations", evaluator.relations).partial(
+                signal, bodies, options
+            )
             if known is not None and not known.notes:
                 about: Value = {"dimension": SIGNALS[signal].dimension}
-                name = partial_name(signal, bodies)
+                name = partial_name(signal, bodies, options)
                 yield _row(name, known.lower, known.upper, sides, about, known.done)
             return
         cap, deep, slack = how(signal, reach, limits)
@@ -266,7 +268,7 @@ def _limits(evaluator: Evaluator, rows: Value, atom: ast.Atom, env: Env) -> list
     if name == "tilt" and evaluator.untilted(bodies[0]):
         return []
     if name in COSTLY:
-        row = rows.get(partial_name(name, bodies))
+        row = rows.get(partial_name(name, bodies, options))
     else:
         cap, deep, slack = how(name, reach, values)
         row = rows.get(series_name(name, bodies, "", cap, deep, slack, options))

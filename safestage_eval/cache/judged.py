@@ -121,14 +121,14 @@ class _Found:
                 self.alternative(what, env, deep)
 
     def _signal(self, atom: ast.SignalAtom, env: Env) -> None:
-        name, bodies, _ = self._evaluator.measured(atom.call, env)
+        name, bodies, options = self._evaluator.measured(atom.call, env)
         self.bodies.update(dict.fromkeys((*bodies, *env.values())))
         if atom.since is not None and atom.since.call is not None:
             self.call(atom.since.call, env, 0)
         if name in COSTLY:
-            partial = self._relations.partial(name, bodies)
+            partial = self._relations.partial(name, bodies, options)
             if partial is not None:
-                self.values[partial_name(name, bodies)] = kept_partial(partial)
+                self.values[partial_name(name, bodies, options)] = kept_partial(partial)
             return
         seen = self._relations.signals.seen = {}
         self._evaluator.series(atom, env)

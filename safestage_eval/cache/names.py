@@ -20,9 +20,9 @@ def state_name(name: str, bodies: Sequence[str], digest: str) -> str:
     return f"state {name}{tuple(bodies)} {digest}"
 
 
-def partial_name(name: str, bodies: Sequence[str]) -> str:
+def partial_name(name: str, bodies: Sequence[str], options: Options = ()) -> str:
     """Name of what was measured at some frames only."""
-    return f"partial {name}{tuple(bodies)}"
+    return f"partial {name}{tuple(bodies)}{options or ''}"
 
 
 def slack_name(name: str, bodies: Sequence[str], frame: int) -> str:

@@ -183,7 +183,7 @@ class KeptRelations(Relations):
         """As in the base class."""
         if name not in COSTLY:
             return self.signals.get(name, bodies, reference, reach, options, limits)
-        known = partial_of(self.need(partial_name(name, bodies)))
+        known = partial_of(self.need(partial_name(name, bodies, options)))
         todo = np.ones(len(known.done), np.bool_) if wanted is None else wanted
         if len(known.missing(todo)):
             raise NotKept(name)

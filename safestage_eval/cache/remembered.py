@@ -124,7 +124,7 @@ class RememberedRelations(Relations):
     ) -> Series:
         """As in the base class. What is measured at some frames only is kept for these."""
         if name in COSTLY:
-            return self._costly(name, tuple(bodies), wanted)
+            return self._costly(name, tuple(bodies), wanted, options)
 
         def measure() -> Series:
             return super(RememberedRelations, self).signal(
@@ -140,20 +140,22 @@ class RememberedRelations(Relations):
             self.signals.seen[said] = found, 0.0
         return found
 
-    def _costly(self, name: str, bodies: tuple[str, ...], wanted: Bool | None) -> Series:
-        key = self.signals.key("partial", name, bodies)
-        if (name, bodies) not in self._partial:
+    def _costly(
+        self, name: str, bodies: tuple[str, ...], wanted: Bool | None, options: Options
+    ) -> Series:
+        key = self.signals.key("partial", name, bodies, *([options] if options else []))
+        if (name, bodies, options) not in self._partial:
             known = self._memory.recall(key)
             if known is not None:
-                self._partial[name, bodies] = partial_of(known)
-        before = self._partial.get((name, bodies))
+                self._partial[name, bodies, options] = partial_of(known)
+        before = self._partial.get((name, bodies, options))
         count = int(before.done.sum()) if before is not None else -1
-        found = super().signal(name, bodies, wanted=wanted)
-        partial = self._partial[name, bodies]
+        found = super().signal(name, bodies, wanted=wanted, options=options)
+        partial = self._partial[name, bodies, options]
         if int(partial.done.sum()) != count:
             self._memory.keep(key, kept_partial(partial))
         return found
 
-    def partial(self, name: str, bodies: tuple[str, ...]) -> Partial | None:
+    def partial(self, name: str, bodies: tuple[str, ...], options: Options = ()) -> Partial | None:
         """What was measured at some frames so far; None if nothing was."""
-        return self._partial.get((name, bodies))
+        return self._partial.get((name, bodies, options))

@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .extent import lowest
+from .ground import (
+    CONTACT_TOLERANCE,
+    GAP,
+    SEAM,
+    Ground,
+    Surface,
+    covers,
+    face_of,
+    ground_of,
+    heights,
+    joined,
+    section,
+    surface_from,
+    walls,
+    world_vertices,
+)  # fmt: skip
 from .mover import Mover, frame_count
 from .polygon import (
     contains,
     convex_hull,
     crosses,
     edges,
+    enters,
     grown,
     loops,
     nearest_on,
@@ -22,47 +38,47 @@ from .polygon import (
     union_outline,
 )  # fmt: skip
 from .polytope import Polytope
-from .pose import matrix, transform
-from .stillness import still_runs
+from .stillness import still_runs, still_since
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+Bool = NDArray[np.bool_]
 
 BASE_HEIGHT = 5e-3
-"""m. The base of a body is what it has within this of the height at which it stands."""
-
-CONTACT_TOLERANCE = 2e-3
-"""m. Bodies in contact overlap or part a little; faces this close to where a stands carry it."""
-
-WALL_HEIGHT = 1e-2
-"""m. What rises this far over the patch at its edge, or on the way there, guards the edge."""
-
-WALL_GAP = 5e-3
-"""m. A wall may stand this far outside the edge that it guards."""
-
-LEVEL = np.cos(np.deg2rad(30.0))
-"""Faces whose normal rises at least this much look up."""
-
-SEAM = 1e-5
-"""m. Faces are widened by this before they are joined: abutting boxes make one patch."""
+"""m. The base of a body is what it has within this of the surface on which it stands."""
 
 PIECE = 2e-3
 """m. Edges near walls are judged piece by piece."""
 
+AT_ONCE = 64
+"""Pieces of an edge that are looked at together, the nearest first."""
+
+ALIKE = 2.0
+"""deg. Faces that lean no further apart than this are stood on in the same way."""
+
+Walls = Callable[[F64], F64]
+"""Outlines (W, 2, 2) of what rises over a plane (3,)."""
+
 
 def edge_margin(
-    a: Mover, supports: Sequence[Mover], frames: I64 | None = None, height: F64 | None = None
+    a: Mover,
+    supports: Sequence[Mover],
+    frames: I64 | None = None,
+    height: F64 | None = None,
+    around: Sequence[Mover] = (),
+    drop: float = CONTACT_TOLERANCE,
 ) -> F64:
-    """Signed distance (m) from a's base to the unguarded edge of the patch it stands on.
+    """Signed distance (m) from a's base to the nearest unguarded edge of the surface it stands on.
 
-    The base is the projection of a's geometry within ``BASE_HEIGHT`` of the contact height: a wide
-    rim further up does not count. The patch is the union of the supports' upward faces at that
-    height, several geoms and bodies merged. An edge is guarded when the supports rise by
-    ``WALL_HEIGHT`` at it, or on the straight way to it from the base: a bin's walls guard what
-    stands in the bin, not what stands on their top. What touches the patch at separate places, or
-    all around a gap, spans it (a board on two piers, a lid on a pot): then the patch counts with
-    its convex hull. Round geoms are right to 0.1 mm; a base that
-    is a nonconvex mesh counts with its convex hull.
+    The base is the projection of a's geometry within ``BASE_HEIGHT`` of the surface: a wide rim
+    further up does not count. The surface begins with the upward faces of the supports at the
+    height of contact and goes on, over faces of any body, wherever the next one begins within
+    ``GAP`` and lies less than ``drop`` below: what is left where it ends are its edges. An edge is
+    guarded when some body rises by ``WALL_HEIGHT`` above the surface at it, or on the straight way
+    to it from the base: a bin's walls guard what stands in the bin, not what stands on their top.
+    What touches its supports at separate places, or all around a gap, spans it (a board on two
+    piers, a lid on a pot): then the convex hull of their faces belongs to the surface. Round geoms
+    are right to 0.1 mm; a base that is a nonconvex mesh counts with its convex hull.
 
     Args:
         a: what stands.
@@ -70,71 +86,127 @@ def edge_margin(
         frames: (N,) indices of the frames to measure; all when None. Frames in which nothing has
             moved by 10 µm or 1e-4 rad repeat the value.
         height: (T,) m, world z of the contact; a's lowest point when None.
+        around: other bodies, whose faces may go on from the supports' and whose walls guard.
+        drop: m; a step down by less is no edge. Less than 2 mm counts as 2 mm.
 
     Returns:
-        (T,) > 0: entirely on the patch; < 0: minus how far it sticks out; +inf: every edge is
-        guarded, or it stands on a plane. NaN: no upward face under it or nothing of a at that
-        height, or not asked for.
+        (T,) > 0: entirely on the surface; < 0: minus how far it sticks out; +inf: every edge is
+        guarded, or there is none. NaN: no upward face under it or nothing of a at that height, or
+        not asked for.
     """
-    total = frame_count(a, *supports)
+    total = frame_count(a, *supports, *around)
     wanted = np.arange(total) if frames is None else frames
     total = max(total, int(wanted.max(initial=-1)) + 1)  # nothing moves, yet later frames are meant
     margin = np.full(total, np.nan)
-    contact = np.broadcast_to(lowest(a) if height is None else height, total)
-    for frame, alike in still_runs((a, *supports), wanted):
-        margin[alike] = _margin_at(a, supports, frame, float(contact[frame]))
+    lifted = np.zeros(total) if height is None else height - np.broadcast_to(lowest(a), total)
+    bodies = (*supports, *around)
+    place = still_since(bodies, wanted)
+    for there in np.unique(place):
+        here = wanted[place == there]
+        scene = _Scene(supports, around, int(there), drop)
+        for frame, alike in still_runs((a, *bodies), here):
+            margin[alike] = scene.margin(world_vertices(a, frame), float(lifted[frame]))
     return margin
 
 
-def _margin_at(a: Mover, supports: Sequence[Mover], frame: int, height: float) -> float:
-    parts = _world_vertices(a, frame)
-    if not parts:
-        return np.nan
-    feet = np.concatenate([points for _, points in parts])
-    foot = feet[feet[:, 2].argmin()]
-    if any(_plane_carries(support, frame, foot, height) for support in supports):
-        return np.inf
-    patch = _patch(supports, frame, foot[:2], height)
-    if patch is None:
-        return np.nan
-    cuts = [_below(part, points, height + BASE_HEIGHT) for part, points in parts]
-    base = [convex_hull(cut) for cut in cuts if len(cut)]
-    if not base:
-        return np.nan
-    if not _meet(base, patch.polygons):
-        return np.nan
-    walls = _walls(supports, frame, patch.height + WALL_HEIGHT * (1 - 1e-3))
-    margin = _signed_distance(base, patch.polygons, walls)
-    if margin <= 0 and _spans(base, patch.polygons):
-        whole = convex_hull(np.concatenate(patch.polygons))
-        margin = max(margin, _signed_distance(base, [whole], walls))
-    return margin
+class _Scene:
+    """Everything but the body that stands, at one frame."""
+
+    def __init__(
+        self, supports: Sequence[Mover], around: Sequence[Mover], frame: int, drop: float
+    ) -> None:
+        under = ground_of(supports, frame)
+        self._under = len(under.count)
+        self._ground = joined([under, ground_of(around, frame)])
+        self._bodies, self._frame, self._drop = (*supports, *around), frame, drop
+        self._surfaces: dict[bytes, Surface] = {}
+        self._walls: dict[tuple[float, ...], F64] = {}
+
+    def margin(self, parts: list[tuple[Polytope, F64]], lifted: float) -> float:
+        """Of a body given by its geoms' corners, as if it were lower by ``lifted`` (m)."""
+        if not parts:
+            return np.nan
+        points = np.concatenate([points for _, points in parts])
+        base, seeds = self._base(parts, self._touched(points, lifted), lifted)
+        if not len(seeds):
+            return np.nan
+        if self._ground.endless[seeds].any():
+            return np.inf
+        faces = [self._ground.polygon(i) for i in seeds]
+        found = self._distance(base, self._surface(self._ground, seeds), seeds)
+        if found <= 0 and _spans(base, faces):
+            whole = convex_hull(np.concatenate(faces))
+            level = self._ground.plane[seeds].mean(0)
+            spanned = joined([self._ground, face_of(whole, level)])
+            with_hull = np.append(seeds, len(self._ground.count))
+            found = max(found, self._distance(base, self._surface(spanned, with_hull), seeds))
+        return found
+
+    def _touched(self, points: F64, lifted: float) -> I64:
+        """Faces of the supports in whose plane the lowest of points (V, 3) lies."""
+        planes = self._ground.plane[: self._under]
+        level = points[:, 2].min() - planes[:, 0]
+        for face in np.flatnonzero(planes[:, 1:].any(1)):
+            plane = planes[face]
+            level[face] = (points[:, 2] - points[:, :2] @ plane[1:]).min() - plane[0]
+        return np.flatnonzero(np.abs(level + lifted) <= CONTACT_TOLERANCE)
+
+    def _base(
+        self, parts: list[tuple[Polytope, F64]], near: I64, lifted: float
+    ) -> tuple[list[F64], I64]:
+        """The polygons with which a body stands, and the faces (F,) that it stands on."""
+        base: list[F64] = []
+        stood: list[int] = []
+        for group in self._alike(near):
+            plane = self._ground.plane[group[0]]
+            level = [p[:, 2] - plane[0] - p[:, :2] @ plane[1:] for _, p in parts]
+            top = min(float(one.min()) for one in level) + lifted + BASE_HEIGHT
+            cuts = [_below(*part, one, top) for part, one in zip(parts, level, strict=True)]
+            feet = [convex_hull(cut) for cut in cuts if len(cut)]
+            if feet and _meet(feet, [self._ground.polygon(i) for i in group]):
+                base += feet
+                stood += group
+        return base, np.array(stood, np.int64)
+
+    def _alike(self, faces: I64) -> list[list[int]]:
+        """Faces that lean the same way, together."""
+        groups: list[list[int]] = []
+        for face in faces:
+            slope = self._ground.plane[face, 1:]
+            for group in groups:
+                apart = slope - self._ground.plane[group[0], 1:]
+                if np.abs(apart).max() <= np.tan(np.deg2rad(ALIKE)):
+                    group.append(int(face))
+                    break
+            else:
+                groups.append([int(face)])
+        return groups
+
+    def _surface(self, ground: Ground, seeds: I64) -> Surface:
+        key = seeds.tobytes()
+        if key not in self._surfaces:
+            chosen = np.zeros(len(ground.count), np.bool_)
+            chosen[seeds] = True
+            self._surfaces[key] = surface_from(ground, chosen, self._drop)
+        return self._surfaces[key]
+
+    def _walls_over(self, plane: F64) -> F64:
+        key = tuple(np.round(plane, 6).tolist())
+        if key not in self._walls:
+            self._walls[key] = walls(self._bodies, self._frame, plane)
+        return self._walls[key]
+
+    def _distance(self, base: list[F64], surface: Surface, seeds: I64) -> float:
+        corners = np.concatenate(base)
+        deepest = heights(self._ground.plane[seeds], corners).min(0)
+        floor = deepest - max(self._drop, CONTACT_TOLERANCE)
+        beyond = corners[~covers(surface.ground, corners, floor)]
+        return _signed_distance(base, beyond, surface, self._walls_over)
 
 
-def _world_vertices(mover: Mover, frame: int) -> list[tuple[Polytope, F64]]:
-    """Each geom's polytope with its vertices (V, 3) m, world, at a frame; planes are left out."""
-    t = frame if len(mover) > 1 else 0
-    position, orientation = mover.position[t], mover.orientation[t]
-    return [
-        (part, transform(position, orientation, part.vertices))
-        for part in mover.shape.polytopes
-        if part is not None
-    ]
-
-
-def _below(part: Polytope, points: F64, height: float) -> F64:
-    """(N, 2) corners of the projection of what lies at or under a height: points (V, 3), world."""
-    under = points[:, 2] <= height
-    return np.concatenate([points[under, :2], _section(part, points, height)])
-
-
-def _section(part: Polytope, points: F64, height: float) -> F64:
-    """(N, 2) m where a polytope's edges pass through a horizontal plane; points (V, 3), world."""
-    a, b = points[part.edges[:, 0]], points[part.edges[:, 1]]
-    through = (a[:, 2] <= height) != (b[:, 2] <= height)
-    a, b = a[through], b[through]
-    share = (height - a[:, 2]) / (b[:, 2] - a[:, 2])
-    return np.asarray(a[:, :2] + share[:, None] * (b[:, :2] - a[:, :2]))
+def _below(part: Polytope, points: F64, level: F64, height: float) -> F64:
+    """(N, 2) corners of the projection of what lies at or under a level: points (V, 3), world."""
+    return np.concatenate([points[level <= height, :2], section(part, points, level, height)])
 
 
 def _meet(base: list[F64], patch: list[F64]) -> bool:
@@ -152,129 +224,106 @@ def _spans(base: list[F64], patch: list[F64]) -> bool:
     return loops(union_outline(touched)) > 1
 
 
-class _Patch(NamedTuple):
-    polygons: list[F64]
-    height: float
-
-
-def _pose(mover: Mover, frame: int) -> tuple[F64, F64]:
-    t = frame if len(mover) > 1 else 0
-    return matrix(mover.orientation[t]), mover.position[t].astype(np.float64)
-
-
-def _plane_carries(support: Mover, frame: int, foot: F64, height: float) -> bool:
-    for geom in support.shape.geoms:
-        if geom.kind == "plane":
-            rotation, position = _pose(support, frame)
-            normal = rotation @ matrix(geom.orientation)[:, 2]
-            point = position + rotation @ np.array(geom.position)
-            if normal[2] >= LEVEL:
-                level = point[2] - normal[:2] @ (foot[:2] - point[:2]) / normal[2]
-                if abs(level - height) <= CONTACT_TOLERANCE:
-                    return True
-    return False
-
-
-def _patch(supports: Sequence[Mover], frame: int, foot: F64, height: float) -> _Patch | None:
-    """The upward faces whose planes pass the foot (2,) at the contact height; None without any."""
-    polygons, levels = [], []
-    for support in supports:
-        rotation, position = _pose(support, frame)
-        faces = support.shape.faces
-        normal = faces.normal @ rotation.T
-        anchor = faces.anchor @ rotation.T + position
-        up = np.flatnonzero(normal[:, 2] >= LEVEL)
-        lean = (normal[up, :2] * (foot - anchor[up, :2])).sum(1) / normal[up, 2]
-        level = anchor[up, 2] - lean
-        near = np.abs(level - height) <= CONTACT_TOLERANCE
-        for face in up[near]:
-            corners = faces.corners[face] @ rotation.T + position
-            polygons.append(grown(convex_hull(corners[:, :2]), SEAM))
-        levels += level[near].tolist()
-    return _Patch(polygons, max(levels)) if polygons else None
-
-
-def _walls(supports: Sequence[Mover], frame: int, height: float) -> F64:
-    """(W, 2, 2) outlines of what the supports have at the height of a guarding wall's top."""
-    found = [np.empty((0, 2, 2))]
-    for support in supports:
-        rotation, position = _pose(support, frame)
-        for part in support.shape.polytopes:
-            if part is None:
-                continue
-            level = part.vertices @ rotation[2] + position[2]
-            if not level.min() <= height < level.max():
-                continue
-            points = part.vertices @ rotation.T + position
-            if part.convex:
-                cut = _section(part, points, height)
-                if len(cut):
-                    found.append(edges(convex_hull(cut)))
-                continue
-            for face in part.faces:
-                corners = points[face]
-                above = corners[:, 2] > height
-                if above.any() and not above.all():
-                    after, over = np.roll(corners, -1, 0), above != np.roll(above, -1)
-                    share = (height - corners[over, 2]) / (after[over, 2] - corners[over, 2])
-                    way = after[over, :2] - corners[over, :2]
-                    found.append((corners[over, :2] + share[:, None] * way)[None])
-    return np.concatenate(found)
-
-
-def _signed_distance(base: list[F64], patch: list[F64], walls: F64) -> float:
-    outline = union_outline(patch)
+def _signed_distance(base: list[F64], beyond: F64, surface: Surface, over: Walls) -> float:
+    """From a base to the unguarded edges of a surface; ``beyond`` (N, 2): corners off the surface."""
     rim = np.concatenate([edges(polygon) for polygon in base])
     corners = np.concatenate(base)
-    middle = (corners.min(0) + corners.max(0)) / 2
-    if len(walls):
-        outline = _pieces(outline)
-        guarded = _guarded(outline, rim, middle, walls)
-    else:
-        guarded = np.zeros(len(outline), bool)
-    beyond = corners[~contains(patch, corners)]
+    if not len(surface.edges):
+        return np.inf
+    outline, owner = _pieces(surface.edges, surface.owner)
+    ends = outline.reshape(-1, 2)
+    under = contains(base, ends).reshape(-1, 2).any(1)
+    met = crosses(outline[:, 0], outline[:, 1], rim)
+    guarded = _Guarded(outline, owner, surface.ground.plane, rim, corners, over)
+    if not len(beyond) and not (under | met).any():
+        return _nearest_free(outline, rim, corners, guarded)
+    free = ~guarded(np.arange(len(outline)))
+    if not free.any():
+        return np.inf
     out = -np.inf
     if len(beyond):
-        nearest = nearest_on(beyond, outline)
-        out = nearest.distance[~guarded[nearest.segment]].max(initial=-np.inf)
-    free = outline[~guarded]
-    if not len(free):
-        return np.inf
-    ends = free.reshape(-1, 2)
-    inside = contains(base, ends)
-    if inside.any():
-        out = max(out, float(nearest_on(ends[inside], rim).distance.max()))
+        nearest = nearest_on(beyond, outline).distance
+        passed = nearest_on(beyond, outline[free]).distance <= nearest + SEAM  # not over a wall
+        out = nearest[passed].max(initial=-np.inf)
+    sunk = outline[free & under].reshape(-1, 2)
+    sunk = sunk[contains(base, sunk)]
+    if len(sunk):
+        out = max(out, float(nearest_on(sunk, rim).distance.max()))
     if out > -np.inf:
-        return -float(out) - SEAM
-    if crosses(rim[:, 0], rim[:, 1], free).any():
-        return 0.0
-    apart = min(nearest_on(ends, rim).distance.min(), nearest_on(corners, free).distance.min())
-    return float(apart) - SEAM
+        return -float(out)
+    return 0.0 if (free & met).any() else _nearest_free(outline, rim, corners, guarded)
 
 
-def _pieces(outline: F64) -> F64:
+def _nearest_free(outline: F64, rim: F64, corners: F64, guarded: _Guarded) -> float:
+    """m from a base to the nearest piece of an outline that is not guarded; +inf without any."""
+    far = nearest_on(outline.reshape(-1, 2), rim).distance.reshape(-1, 2).min(1)
+    least = far - np.sqrt(((outline[:, 1] - outline[:, 0]) ** 2).sum(1)) / 2
+    order, found = np.argsort(least, kind="stable"), np.inf
+    for start in range(0, len(order), AT_ONCE):
+        some = order[start : start + AT_ONCE]
+        if least[some[0]] >= found:
+            break
+        free = some[~guarded(some)]
+        if len(free):
+            across = nearest_on(corners, outline[free]).distance.min()
+            found = min(found, float(far[free].min()), float(across))
+    return found
+
+
+def _pieces(outline: F64, owner: I64) -> tuple[F64, I64]:
     """The same outline cut into pieces no longer than PIECE, or a thousandth of the whole."""
     length = np.sqrt(((outline[:, 1] - outline[:, 0]) ** 2).sum(1))
-    many = np.ceil(length / max(PIECE, float(length.sum()) / 1000)).astype(np.int64)
-    owner = np.repeat(np.arange(len(outline)), many)
-    rank = np.arange(len(owner)) - np.repeat(np.cumsum(many) - many, many)
-    start, along = outline[owner, 0], outline[owner, 1] - outline[owner, 0]
-    low, high = (rank / many[owner])[:, None], ((rank + 1) / many[owner])[:, None]
-    return np.stack([start + low * along, start + high * along], 1)
+    share = length / max(PIECE, float(length.sum()) / 1000)
+    many = np.maximum(np.ceil(share - 1e-6), 1).astype(np.int64)
+    which = np.repeat(np.arange(len(outline)), many)
+    rank = np.arange(len(which)) - np.repeat(np.cumsum(many) - many, many)
+    start, along = outline[which, 0], outline[which, 1] - outline[which, 0]
+    low, high = (rank / many[which])[:, None], ((rank + 1) / many[which])[:, None]
+    return np.stack([start + low * along, start + high * along], 1), owner[which]
 
 
-def _guarded(pieces: F64, rim: F64, middle: F64, walls: F64) -> NDArray[np.bool_]:
-    """(S,) whether a wall stands at a piece of the edge, or between it and the base.
+class _Guarded:
+    """Whether a wall stands at a piece of an edge, or between it and the base.
 
     The way starts a little inside the base, because what touches a wall overlaps it a little, and
-    ends a little beyond the edge, because a wall may stand just outside.
+    ends a little beyond the edge, because a wall may stand just outside. What the way only leaves is
+    no wall: it is what the base stands on, where the surface goes on further down.
     """
-    end = pieces.mean(1)
-    along = pieces[:, 1] - pieces[:, 0]
-    out = np.stack([along[:, 1], -along[:, 0]], 1)
-    out /= np.sqrt((out**2).sum(1, keepdims=True))
-    start = nearest_on(end, rim).foot
-    inward = middle - start
-    norm = np.maximum(np.sqrt((inward**2).sum(1, keepdims=True)), 1e-300)
-    start = start + inward / norm * np.minimum(CONTACT_TOLERANCE, norm)
-    return crosses(start, end, walls) | crosses(end, end + WALL_GAP * out, walls)
+
+    def __init__(
+        self, pieces: F64, owner: I64, planes: F64, rim: F64, corners: F64, over: Walls
+    ) -> None:
+        self._pieces, self._owner, self._planes, self._over = pieces, owner, planes, over
+        self._rim = rim
+        self._middle = _centroid(convex_hull(corners))
+
+    def __call__(self, which: I64) -> Bool:
+        """(N,) of the pieces (N,)."""
+        found = np.zeros(len(which), np.bool_)
+        for face in np.unique(self._owner[which]):
+            outlines = self._over(self._planes[face])
+            if len(outlines):
+                mine = self._owner[which] == face
+                found[mine] = self._behind(self._pieces[which[mine]], outlines)
+        return found
+
+    def _behind(self, pieces: F64, outlines: F64) -> Bool:
+        end = pieces.mean(1)
+        along = pieces[:, 1] - pieces[:, 0]
+        out = np.stack([along[:, 1], -along[:, 0]], 1)
+        out /= np.sqrt((out**2).sum(1, keepdims=True))
+        start = nearest_on(end, self._rim).foot
+        inward = self._middle - start
+        norm = np.maximum(np.sqrt((inward**2).sum(1, keepdims=True)), 1e-300)
+        start = start + inward / norm * np.minimum(CONTACT_TOLERANCE, norm)
+        return enters(start, end, outlines) | enters(end, end + GAP * out, outlines)
+
+
+def _centroid(polygon: F64) -> F64:
+    """(2,) m, of the area of a convex polygon; of a segment or point, its middle."""
+    first = polygon[0]
+    one, other = polygon[1:-1] - first, polygon[2:] - first
+    area = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    if not area.sum() > 0:
+        return np.asarray((polygon.min(0) + polygon.max(0)) / 2)
+    return np.asarray(first + area @ (one + other) / (3 * area.sum()))

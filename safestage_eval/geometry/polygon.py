@@ -154,7 +154,14 @@ def nearest_on(points: F64, segments: F64) -> Nearest:
 def crosses(starts: F64, ends: F64, segments: F64) -> Bool:
     """(N,) whether the way from start (N, 2) to end (N, 2) meets any of segments (S, 2, 2)."""
     met = np.zeros(len(starts), bool)
-    _crosses(owned(starts), owned(ends), owned(segments), met)
+    _crosses(owned(starts), owned(ends), owned(segments), False, met)
+    return met
+
+
+def enters(starts: F64, ends: F64, outline: F64) -> Bool:
+    """(N,) as ``crosses``, from the right of a segment to its left: into what an outline encloses."""
+    met = np.zeros(len(starts), bool)
+    _crosses(owned(starts), owned(ends), owned(outline), True, met)
     return met
 
 
@@ -309,7 +316,7 @@ def _nearest(points: F64, segments: F64, distance: F64, foot: F64, segment: I64)
 
 
 @kernel
-def _crosses(starts: F64, ends: F64, segments: F64, met: Bool) -> None:
+def _crosses(starts: F64, ends: F64, segments: F64, inward: bool, met: Bool) -> None:
     for i in range(starts.shape[0]):
         dx, dy = ends[i, 0] - starts[i, 0], ends[i, 1] - starts[i, 1]
         for j in range(segments.shape[0]):
@@ -317,7 +324,7 @@ def _crosses(starts: F64, ends: F64, segments: F64, met: Bool) -> None:
             ey = segments[j, 1, 1] - segments[j, 0, 1]
             gx, gy = segments[j, 0, 0] - starts[i, 0], segments[j, 0, 1] - starts[i, 1]
             turn = dx * ey - dy * ex
-            if turn == 0.0:
+            if turn == 0.0 or (inward and turn > 0.0):
                 continue
             along, across = (gx * ey - gy * ex) / turn, (gx * dy - gy * dx) / turn
             if 0.0 <= along <= 1.0 and 0.0 <= across <= 1.0:

@@ -49,7 +49,7 @@ class Past:
         """Nothing yet."""
         self._series: dict[Any, Series] = {}
         self._columns: dict[Any, NDArray[Any]] = {}
-        self.partial: dict[tuple[str, tuple[str, ...]], Partial] = {}
+        self.partial: dict[tuple[str, tuple[str, ...], Options], Partial] = {}
         self.dependence: dict[tuple[str, ...], tuple[Bool, Bool]] = {}
         """Bodies → (T,) truth, and the frames at which it was found out."""
         self.touched: set[Pair] = set()
@@ -218,20 +218,22 @@ class GrownRelations(Relations):
         """As in the base class."""
         if name not in MEASURES:
             return super().signal(name, bodies, reference, reach, wanted, options, limits)
-        key = (name, tuple(bodies))
+        key = (name, tuple(bodies), options)
         if key not in self._partial and key in self._past.partial:
             self._partial[key] = _longer(self._past.partial[key], len(self.episode))
         found = super().signal(name, bodies, reference, reach, wanted, options, limits)
         self._past.partial[key] = self._partial[key]
         return found
 
-    def measure(self, name: str, at: NDArray[np.int64], bodies: Sequence[str]) -> Series:
+    def measure(
+        self, name: str, at: NDArray[np.int64], bodies: Sequence[str], options: Options = ()
+    ) -> Series:
         """As in the base class."""
         if self.blind:
-            return super().measure(name, at, bodies)
+            return super().measure(name, at, bodies, options)
         first = int(at.min())
         near = self._windows.relations(first, len(self.episode))
-        return near.measure(name, at - first, bodies)
+        return near.measure(name, at - first, bodies, options)
 
 
 def _open_end(found: Series) -> Series:

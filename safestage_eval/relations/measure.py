@@ -51,7 +51,7 @@ class Relations:
         self.signals = signals
         self.episode = signals.episode
         self._known: dict[tuple[str, tuple[str, ...]], Bool | None] = {}
-        self._partial: dict[tuple[str, tuple[str, ...]], Partial] = {}
+        self._partial: dict[tuple[str, tuple[str, ...], Options], Partial] = {}
         self._grips: dict[int, Grip] = {}
         self._falls: dict[str, Series] = {}
 
@@ -226,19 +226,21 @@ class Relations:
             return self._falls[bodies[0]]
         if name not in MEASURES:
             return self.signals.get(name, bodies, reference, reach, options, limits)
-        key = (name, tuple(bodies))
+        key = (name, tuple(bodies), options)
         if key not in self._partial:
             self._partial[key] = Partial.blank(len(self.episode))
         partial = self._partial[key]
         todo = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
         missing = partial.missing(todo)
         if len(missing):
-            partial.add(missing, self.measure(name, missing, bodies))
+            partial.add(missing, self.measure(name, missing, bodies, options))
         return partial.series(todo, SIGNALS[name].dimension)
 
-    def measure(self, name: str, at: NDArray[np.int64], bodies: Sequence[str]) -> Series:
+    def measure(
+        self, name: str, at: NDArray[np.int64], bodies: Sequence[str], options: Options = ()
+    ) -> Series:
         """(N,) one of ``MEASURES`` at N frames."""
-        return MEASURES[name](self, at, *bodies)
+        return MEASURES[name](self, at, *bodies, **dict(options))
 
     def _slip(self, name: str, reference: Reference | None) -> Series:
         """What is held because it goes along with the gripper cannot slip, so it does not tell."""

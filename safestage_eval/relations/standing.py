@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from safestage_eval.geometry.edge import edge_margin
 from safestage_eval.geometry.footprint import overlap_xy
+from safestage_eval.signals.motion import angular_velocity, linear_velocity
+from safestage_eval.signals.options import DEFAULT_DROP
 from safestage_eval.signals.series import Series, exact, unknown
 
 if TYPE_CHECKING:
@@ -16,6 +18,10 @@ if TYPE_CHECKING:
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+Bool = NDArray[np.bool_]
+
+STILL, STILL_TURN = 0.01, 0.1
+"""m/s and rad/s. What is faster neither carries on a surface nor guards its edge."""
 
 
 def overlap(relations: Relations, at: I64, a: str, b: str) -> Series:
@@ -28,12 +34,17 @@ def overlap(relations: Relations, at: I64, a: str, b: str) -> Series:
     return exact(np.where(np.isnan(share), 0.0, share), "ratio")
 
 
-def edge(relations: Relations, at: I64, a: str, s: str | None = None) -> Series:
-    """(N,) m; of whatever bears the body if no second is named.
+def edge(
+    relations: Relations, at: I64, a: str, s: str | None = None, edge_drop: float = DEFAULT_DROP
+) -> Series:
+    """(N,) m; of whatever bears the body if no second is named, else of the second alone.
 
-    Several bearers form one surface. −∞ where nothing bears it, or where it does not stand on the
+    Several bearers form one surface, which goes on over all that lies beside it and stays where it
+    is; what stays also guards. −∞ where nothing bears the body, or where it does not stand on the
     second at all; unknown where what bears it has no upward face under it (a ball in a groove, a
     leaning board).
+
+    ``edge_drop``: m, a step down by less is no edge.
     """
     frames, movers = len(relations.episode), relations.signals.movers
     for name in (a, s):
@@ -47,15 +58,22 @@ def edge(relations: Relations, at: I64, a: str, s: str | None = None) -> Series:
     bearers = {b: on for b, on in known.items() if movers.of([names[b]])}
     unseen = {names[b]: on for b, on in known.items() if b not in bearers and on[at].any()}
     lower, upper = np.full(frames, -np.inf), np.full(frames, -np.inf)
-    bears = np.array(list(bearers.values())).reshape(len(bearers), frames)[:, at]
-    for combination in np.unique(bears, axis=1).T:
-        if not combination.any():
-            continue
-        there = at[(bears == combination[:, None]).all(axis=0)]
-        under = [movers[names[b]] for b, on in zip(bearers, combination, strict=True) if on]
-        margin = edge_margin(movers[a], under, there)[there]
+    borne = at[
+        np.logical_or.reduce([np.zeros(len(at), np.bool_), *(b[at] for b in bearers.values())])
+    ]
+    beside, lost = _beside(relations, a, borne)
+    roles = np.array([*(on[borne] for on in bearers.values()), *beside.values()], np.int8)
+    roles = roles.reshape(len(bearers) + len(beside), len(borne))
+    for combination in np.unique(roles, axis=1).T:
+        there = borne[(roles == combination[:, None]).all(axis=0)]
+        bearing, staying = np.split(combination.astype(bool), [len(bearers)])
+        under = [movers[names[b]] for b, on in zip(bearers, bearing, strict=True) if on]
+        around = [movers[name] for name, on in zip(beside, staying, strict=True) if on]
+        around = [mover for mover in around if mover not in under]
+        margin = edge_margin(movers[a], under, there, around=around, drop=edge_drop)[there]
         lower[there] = np.where(np.isnan(margin), -np.inf, margin)
         upper[there] = np.where(np.isnan(margin), np.inf, margin)
+    upper[borne[lost]] = np.inf  # what cannot be seen may go on from the edge, or guard it
     bare = np.isneginf(lower) & np.isposinf(upper)
     for on in unseen.values():  # it can only reach further than what is seen
         upper[on] = np.inf
@@ -66,6 +84,45 @@ def edge(relations: Relations, at: I64, a: str, s: str | None = None) -> Series:
         lower[at] = -np.inf
         notes = (*notes, f"the trace has no mass of {a}: whether it is borne is not told")
     return Series(lower[at], upper[at], "length", relations.caveat("supports") + notes)
+
+
+def _beside(relations: Relations, a: str, at: I64) -> tuple[dict[str, Bool], Bool]:
+    """Bodies whose faces may go on from those that a stands on, and whose walls guard it.
+
+    Returns each with (N,) true where it stays where it is; and (N,) true where the pose of one is
+    not known. Neither the robot nor what it holds, what rests on the body or is a part of it.
+    """
+    episode, graph, found = relations.episode, relations.graph, {}
+    lost, own = np.zeros(len(at), np.bool_), graph.assemblies.of(episode.body_index[a])
+    for i, body in enumerate(episode.header.bodies):
+        moves = body.kind in ("robot", "gripper") and body.movable
+        if not body.geoms or body.kind == "region" or moves or i in own:
+            continue
+        if graph.assemblies.on_robot(i):
+            continue
+        track = episode.tracks[body.name]
+        if len(track) == 1:
+            found[body.name] = np.ones(len(at), np.bool_)
+            continue
+        stays = ~_in_motion(relations, body.name, at)
+        seen = np.isfinite(track.position[at]).all(axis=1)
+        seen &= np.isfinite(track.orientation[at]).all(axis=1)
+        lost |= ~seen
+        if i not in graph.assemblies.fixed:
+            stays &= ~relations.held(i)[at]
+            stays &= ~graph.rests_on(i, episode.body_index[a], relations.held)[at]
+        found[body.name] = stays & seen
+    return {name: on for name, on in found.items() if on.any()}, lost
+
+
+def _in_motion(relations: Relations, name: str, at: I64) -> Bool:
+    """(N,) faster than ``STILL`` or ``STILL_TURN``."""
+    episode = relations.episode
+    fast = [np.zeros(len(at), np.bool_)]
+    for read, limit in ((linear_velocity, STILL), (angular_velocity, STILL_TURN)):
+        velocity = read(episode, name)[0][at].astype(np.float64)
+        fast.append((velocity**2).sum(axis=1) > limit**2)
+    return np.logical_or.reduce(fast)
 
 
 def support_margin(relations: Relations, at: I64, a: str) -> Series:

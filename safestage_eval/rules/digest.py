@@ -146,7 +146,15 @@ def _named(node: Any, rules: ast.RuleSet) -> Iterator[tuple[str, Any]]:
         if spec is not None:
             for column, _ in spec.columns:
                 yield from _named(ast.Column(column, ""), rules)
-            usual = tuple((o.name, o.default) for o in spec.options if o.default is not None)
+            given = dict(variant.options) if variant is not None else {}
+            for option in spec.params(given):
+                if option.name in rules.params:
+                    yield from _named(ast.Parameter(option.name), rules)
+            usual = tuple(
+                (o.name, o.default)
+                for o in spec.options
+                if o.default is not None and not (o.param and o.name in rules.params)
+            )
             if usual and variant is None:
                 yield f"usual.{spec.name}", usual
     if is_dataclass(node):

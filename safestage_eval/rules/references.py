@@ -151,6 +151,15 @@ class References:
                     "R414", keys, f'{name}() needs "{option.name}"',
                     f'[signal.NAME] with base = "{spec.name}" and {option.name} = …', key=key,
                 )  # fmt: skip
+            if option.param and option.name in self.names.params:
+                scope.reads.add(("param", option.name))
+                given = self.names.params[option.name]
+                if given is not None and given != option.kind:
+                    self.report(
+                        "R407", keys,
+                        f"{name}() reads {option.name} as {an(option.kind)}, but it is {an(given)}",
+                        a_dimension(option.kind), key=key,
+                    )  # fmt: skip
         for column, dimension in spec.columns:
             scope.reads.add(("column", column))
             given = self.names.columns.get(column, dimension)

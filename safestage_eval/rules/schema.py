@@ -119,6 +119,8 @@ def _option(option: OptionSpec) -> dict[str, Any]:
         case "time":
             units = "|".join(parse.TIME_UNITS)
             return _text(rf"{parse.NUMBER} (?:{units})|\d+ {parse.FRAMES} @ {parse.NUMBER} Hz")
+        case "length":
+            return _text(f"{parse.NUMBER} ?(?:{'|'.join(DIMENSIONS['length'])})")
         case "channel":
             return _text(_NAME)
         case "box":

@@ -19,6 +19,8 @@ def read_option(spec: OptionSpec, value: Any) -> OptionValue:
     match spec.kind:
         case "time":
             return _time(spec, value)
+        case "length":
+            return _length(spec, value)
         case "box":
             return _box(spec, value)
         case "channel":
@@ -40,7 +42,7 @@ def read_options(table: Mapping[str, Any]) -> Options:
     for option in SIGNALS[table["base"]].options:
         if option.name in table:
             options[option.name] = read_option(option, table[option.name])
-        elif option.default is not None:
+        elif option.default is not None and not option.param:
             options[option.name] = option.default
     return tuple(sorted(options.items(), key=lambda item: item[0]))
 
@@ -53,6 +55,13 @@ def _time(spec: OptionSpec, value: Any) -> float:
         f'"{spec.name}" is a time that does not hang on the rate of the trace, not {value!r}',
         '"50 ms", "3 frames @ 120 Hz"',
     )
+
+
+def _length(spec: OptionSpec, value: Any) -> float:
+    found = parse.quantity(value) if isinstance(value, str) else None
+    if found is not None and found.dimension == "length" and found.value >= 0:
+        return found.value
+    raise parse.GrammarError(f'"{spec.name}" is a length, not {value!r}', '"2 cm", "5 mm"')
 
 
 def _box(spec: OptionSpec, value: Any) -> tuple[float, ...]:

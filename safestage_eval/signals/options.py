@@ -17,20 +17,23 @@ class OptionSpec:
 
     Attributes:
         name: key under ``[signal.NAME]``.
-        kind: ``time`` (s), ``channel`` (name of a recorded one), ``unit``, ``box`` (two corners,
-            m) or ``choice``.
+        kind: ``time`` (s), ``length`` (m), ``channel`` (name of a recorded one), ``unit``, ``box``
+            (two corners, m) or ``choice``.
         meaning: one sentence.
         required: there is no sensible default.
         choices: the values that a unit or choice may have; empty for any unit.
         default: the number that is meant where it is left out, if there is one.
+        param: left out, it is the value of the parameter of its own name, where the rules declare
+            one; only then the default.
     """
 
     name: str
-    kind: Literal["time", "channel", "unit", "box", "choice"]
+    kind: Literal["time", "length", "channel", "unit", "box", "choice"]
     meaning: str
     required: bool = False
     choices: tuple[str, ...] = ()
     default: float | None = None
+    param: bool = False
 
 
 DEFAULT_OVER = 0.05
@@ -45,6 +48,16 @@ OVER = OptionSpec(
     "time",
     "The time over which a change of velocity is one impact; 50 ms if left out.",
     default=DEFAULT_OVER,
+)
+DEFAULT_DROP = 0.02
+"""m: a step down by less is no edge, unless rules say otherwise."""
+
+DROP = OptionSpec(
+    "edge_drop",
+    "length",
+    "A step down by less is no edge; the parameter edge_drop if left out, and 2 cm without one.",
+    default=DEFAULT_DROP,
+    param=True,
 )
 BOX = OptionSpec(
     "box",

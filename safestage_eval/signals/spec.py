@@ -59,6 +59,10 @@ class SignalSpec:
             options=tuple(o for o in self.options if o.name not in given),
         )
 
+    def params(self, given: Mapping[str, object]) -> tuple[opt.OptionSpec, ...]:
+        """Options that parameters of their names stand in for, where they are not given."""
+        return tuple(o for o in self.options if o.param and o.name not in given)
+
     def split(self, args: tuple[str, ...]) -> tuple[tuple[str, ...], opt.Options]:
         """Arguments as written → those that are roles, and the option that the first may be."""
         if not self.named:

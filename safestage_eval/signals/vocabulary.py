@@ -152,8 +152,9 @@ SIGNALS = _table(
         (1, 2),
         "length",
         "Signed distance from the body's base to the unguarded edge of what it stands on "
-        "(or of the second argument); positive when it is fully on.",
+        "(or of the second argument alone); positive when it is fully on.",
         ("poses", "geometry"),
+        options=(opt.DROP,),
     ),
     SignalSpec(
         "load_share",

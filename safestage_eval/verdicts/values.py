@@ -88,12 +88,16 @@ class Values:
         """What a signal's call asks for: the built-in signal, its bodies, and all its options."""
         meant = self._meanings.of(call)
         bodies = tuple(map(env.get, meant.roles, meant.roles))
-        return meant.name, bodies, self._options(meant, env) if meant.columns else meant.options
+        if meant.columns or meant.params:
+            return meant.name, bodies, self._options(meant, env)
+        return meant.name, bodies, meant.options
 
     def _options(self, meant: Meant, env: Env) -> Options:
         options = dict(meant.options)
         for column in meant.columns:
             options[column] = self.number(ast.Column(column, meant.roles[0]), env)
+        for param in meant.params:
+            options[param] = self.number(ast.Parameter(param), env)
         return tuple(sorted(options.items(), key=lambda item: item[0]))
 
     def asked(self, atom: ast.SignalAtom, env: Env) -> Asked:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from bodies import box, cylinder, put, shape, sphere
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from safestage_eval.episode import Geom
+from safestage_eval.episode import Geom, Mesh
 from safestage_eval.geometry import pose
 from safestage_eval.geometry.edge import edge_margin
 from safestage_eval.geometry.mover import Mover
+from safestage_eval.geometry.shape import BodyShape
 
 MM = 1e-3
 CAN = cylinder(0.03, 0.06)
@@ -20,8 +23,8 @@ BOARDS = [box(0.1, 0.3, 0.01, at=(x, 0, -0.01)) for x in (-0.4, -0.2, 0, 0.2, 0.
 SHELF = put(shape(*BOARDS, box(0.5, 0.01, 0.2, at=(0, 0.29, 0.2))), (0, 0, 0))
 
 
-def margin(a: Mover, *supports: Mover) -> float:
-    return float(edge_margin(a, supports)[0])
+def margin(a: Mover, *supports: Mover, around: Sequence[Mover] = (), drop: float = 0.02) -> float:
+    return float(edge_margin(a, supports, around=around, drop=drop)[0])
 
 
 def ring(radius: float, height: float) -> list[Geom]:
@@ -91,7 +94,7 @@ def test_a_rim_guards_when_it_is_a_centimetre_high(rim: float, guards: bool) -> 
     plate = put(shape(disc, *ring(0.146, rim)), (0.3, 0.1, 0.8))
     found = margin(put(sphere(0.035), (0.35, 0.1, 0.835)), plate)
     foot = np.sqrt(0.035**2 - 0.03**2)
-    assert found == (np.inf if guards else pytest.approx(0.15 - 0.05 - foot, abs=0.1 * MM))
+    assert found == (np.inf if guards else pytest.approx(0.15 - 0.05 - foot, abs=0.2 * MM))
 
 
 @pytest.mark.parametrize(("gap", "guards"), [(0.003, True), (0.008, False)])
@@ -198,3 +201,175 @@ def test_turning_the_whole_scene_about_the_vertical_changes_nothing(seed: int) -
     here = margin(put(block, at, q), SHELF)
     there = margin(put(block, *pose.compose(shift, turn, at, q)), put(SHELF.shape, shift, turn))
     assert there == pytest.approx(here, abs=1e-6, nan_ok=True)
+
+
+# ---- surfaces of several bodies; a can, radius 3 cm, on a slab 20 × 20 cm whose top is at z = 0
+
+SLAB = put(box(0.1, 0.1, 0.05), (0, 0, -0.05))
+
+
+def can(x: float, y: float = 0.0, z: float = 0.0) -> Mover:
+    return put(CAN, (x, y, z + 0.06))
+
+
+@pytest.mark.parametrize(
+    ("gap", "step", "meets"),
+    [(0, 0, True), (0.004, 0, True), (0.006, 0, False), (0, 0.0015, True), (0, -0.0015, True)],
+)
+def test_slabs_that_meet_are_one_surface_whichever_bears_it(
+    gap: float, step: float, meets: bool
+) -> None:
+    """The seam at x = 10 cm is no edge; the far side of the other slab is, and so are both ends."""
+    other = put(box(0.1, 0.1, 0.05), (0.2 + gap, 0, -0.05 + step))
+    found = margin(can(0.06), SLAB, around=[other], drop=0.002)
+    assert found == pytest.approx(0.07 if meets else 0.01, abs=0.1 * MM)
+    across = margin(can(0.1), SLAB, around=[other], drop=0.002)
+    assert across == pytest.approx(0.07 if meets else -0.03, abs=0.1 * MM)
+
+
+@pytest.mark.parametrize("step", [-0.019, -0.01, -0.005, 0.005, 0.009])
+def test_a_small_step_is_no_edge_and_what_lies_beyond_it_has_edges(step: float) -> None:
+    other = put(box(0.02, 0.5, 0.05), (0.12, 0, -0.05 + step))
+    assert margin(can(0.06), SLAB, around=[other]) == pytest.approx(0.05, abs=0.1 * MM)
+    assert margin(can(0.06), SLAB, around=[other], drop=0.0045) == pytest.approx(0.01, abs=0.1 * MM)
+
+
+@pytest.mark.parametrize("step", [-0.021, -0.05])
+def test_a_large_step_down_is_an_edge(step: float) -> None:
+    other = put(box(0.1, 0.1, 0.05), (0.2, 0, -0.05 + step))
+    assert margin(can(0.06), SLAB, around=[other]) == pytest.approx(0.01, abs=0.1 * MM)
+
+
+@pytest.mark.parametrize(("thick", "edge"), [(0.008, False), (0.019, False), (0.021, True)])
+def test_the_rim_of_a_mat_is_no_edge_the_tables_is(thick: float, edge: bool) -> None:
+    """A mat 16 cm wide on a table 1 m wide, its rim 1 cm from the can and 9 cm from the table's."""
+    mat = put(box(0.08, 0.08, thick / 2), (0.33, 0, thick / 2))
+    found = margin(can(0.37, z=thick), mat, around=[TABLE])
+    assert found == pytest.approx(0.01 if edge else 0.1, abs=0.1 * MM)
+
+
+def test_a_mat_that_overhangs_the_table_ends_where_the_mat_does() -> None:
+    mat = put(box(0.08, 0.08, 0.0075), (0.46, 0, 0.0075))
+    found = margin(can(0.5, z=0.015), mat, around=[TABLE])
+    assert found == pytest.approx(0.01, abs=0.1 * MM)
+
+
+def test_a_way_down_over_a_ramp_makes_the_other_sides_of_a_box_no_less_of_an_edge() -> None:
+    """A box 10 cm high on a table; a ramp of 25° leads from its right side down to the table."""
+    crate = put(box(0.1, 0.1, 0.05), (0, 0, 0.05))
+    ramp = put(wedge(0.1 / np.tan(np.deg2rad(25)), 0.1, 0.1), (0.1, 0, 0))
+    table = put(box(2, 2, 0.01), (0, 0, -0.01))
+    for around in ([table], [table, ramp]):
+        assert margin(can(-0.06, z=0.1), crate, around=around) == pytest.approx(0.01, abs=0.1 * MM)
+        assert margin(can(-0.09, z=0.1), crate, around=around) == pytest.approx(-0.02, abs=0.1 * MM)
+
+
+def wedge(length: float, half: float, height: float) -> BodyShape:
+    """A slope down from x = 0, ``height`` above the floor, to the floor at x = ``length``."""
+    corners = [(0, y, 0) for y in (-half, half)] + [(length, y, 0) for y in (-half, half)]
+    mesh = Mesh.build(np.array([*corners, (0, -half, height), (0, half, height)]))
+    return shape(Geom(kind="convex_mesh", mesh=mesh.key), meshes={mesh.key: mesh}, name="wedge")
+
+
+def test_on_a_wedge_the_foot_is_no_edge_and_a_side_is_one_from_where_it_is_high() -> None:
+    """1 m long, 40 cm wide, 20 cm high; a plate 10 × 10 cm lies flat on it, its middle at x."""
+    slope, table = np.arctan(0.2), put(box(2, 2, 0.01), (0, 0, -0.01))
+    ramp = put(wedge(1.0, 0.2, 0.2), (0, 0, 0))
+    turn = (np.cos(slope / 2), 0, np.sin(slope / 2), 0)
+    up = np.array([np.sin(slope), 0, np.cos(slope)])
+    half = 0.05 * np.cos(slope)  # of the plate, seen from above
+
+    def plate(x: float, y: float) -> Mover:
+        return put(box(0.05, 0.05, 0.004), np.array([x, y, 0.2 - 0.2 * x]) + 0.004 * up, turn)
+
+    lean = 0.005 * np.sin(slope) * np.cos(slope)  # of the base, 5 mm above the slope
+    for around in ((), (table,)):
+        top = margin(plate(0.1, 0), ramp, around=around)
+        assert top == pytest.approx(0.1 - half, abs=0.1 * MM)
+        assert margin(plate(0.4, 0.1), ramp, around=around) == pytest.approx(0.05, abs=0.1 * MM)
+    assert margin(plate(0.93, 0), ramp) == pytest.approx(1 - 0.93 - half - lean, abs=0.1 * MM)
+    to_side = np.hypot(0.93 - half - 0.9, 0.15)  # the side is 2 cm high at x = 0.9
+    assert margin(plate(0.93, 0), ramp, around=[table]) == pytest.approx(to_side, abs=2 * MM)
+
+
+@pytest.mark.parametrize(
+    ("height", "gap", "guards"),
+    [(0.012, 0, True), (0.008, 0, False), (0.05, 0.004, True), (0.05, 0.006, False)],
+)
+def test_a_rail_guards_whatever_body_it_belongs_to(height: float, gap: float, guards: bool) -> None:
+    rail = put(box(0.005, 0.1, height), (0.105 + gap, 0, 0))
+    assert margin(can(0.06), SLAB) == pytest.approx(0.01, abs=0.1 * MM)
+    found = margin(can(0.06), SLAB, around=[rail], drop=0.002)
+    assert found == pytest.approx(0.07 if guards else 0.01, abs=0.1 * MM)
+    low = put(box(0.005, 0.1, 0.02), (0.105, 0, -0.05))  # it ends below the edge
+    assert margin(can(0.06), SLAB, around=[low]) == pytest.approx(0.01, abs=0.1 * MM)
+
+
+def test_a_rail_at_the_lower_end_of_a_slope_guards_it() -> None:
+    """The rail rises 2 cm above the slope's end, and ends below the level at which the can stands."""
+    ramp = put(wedge(1.0, 0.2, 0.2), (0, 0, 0))
+    ball, rail = sphere(0.004), put(box(0.01, 0.2, 0.01), (1.01, 0, 0.01))
+    up = np.array([0.2, 0, 1.0]) / np.hypot(0.2, 1)
+    at = np.array([0.9, 0, 0.02]) + 0.004 * up
+    assert margin(put(ball, at), ramp) == pytest.approx(0.1 - 0.004, abs=1 * MM)
+    assert margin(put(ball, at), ramp, around=[rail]) == pytest.approx(0.2 - 0.004, abs=1 * MM)
+
+
+def test_on_a_mat_on_the_floor_there_is_no_edge() -> None:
+    mat, floor = put(box(0.08, 0.08, 0.004), (0, 0, 0.004)), put(Geom(kind="plane"), (0, 0, 0))
+    assert margin(can(0.05, z=0.008), mat, around=[floor]) == np.inf
+    assert margin(can(0.05, z=0.008), mat, around=[floor], drop=0.005) == pytest.approx(0, abs=1e-6)
+
+
+def scene(rng: np.random.Generator) -> tuple[Mover, list[Mover]]:
+    """A can on the first of some slabs that meet at several heights; rails, and things about."""
+    steps = np.cumsum([0.0, *rng.choice([0, 0.001, -0.004, -0.012, -0.03, 0.006], 2)])
+    around = [
+        put(box(0.1, 0.1, 0.02), (0.2 * i + rng.choice([0, 0.003, 0.008]) * i, 0, z - 0.02))
+        for i, z in enumerate(steps)
+    ]
+    around.append(put(box(0.1, 0.004, 0.02), (rng.uniform(-0.1, 0.3), 0.105, 0.01)))
+    around.append(put(box(0.5, 0.5, 0.01), (0, 0, -0.05)))
+    return can(*rng.uniform(-0.09, 0.12, 2)), around
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(derandomize=True, deadline=None, max_examples=40)
+def test_of_several_bodies_too_only_where_they_are_to_each_other_counts(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, (under, *others) = scene(rng)
+    spin, shift = rng.uniform(0, 7), rng.normal(size=3)
+    turn = np.array([np.cos(spin / 2), 0, 0, np.sin(spin / 2)])
+
+    def there(mover: Mover) -> Mover:
+        return put(mover.shape, *pose.compose(shift, turn, mover.position[0], mover.orientation[0]))
+
+    here = margin(a, under, around=others)
+    moved = margin(there(a), there(under), around=[there(other) for other in others])
+    assert moved == pytest.approx(here, abs=1e-6)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(derandomize=True, deadline=None, max_examples=40)
+def test_more_is_an_edge_the_smaller_the_step_and_what_is_far_away_changes_nothing(
+    seed: int,
+) -> None:
+    rng = np.random.default_rng(seed)
+    a, (under, *others) = scene(rng)
+    found = [margin(a, under, around=others, drop=d) for d in (0.002, 0.005, 0.01, 0.02, 0.04)]
+    assert all(x <= y + 1e-9 for x, y in zip(found, found[1:], strict=False))
+    far = put(box(0.1, 0.1, 0.3), (*rng.choice([-5, 5], 2), rng.uniform(-0.3, 0.3)))
+    assert margin(a, under, around=[*others, far]) == pytest.approx(found[3], abs=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(derandomize=True, deadline=None, max_examples=40)
+def test_it_makes_no_difference_whether_a_table_is_one_body_or_two(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cut, a = rng.uniform(-0.4, 0.4), can(rng.uniform(-0.52, 0.52), rng.uniform(-0.32, 0.32))
+    left = put(box((cut + 0.5) / 2, 0.3, 0.01), ((cut - 0.5) / 2, 0, -0.01))
+    right = put(box((0.5 - cut) / 2, 0.3, 0.01), ((cut + 0.5) / 2, 0, -0.01))
+    whole = margin(a, TABLE)
+    bearing, other = (left, right) if a.position[0, 0] < cut else (right, left)
+    assert margin(a, bearing, around=[other]) == pytest.approx(whole, abs=1e-6)
+    assert margin(a, left, right) == pytest.approx(whole, abs=1e-6)

@@ -1,5 +1,7 @@
 """The margin to an edge, of whatever bears a body or of one support that is named."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scenes import G, Scene
@@ -40,15 +42,66 @@ def test_of_two_that_bear_it_each_has_its_own_edge_and_both_together_one() -> No
 
 
 def test_at_each_frame_what_bears_it_then_counts() -> None:
-    """The right block bears it throughout, the left one at the first frame."""
+    """The right block bears it throughout, the left one, 1 cm away, at the first frame."""
     scene = (
         standing("right")
-        .box("left", 0.1, (-0.1, 0, 0.1))
-        .rests("left", "table", 0.1, (-0.1, 0, 0), G)
+        .box("left", 0.1, (-0.11, 0, 0.1))
+        .rests("left", "table", 0.1, (-0.11, 0, 0), G)
     )
-    scene.rests("box", "left", 0.02, (0.0, 0, 0.2), G / 2, frames=slice(0, 1))
+    scene.rests("box", "left", 0.005, (-0.015, 0, 0.2), G / 2, frames=slice(0, 1))
     found = Relations(Signals(scene.episode())).signal("edge_margin", ("box",))
     assert np.allclose(found.value, [0.05, -0.02], atol=1e-4)
+
+
+def beside(left: Any = (-0.1, 0, 0.1), **fields: Any) -> Scene:
+    """The same on one block, beside which another stands that does not bear it."""
+    return standing("right").box("left", 0.1, left, **fields)
+
+
+def test_what_stands_beside_the_bearer_is_part_of_the_surface() -> None:
+    scene = beside()
+    assert margin(scene, "box") == pytest.approx(0.05, abs=1e-4)
+    assert margin(scene, "box", "right") == pytest.approx(-0.02, abs=1e-4)
+
+
+def test_what_moves_is_robot_or_lies_on_the_body_itself_is_not() -> None:
+    falling = np.linspace((-0.1, 0, 0.1), (-0.1, 0, 0.099), 2)
+    assert margin(beside(falling), "box") == pytest.approx(-0.02, abs=1e-4)
+    assert margin(beside(kind="robot"), "box") == pytest.approx(-0.02, abs=1e-4)
+    assert margin(beside(kind="region"), "box") == pytest.approx(-0.02, abs=1e-4)
+    loaded = beside().rests("left", "box", 0.02, (0, 0, 0.2), G)
+    assert margin(loaded, "box") == pytest.approx(-0.02, abs=1e-4)
+
+
+def inside(**rail: Any) -> Scene:
+    """A box, half 5 cm, 1 cm from the right block's left edge, where a rail stands."""
+    scene = standing("right")
+    scene.tracks["box"].position[:, 0] = 0.06
+    return scene.box("rail", (0.005, 0.1, 0.15), (-0.005, 0, 0.15), **rail)
+
+
+def test_a_rail_of_another_body_guards() -> None:
+    assert margin(inside(), "box") == pytest.approx(0.05, abs=1e-4)
+    assert margin(inside(), "box", "right") == pytest.approx(0.01, abs=1e-4)
+    assert margin(inside(kind="gripper"), "box") == pytest.approx(0.01, abs=1e-4)
+
+
+def test_a_step_down_counts_from_edge_drop_on() -> None:
+    """The left block is 1.5 cm lower."""
+    scene = beside((-0.1, 0, 0.085))
+    relations = Relations(Signals(scene.episode()))
+    for drop, expected in ((0.02, 0.05), (0.016, 0.05), (0.014, -0.02), (0.0, -0.02)):
+        found = relations.signal("edge_margin", ("box",), options=(("edge_drop", drop),))
+        assert np.allclose(found.value, expected, atol=1e-4)
+
+
+def test_where_the_pose_of_a_neighbour_is_not_known_an_edge_is_at_least_so_far() -> None:
+    scene = beside()
+    scene.tracks["left"].position[1] = np.nan
+    found = Relations(Signals(scene.episode())).signal("edge_margin", ("box",))
+    assert np.allclose(found.lower, [0.05, -0.02], atol=1e-4)
+    assert found.upper[0] == pytest.approx(0.05, abs=1e-4)
+    assert found.upper[1] == np.inf
 
 
 def test_of_what_it_does_not_stand_on_there_is_none() -> None:
