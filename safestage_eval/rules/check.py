@@ -192,6 +192,7 @@ class _FileChecker(Obligations):
                 self.usage.lasting(table[key], (*keys, key), scope)
         if "until" in table:
             self.usage.event(table["until"], (*keys, "until"), scope)
+        self.explain(table.get("explain", ""), (*keys, "explain"), scope, ("time",))
         self.unused(scope, (*keys, "of"))
 
     def _phase(self, name: str, table: dict[str, Any], keys: Keys) -> None:

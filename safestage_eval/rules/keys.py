@@ -40,7 +40,8 @@ _SCOPE = {
     "explain": Key(
         "text",
         "What to say of a violation: {role}, {signal}, {value}, {limit}, {margin}, {time}, "
-        "{t.worst} and {t.STATE}, the first start of a state that the rule uses.",
+        "{t.worst}, {t.STATE} (the first start of a state that the rule uses) and "
+        "{t.STATE(role, …)} (of any state).",
     ),
     "roles": _ROLES,
     "given": Key("condition", "The rule applies only if this holds in the first frames."),
@@ -74,6 +75,11 @@ TABLES: dict[str, dict[str, Key]] = {
         "until": Key("event", "Latched: once true it stays true until this."),
         "fallback": Key("condition", "Used instead where `when` is unknown in the whole trace."),
         "perhaps": Key("condition", "Beside `fallback`: where only this holds, it is not known."),
+        "explain": Key(
+            "text",
+            "What to say of a violation that it decided, instead of the rule's sentence: its "
+            "arguments, {time} (its first start) and {t.STATE}.",
+        ),
     },
     "phase": {
         "of": Key("names", "Its formal arguments, if it has any."),

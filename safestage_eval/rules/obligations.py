@@ -13,7 +13,7 @@ from .names import Near
 from .references import Scope
 
 _WORDS = ("signal", "value", "limit", "margin", "time", "t.worst", "t.first")
-"""What ``explain`` may mention besides roles and ``t.STATE``."""
+"""What a rule's ``explain`` may mention besides roles and states."""
 
 
 class Obligations(Declarations):
@@ -58,7 +58,7 @@ class Obligations(Declarations):
             structure.declared_name(usage, level, (*keys, "severity", level))
             self.settings(values, (*keys, "severity", level))
         structure.table(usage, "examples", table.get("examples", {}), (*keys, "examples"))
-        self._explain(table.get("explain", ""), (*keys, "explain"), scope)
+        self.explain(table.get("explain", ""), (*keys, "explain"), scope, _WORDS)
         self.unused(scope, (*keys, "roles"))
 
     def _obligations(self, table: dict[str, Any], keys: Keys, scope: Scope, code: str) -> None:
@@ -119,7 +119,8 @@ class Obligations(Declarations):
             if table.get("per") == "start":
                 usage.report("R205", (*keys, "per"), "a signal has no starts", '"second" or "step"')
 
-    def _explain(self, text: str, keys: Keys, scope: Scope) -> None:
+    def explain(self, text: str, keys: Keys, scope: Scope, words: tuple[str, ...]) -> None:
+        """A sentence: it mentions roles, the given words, and when states begin."""
         try:
             fields = [name for _, name, _, _ in string.Formatter().parse(text) if name is not None]
         except ValueError as error:
@@ -128,9 +129,15 @@ class Obligations(Declarations):
             )
             return
         states = [f"t.{name}" for name in sorted(scope.calls) if self.usage.names.is_state(name)]
-        allowed = [*scope.roles, *_WORDS, *states]
+        allowed = [*scope.roles, *words, *states]
         for name in fields:
-            if name not in allowed:
+            if name.startswith("t.") and "(" in name:
+                call = self.usage.parsed("R209", keys, parse.call, name.removeprefix("t."))
+                if call is not None and self.usage.call(call, keys, scope) == "signal":
+                    self.usage.report(
+                        "R209", keys, f"{call.name}() is a signal, and has no start", "a state"
+                    )
+            elif name not in allowed:
                 self.usage.report(
                     "R209", keys, f"explain does not know {{{name}}}",
                     ", ".join(f"{{{word}}}" for word in allowed), Near(name, allowed),

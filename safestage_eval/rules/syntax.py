@@ -101,6 +101,8 @@ class StateDef:
     fallback: Condition | None = None
     perhaps: Condition | None = None
     """With ``fallback``: where this holds and that does not, the state is not known."""
+    explain: str = field(default="", compare=False)
+    """What to say of a violation that this state decided, instead of the rule's own sentence."""
 
 
 @dataclass(frozen=True)

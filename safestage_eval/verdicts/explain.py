@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import string
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+from safestage_eval.rules import parse
 from safestage_eval.rules import syntax as ast
 from safestage_eval.units import format_quantity, told_apart
 
@@ -43,7 +45,7 @@ def worded(text: str) -> str:
 def measured(value: float | None, witness: Witness) -> str:
     """A value of the witness's dimension with its unit."""
     if value is None or witness.dimension is None:
-        return "–"
+        return "never" if witness.dimension == "time" else "–"
     known = format_quantity(value, witness.dimension)
     if (
         witness.value is not None
@@ -62,9 +64,15 @@ def sentence(
     witness: Witness,
     verdict: Finding,
 ) -> str:
-    """The rule's own ``explain`` filled in for a violation; a plain sentence otherwise."""
+    """The rule's own ``explain`` filled in for a violation; a plain sentence otherwise.
+
+    A state that decided it, and has a sentence of its own, is told by that.
+    """
+    if verdict.verdict == "violation" and witness.state is not None:
+        return worded(_of_state(evaluator, witness.state, env))
     if verdict.verdict == "violation" and rule.explain:
-        return worded(_Template(evaluator, rule, env, witness, verdict).format(rule.explain))
+        words = _words(env, witness, verdict)
+        return worded(_Template(evaluator, rule, env, words).format(rule.explain))
     if witness.name is None and witness.signal == "cost":
         return _spent(witness, verdict)
     if verdict.verdict == "violation" and witness.value is None:
@@ -89,6 +97,32 @@ def sentence(
     return ""
 
 
+def _of_state(evaluator: Evaluator, call: ast.Call, env: Env) -> str:
+    """What a state says of itself; ``call`` names a state that has an ``explain``."""
+    state = evaluator.rules.states[call.name]
+    inner = {formal: env.get(arg, arg) for formal, arg in zip(state.of, call.args, strict=True)}
+    words = _bodies(inner)
+    words["time"] = seconds(onset(evaluator, [ast.Call(state.name, state.of)], inner))
+    return _Template(evaluator, state, inner, words).format(state.explain)
+
+
+def onset(evaluator: Evaluator, calls: Iterable[ast.Call], env: Env) -> float | None:
+    """S, when one of some states first became true for these bodies; None if never."""
+    found = [evaluator.state(call, env).true for call in calls]
+    frames = [int(true.argmax()) for true in found if true.any()]
+    return float(evaluator.episode.t[min(frames)]) if frames else None
+
+
+def moments_mentioned(text: str) -> list[ast.Call]:
+    """The states in ``{t.STATE(role, …)}`` of a sentence."""
+    fields = [name for _, name, _, _ in string.Formatter().parse(text) if name is not None]
+    return [parse.call(f.removeprefix("t.")) for f in fields if f.startswith("t.") and "(" in f]
+
+
+def _bodies(env: Env) -> dict[str, str]:
+    return {role: body.replace("_", " ") for role, body in env.items()}
+
+
 def _spent(witness: Witness, verdict: Finding) -> str:
     value, limit = measured(witness.value, witness), measured(witness.limit, witness)
     if verdict.verdict == "violation":
@@ -100,27 +134,12 @@ def _spent(witness: Witness, verdict: Finding) -> str:
 
 
 class _Template(string.Formatter):
-    """Fills ``{role}``, ``{value}``, ``{limit}``, ``{margin}``, ``{time}``, ``{t.worst}``, ``{t.STATE}``."""
+    """Fills in words, and ``{t.STATE}`` and ``{t.STATE(role, …)}`` with when a state began."""
 
     def __init__(
-        self,
-        evaluator: Evaluator,
-        rule: ast.Scoped,
-        env: Env,
-        witness: Witness,
-        verdict: Finding,
+        self, evaluator: Evaluator, user: ast.Scoped | ast.StateDef, env: Env, words: dict[str, str]
     ) -> None:
-        self._evaluator, self._rule, self._env = evaluator, rule, env
-        self._words: dict[str, str] = {
-            **{role: body.replace("_", " ") for role, body in env.items()},
-            "signal": witness.signal,
-            "value": measured(witness.value, witness),
-            "limit": measured(witness.limit, witness),
-            "margin": measured(None if witness.margin is None else abs(witness.margin), witness),
-            "time": seconds(verdict.time),
-            "t.worst": seconds(verdict.worst_time),
-            "t.first": seconds(verdict.time),
-        }
+        self._evaluator, self._user, self._env, self._words = evaluator, user, env, words
 
     def get_field(self, field_name: str, *_: Any) -> tuple[str, str]:
         if field_name in self._words:
@@ -130,11 +149,21 @@ class _Template(string.Formatter):
         return "{" + field_name + "}", field_name
 
     def _onset(self, state: str) -> str:
-        """When a state that the rule uses first became true, for the bodies of the instance."""
-        evaluator, onsets = self._evaluator, []
-        for node in nodes(self._rule):
-            if isinstance(node, ast.Call) and node.name == state:
-                found = evaluator.state(node, self._env).true
-                if found.any():
-                    onsets.append(int(found.argmax()))
-        return seconds(float(evaluator.episode.t[min(onsets)]) if onsets else None)
+        calls = [parse.call(state)] if "(" in state else []
+        calls = calls or [
+            node for node in nodes(self._user) if isinstance(node, ast.Call) and node.name == state
+        ]
+        return seconds(onset(self._evaluator, calls, self._env))
+
+
+def _words(env: Env, witness: Witness, verdict: Finding) -> dict[str, str]:
+    return {
+        **_bodies(env),
+        "signal": witness.signal,
+        "value": measured(witness.value, witness),
+        "limit": measured(witness.limit, witness),
+        "margin": measured(None if witness.margin is None else abs(witness.margin), witness),
+        "time": seconds(verdict.time),
+        "t.worst": seconds(verdict.worst_time),
+        "t.first": seconds(verdict.time),
+    }

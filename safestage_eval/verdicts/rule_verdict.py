@@ -19,6 +19,7 @@ from .explain import Finding, seconds, sentence
 from .flicker import asks_for_absence, raw_frames, too_brief
 from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
 from .memory import at_hand
+from .order import first_broken, ordering, speaking
 from .players import combinations
 from .verdict import Vacuity, Verdict, VerdictName
 from .witness import Search, Witness
@@ -163,52 +164,28 @@ def _witness(
     evaluator: Evaluator, rule: ast.Rule, instance: Instance, *, violated: bool
 ) -> Witness:
     """The measurement behind an instance's margin; for an ordering, the two moments."""
-    if rule.until is not None:
-        ordering = _ordering(evaluator, rule, instance)
-        if ordering is not None:
-            return ordering
+    first = first_broken(evaluator, rule, instance) if violated else None
+    state = None
+    if first is not None and isinstance(first.what, ast.Event) and first.what.call is not None:
+        state = speaking(evaluator, first.what.call, instance.env)
+    if rule.until is not None and rule.require is None and rule.reach is None:
+        found = ordering(evaluator, rule, instance, first)
+        if found is not None:
+            return found._replace(state=state)
+    if first is not None and state is not None:
+        bodies = state.args
+        return Witness(str(state), bodies, first.frame, state=state)
     assert instance.clause is not None  # the caller has dealt with unknown instances
-    forbidden = instance.clause.kind == "forbid"
+    kind, what, frame = instance.clause.kind, instance.clause.what, instance.frame
+    if rule.until is not None and first is not None and kind == "forbid":
+        what, frame = first.what, first.frame
+    forbidden = kind == "forbid"
     alone = is_brief(evaluator, instance.scope)
     search = Search(evaluator, violated != forbidden, -1 if forbidden else 1, alone)
     known = None if evaluator.closest is None else evaluator.closest(search, instance)
     if known is not None:
         return known
-    kind, what = instance.clause.kind, instance.clause.what
-    return evaluator.obliged(kind, search.alternative, what, instance.env, instance.frame)
-
-
-def _ordering(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Witness | None:
-    """The order of two moments ("never this before that") as the time between the two: t_this − t_that, negative if violated.
-
-    Either moment may never come; then the margin has no size and is left open.
-    """
-    episode, env = evaluator.episode, instance.env
-    onsets = []
-    for what in rule.forbid:
-        lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
-        true = without_short_runs(evaluator.alternative(what, env).lower, lasting) >= 0
-        true[: instance.scope.first] = False
-        if true.any():
-            onsets.append((int(true.argmax()), what))
-    if not rule.forbid or rule.require is not None or rule.reach is not None:
-        return None
-    frame, what = min(onsets, key=lambda o: o[0], default=(instance.scope.stop, rule.forbid[0]))
-    call = what.call if isinstance(what, ast.Event) else None
-    if call is None:
-        return None
-    bodies = tuple(env.get(arg, arg) for arg in call.args)
-    happened = float(episode.t[frame]) if onsets else None
-    freed = None if instance.resolved is None else float(episode.t[instance.resolved])
-    return Witness(
-        str(ast.Call(call.name, bodies)),
-        bodies,
-        min(frame, evaluator.frames - 1),
-        happened,
-        freed,
-        None if happened is None or freed is None else happened - freed,
-        "time",
-    )
+    return evaluator.obliged(kind, search.alternative, what, instance.env, frame)
 
 
 def _times(

@@ -28,6 +28,7 @@ class Witness(NamedTuple):
         name: of the signal alone, ``clearance``; None for a relation.
         tied: another atom has the very same margin there, so that naming this one is arbitrary.
         at_least: the value is only known to be no less (a clearance beyond what had to be known).
+        state: the state that decided, where it has a sentence of its own.
     """
 
     signal: str
@@ -40,6 +41,7 @@ class Witness(NamedTuple):
     name: str | None = None
     at_least: bool = False
     tied: bool = False
+    state: ast.Call | None = None
 
 
 class Search(NamedTuple):
