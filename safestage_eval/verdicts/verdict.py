@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Vacuity = Literal["no_player", "no_instance", "not_given", "no_scope", "not_loaded"]
-"""Why there was nothing to judge: a role that no body plays; no combination of distinct bodies; a
-``given`` that does not hold at the start; a scope that never came about."""
+Vacuity = Literal["no_player", "unbound", "no_instance", "not_given", "no_scope", "not_loaded"]
+"""Why there was nothing to judge: a role that no body plays; a role that nothing binds; no
+combination of distinct bodies; a ``given`` that does not hold at the start; a scope that never came
+about; an assigned rule that was not loaded."""
 
 VerdictName = Literal["pass", "violation", "not_applicable", "inconclusive"]
 
