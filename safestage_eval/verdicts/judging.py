@@ -19,6 +19,7 @@ from safestage_eval.signals.measure import Signals
 from safestage_eval.units import format_quantity
 
 from .cost import judge_cost
+from .engagement import Engagement, engagement
 from .evaluate import Evaluator
 from .explain import inconclusive
 from .memory import Memory, judged_question, remembered, short, verdict_question
@@ -150,12 +151,20 @@ class Judge:
             verdicts=tuple(with_consequences(verdicts)),
             notes=tuple(self.notes),
             costs=tuple(total for total, _ in costs),
+            engagement=self.engagement,
             not_loaded=tuple(
                 code
                 for code in self.binding.assigned
                 if code not in self._rules.rules.keys() | self._rules.costs.keys()
             ),
         )
+
+    @property
+    def engagement(self) -> Engagement | None:
+        """How far the rollout got with its target, whatever values ``--set`` gives; None if unknown."""
+        evaluator = self.evaluator(self._rules.params)
+        targets = self.binding.roles.get("target", ())
+        return engagement(evaluator, targets, success=self.success)
 
     def verdict(self, rule: ast.Rule) -> Verdict:
         """What a rule says, with the worst level that is violated too."""
