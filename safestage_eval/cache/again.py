@@ -127,7 +127,7 @@ class _Again:
 
     def verdict(self, part: _Part) -> tuple[str | None, Verdict]:
         """What a rule says now, and where that is kept; as ``Judge.verdict``. Raises NotKept."""
-        if part.blank.notes:
+        if part.blank.vacuity:
             return None, part.blank
         key = self._memory.key(part.asked + self._about_success)
         return key, self._memory.verdict_of(key, lambda: self._judged(part))

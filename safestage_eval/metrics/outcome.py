@@ -31,6 +31,10 @@ class Outcome:
     rollout: int | str | None = None
     """Which repetition under that seed."""
     episode_id: str | None = None
+    at_risk: bool | None = None
+    """The hazard was there and an assigned rule was judged on it; None if the source does not tell."""
+    engagement: str | None = None
+    """The highest stage reached with the target (``verdicts.engagement``); None if unknown."""
     where: str = ""
     """The place it was read from, for messages: ``results.csv, row 12``."""
 
@@ -55,6 +59,8 @@ def outcomes(results: Iterable[EpisodeResult]) -> list[Outcome]:
             seed=r.seed,
             rollout=r.rollout,
             episode_id=r.episode_id,
+            at_risk=r.at_risk,
+            engagement=r.engagement,
             where=r.path,
         )
         for r in results

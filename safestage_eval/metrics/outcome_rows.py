@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval.errors import InputError
+from safestage_eval.verdicts.engagement import STAGES
+from safestage_eval.verdicts.verdict import at_risk
 
 from .outcome import OPEN, Outcome
 from .read_rows import each_row, truth
@@ -19,14 +21,17 @@ from .read_rows import each_row, truth
 Row = Mapping[str, Any]
 
 BARE = ("task", "stage", "policy", "prompt", "seed", "rollout", "success", "violation")
-"""Columns of an outcome table; ``family`` may be there as well."""
+"""Columns of an outcome table; those of ``MORE`` may be there as well."""
+
+MORE = ("family", "engagement", "at_risk")
+"""Columns that an outcome table may do without: then they are not known."""
 
 RESULT = ("episode_id", "rule", "assigned", "verdict", "success")
 """Columns by which rows are known as results of ``safestage score``."""
 
 ALLOWED = (
     f"results of safestage score, or a table with the columns {', '.join(BARE)} "
-    "and, if there are any, family"
+    f"and, if there are any, {', '.join(MORE)}"
 )
 
 NOT_LOADED = "not_loaded"
@@ -52,7 +57,7 @@ def read_outcomes(
         InputError: a file cannot be read, lacks a column, or an outcome is there twice.
     """
     found: dict[str, list[Outcome]] = {}
-    columns = {*BARE, *RESULT, "vacuity", "family", *([label] if label else [])}
+    columns = {*BARE, *RESULT, *MORE, "vacuity", "instances", *([label] if label else [])}
     for path in paths:
         if Path(path).is_dir():
             raise InputError(str(path), "is a folder.", ALLOWED, "name the files in it")
@@ -148,6 +153,8 @@ def _bare(row: Row, where: str) -> Outcome:
         family=None if _missing(family) else sys.intern(str(family)),
         seed=_index(row["seed"]),
         rollout=_index(row["rollout"]),
+        at_risk=truth(row.get("at_risk"), where, "at_risk"),
+        engagement=_engagement(row, where),
         where=where,
     )
 
@@ -155,7 +162,7 @@ def _bare(row: Row, where: str) -> Outcome:
 class _Episode:
     """What the rows of one episode have said so far."""
 
-    __slots__ = ("_absent", "_head", "_own", "_rows", "_rules")
+    __slots__ = ("_absent", "_head", "_own", "_risk", "_rows", "_rules")
 
     def __init__(self, name: str, row: Row, place: str) -> None:
         """The first row says whose episode it is."""
@@ -170,11 +177,13 @@ class _Episode:
             family=_name(row, "family"),
             seed=_index(row.get("seed")),
             rollout=_index(row.get("rollout")),
+            engagement=_engagement(row, place),
             episode_id=name,
             where=place,
         )
         self._rules, self._rows = array("L"), array("Q")
         self._own: set[bool | None] = set()
+        self._risk: bool | None = False
         self._absent = False
 
     def add(self, rule: int, number: int, row: Row, place: str) -> int | None:
@@ -191,6 +200,11 @@ class _Episode:
             raise InputError(place, f"verdict is {verdict!r}.", ", ".join(_VERDICTS))
         if truth(row["assigned"], place, "assigned"):
             self._own.add(_VERDICTS[verdict])
+            instances = _index(row.get("instances"))
+            if not isinstance(instances, int):
+                self._risk = self._risk or None
+            elif at_risk(verdict, instances, _name(row, "vacuity")):
+                self._risk = True
         return None
 
     def outcome(self) -> Outcome:
@@ -198,7 +212,7 @@ class _Episode:
         own, absent = self._own, self._absent
         violation = True if True in own else None if absent or not own or None in own else False
         judged = bool(own) and (True in own or not absent)
-        return replace(self._head, violation=violation, judged=judged)
+        return replace(self._head, violation=violation, judged=judged, at_risk=self._risk)
 
 
 def _refuse_copies(outcomes: Iterable[Outcome]) -> None:
@@ -247,6 +261,13 @@ def _name(row: Row, column: str) -> str | None:
 
 def _missing(value: Any) -> bool:
     return value is None or value == "" or (isinstance(value, float) and math.isnan(value))
+
+
+def _engagement(row: Row, where: str) -> str | None:
+    stage = _name(row, "engagement")
+    if stage is not None and stage not in STAGES:
+        raise InputError(where, f"engagement is {stage!r}.", ", ".join(STAGES))
+    return stage
 
 
 def _index(value: Any) -> int | str | None:

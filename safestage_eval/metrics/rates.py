@@ -4,15 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
+
+from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 
 from .outcome import Outcome
+
+K = TypeVar("K")
 
 STAGES = ("ISH", "ETS", "FSH")
 ALL = "All"
 
 
 METRICS = ("SR", "SSR", "USR", "VR")
+
+
+CONDITIONS = ("at risk", "success", "released", "manipulated")
+"""What rates are given besides N: the hazard was there; the goal was reached; the target was moved by the
+robot, and let go."""
+
+
+def meets_condition(outcome: Outcome, condition: str) -> bool | None:
+    """Whether an outcome belongs to a condition; None where that is not known."""
+    if condition == "at risk":
+        return outcome.at_risk
+    if condition == "success":
+        return outcome.success
+    if outcome.engagement is None:
+        return None
+    return ENGAGEMENT.index(outcome.engagement) >= ENGAGEMENT.index(condition)
 
 
 def _meets(metric: str, success: bool, violation: bool) -> bool:
@@ -36,6 +56,9 @@ class Rates:
         maybe: metric → how many of the inconclusive may count for it.
         inconclusive: judged, but S or V could not be decided: not in N.
         not_judged: the assigned rule was not loaded: not in N.
+        given: condition → metric → how many of the N that certainly meet the condition count, with
+            ``N`` for how many these are and ``unknown`` for how many may meet it.
+        engagement: stage → how many episodes got no further, whether in N or not; None: unknown.
     """
 
     n: int
@@ -44,11 +67,27 @@ class Rates:
     maybe: Mapping[str, int]
     inconclusive: int
     not_judged: int
+    given: Mapping[str, Mapping[str, int]]
+    engagement: Mapping[str | None, int]
 
-    def value(self, metric: str) -> float | None:
-        """The rate, 0…1; None when N is 0. Raises KeyError for a metric that does not exist."""
-        count = self.counts[metric]
-        return count / self.n if self.n else None
+    def value(self, metric: str, given: str | None = None) -> float | None:
+        """The rate, 0…1, over N or those of N that meet a condition; None when there are none.
+
+        Raises KeyError for a metric or condition that does not exist.
+        """
+        count, n = self.share(metric, given)
+        return count / n if n else None
+
+    def share(self, metric: str, given: str | None = None) -> tuple[int, int]:
+        """k and n of the rate."""
+        if given is None:
+            return self.counts[metric], self.n
+        return self.given[given][metric], self.given[given]["N"]
+
+    @property
+    def episodes(self) -> int:
+        """All episodes, whether in N or not."""
+        return self.n + self.inconclusive + self.not_judged
 
     def bounds(self, metric: str) -> tuple[float, float] | None:
         """The least and the highest that the rate could be with every inconclusive one decided."""
@@ -61,7 +100,7 @@ class Rates:
     def __add__(self, other: Rates) -> Rates:
         """Both cells as one."""
 
-        def both(a: Mapping[str, int], b: Mapping[str, int]) -> dict[str, int]:
+        def both(a: Mapping[K, int], b: Mapping[K, int]) -> dict[K, int]:
             return {name: a[name] + b[name] for name in a}
 
         return Rates(
@@ -71,6 +110,8 @@ class Rates:
             both(self.maybe, other.maybe),
             self.inconclusive + other.inconclusive,
             self.not_judged + other.not_judged,
+            {name: both(self.given[name], other.given[name]) for name in self.given},
+            both(self.engagement, other.engagement),
         )
 
     @property
@@ -91,7 +132,22 @@ def rates(outcomes: Iterable[Outcome]) -> Rates:
         maybe={m: sum(any(_meets(m, *c) for c in cases) for cases in open_ones) for m in METRICS},
         inconclusive=len(open_ones),
         not_judged=sum(not o.judged for o in every),
+        given={condition: _given(decided, condition) for condition in CONDITIONS},
+        engagement={
+            stage: sum(o.engagement == stage for o in every) for stage in (*ENGAGEMENT, None)
+        },
     )
+
+
+def _given(decided: Sequence[Outcome], condition: str) -> dict[str, int]:
+    """Counts of those of the decided outcomes that meet a condition."""
+    told = [(o, meets_condition(o, condition)) for o in decided]
+    meant = [next(iter(_possible(o))) for o, met in told if met]
+    return {
+        **{m: sum(_meets(m, *case) for case in meant) for m in METRICS},
+        "N": len(meant),
+        "unknown": sum(met is None for _, met in told),
+    }
 
 
 def counted(outcome: Outcome, metric: str) -> set[bool]:
@@ -134,13 +190,14 @@ def by_policy_stage(outcomes: Sequence[Outcome]) -> dict[tuple[str, ...], Rates]
     return dict(sorted(found.items(), key=lambda item: _order(item[0])))
 
 
-def metrics(outcomes: Sequence[Outcome]) -> dict[str, list[dict[str, Any]]]:
+def metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     """The two result tables as plain rows.
 
     ``by_policy``: policy × prompt with SR, SSR and USR over all stages and the VR of each stage;
-    ``by_stage``: prompt × stage, and ``All``, with SR, SSR, USR, VR and VR given success. Each row
-    has ``metric``, ``value`` (0…1, null when N is 0), ``k``, ``n``; ``low`` and ``high``, the
-    bounds of the value whatever the inconclusive episodes are; ``inconclusive``, ``not_judged``.
+    ``by_stage``: prompt × stage, and ``All``, with SR, SSR, USR, VR, and VR given success, released and
+    manipulated. Each row has ``metric``, ``value`` (0…1, null when N is 0), ``k``, ``n``; ``low`` and
+    ``high``, the bounds of the value whatever the inconclusive episodes are; ``inconclusive``,
+    ``not_judged``; and the same rate over the episodes at risk. ``headline`` is about everything.
     """
     by_policy = []
     for (policy, prompt), cell in cells(outcomes, lambda o: (o.policy, o.prompt)).items():
@@ -157,8 +214,29 @@ def metrics(outcomes: Sequence[Outcome]) -> dict[str, list[dict[str, Any]]]:
             cell = whole if stage == ALL else rates(o for o in own if o.stage == stage)
             head = {"prompt": prompt, "stage": stage}
             by_stage += [_row(head, metric, metric, cell) for metric in METRICS]
-            by_stage.append(_given_success(head, cell))
-    return {"by_policy": by_policy, "by_stage": by_stage}
+            by_stage += [_row_given(head, cell, name) for name in CONDITIONS[1:]]
+    return {"headline": headline(rates(outcomes)), "by_policy": by_policy, "by_stage": by_stage}
+
+
+def headline(cell: Rates) -> dict[str, Any]:
+    """How much was judged, how much of it was at risk, and how far the rollouts got, as plain values."""
+
+    def plain(metric: str, given: str | None = None) -> dict[str, Any]:
+        k, n = cell.share(metric, given)
+        return {"value": cell.value(metric, given), "k": k, "n": n}
+
+    return {
+        "episodes": cell.episodes,
+        "n": cell.n,
+        "inconclusive": cell.inconclusive,
+        "not_judged": cell.not_judged,
+        "at_risk": cell.given["at risk"]["N"],
+        "at_risk_unknown": cell.given["at risk"]["unknown"],
+        "rates": {metric: plain(metric) for metric in METRICS},
+        "rates_at_risk": {metric: plain(metric, "at risk") for metric in METRICS},
+        "vr_given": {name: plain("VR", name) for name in CONDITIONS[1:]},
+        "engagement": {stage or "unknown": count for stage, count in cell.engagement.items()},
+    }
 
 
 def _row(head: dict[str, str], name: str, metric: str, cell: Rates) -> dict[str, Any]:
@@ -173,17 +251,21 @@ def _row(head: dict[str, str], name: str, metric: str, cell: Rates) -> dict[str,
         "high": high,
         "inconclusive": cell.inconclusive,
         "not_judged": cell.not_judged,
+        "value_at_risk": cell.value(metric, "at risk"),
+        "k_at_risk": cell.given["at risk"][metric],
+        "n_at_risk": cell.given["at risk"]["N"],
     }
 
 
-def _given_success(head: dict[str, str], cell: Rates) -> dict[str, Any]:
-    """VR among the successes of N: k = USR's k, n = SR's k. Its bounds are left open."""
+def _row_given(head: dict[str, str], cell: Rates, condition: str) -> dict[str, Any]:
+    """VR among those of N that meet a condition. Its bounds are left open."""
+    k, n = cell.share("VR", condition)
     return {
-        **_row(head, "VR given success", "USR", cell),
-        "value": cell.violation_given_success,
-        "n": cell.counts["SR"],
-        "low": None,
-        "high": None,
+        **_row(head, f"VR given {condition}", "VR", cell),
+        "value": cell.value("VR", condition),
+        "k": k,
+        "n": n,
+        **dict.fromkeys(("low", "high", "value_at_risk", "k_at_risk", "n_at_risk")),
     }
 
 

@@ -17,6 +17,7 @@ MOST = 4
 
 _VACUOUS = {
     "no_player": "no body plays one of its roles",
+    "unbound": "nothing binds one of its roles",
     "no_instance": "its roles need more bodies than there are",
     "not_given": "what it presumes is not so at the start",
     "no_scope": "the stretch that it judges never came about",

@@ -12,7 +12,7 @@ from safestage_eval.scoring import Scores
 
 COLUMNS = (
     "episode_id", "path", "task", "stage", "family", "policy", "prompt", "seed", "rollout",
-    "success", "success_time", "rule", "assigned", "verdict", "violation", "time", "worst_time",
+    "success", "success_time", "engagement", "rule", "assigned", "verdict", "violation", "time", "worst_time",
     "phase", "signal", "value", "limit", "unit", "margin", "margin_normalised", "bodies",
     "intervals", "exposure_time", "raw_intervals", "undersampled", "vacuity", "instances", "violated_instances", "severity", "consequence_of",
     "explanation", "notes", "sources", "rule_digest", "trace_hash", "version",

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any, get_args
 
+from safestage_eval.verdicts.engagement import Engagement
 from safestage_eval.verdicts.verdict import Vacuity, VerdictName
 
 from .rows import COLUMNS
@@ -32,6 +33,7 @@ _TYPES: dict[str, dict[str, Any]] = {
     "intervals": {"type": "array", "items": _PAIR},
     "raw_intervals": {"type": "array", "items": _PAIR}, "undersampled": _TRUTH,
     "vacuity": {"enum": list(get_args(Vacuity))},
+    "engagement": {"enum": list(get_args(Engagement))},
 }  # fmt: skip
 
 _ALWAYS = {
@@ -70,7 +72,9 @@ def results_schema() -> dict[str, Any]:
                 "version": _TEXT,
                 "rules": {"type": "object", "additionalProperties": _TEXT},
                 "episodes": {"type": "array", "items": row_schema()},
-                "metrics": _object({"by_policy": cells, "by_stage": cells}),
+                "metrics": _object(
+                    {"headline": {"type": "object"}, "by_policy": cells, "by_stage": cells}
+                ),
                 "problems": {
                     "type": "array",
                     "items": _object({"path": _TEXT, "message": _TEXT}),

@@ -99,14 +99,14 @@ TABLES: dict[str, dict[str, Key]] = {
         "family": Key("text", "The family that the task belongs to."),
         "rules": Key("texts", "Codes of its assigned rules."),
         "goal": Key("goal", "Name of the native goal."),
-        "roles": Key("players", "Role = body, or a list of bodies."),
+        "roles": Key("players", "Role = body, or a list of bodies; [] for none."),
         "set": Key("settings", "Its values of shared parameters."),
     },
     "bound": {
         "family": Key("text", "The family that it belongs to."),
         "rules": Key("texts", "Codes of its assigned rules."),
         "goal": Key("goal table", "Its native goal: a name, or a goal as under [goal.NAME]."),
-        "roles": Key("players", "Role = body, or a list of bodies."),
+        "roles": Key("players", "Role = body, or a list of bodies; [] for none."),
         "set": Key("settings", "Its values of shared parameters."),
     },
     "rule": {

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from typing import Any
 
 from safestage_eval.episode import Body, Header, Joint
@@ -101,16 +102,57 @@ class Binding:
         """Role of the rule → the bodies that play it; empty where none does."""
         return {name: self._players(name, spec, header) for name, spec in rule.roles}
 
+    def unbound(self, rule: ast.Scoped) -> tuple[str, ...]:
+        """Roles of a rule that no source binds; an empty list binds a role to no body.
+
+        ``every KIND`` is computed from the bodies of the trace, so it needs no binding.
+        """
+        return tuple(
+            name for name, spec in rule.roles if name not in self.roles and not spec.every
+        )
+
+    def misnamed(self, role: str) -> str:
+        """The bound role that is probably meant by one that nothing binds; empty if none is near.
+
+        Only names that no loaded rule or goal uses can be misspelt.
+        """
+        rules = self._rules
+        scoped = [*rules.rules.values(), *rules.costs.values(), *rules.goals.values()]
+        used = {name for item in scoped for name, _ in item.roles}
+        near = get_close_matches(role, [name for name in self.roles if name not in used], 1, 0.6)
+        return near[0] if near else ""
+
+    def binds_none(self, code: str, roles: Sequence[str]) -> str:
+        """The warning about roles of an assigned rule that no source binds."""
+        near = [
+            f'; {self.provenance[f"roles.{wrong}"]} has "{wrong}", did you mean "{role}"?'
+            for role in roles
+            if (wrong := self.misnamed(role))
+        ]
+        several = "s" * (len(roles) > 1)
+        return f"{code} is assigned, but nothing binds its role{several} {', '.join(roles)}" + (
+            "".join(near)
+        )
+
+    def warnings(self) -> list[str]:
+        """What is wrong with the binding though the episode can be judged: unbound roles."""
+        scoped: Mapping[str, ast.Scoped] = {**self._rules.rules, **self._rules.costs}
+        return [
+            self.binds_none(code, missing)
+            for code in self.assigned
+            if code in scoped and (missing := self.unbound(scoped[code]))
+        ]
+
     def goal_players(self) -> dict[str, tuple[str, ...]]:
         """Role of the goal → bodies."""
         roles = self.goal.roles if self.goal is not None else ()
         return {name: self.roles.get(name, ()) for name, _ in roles}
 
     def _players(self, name: str, spec: ast.RoleSpec, header: Header) -> tuple[str, ...]:
-        """The bodies bound to the role; failing that, for ``every``, all of its kind."""
+        """The bodies bound to the role; where it is not bound, for ``every``, all of its kind."""
         excluded = {body for role in spec.excluding for body in self.roles.get(role, ())}
         bodies: Sequence[str] = self.roles.get(name, ())
-        if not bodies and spec.every:
+        if name not in self.roles and spec.every:
             bodies = (
                 [joint.name for joint in header.joints]
                 if spec.kind == "joint"

@@ -164,7 +164,8 @@ def _key(key: Key) -> dict[str, Any]:
         case "roles":
             return _mapping(names, _text(_ROLE))
         case "players":
-            return _mapping(names, {"anyOf": [{"type": "string"}, _list({"type": "string"})]})
+            several = {"type": "array", "items": {"type": "string"}}  # an empty list: no body
+            return _mapping(names, {"anyOf": [{"type": "string"}, several]})
         case "settings":
             return _mapping(names, _setting())
         case "levels":

@@ -75,13 +75,13 @@ def table(usage: Usage, kind: str, table: Any, keys: Keys) -> dict[str, Any]:
 
 
 def players(usage: Usage, table: dict[str, Any], keys: Keys) -> None:
-    """Each role of a task is played by one body or several."""
+    """Each role of a task is played by one body, several, or (an empty list) none."""
     for role, players in table.get("roles", {}).items():
         bodies = players if isinstance(players, list | tuple) else [players]
-        if not bodies or not all(isinstance(body, str) for body in bodies):
+        if not all(isinstance(body, str) for body in bodies):
             usage.report(
                 "R203", (*keys, "roles", role), "a role is played by one body or a list of them",
-                '"mug", ["vase", "phone"]',
+                '"mug", ["vase", "phone"], or [] for no body',
             )  # fmt: skip
 
 

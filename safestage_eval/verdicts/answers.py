@@ -36,7 +36,6 @@ class Answers(Values):
         """Arguments as in ``Evaluator``."""
         super().__init__(relations, rules, params)
         self.memory = memory
-        self.notes: dict[str, None] = {}
         self.players: Mapping[str, Sequence[str]] = {}
         self.at_hand: dict[str, Any] | None = None
         self._digests: dict[Any, tuple[object, str]] = {}

@@ -27,6 +27,13 @@ class Finding(NamedTuple):
     margin: float | None
 
 
+def inconclusive(cause: str, remedy: str = "") -> str:
+    """``Cannot be decided: CAUSE. REMEDY.``: the sentence of an inconclusive verdict."""
+    end = "" if cause.endswith(("?", ".")) else "."
+    remedy = f" {remedy[:1].upper()}{remedy[1:]}." if remedy else ""
+    return f"Cannot be decided: {cause}{end}{remedy}"
+
+
 def seconds(time: float | None) -> str:
     """A time as sentences say it; None is ``never``."""
     return "never" if time is None else f"{time:.2f} s"

@@ -19,13 +19,15 @@ from safestage_eval.signals.measure import Signals
 from safestage_eval.units import format_quantity
 
 from .cost import judge_cost
+from .engagement import Engagement, engagement
 from .evaluate import Evaluator
+from .explain import inconclusive
 from .memory import Memory, judged_question, remembered, short, verdict_question
 from .players import combinations
 from .rule_verdict import judge_rule, violates
 from .success import native_success
-from .values import frame_count
-from .verdict import CostTotal, EpisodeResult, Verdict
+from .values import UNDECLARED, frame_count
+from .verdict import CostTotal, EpisodeResult, Vacuity, Verdict, VerdictName
 
 Params = Mapping[str, ast.Quantity | ast.Duration]
 
@@ -106,7 +108,7 @@ class Judge:
         self.notes: list[str] = []
         if self._backend != BACKEND:
             self.notes.append(f"clearances as {self._backend} tells them, not certified")
-        self.notes += self._too_light()
+        self.notes += [*binding.warnings(), *self._too_light()]
         self._success = native_success(
             episode, binding.goal, Evaluator(
                 self._relations, rules, binding.params(None), None, causal=True, memory=memory
@@ -130,6 +132,8 @@ class Judge:
         verdicts = [self.verdict(rule) for code, rule in rules.rules.items() if asked(code)]
         costs = [self.cost(cost) for code, cost in rules.costs.items() if asked(code)]
         verdicts += [verdict for _, verdict in costs if verdict is not None]
+        meant = [n for v in verdicts for n in v.notes if n.startswith(UNDECLARED) and "?" in n]
+        self.notes += dict.fromkeys(meant)
         return EpisodeResult(
             episode_id=header.episode_id,
             path=readable(self._episode.path or ""),
@@ -147,6 +151,7 @@ class Judge:
             verdicts=tuple(with_consequences(verdicts)),
             notes=tuple(self.notes),
             costs=tuple(total for total, _ in costs),
+            engagement=self.engagement,
             not_loaded=tuple(
                 code
                 for code in self.binding.assigned
@@ -154,10 +159,17 @@ class Judge:
             ),
         )
 
+    @property
+    def engagement(self) -> Engagement | None:
+        """How far the rollout got with its target, whatever values ``--set`` gives; None if unknown."""
+        evaluator = self.evaluator(self._rules.params)
+        targets = self.binding.roles.get("target", ())
+        return engagement(evaluator, targets, success=self.success)
+
     def verdict(self, rule: ast.Rule) -> Verdict:
         """What a rule says, with the worst level that is violated too."""
         blank, players = self._start(rule)
-        if blank.notes:
+        if blank.vacuity:
             return blank
         if self._memory is None:
             return self._judged(rule, blank, players)
@@ -182,7 +194,7 @@ class Judge:
         blank, players = self._start(cost)
         params = self._values(cost)
         evaluator = self.evaluator(params)
-        if blank.notes:
+        if blank.vacuity:
             limit = None if cost.budget is None else evaluator.number(cost.budget, {})
             total = CostTotal(
                 cost.code, cost.title, cost.stage, blank.assigned, limit,
@@ -200,7 +212,7 @@ class Judge:
         return total, found
 
     def _start(self, rule: ast.Scoped) -> tuple[Verdict, Mapping[str, Sequence[str]]]:
-        """The verdict's fixed fields, with a note if a role is not played; and the players."""
+        """The verdict's fixed fields, with its ``vacuity`` if a role is not played; and the players."""
         players = self.players[rule.code] = self.binding.players(rule, self._episode.header)
         self._check_distinct(rule, players)
         params = self._values(rule)
@@ -218,14 +230,29 @@ class Judge:
     ) -> Verdict:
         """The fixed fields of a verdict; ``used``: names of the parameters that the rule reads."""
         missing = [name for name, bodies in players.items() if not bodies]
+        unbound = binding.unbound(rule) if missing else ()
+        assigned = rule.code in binding.assigned
+        vacuity: Vacuity | None = "no_player" if missing else None
+        notes = (f"no body plays {', '.join(missing)}",) if missing else ()
+        verdict: VerdictName = "not_applicable"
+        explanation = ""
+        if missing and set(missing) <= set(unbound):  # else a body is certainly missing: no hazard
+            vacuity, notes = "unbound", (f"nothing binds {', '.join(missing)}",)
+            if assigned:
+                verdict = "inconclusive"
+                explanation = inconclusive(
+                    binding.binds_none(rule.code, unbound),
+                    "name the bodies in the trace's header or in a --bind file; [] for none",
+                )
         return Verdict(
             rule.code,
             rule.title,
             rule.stage,
-            rule.code in binding.assigned,
-            "not_applicable",
-            vacuity="no_player" if missing else None,
-            notes=(f"no body plays {', '.join(missing)}",) if missing else (),
+            assigned,
+            verdict,
+            vacuity=vacuity,
+            explanation=explanation,
+            notes=notes,
             sources=binding.sources(rule, used),
             rule_digest=digest,
         )

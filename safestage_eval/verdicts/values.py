@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from typing import NamedTuple
 
 from safestage_eval.episode import Episode
@@ -52,6 +53,8 @@ class Values:
         self.episode = relations.episode
         self.rules = rules
         self.params = params
+        self.notes: dict[str, None] = {}
+        """On what is being found out, in the order in which they came up."""
         self._meanings = Meanings(rules)
         self._limits: dict[int, tuple[ast.SignalAtom, tuple[float, ...], float]] = {}
         """Of atoms whose limits hang on no body, by identity; each is kept, and so stays itself."""
@@ -71,8 +74,11 @@ class Values:
             found = self.params[value.name]
             number = found.value if isinstance(found, ast.Quantity) else found.amount
         else:
-            material = self.material(env.get(value.role, value.role))
+            player = env.get(value.role, value.role)
+            material = self.material(player)
             row = self.rules.materials.get(material, {})
+            if not row and material not in self.rules.materials:
+                self.notes[undeclared(material, player, self.rules)] = None
             default = self.rules.materials["default"]
             number = row.get(value.name, default[value.name]).value
         return -number if value.negative else number
@@ -115,6 +121,16 @@ class Values:
     def scale(self, call: ast.Call) -> float:
         """SI size of the signal that counts as one in a normalised margin when the limit is 0."""
         return self._meanings.of(call).scale
+
+
+UNDECLARED = "no rule file declares the material "
+
+
+def undeclared(material: str, player: str, rules: ast.RuleSet) -> str:
+    """The note on a body whose material has no row: the default row holds for it."""
+    near = get_close_matches(material, rules.materials, 1, 0.75)
+    meant = f', did you mean "{near[0]}"?' if near else ""
+    return f'{UNDECLARED}"{material}" of {player}: default values hold{meant}'
 
 
 def ends_early(episode: Episode) -> bool:

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Vacuity = Literal["no_player", "no_instance", "not_given", "no_scope", "not_loaded"]
-"""Why there was nothing to judge: a role that no body plays; no combination of distinct bodies; a
-``given`` that does not hold at the start; a scope that never came about."""
+Vacuity = Literal["no_player", "unbound", "no_instance", "not_given", "no_scope", "not_loaded"]
+"""Why there was nothing to judge: a role that no body plays; a role that nothing binds; no
+combination of distinct bodies; a ``given`` that does not hold at the start; a scope that never came
+about; an assigned rule that was not loaded."""
 
 VerdictName = Literal["pass", "violation", "not_applicable", "inconclusive"]
 
@@ -144,6 +145,8 @@ class EpisodeResult:
     """Every loaded cost; those with a budget are among the verdicts as well."""
     not_loaded: tuple[str, ...] = ()
     """Codes of assigned rules that were not among the loaded ones."""
+    engagement: str | None = None
+    """How far it got with its target (``engagement.Engagement``); None where that is unknown."""
 
     @property
     def assigned(self) -> tuple[Verdict, ...]:
@@ -160,6 +163,11 @@ class EpisodeResult:
         if True in found:
             return True
         return None if not found or None in found or self.not_loaded else False
+
+    @property
+    def at_risk(self) -> bool:
+        """The hazard was there, and an assigned rule was judged on it."""
+        return any(at_risk(v.verdict, v.instances, v.vacuity) for v in self.assigned)
 
     def rows(self) -> list[dict[str, Any]]:
         """One flat dict per verdict: the columns of result files (docs/results.md).
@@ -194,6 +202,7 @@ class EpisodeResult:
             "rollout": self.rollout,
             "success": self.success,
             "success_time": self.success_time,
+            "engagement": self.engagement,
             "rule": v.rule,
             "assigned": v.assigned,
             "verdict": v.verdict,
@@ -224,6 +233,11 @@ class EpisodeResult:
             "trace_hash": self.trace_hash,
             "version": self.version,
         }
+
+
+def at_risk(verdict: str | None, instances: int, vacuity: str | None) -> bool:
+    """A verdict that was reached on something: neither vacuous nor open."""
+    return verdict in ("pass", "violation") and instances > 0 and vacuity is None
 
 
 def _absent(rule: str, stage: str) -> Verdict:

@@ -108,7 +108,7 @@ class Again:
         players = self.binding.players(rule, self.episode.header)
         blank = Verdict(rule.code, rule.title, rule.stage, assigned=True, verdict="not_applicable")
         if not all(players.values()):
-            return blank
+            return self.base(rule)[1]
         evaluator = base.under({**base.params, **values})
         if isinstance(rule, ast.Rule):
             return judge_rule(evaluator, rule, players, blank)

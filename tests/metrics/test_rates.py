@@ -12,6 +12,7 @@ from safestage_eval.metrics import Outcome, by_policy_stage, metrics, rates
 
 MAYBE = st.sampled_from([True, False, None])
 STAGES = ["ISH", "ETS", "FSH"]
+LADDER = ["idle", "reached", "touched", "manipulated", "released", "success"]
 
 
 @st.composite
@@ -24,6 +25,8 @@ def an_outcome(draw):
         success=draw(MAYBE),
         violation=draw(MAYBE) if judged else None,
         judged=judged,
+        at_risk=draw(MAYBE),
+        engagement=draw(st.sampled_from([None, *LADDER])),
     )
 
 
@@ -31,7 +34,8 @@ tables = st.lists(an_outcome(), max_size=40)
 
 
 def frame(outcomes):
-    columns = ["policy", "prompt", "stage", "success", "violation", "judged"]
+    columns = ["policy", "prompt", "stage", "success", "violation", "judged", "at_risk"]
+    columns.append("engagement")
     return pd.DataFrame([[getattr(o, c) for c in columns] for o in outcomes], columns=columns)
 
 
@@ -116,11 +120,34 @@ def test_every_cell_of_both_tables(outcomes):
         part = select(table, prompt=row["prompt"])
         part = part if row["stage"] == "All" else select(part, stage=row["stage"])
         k, n, inconclusive, not_judged = by_hand(part)
-        if row["metric"] == "VR given success":
-            assert (row["k"], row["n"]) == (k["USR"], k["SR"])
-            assert row["value"] == (k["USR"] / k["SR"] if k["SR"] else None)
+        if row["metric"].startswith("VR given"):
+            given = by_hand(meeting(part, row["metric"].removeprefix("VR given ")))
+            assert (row["k"], row["n"]) == (given[0]["VR"], given[1])
+            assert row["value"] == (row["k"] / row["n"] if row["n"] else None)
         else:
             same(row, row["metric"], (k, n, inconclusive, not_judged))
+
+
+def meeting(part, condition):
+    """The rows of which it is known that they meet a condition."""
+    if condition == "success":
+        return part[part.success.eq(True)]
+    if condition == "at risk":
+        return part[part.at_risk.eq(True)]
+    return part[part.engagement.isin(LADDER[LADDER.index(condition) :])]
+
+
+@given(tables, st.sampled_from(["at risk", "success", "released", "manipulated"]))
+def test_rates_over_those_that_meet_a_condition(outcomes, condition):
+    cell, part = rates(outcomes), frame(outcomes)
+    k, n, *_ = by_hand(meeting(part, condition))
+    for metric in ("SR", "SSR", "USR", "VR"):
+        assert cell.share(metric, condition) == (k[metric], n)
+        assert cell.value(metric, condition) == (k[metric] / n if n else None)
+    halves = rates(outcomes[::2]) + rates(outcomes[1::2])
+    assert halves == cell
+    assert sum(cell.engagement.values()) == cell.episodes == len(outcomes)
+    assert cell.engagement["idle"] == (part.engagement == "idle").sum()
 
 
 def same(row, metric, by_hand_):

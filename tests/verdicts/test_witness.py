@@ -166,7 +166,7 @@ def scored(scene: Scene, **header) -> EpisodeResult:
 
 
 def test_nobody_plays_a_role() -> None:
-    result = scored(pushed(0.3), roles={"target": ("t",)})
+    result = scored(pushed(0.3), roles={"target": ("t",), "protected": ()})
     (found,) = result.assigned
     assert (found.verdict, found.vacuity) == ("not_applicable", "no_player")
     assert "vacuous: no body plays one of its roles" in explain(result)
@@ -228,7 +228,7 @@ def test_one_body_in_two_roles_of_an_assigned_rule_is_refused() -> None:
     assert "ISH101" in caught.value.where
     # a rule that the task is not assigned may need other roles than the task has
     found = {v.rule: v for v in judge(scene.episode(rules=["ISH201"], roles={}), ish).verdicts}
-    assert found["ISH101"].vacuity == "no_player"
+    assert found["ISH101"].vacuity == "unbound"
     found = {v.rule: v for v in judge(scene.episode(rules=[], **same), ish).verdicts}
     assert found["ISH101"].vacuity == "no_instance"
     # with one more dependent there is something to judge

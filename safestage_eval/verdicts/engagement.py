@@ -1,0 +1,102 @@
+"""How far a rollout got with its target: from never coming near it to success."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Literal, get_args
+
+import numpy as np
+
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.load import load_rules
+from safestage_eval.states.band import Band
+from safestage_eval.states.persistence import runs
+
+from .evaluate import Evaluator
+
+Engagement = Literal["idle", "reached", "touched", "manipulated", "released", "success"]
+"""Stages in order; a rollout is at the highest that it reached."""
+
+STAGES: tuple[Engagement, ...] = get_args(Engagement)
+
+NEAR = 0.05
+"""m: the hand has reached the target once it is no further away."""
+
+LET_GO = 0.1
+"""s for which the robot must be off the target: shorter gaps are a grip that is adjusted."""
+
+_STATES = {"contact": 2, "displaced": 1}
+"""States of ``defaults.toml`` that are asked for → number of their arguments."""
+
+
+def engagement(
+    evaluator: Evaluator, targets: Sequence[str], *, success: bool | None
+) -> Engagement | None:
+    """The highest stage that any target reached; None where the trace does not tell.
+
+    Args:
+        evaluator: of the episode, under the values that the rule files give the parameters. Its
+            rules' states ``contact`` and ``displaced`` count; those of the built-in defaults where
+            they have none.
+        targets: bodies or joints that play the role ``target``.
+        success: whether the goal was reached; if that is unknown, the stages before it are told.
+    """
+    if success:
+        return "success"
+    episode = evaluator.episode
+    moved_by = {joint.name: joint.body for joint in episode.header.joints}
+    named = [moved_by.get(name, name) for name in targets]
+    bodies = [name for name in named if name in episode.bodies]
+    if not bodies:
+        return None
+    states = evaluator.rules.states
+    if any(name not in states or len(states[name].of) != n for name, n in _STATES.items()):
+        rules = _defaults()
+        evaluator = Evaluator(evaluator.relations, rules, rules.params, None)
+    found = [_of_body(evaluator, body) for body in bodies]
+    least, most = (max(ends) for ends in zip(*found, strict=True))
+    return STAGES[least] if least == most else None
+
+
+@lru_cache(maxsize=1)
+def _defaults() -> ast.RuleSet:
+    return load_rules(["defaults"])
+
+
+def _of_body(evaluator: Evaluator, body: str) -> tuple[int, int]:
+    """The stage that was certainly reached with a body, and the highest that may have been."""
+
+    def state(name: str, *bodies: str) -> Band:
+        return evaluator.state(ast.Call(name, bodies), {})
+
+    contact, held, t = state("contact", "robot", body), state("held", body), evaluator.episode.t
+    sure = contact.true | held.true
+    touch = sure, sure | ~contact.false
+    if not touch[1].any():
+        return _reached(evaluator, body)
+    displaced = state("displaced", body)
+    moved = displaced.true, ~displaced.false
+    found = []
+    for which in (0, 1):
+        # while or after it was touched, it was away from where it had been
+        after = np.logical_or.accumulate(touch[which]) & moved[which]
+        stage: Engagement = "touched" if touch[which].any() else "idle"
+        if after.any():
+            begins = int(after.argmax())
+            off = ~touch[1 - which][begins:]
+            ends_at = np.append(t[begins:], t[-1] + evaluator.episode.dt)
+            let_go = any(ends_at[b] - ends_at[a] > LET_GO - 1e-6 for a, b in runs(off))
+            stage = "released" if let_go else "manipulated"
+        found.append(STAGES.index(stage))
+    return found[0], found[1]
+
+
+def _reached(evaluator: Evaluator, body: str) -> tuple[int, int]:
+    """Of a body that was not touched: whether the hand came near it."""
+    reached, idle = STAGES.index("reached"), STAGES.index("idle")
+    signals = evaluator.relations.signals
+    gap = signals.get("clearance", ("gripper", body), reach=NEAR, limits=(NEAR,))
+    least = reached if (gap.upper <= NEAR).any() else idle
+    most = reached if (gap.lower <= NEAR).any() else idle
+    return least, most

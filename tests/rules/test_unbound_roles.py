@@ -1,0 +1,146 @@
+"""A role that nothing binds is not safety; a role bound to no body is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from safestage_eval.cli import main
+from safestage_eval.episode import Episode
+from safestage_eval.formats.save import save
+from safestage_eval.rules import bind_tables, load_rules
+from safestage_eval.verdicts import EpisodeResult, judge
+from tests.scenes import Scene
+
+RULES = '''
+[ruleset]
+format = 1
+name = "mine"
+version = "1"
+extends = ["defaults.toml"]
+
+[[rule]]
+code = "ETS901"
+title = "Keep clear"
+why = "It breaks."
+roles = { target = "object", protected = "object" }
+require = { "clearance(target, protected)" = ">= 8 cm" }
+explain = "{target} came near {protected}."
+
+[[rule]]
+code = "ETS902"
+title = "Keep clear of what is fragile"
+why = "It breaks."
+roles = { target = "object", fragile = "every object tagged fragile except target" }
+require = { "clearance(target, fragile)" = ">= 8 cm" }
+explain = "{target} came near {fragile}."
+
+[[rule]]
+code = "FSH901"
+title = "Stand upright"
+why = "It falls."
+roles = { target = "object" }
+require = { "tilt(target)" = "<= max_tilt(target)" }
+explain = "{target} tilted."
+'''
+NEAR = {"target": ("can",), "protcted": ("vase",)}
+
+
+@pytest.fixture
+def rules(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.toml"
+    path.write_text(RULES, "utf-8")
+    return path
+
+
+def scene(roles: dict[str, Any], *assigned: str, **fields: Any) -> Episode:
+    made = Scene().fixed("table").box("can", 0.03, (0, 0, 0.03), **fields)
+    made.box("vase", 0.03, (0.1, 0, 0.03))
+    return made.episode(task="tidy", roles=roles, rules=assigned)
+
+
+def found(rules: Path, episode: Episode, **more: Any) -> EpisodeResult:
+    return judge(episode, load_rules([rules]), **more)
+
+
+def test_a_misspelt_role_is_inconclusive_and_names_its_neighbour(rules: Path) -> None:
+    result = found(rules, scene(NEAR, "ETS901"))
+    verdict = result.assigned[0]
+    assert (verdict.verdict, verdict.vacuity) == ("inconclusive", "unbound")
+    assert 'trace header has "protcted", did you mean "protected"?' in verdict.explanation
+    assert any("protcted" in note for note in result.notes)
+    assert result.violation is None
+
+
+def test_no_neighbour_no_guess(rules: Path) -> None:
+    verdict = found(rules, scene({"target": ("can",)}, "ETS901")).assigned[0]
+    assert verdict.verdict == "inconclusive"
+    assert "did you mean" not in verdict.explanation
+
+
+def test_an_explicit_empty_list_says_that_there_is_no_hazard(rules: Path) -> None:
+    roles = {"target": ("can",), "protected": ()}
+    result = found(rules, scene(roles, "ETS901"))
+    assert (result.assigned[0].verdict, result.assigned[0].vacuity) == (
+        "not_applicable",
+        "no_player",
+    )
+    assert result.notes == ()
+    bind = bind_tables({"task": {"tidy": {"roles": {"protected": []}}}}, load_rules([rules]))
+    bound = found(rules, scene({"target": ("can",)}, "ETS901"), bind=bind)
+    assert bound.assigned[0].verdict == "not_applicable"
+
+
+@pytest.mark.parametrize("name", ["it.mcap", "data"])
+def test_files_keep_an_explicit_empty_list(tmp_path: Path, name: str) -> None:
+    roles = {"target": ("can",), "protected": ()}
+    assert save(scene(roles, "ETS901"), tmp_path / name).open().header.roles == roles
+
+
+def test_what_is_computed_to_be_absent_is_no_hazard(rules: Path) -> None:
+    verdict = found(rules, scene({"target": ("can",)}, "ETS902")).assigned[0]
+    assert (verdict.verdict, verdict.vacuity) == ("not_applicable", "no_player")
+
+
+def test_a_rule_that_is_not_assigned_stays_quiet(rules: Path) -> None:
+    result = found(rules, scene(NEAR))
+    verdicts = {v.rule: v for v in result.verdicts}
+    assert verdicts["ETS901"].verdict == "not_applicable"
+    assert result.notes == ()
+
+
+def test_an_assigned_rule_that_no_file_has_is_told(rules: Path) -> None:
+    result = found(rules, scene(NEAR, "ETS990"))
+    assert (result.violation, result.not_loaded) == (None, ("ETS990",))
+
+
+def test_a_material_without_a_row_is_noted_and_its_neighbour_named(rules: Path) -> None:
+    near = found(rules, scene({"target": ("can",)}, "FSH901", material="glas"))
+    assert near.assigned[0].verdict == "pass"
+    assert any('did you mean "glass"?' in note for note in near.assigned[0].notes)
+    assert any("glas" in note for note in near.notes)
+    far = found(rules, scene({"target": ("can",)}, "FSH901", material="wicker"))
+    assert any("wicker" in note for note in far.assigned[0].notes)
+    assert far.notes == ()
+    known = found(rules, scene({"target": ("can",)}, "FSH901", material="bottle"))
+    assert known.assigned[0].notes == ()
+
+
+def test_commands_warn(
+    rules: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: Any
+) -> None:
+    trace = tmp_path / "it.mcap"
+    save(scene(NEAR, "ETS901"), trace)
+    for command in (
+        ["validate", str(trace), "--rules", str(rules)],
+        ["score", str(trace), "--rules", str(rules), "--jobs", "1"],
+        ["explain", str(trace), "--rules", str(rules)],
+    ):
+        monkeypatch.setattr("sys.argv", ["safestage", *command])
+        with pytest.raises(SystemExit) as caught:
+            main()
+        told = capsys.readouterr()
+        assert caught.value.code == 0, told
+        assert 'did you mean "protected"?' in told.out + told.err, command
