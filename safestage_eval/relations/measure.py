@@ -165,6 +165,22 @@ class Relations:
 
         None where there is no doubt at any frame.
         """
+        return self._unseen(name, bodies, self._doubtful(name, bodies))
+
+    def _unseen(
+        self, name: str, bodies: Sequence[str], doubt: tuple[Bool, str] | None
+    ) -> tuple[Bool, str] | None:
+        """A doubt, and that of the frames at which nothing was recorded."""
+        unseen = self.episode.unseen
+        if unseen is None:
+            return doubt
+        if name == "exposed_to":  # who touched whom in a hole was not seen
+            truth = self.get(name, bodies)
+            unseen = np.logical_or.accumulate(unseen) & ~(False if truth is None else truth)
+        why = f"{name}() is not known where nothing was recorded"
+        return (unseen, why) if doubt is None else (doubt[0] | unseen, f"{doubt[1]}; {why}")
+
+    def _doubtful(self, name: str, bodies: Sequence[str]) -> tuple[Bool, str] | None:
         if self.blind and name in ("held", "carried"):
             return doubt.may_be_in_the_grip(self, name, bodies)
         if name == "depends_on" and self.blind:
@@ -205,10 +221,13 @@ class Relations:
         The ``COSTLY`` ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
         others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
-        if name == "slip":
-            return self._slip(bodies[0], reference)
+        unseen = self.episode.unseen
+        if name == "slip":  # since a grasp that may have been lost in a hole
+            found = self._slip(bodies[0], reference)
+            return found if unseen is None else hide(found, np.logical_or.accumulate(unseen))
         if name == "load_share":
-            return self._load_share(*bodies)
+            found = self._load_share(*bodies)
+            return found if unseen is None else hide(found, unseen)
         if name not in MEASURES:
             return self.signals.get(name, bodies, reference, reach, options, limits)
         key = (name, tuple(bodies))
@@ -223,7 +242,8 @@ class Relations:
 
     def measure(self, name: str, at: NDArray[np.int64], bodies: Sequence[str]) -> Series:
         """(N,) one of ``MEASURES`` at N frames."""
-        return MEASURES[name](self, at, *bodies)
+        found, unseen = MEASURES[name](self, at, *bodies), self.episode.unseen
+        return found if unseen is None else hide(found, unseen[at])
 
     def _slip(self, name: str, reference: Reference | None) -> Series:
         """What is held because it goes along with the gripper cannot slip, so it does not tell."""

@@ -288,8 +288,8 @@ class Evaluator(Answers):
         found = self.momentary(name, bodies)
         found = persistence.persistent(
             found,
-            self.count(state.for_) if state.for_ is not None else 1,
-            self.count(state.gap, least=0) if state.gap is not None else 0,
+            self.window(state.for_),
+            self.open_gap(state.gap),
             causal=self.causal,
             open_end=self.unfollowed,
         )

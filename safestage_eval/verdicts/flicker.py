@@ -40,7 +40,7 @@ def too_brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance
                 if not len(ignored):
                     continue
                 longest = ignored[int(np.argmax(ignored[:, 1] - ignored[:, 0]))]
-                lasted = (longest[1] - longest[0]) * evaluator.episode.dt
+                lasted = evaluator.clock.seconds(int(longest[0]), int(longest[1]))
                 bodies = tuple(instance.env.get(arg, arg) for arg in event.call.args)
                 notes[
                     f"{ast.Call(event.call.name, bodies)} held for {lasted * 1e3:.0f} ms at "

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from safestage_eval import __version__
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Episode, as_judged, describe_holes, with_holes
 from safestage_eval.errors import RuleError, readable
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
@@ -24,7 +24,7 @@ from .memory import Memory, judged_question, remembered, short, verdict_question
 from .players import combinations
 from .rule_verdict import judge_rule, violates
 from .success import native_success
-from .values import frame_count
+from .values import lasting
 from .verdict import CostTotal, EpisodeResult, Verdict
 
 Params = Mapping[str, ast.Quantity | ast.Duration]
@@ -58,11 +58,11 @@ def judge(
 
     Raises:
         InputError: a backend that does not exist, or is not installed.
-        TraceError: a column that a rule needs is broken.
+        TraceError: a column that a rule needs is broken, or the header contradicts the time stamps.
         RuleError: an override that does not fit its parameter.
     """
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
-    relations = None
+    episode, relations = as_judged(episode), None
     if memory is not None:
         relations = memory.relations(baseline_frames(rules, episode), backend)
     judge_ = Judge(episode, rules, binding, relations, backend=backend, memory=memory)
@@ -94,6 +94,7 @@ class Judge:
         backend, without them it is the one given. ``memory``: to judge no rule twice.
         """
         self._memory = memory
+        episode = with_holes(episode) if relations is None else relations.episode
         self._episode, self._rules, self.binding = episode, rules, binding
         self._relations = relations or Relations(
             Signals(episode, baseline_frames(rules, episode), backend)
@@ -106,7 +107,7 @@ class Judge:
         self.notes: list[str] = []
         if self._backend != BACKEND:
             self.notes.append(f"clearances as {self._backend} tells them, not certified")
-        self.notes += self._too_light()
+        self.notes += [*describe_holes(episode), *self._too_light()]
         self._success = native_success(
             episode, binding.goal, Evaluator(
                 self._relations, rules, binding.params(None), None, causal=True, memory=memory
@@ -116,6 +117,8 @@ class Judge:
         self.success, self.success_known = self._success.told, self._success.known
         frame = self.success_frame = self._success.frame
         self.success_time = None if frame is None else float(episode.t[frame])
+        if frame is not None and episode.unseen is not None and episode.unseen[frame]:
+            self.success_time = episode.header.success_time
         self.about_success = short(repr((binding.goal, self._success)))
 
     def result(
@@ -315,7 +318,9 @@ def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
         and isinstance(span.of, ast.Whole)
         and isinstance(span.duration, ast.Duration)
     ):
-        return max(1, frame_count(span.duration, episode.dt))
+        if span.duration.frames:
+            return max(1, round(span.duration.amount))
+        return episode.clock.window(lasting(span.duration)).stop(0)
     raise RuleError("[baseline] span", "not a first stretch.", '"first 5 frames of episode"')
 
 

@@ -129,7 +129,7 @@ def _without_measurement(
     empty = frames == 0
     if empty:
         why = "its scope is empty"
-    elif rule.for_ is not None and frames < evaluator.count(rule.for_):
+    elif rule.for_ is not None and evaluator.window(rule.for_).stop(worst.scope.first) > worst.scope.stop:
         why = "its scope is shorter than what it asks for"
     else:
         why = "no moment came that it asks about"
@@ -186,8 +186,8 @@ def _ordering(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Witne
     episode, env = evaluator.episode, instance.env
     onsets = []
     for what in rule.forbid:
-        lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
-        true = without_short_runs(evaluator.alternative(what, env).lower, lasting) >= 0
+        lower = evaluator.alternative(what, env).lower
+        true = without_short_runs(lower, evaluator.window(rule.for_)) >= 0
         true[: instance.scope.first] = False
         if true.any():
             onsets.append((int(true.argmax()), what))
@@ -219,15 +219,15 @@ def _times(
     witness: Witness,
 ) -> dict[str, Any]:
     """When: the fields of a verdict that say so."""
-    t, dt = evaluator.episode.t, evaluator.episode.dt
+    t, clock = evaluator.episode.t, evaluator.clock
     bad: Bool = np.zeros(evaluator.frames, np.bool_)
     for instance in violated:
         bad |= violated_frames(evaluator, rule, instance)
 
     def timed(frames: Bool) -> tuple[tuple[float, float], ...]:
-        return tuple([(float(t[a]), float(t[b - 1]) + dt) for a, b in runs(frames).tolist()])
+        return tuple([(float(t[a]), clock.end_of(b)) for a, b in runs(frames).tolist()])
 
-    stretches, time, worst_time = timed(bad) if violated else (), None, float(t[witness.frame])
+    stretches, time, worst_time = timed(bad) if violated else (), None, float(t[clock.recorded(witness.frame)])
     if violated:
         at = int(bad.argmax()) if stretches else min(i.scope.first for i in violated)
         time = float(t[min(at, len(t) - 1)])

@@ -57,7 +57,7 @@ def native_success(
         if header.success_time > t[-1] + 1e-6:
             said = f"the trace ends at {t[-1]:.2f} s, before its success at {header.success_time:.2f} s"
             return Success(None, True, ahead=True, notes=(said,))
-        recorded = int(np.searchsorted(t, header.success_time - 1e-6))
+        recorded = frame_of(episode, header.success_time)
     if goal is None:
         return Success(recorded, header.success)
     causal.players = players
@@ -76,6 +76,15 @@ def native_success(
         return Success(reached.frame, True)
     notes = () if reached.unsure else _disagreement(episode, recorded, reached.frame)
     return Success(recorded, header.success, notes=notes)
+
+
+def frame_of(episode: Episode, time: float) -> int:
+    """The frame at a moment (s) or next after it; of one in a hole, the frame put in there."""
+    found = int(np.searchsorted(episode.t, time - 1e-6))
+    unseen = episode.unseen
+    if unseen is None or not 0 < found < len(unseen) or time >= episode.t[found] - 1e-6:
+        return found
+    return found - int(unseen[found - 1])
 
 
 def _disagreement(
