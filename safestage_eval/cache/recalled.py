@@ -189,6 +189,10 @@ class KeptRelations(Relations):
             raise NotKept(name)
         return known.series(todo, SIGNALS[name].dimension)
 
+    def may_touch_between(self, a: str, b: str, where: Bool) -> NoReturn:
+        """As in the base class; it is not kept."""
+        raise NotKept(a, b, where)
+
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
         """As in the base class."""
         if name not in CAPPED:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -124,6 +125,11 @@ class Clock:
         if self.uniform:
             return (stop - first) * self.dt
         return float(self.bounds[stop] - self.bounds[first])
+
+    @cached_property
+    def longest(self) -> float:
+        """S, the longest time that a sample stands for."""
+        return self.dt if self.uniform else float(self.spacing.max())
 
     @property
     def spacing(self) -> F64:

@@ -14,10 +14,10 @@ from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.options import Options
 from safestage_eval.signals.reference import Reference
-from safestage_eval.signals.series import Series, unknown
+from safestage_eval.signals.series import Series, hide, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
-from . import doubt, standing
+from . import between, doubt, standing
 from .dependence import Dependence
 from .exposure import Exposure
 from .graph import ByForce, SupportGraph
@@ -254,6 +254,10 @@ class Relations:
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
         """As in ``Signals``."""
         return self.signals.between_frames(name, bodies, frame)
+
+    def may_touch_between(self, a: str, b: str, where: Bool) -> Bool:
+        """(T,) where two may have touched after a sample of ``where`` and before the next one."""
+        return between.may_touch_between(self, a, b, where)
 
     def decide(
         self,
