@@ -16,6 +16,13 @@ Bool = NDArray[np.bool_]
 EVEN = 0.05
 """A clock is uniform if no spacing differs from the median by more than this share of it."""
 
+MAX_GAP = 3.0
+"""A spacing of more than so many usual ones is a hole …"""
+LEAST_GAP = 0.05
+"""… unless it is no longer than this (s): a few samples lost at a high rate hide next to nothing."""
+LONGEST_GAP = 0.5
+"""S; a longer spacing is a hole at any rate: so rare pictures are no recording of a motion."""
+
 ROUNDING = 1e-6
 """Share of a spacing that a duration may be short of and still counts as reached."""
 
@@ -97,7 +104,7 @@ class Clock:
     """
 
     def __init__(self, t: F64, dt: float, unseen: Bool | None = None) -> None:
-        self.t, self.dt, self.unseen = t, dt, unseen
+        self.t, self.dt, self.unseen = t, dt if unseen is None else usual(dt), unseen
         self.uniform = unseen is None and is_uniform(t)
         self._known: dict[tuple[Lasting, bool], Window] = {}
         self._bounds: F64 | None = None
@@ -113,6 +120,15 @@ class Clock:
     def late(self) -> bool:
         """How the episode began was not recorded."""
         return self.unseen is not None and bool(self.unseen[0])
+
+    def hole(self, frame: int) -> tuple[float, float] | None:
+        """S, from when to when nothing was recorded around a frame that was put in."""
+        if self.unseen is None or not self.unseen[frame]:
+            return None
+        seen = np.flatnonzero(~self.unseen)
+        after = int(np.searchsorted(seen, frame))
+        begin = self.t[seen[after - 1]] if after else 0.0
+        return float(begin), float(self.t[seen[min(after, len(seen) - 1)]])
 
     def end_of(self, boundary: int) -> float:
         """S, when the sample before a boundary ends."""
@@ -140,7 +156,8 @@ class Clock:
         """The frame itself, or for one that was put in the recorded one before it (or after)."""
         if self.unseen is None or not self.unseen[frame]:
             return frame
-        return frame - 1 if frame else min(1, len(self.t) - 1)
+        seen = np.flatnonzero(~self.unseen)
+        return int(seen[max(int(np.searchsorted(seen, frame)) - 1, 0)])
 
     def window(self, lasting: Lasting) -> Window:
         """The samples that a duration takes, from each on: at least so long, and so many."""
@@ -207,6 +224,11 @@ class Clock:
             perhaps = np.minimum(np.maximum(perhaps, at + 1), stops)
             loose = Window(1, perhaps, firsts, at)
         return Window(samples, stops, firsts, np.minimum(since, back), loose)
+
+
+def usual(dt: float) -> float:
+    """S, for how long a sample stands at most where the next one is missing."""
+    return dt if dt <= LONGEST_GAP else LEAST_GAP
 
 
 def is_uniform(t: F64) -> bool:

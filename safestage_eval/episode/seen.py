@@ -19,6 +19,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .clock import LEAST_GAP, LONGEST_GAP, MAX_GAP, usual
 from .clock_invariants import check_clock
 from .contacts import ContactTable
 from .episode import Episode
@@ -27,13 +28,6 @@ from .track import Track
 
 K = TypeVar("K")
 V = TypeVar("V")
-
-MAX_GAP = 3.0
-"""A spacing of more than so many usual ones is a hole …"""
-LEAST_GAP = 0.05
-"""… unless it is no longer than this (s): a few samples lost at a high rate hide next to nothing."""
-LONGEST_GAP = 0.5
-"""S; a longer spacing is a hole at any rate: so rare pictures are no recording of a motion."""
 
 LATE = 1.5
 """The first sample may come so many spacings after time 0: one, and half of one for jitter."""
@@ -58,7 +52,7 @@ def with_holes(episode: Episode, *, begins: bool = True) -> Episode:
     if episode.unseen is not None or not len(t):
         return episode
     spacing = t[1:] - t[:-1]
-    late = bool(begins and t[0] > LATE * dt)
+    late = bool(begins and t[0] > LATE * usual(dt))
     longest = min(max(MAX_GAP * dt, LEAST_GAP), LONGEST_GAP)
     if not late and not (len(spacing) and spacing.max() > longest * (1 + 1e-6)):
         return episode
@@ -67,9 +61,15 @@ def with_holes(episode: Episode, *, begins: bool = True) -> Episode:
 
 
 def _filled(episode: Episode, before: NDArray[np.intp], late: bool) -> Episode:
-    """With a frame behind each of the given ones, and one at time 0 if it begins late."""
-    t, dt = episode.t, episode.dt
-    put_in = t[before] + np.minimum(dt, (t[before + 1] - t[before]) / 2)
+    """With a frame behind each of the given ones, and one at time 0 if it begins late.
+
+    A success that came in a hole has a frame of its own: what lies after it is counted from there.
+    """
+    t, reached = episode.t, episode.header.success_time
+    put_in = t[before] + usual(episode.dt)
+    if reached is not None:
+        inside = np.flatnonzero((put_in + 1e-6 < reached) & (reached < t[before + 1] - 1e-6))
+        put_in, before = np.append(put_in, [reached] * len(inside)), np.append(before, before[inside])
     times = np.concatenate([[0.0] if late else [], t, put_in])
     source = np.concatenate([[0] if late else [], np.arange(len(t)), before]).astype(np.int64)
     unseen = np.ones(len(times), np.bool_)
@@ -133,13 +133,13 @@ def describe_holes(episode: Episode) -> list[str]:
     """In words, for the reader of a verdict: when nothing was recorded."""
     if episode.unseen is None:
         return []
-    t, at = episode.t, np.flatnonzero(episode.unseen)
-    told, notes = [], []
-    for frame in at.tolist():
-        if frame == 0:
-            notes.append(f"the recording begins at {t[1]:.2f} s: how it began was not seen")
-        else:
-            told.append(f"{t[frame - 1]:.2f} to {t[frame + 1]:.2f} s")
+    t, seen = episode.t, np.flatnonzero(~episode.unseen)
+    told, notes = [], list[str]()
+    if episode.unseen[0]:
+        notes.append(f"the recording begins at {t[seen[0]]:.2f} s: how it began was not seen")
+    for last, following in zip(seen[:-1], seen[1:], strict=True):
+        if following > last + 1:
+            told.append(f"{t[last]:.2f} to {t[following]:.2f} s")
     if told:
         more = f" and {len(told) - 3} more times" if len(told) > 3 else ""
         notes.append(

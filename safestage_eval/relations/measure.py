@@ -177,8 +177,7 @@ class Relations:
         if name == "exposed_to":  # who touched whom in a hole was not seen
             truth = self.get(name, bodies)
             unseen = np.logical_or.accumulate(unseen) & ~(False if truth is None else truth)
-        why = f"{name}() is not known where nothing was recorded"
-        return (unseen, why) if doubt is None else (doubt[0] | unseen, f"{doubt[1]}; {why}")
+        return (unseen, "") if doubt is None else (doubt[0] | unseen, doubt[1])
 
     def _doubtful(self, name: str, bodies: Sequence[str]) -> tuple[Bool, str] | None:
         if self.blind and name in ("held", "carried"):

@@ -228,6 +228,8 @@ class Evaluator(Answers):
     ) -> Bool | None:
         """(T,) where the state may hold for so long between a sample and the next, unseen."""
         coarse = self.clock.spacing >= seconds * (1 - 1e-6)
+        if self.clock.unseen is not None:  # where nothing is known anyway
+            coarse &= ~self.clock.unseen
         env, out = dict(zip(state.of, bodies, strict=True)), None
         for atom in state.when.atoms:
             if not isinstance(atom, ast.SignalAtom) or atom.call.name != "contact_force":
@@ -311,7 +313,8 @@ class Evaluator(Answers):
         if doubtful is not None:
             where, why = doubtful
             wanted = ~where if wanted is None else wanted & ~where
-            self.notes[why] = None
+            if why:
+                self.notes[why] = None
         return band.crisp(truth, wanted)
 
     def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:

@@ -117,8 +117,6 @@ class Judge:
         self.success, self.success_known = self._success.told, self._success.known
         frame = self.success_frame = self._success.frame
         self.success_time = None if frame is None else float(episode.t[frame])
-        if frame is not None and episode.unseen is not None and episode.unseen[frame]:
-            self.success_time = episode.header.success_time
         self.about_success = short(repr((binding.goal, self._success)))
 
     def result(

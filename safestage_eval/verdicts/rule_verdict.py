@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
+from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states.band import Bool
 from safestage_eval.states.persistence import runs, without_short_runs
 
@@ -102,7 +103,7 @@ def judge_rule(
     }
     if verdict == "inconclusive":
         time = seconds(told["worst_time"])
-        why = f"{witness.signal} is not known at {time}"
+        why = f"{witness.signal} is not known at {time}{_unrecorded(evaluator, witness, worst.frame)}"
         if not worst.scope.certain[worst.frame - worst.scope.first]:
             why = f"whether {time} belongs to its scope is not known"
         return replace(blank, **told, explanation=f"Cannot be decided: {why}.")
@@ -296,6 +297,17 @@ def _undersampled(evaluator: Evaluator, witness: Witness) -> float | None:
     if slack is None or abs(witness.value - witness.limit) > slack:
         return None
     return slack
+
+
+def _unrecorded(evaluator: Evaluator, witness: Witness, frame: int) -> str:
+    """Why a measurement at a frame is not known, if it is because it was not recorded."""
+    hole = evaluator.clock.hole(frame)
+    if hole is not None:
+        return f": nothing was recorded from {hole[0]:.2f} to {hole[1]:.2f} s"
+    spec = SIGNALS.get(witness.name or "")
+    if evaluator.clock.late and spec is not None and spec.since:
+        return ": how the episode began was not recorded"
+    return ""
 
 
 def _notes(evaluator: Evaluator, *more: str) -> tuple[str, ...]:

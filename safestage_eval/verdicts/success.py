@@ -79,12 +79,8 @@ def native_success(
 
 
 def frame_of(episode: Episode, time: float) -> int:
-    """The frame at a moment (s) or next after it; of one in a hole, the frame put in there."""
-    found = int(np.searchsorted(episode.t, time - 1e-6))
-    unseen = episode.unseen
-    if unseen is None or not 0 < found < len(unseen) or time >= episode.t[found] - 1e-6:
-        return found
-    return found - int(unseen[found - 1])
+    """The frame at a moment (s) or next after it."""
+    return int(np.searchsorted(episode.t, time - 1e-6))
 
 
 def _disagreement(
