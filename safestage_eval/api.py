@@ -26,7 +26,8 @@ class Episode(model.Episode):
                 the unions ``robot`` and ``gripper``, or roles that a single body plays.
 
         Returns:
-            (T,) in SI, indexed by time (s); NaN where it is not known; a clearance beyond 10 cm
+            (T,) in SI, indexed by time (s); NaN where it is not known (in a hole of the recording
+            there is one value more, NaN); a clearance beyond 10 cm
             is +inf. Relations are 1, 0 or NaN.
 
         Raises InputError for a name that does not exist.
@@ -36,9 +37,10 @@ class Episode(model.Episode):
 
         from safestage_eval.verdicts.ask import ask
 
-        series = ask(self, expression)
+        seen = model.with_holes(self)
+        series = ask(seen, expression)
         values = np.where(series.known, series.upper, np.nan)
-        return pd.Series(values, pd.Index(self.t, name="time"), name=expression)
+        return pd.Series(values, pd.Index(seen.t, name="time"), name=expression)
 
 
 def load(path: str | Path, episode: str | None = None) -> Episode:

@@ -64,6 +64,7 @@ def values_of(
         "closest": closest_of(evaluator, rule, instances, found.seen),
         "slacks": dict(relations.signals.slacks),
         "dt": episode.dt,
+        "unseen": [] if episode.unseen is None else np.flatnonzero(episode.unseen).tolist(),
         "termination": episode.header.termination,
         "success_time": episode.header.success_time,
         "baseline": relations.signals.baseline.frames,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from safestage_eval.episode import Episode, Header
+from safestage_eval.episode import Episode, Header, as_judged
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.episode_row import mesh_keys
 from safestage_eval.formats.lazy import StoredItems
@@ -84,6 +84,10 @@ class Memory:
 
     @cached_property
     def episode(self) -> Episode:
+        """The episode as it is judged. Raises TraceError as ``as_judged``."""
+        return as_judged(self._found())
+
+    def _found(self) -> Episode:
         """The episode; of one that is known, nothing is read before it has to be measured."""
         about = self.about
         if about is None:
@@ -261,7 +265,7 @@ class Memory:
                 "whose": self._whose,
                 "header": self.episode.header.model_dump_json(exclude_defaults=True),
                 "channels": [list(key) for key in self.episode.channels],
-                "t": np.asarray(self.episode.t),
+                "t": np.asarray((self.episode.recorded or self.episode).t),
             }
         }
         if self._entry is not None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 import numpy as np
 
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Clock, Episode
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.measure import CAPPED, Signals
@@ -189,6 +189,10 @@ class KeptRelations(Relations):
             raise NotKept(name)
         return known.series(todo, SIGNALS[name].dimension)
 
+    def may_touch_between(self, a: str, b: str, where: Bool) -> NoReturn:
+        """As in the base class; it is not kept."""
+        raise NotKept(a, b, where)
+
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
         """As in the base class."""
         if name not in CAPPED:
@@ -235,6 +239,11 @@ class KeptEpisode:
 
     def __init__(self, head: Value, t: F64) -> None:
         self.t, self.dt, self.header = t, head["dt"], self
+        self.unseen = None
+        if head["unseen"]:
+            self.unseen = np.zeros(len(t), np.bool_)
+            self.unseen[head["unseen"]] = True
+        self.clock = Clock(t, self.dt, self.unseen)
         self.termination, self.success_time = head["termination"], head["success_time"]
 
     def __len__(self) -> int:

@@ -2,6 +2,7 @@
 
 from .body import Body, Cavity, Geom, Joint, Quat, Record, Tcp, Vec3
 from .camera import Camera, Video
+from .clock import Clock, Lasting, Window
 from .contacts import ContactTable
 from .episode import Episode
 from .frames import RobotFrames
@@ -22,6 +23,7 @@ from .invariants import (
     check_track_column,
 )
 from .mesh import Mesh
+from .seen import as_judged, describe_holes, with_holes
 from .track import Track, still_track
 
 __all__ = [
@@ -29,11 +31,13 @@ __all__ = [
     "Body",
     "Camera",
     "Cavity",
+    "Clock",
     "ContactTable",
     "Episode",
     "Geom",
     "Header",
     "Joint",
+    "Lasting",
     "Mesh",
     "Quat",
     "Record",
@@ -44,6 +48,8 @@ __all__ = [
     "Track",
     "Vec3",
     "Video",
+    "Window",
+    "as_judged",
     "check",
     "check_contact_frames",
     "check_contact_geoms",
@@ -57,5 +63,7 @@ __all__ = [
     "check_time",
     "check_track",
     "check_track_column",
+    "describe_holes",
     "still_track",
+    "with_holes",
 ]

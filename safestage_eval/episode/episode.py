@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .body import Body
+from .clock import Clock
 from .contacts import ContactTable
 from .content_hash import content_hash
 from .frames import RobotFrames
@@ -32,6 +33,9 @@ class Episode:
         states: frame → (N,) full integration state of the simulator, for exact re-simulation.
         attachments: file name → bytes that came with the episode (its task file, say).
         path: the file it was read from, if any.
+        unseen: (T,) frames that the evaluator put in where nothing was recorded (``seen``), at which
+            nothing is known; None where there are none.
+        recorded: the episode without these frames, if there are any.
 
     Contacts and frames are given as tables, or as functions that load them when first asked.
     """
@@ -48,6 +52,8 @@ class Episode:
     states: Mapping[int, NDArray[np.float64]] = field(default_factory=dict, repr=False)
     attachments: Mapping[str, bytes] = field(default_factory=dict, repr=False)
     path: Path | None = None
+    unseen: NDArray[np.bool_] | None = None
+    recorded: Episode | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         """T, the number of frames."""
@@ -97,6 +103,8 @@ class Episode:
 
         The median where a pause in the recording pulls the mean away from it.
         """
+        if self.recorded is not None:
+            return self.recorded.dt
         if len(self.t) < 2:
             return self.header.frame_dt
         mean = float(self.t[-1] - self.t[0]) / (len(self.t) - 1)
@@ -108,6 +116,11 @@ class Episode:
         return mean if abs(mean - median) < 0.05 * median else median
 
     @cached_property
+    def clock(self) -> Clock:
+        """How long its samples last, and how many of them make up a duration."""
+        return Clock(self.t, self.dt, self.unseen)
+
+    @cached_property
     def content_hash(self) -> str:
         """SHA-256 over the physical data (docs/traces.md): the same in every format."""
-        return content_hash(self)
+        return content_hash(self.recorded or self)

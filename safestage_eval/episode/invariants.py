@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.errors import TraceError
 
+from .clock_invariants import check_clock
 from .header import SCHEMA_VERSION
 from .scene_invariants import UNIT_TOLERANCE, check_bodies, check_cameras, check_joints
 
@@ -30,6 +31,7 @@ def check(episode: Episode) -> list[TraceError]:
     where = str(episode.path or episode.header.episode_id)
     found = list(check_header(episode.header, where))
     found += check_time(episode.t, where)
+    found += check_clock(episode.header, episode.t, where)
     for body in episode.header.bodies:
         if body.name not in episode.tracks:
             found.append(TraceError(where, f"body {body.name!r} has no poses"))

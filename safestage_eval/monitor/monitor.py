@@ -6,14 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from safestage_eval.episode import Episode, Header
+from safestage_eval.episode import Episode, Header, with_holes
+from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import load_rules
 from safestage_eval.rules.resolve import bind_episode
 from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import Judge, Params, baseline_frames
+from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts.rule_verdict import violates
+from safestage_eval.verdicts.success import frame_of
 from safestage_eval.verdicts.verdict import Verdict
 
 from .foresight import Foresight, foresight
@@ -110,9 +113,14 @@ class Monitor:
         first = baseline_frames(self._rules, episode)
         if frames < first:  # what is the initial state is not known yet
             return []
-        windows = Windows(recording, first, self._backend)
-        signals = GrownSignals(episode, self._past, windows, first, self._backend)
-        relations = GrownRelations(signals)
+        relations: Relations
+        seen = with_holes(episode)
+        if seen is episode:
+            windows = Windows(recording, first, self._backend)
+            signals = GrownSignals(episode, self._past, windows, first, self._backend)
+            relations = GrownRelations(signals)
+        else:  # frames are put in, and do not grow by those at the end alone
+            episode, relations = seen, Relations(Signals(seen, first, self._backend))
         evaluators: list[Evaluator] = []
         judge: Judge | None = None
         found = []
@@ -133,7 +141,7 @@ class Monitor:
     def _evaluator(
         self,
         known: list[Evaluator],
-        relations: GrownRelations,
+        relations: Relations,
         params: Params,
         episode: Episode,
     ) -> Evaluator:
@@ -141,10 +149,10 @@ class Monitor:
         for evaluator in known:
             if evaluator.params == params:
                 return evaluator
-        header, t = episode.header, episode.t
+        header = episode.header
         frame = None
         if header.success and header.success_time is not None:
-            frame = int(t.searchsorted(header.success_time - 1e-6))
+            frame = frame_of(episode, header.success_time)
         known.append(Evaluator(relations, self._rules, params, frame))
         return known[-1]
 

@@ -93,7 +93,7 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Grip:
             perhaps[start:stop] |= held[start:stop]
             perhaps[first:stop] = True
             grasped[start:stop] = True
-        elif (stop - start) * episode.dt >= HOVERS and not supported[start:stop].all():
+        elif episode.clock.seconds(start, stop) >= HOVERS and not supported[start:stop].all():
             perhaps[start:stop] |= ~supported[start:stop]
             grasped[start:stop] = True
         start = stop

@@ -14,10 +14,10 @@ from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.options import Options
 from safestage_eval.signals.reference import Reference
-from safestage_eval.signals.series import Series, unknown
+from safestage_eval.signals.series import Series, hide, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
-from . import doubt, falls, standing
+from . import between, doubt, falls, standing
 from .dependence import Dependence
 from .exposure import Causes, Exposure
 from .graph import ByForce, SupportGraph
@@ -173,6 +173,21 @@ class Relations:
 
         None where there is no doubt at any frame.
         """
+        return self._unseen(name, bodies, self._doubtful(name, bodies))
+
+    def _unseen(
+        self, name: str, bodies: Sequence[str], doubt: tuple[Bool, str] | None
+    ) -> tuple[Bool, str] | None:
+        """A doubt, and that of the frames at which nothing was recorded."""
+        unseen = self.episode.unseen
+        if unseen is None:
+            return doubt
+        if name in ("exposed_to", "caused"):  # who touched whom in a hole was not seen
+            truth = self.get(name, bodies)
+            unseen = np.logical_or.accumulate(unseen) & ~(False if truth is None else truth)
+        return (unseen, "") if doubt is None else (doubt[0] | unseen, doubt[1])
+
+    def _doubtful(self, name: str, bodies: Sequence[str]) -> tuple[Bool, str] | None:
         if name == "caused":
             return doubt.may_have_been_touched(self, *bodies)
         if self.blind and name in ("held", "carried"):
@@ -216,14 +231,18 @@ class Relations:
         The ``COSTLY`` ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
         others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
-        if name == "slip":
-            return self._slip(bodies[0], reference)
+        unseen = self.episode.unseen
+        if name == "slip":  # since a grasp that may have been lost in a hole
+            found = self._slip(bodies[0], reference)
+            return found if unseen is None else hide(found, np.logical_or.accumulate(unseen))
         if name == "load_share":
-            return self._load_share(*bodies)
+            found = self._load_share(*bodies)
+            return found if unseen is None else hide(found, unseen)
         if name == "fall":
             if bodies[0] not in self._falls:
                 self._falls[bodies[0]] = falls.fallen(self, bodies[0])
-            return self._falls[bodies[0]]
+            found = self._falls[bodies[0]]
+            return found if unseen is None else hide(found, unseen)
         if name not in MEASURES:
             return self.signals.get(name, bodies, reference, reach, options, limits)
         key = (name, tuple(bodies), options)
@@ -240,7 +259,8 @@ class Relations:
         self, name: str, at: NDArray[np.int64], bodies: Sequence[str], options: Options = ()
     ) -> Series:
         """(N,) one of ``MEASURES`` at N frames."""
-        return MEASURES[name](self, at, *bodies, **dict(options))
+        found, unseen = MEASURES[name](self, at, *bodies, **dict(options)), self.episode.unseen
+        return found if unseen is None else hide(found, unseen[at])
 
     def _slip(self, name: str, reference: Reference | None) -> Series:
         """What is held because it goes along with the gripper cannot slip, so it does not tell."""
@@ -251,6 +271,10 @@ class Relations:
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
         """As in ``Signals``."""
         return self.signals.between_frames(name, bodies, frame)
+
+    def may_touch_between(self, a: str, b: str, where: Bool) -> Bool:
+        """(T,) where two may have touched after a sample of ``where`` and before the next one."""
+        return between.may_touch_between(self, a, b, where)
 
     def decide(
         self,

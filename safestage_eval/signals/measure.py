@@ -24,6 +24,7 @@ from .facts import Facts, Query
 from .options import Options
 from .reference import Reference
 from .series import Series, exact, unknown
+from .unseen import mask_unseen
 from .vocabulary import SIGNALS
 
 CAP = 0.10
@@ -140,6 +141,8 @@ class Signals(Facts):
         """
         if name not in stretch.SIGNALS or options or bodies[0] not in self.episode.bodies:
             return None
+        if self.episode.unseen is not None:
+            return None
         known = self._known.get((name, bodies, reference.key if reference else "", *PLAIN))
         if known is not None:
             lower = known.lower[frames]
@@ -203,4 +206,4 @@ class Signals(Facts):
         if missing:
             return unknown(frames, dimension, f"the trace has no {' and no '.join(missing)}")
         query = Query(self, name, dimension, bodies, groups, reference, cap, deep, slack, options)
-        return MEASURES[name](query)
+        return mask_unseen(MEASURES[name](query), query)

@@ -53,6 +53,12 @@ def exact(values: ArrayLike, dimension: str, notes: tuple[str, ...] = ()) -> Ser
     return Series(array, array, dimension, notes)
 
 
+def hide(found: Series, where: NDArray[np.bool_]) -> Series:
+    """The same series, unknown where ``where`` (T,) is true."""
+    lower, upper = np.where(where, -np.inf, found.lower), np.where(where, np.inf, found.upper)
+    return Series(lower, upper, found.dimension, found.notes)
+
+
 def unknown(frames: int, dimension: str, why: str) -> Series:
     """A series of which nothing is known, and why."""
     return Series(np.full(frames, -np.inf), np.full(frames, np.inf), dimension, (why,))

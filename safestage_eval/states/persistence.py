@@ -11,16 +11,31 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.compiled import kernel
+from safestage_eval.episode.clock import Window
+
 from .band import F64, Band, Bool, each
+
+I64 = NDArray[np.int64]
 
 NEVER = -np.inf
 
 
-def held_from(margin: F64, frames: int) -> F64:
-    """Worst margin over the ``frames`` frames that start at each frame; −∞ past the end.
+def held_from(margin: F64, lasting: int | Window, *, open_end: bool = False) -> F64:
+    """Worst margin over the run of frames that starts at each frame; −∞ past the end.
 
     (T,) → (T,): the frame is the start of a run that lasts long enough iff the result is >= 0.
+
+    Args:
+        margin: (T,).
+        lasting: how many frames make up the run.
+        open_end: where the run goes past the end, the frames up to there decide.
     """
+    frames, stops = _unpacked(lasting)
+    if stops is not None:
+        total = len(margin)
+        found = _least(margin, np.arange(total), np.minimum(stops, total))
+        return found if open_end else np.where(stops > total, NEVER, found)
     if frames <= 1 or not len(margin):
         return margin
     out = _never(len(margin))
@@ -36,13 +51,20 @@ def _never(frames: int) -> F64:
     return out
 
 
-def held_until(margin: F64, frames: int) -> F64:
-    """Worst margin over the ``frames`` frames that end at each frame; −∞ before the start."""
+def held_until(margin: F64, lasting: int | Window) -> F64:
+    """Worst margin over the run of frames that ends at each frame; −∞ before the start."""
+    if isinstance(lasting, Window) and lasting.since is not None:
+        found = _least(margin, np.maximum(lasting.since, 0), np.arange(len(margin)) + 1)
+        return np.where(lasting.since < 0, NEVER, found)
+    frames, _ = _unpacked(lasting)
     return held_from(margin[::-1], frames)[::-1]
 
 
-def _seen_until(margin: F64, frames: int) -> F64:
-    """Best margin over the ``frames`` frames that end at each frame; nothing before the start."""
+def _seen_until(margin: F64, open_gap: Window) -> F64:
+    """Best margin over the run of frames that ends at each frame; nothing before the start."""
+    frames = open_gap.frames
+    if open_gap.since is not None:
+        return -_least(-margin, np.maximum(open_gap.since, 0), np.arange(len(margin)) + 1)
     if frames <= 1 or not len(margin):
         return margin
     return _windows(np.maximum, np.concatenate([np.full(frames - 1, NEVER), margin]), frames)
@@ -61,8 +83,42 @@ def _windows(extreme: np.ufunc, margin: F64, frames: int) -> F64:
     return extreme(out[:-rest], out[rest:]) if rest else out
 
 
-def without_short_runs(margin: F64, frames: int) -> F64:
-    """Runs of truth shorter than ``frames`` vanish, a run cut by the trace's end among them."""
+def _unpacked(lasting: int | Window) -> tuple[int, I64 | None]:
+    return (lasting, None) if isinstance(lasting, int) else (lasting.frames, lasting.stops)
+
+
+def _least(margin: F64, firsts: I64, stops: I64) -> F64:
+    """(W,) the least margin in each of W windows [first, stop), neither of which ever goes back."""
+    out = np.empty(len(firsts))
+    queue = np.empty(len(margin), np.int64)
+    _slide(np.ascontiguousarray(margin), firsts, stops, queue, out)
+    return out
+
+
+@kernel
+def _slide(margin: F64, firsts: I64, stops: I64, queue: I64, out: F64) -> None:
+    """The queue holds the frames of a window that are less than all behind them, in order."""
+    head, tail, taken = 0, 0, 0
+    for window in range(len(out)):
+        while taken < stops[window]:
+            while tail > head and margin[queue[tail - 1]] >= margin[taken]:
+                tail -= 1
+            queue[tail] = taken
+            tail += 1
+            taken += 1
+        while head < tail and queue[head] < firsts[window]:
+            head += 1
+        out[window] = margin[queue[head]] if head < tail else np.inf
+
+
+def without_short_runs(margin: F64, lasting: int | Window, *, open_end: bool = False) -> F64:
+    """Runs of truth that do not last vanish, a run cut by the trace's end among them.
+
+    ``open_end``: that run stays.
+    """
+    frames, stops = _unpacked(lasting)
+    if stops is not None:
+        return -_least(-held_from(margin, lasting, open_end=open_end), *_around(stops))
     if frames <= 1 or not len(margin):
         return margin
     held = _never(len(margin) + frames - 1)
@@ -71,8 +127,27 @@ def without_short_runs(margin: F64, frames: int) -> F64:
     return _windows(np.maximum, held, frames)
 
 
-def without_short_gaps(margin: F64, frames: int) -> F64:
-    """Gaps of at most ``frames`` frames between two true frames are closed."""
+def _around(stops: I64) -> tuple[I64, I64]:
+    """Of the windows [i, stop) the first and last (excluded) that hold each frame."""
+    at = np.arange(len(stops))
+    return np.searchsorted(stops, at, side="right"), at + 1
+
+
+def without_short_gaps(margin: F64, closed: int | Window, *, open_end: bool = False) -> F64:
+    """Short gaps between two true frames are closed.
+
+    Args:
+        margin: (T,).
+        closed: the longest gap that is, in frames; or the window of the shortest that is not.
+        open_end: a gap at the end may be followed by a true frame.
+    """
+    if isinstance(closed, Window) and closed.stops is not None:
+        stops, total = closed.stops, len(margin)
+        best = -_least(-margin, np.arange(total), np.minimum(stops, total))
+        if open_end:
+            best[stops > total] = np.inf
+        return np.minimum(_least(best, *_around(stops)), np.maximum.accumulate(margin))
+    frames = closed if isinstance(closed, int) else closed.frames - 1
     if frames < 1 or not len(margin):
         return margin
     longer = _never(len(margin) + 2 * frames)
@@ -81,33 +156,65 @@ def without_short_gaps(margin: F64, frames: int) -> F64:
 
 
 def persistent(
-    band: Band, for_frames: int, gap_frames: int, *, causal: bool = False, open_end: bool = False
+    band: Band,
+    lasting: int | Window,
+    open_gap: int | Window,
+    *,
+    causal: bool = False,
+    open_end: bool = False,
 ) -> Band:
-    """Close gaps of at most ``gap_frames``, then drop runs shorter than ``for_frames``.
+    """Close short gaps, then drop short runs.
 
-    ``open_end``: more came after the last frame, which is not known; a run that is too short there
-    may have been long enough, and a gap closed.
+    The causal form knows no future: a run counts from the frame on at which it has lasted, and
+    goes on after its last true frame until the gap is too long.
 
-    The causal form knows no future: a run counts from its ``for_frames``-th frame on, and goes on
-    for ``gap_frames`` after its last true frame.
+    Args:
+        band: (T,) where it is true.
+        lasting: the run that is long enough, in frames or as a window. Where a run of fewer frames
+            may have lasted as long (``Window.loose``) it is unknown.
+        open_gap: the longest gap that is closed, in frames; or the window of the shortest that is
+            not.
+        causal: which form.
+        open_end: more came after the last frame, which is not known; a run that is too short there
+            may have been long enough, and a gap closed.
     """
-    if causal:
-        return each(lambda m: held_until(_seen_until(m, gap_frames + 1), for_frames), band)
-    ahead = for_frames - 1 + gap_frames if open_end else 0
-    if ahead:
-        frames, beyond = len(band.lower), np.full(ahead, np.inf)
-        longer = Band(np.append(band.lower, -beyond), np.append(band.upper, beyond))
-        return persistent(longer, for_frames, gap_frames).at(0, frames)
-    lower = _filtered(band.lower, for_frames, gap_frames)
-    exact = band.lower is band.upper
-    return Band(lower, lower if exact else _filtered(band.upper, for_frames, gap_frames))
+    lasting = Window(lasting) if isinstance(lasting, int) else lasting
+    open_gap = Window(open_gap + 1) if isinstance(open_gap, int) else open_gap
+    filtered = _causal if causal else _filtered
+    open_end = open_end and not causal
+    lower = filtered(band.lower, lasting, open_gap, False)
+    if band.lower is band.upper and lasting.loose is lasting and not open_end:
+        return Band(lower, lower)
+    return Band(lower, filtered(band.upper, lasting.loose, open_gap, open_end))
 
 
-def _filtered(margin: F64, for_frames: int, gap_frames: int) -> F64:
+def _causal(margin: F64, lasting: Window, open_gap: Window, _: bool) -> F64:
+    return held_until(_seen_until(margin, open_gap), lasting)
+
+
+def _filtered(margin: F64, lasting: Window, open_gap: Window, open_end: bool) -> F64:
     """Gaps closed, then short runs dropped; a margin that never changes has neither."""
-    if len(margin) >= for_frames and len(margin) and _constant(margin):
+    frames = len(margin)
+    if lasting.stops is not None or open_gap.stops is not None:
+        if not frames:
+            return margin
+        closed = without_short_gaps(margin, _stamped(open_gap, frames), open_end=open_end)
+        return without_short_runs(closed, _stamped(lasting, frames), open_end=open_end)
+    ahead = lasting.frames - 1 + open_gap.frames - 1 if open_end else 0
+    if ahead:
+        longer = np.append(margin, np.full(ahead, np.inf))
+        return _filtered(longer, lasting, open_gap, False)[:frames]
+    if frames >= lasting.frames and frames and _constant(margin):
         return margin
-    return without_short_runs(without_short_gaps(margin, gap_frames), for_frames)
+    return without_short_runs(without_short_gaps(margin, open_gap.frames - 1), lasting.frames)
+
+
+def _stamped(window: Window, frames: int) -> Window:
+    """A window of so many frames everywhere, told frame by frame."""
+    if window.stops is not None:
+        return window
+    stops = np.arange(frames) + window.frames
+    return Window(window.frames, np.where(stops > frames, frames + 1, stops))
 
 
 def _constant(margin: F64) -> bool:

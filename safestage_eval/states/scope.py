@@ -6,10 +6,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode.clock import Window
 
 from .band import Bool
 from .moment import Moment, Truth
 from .persistence import runs
+
+I64 = NDArray[np.int64]
 
 
 class Scope(NamedTuple):
@@ -91,44 +96,53 @@ def _from_to(on: Bool, off: Bool, *, truncated: bool) -> list[Scope]:
         t = stop + 1
 
 
-def first_part(scopes: Sequence[Scope], frames: int) -> list[Scope]:
-    """The first so many frames of each."""
-    out = []
+def _as_window(duration: int | Window) -> Window:
+    return Window(duration) if isinstance(duration, int) else duration
+
+
+def first_part(scopes: Sequence[Scope], duration: int | Window) -> list[Scope]:
+    """The first so many frames of each, or those of a duration."""
+    window, out = _as_window(duration), []
     for scope in scopes:
         first, stop, cut, sure = scope
+        end = window.stop(first)
         if sure is None:
-            out.append(Scope(first, min(first + frames, stop), cut and first + frames > stop))
+            out.append(Scope(first, min(end, stop), cut and end > stop))
             continue
         # it may begin at its first frame, and behind every frame that is not certainly in it
-        begins = np.concatenate([[True], ~sure[:-1]])
-        near = _after(begins, frames)
-        early = np.arange(len(sure)) < frames
-        open_end = cut and bool(begins[max(0, len(sure) - frames + 1) :].any())
-        out += _pieces(first, near, sure & early, cut=open_end)
+        begins = np.flatnonzero(np.concatenate([[True], ~sure[:-1]])) + first
+        stops = np.array([window.stop(int(frame)) for frame in begins])
+        near = _covered(begins - first, stops - first, len(sure))
+        early = np.arange(first, stop) < end
+        out += _pieces(first, near, sure & early, cut=cut and bool((stops > stop).any()))
     return out
 
 
-def last_part(scopes: Sequence[Scope], frames: int) -> list[Scope]:
+def last_part(scopes: Sequence[Scope], duration: int | Window) -> list[Scope]:
     """The last so many frames of each; of a cut scope the last frames are not known at all."""
-    out = []
+    window, out = _as_window(duration), []
     for scope in scopes:
         first, stop, cut, sure = scope
+        begin = stop if cut else window.first(stop)
         if sure is None:
-            out.append(Scope(stop, stop, True) if cut else Scope(max(first, stop - frames), stop))
+            out.append(Scope(max(first, begin), stop, cut))
             continue
-        ends = np.concatenate([~sure[1:], [not cut]])
-        near = _after(ends[::-1], frames)[::-1]
-        late = np.arange(len(sure))[::-1] < (0 if cut else frames)
+        ends = np.flatnonzero(np.concatenate([~sure[1:], [not cut]])) + first + 1
+        firsts = np.array([window.first(int(end)) for end in ends], np.int64)
+        near = _covered(firsts - first, ends - first, len(sure))
+        late = np.arange(first, stop) >= begin
         out += _pieces(first, near, sure & late, cut=False)
         if cut:
             out.append(Scope(stop, stop, True))
     return out
 
 
-def _after(marks: Bool, frames: int) -> Bool:
-    """(T,) less than so many frames after a mark, or at it."""
-    count = np.concatenate([np.zeros(frames, np.int64), np.cumsum(marks)])
-    return np.asarray(count[frames:] > count[: len(marks)])
+def _covered(firsts: I64, stops: I64, frames: int) -> Bool:
+    """(T,) the frames in one of the intervals [first, stop)."""
+    changes = np.zeros(frames + 1, np.int64)
+    np.add.at(changes, np.clip(firsts, 0, frames), 1)
+    np.add.at(changes, np.clip(stops, 0, frames), -1)
+    return np.asarray(np.cumsum(changes[:-1]) > 0)
 
 
 def _pieces(first: int, possible: Bool, sure: Bool, *, cut: bool) -> list[Scope]:
@@ -148,19 +162,23 @@ def at(moments: Sequence[Moment]) -> list[Scope]:
     return out
 
 
-def after(moments: Sequence[Moment], frames: int, total: int) -> list[Scope]:
-    """So many frames from each moment on."""
+def after(moments: Sequence[Moment], duration: int | Window, total: int) -> list[Scope]:
+    """So many frames from each moment on, or those of a duration."""
+    window = _as_window(duration)
     return [
-        _window(m, m.first, m.last + frames, m.last, m.first + frames, total,
-                cut=m.last + frames > total)
+        _window(m, m.first, window.stop(m.last), m.last, window.stop(m.first), total,
+                cut=window.stop(m.last) > total)
         for m in moments
     ]  # fmt: skip
 
 
-def before(moments: Sequence[Moment], frames: int, *, cut: bool = False) -> list[Scope]:
-    """So many frames before each moment (as many as there are)."""
+def before(
+    moments: Sequence[Moment], duration: int | Window, *, cut: bool = False
+) -> list[Scope]:
+    """So many frames before each moment (as many as there are), or those of a duration."""
+    window = _as_window(duration)
     return [
-        _window(m, m.first - frames, m.last, m.last - frames, m.first, m.last, cut=cut)
+        _window(m, window.first(m.first), m.last, window.first(m.last), m.first, m.last, cut=cut)
         for m in moments
     ]
 

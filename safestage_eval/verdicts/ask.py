@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Episode, with_holes
 from safestage_eval.errors import InputError
 from safestage_eval.relations.measure import Relations
 from safestage_eval.relations.vocabulary import RELATIONS
@@ -14,7 +14,7 @@ from safestage_eval.rules import parse
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.names import nearest
 from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.series import Series, exact, unknown
+from safestage_eval.signals.series import Series, exact, hide, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
 
@@ -33,7 +33,8 @@ def ask(episode: Episode, expression: str, relations: Relations | None = None) -
     Raises InputError for a name that does not exist.
     """
     call = _parsed(expression)
-    relations = relations or Relations(Signals(episode))
+    relations = relations or Relations(Signals(with_holes(episode)))
+    episode = relations.episode
     spec = SIGNALS.get(call.name)
     arguments, options = spec.split(call.args) if spec is not None else (call.args, ())
     joints = spec is not None and spec.joints
@@ -43,7 +44,8 @@ def ask(episode: Episode, expression: str, relations: Relations | None = None) -
         truth = relations.get(call.name, bodies)
         if truth is None:
             return unknown(len(episode), "number", relations.lacking(call.name, bodies))
-        return exact(truth.astype(np.float64), "number")
+        found = exact(truth.astype(np.float64), "number")
+        return found if episode.unseen is None else hide(found, episode.unseen)
     if spec is None:
         names = [*SIGNALS, *RELATIONS]
         raise InputError(

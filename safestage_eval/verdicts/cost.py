@@ -140,8 +140,7 @@ def _verdict(
     if verdict.margin_normalised is not None and not np.isfinite(verdict.margin_normalised):
         verdict = replace(verdict, margin_normalised=None)
     if violated:
-        begin, end = float(episode.t[over]), float(episode.t[max(bill.end, over + 1) - 1])
-        end += episode.dt
+        begin, end = float(episode.t[over]), evaluator.clock.end_of(max(bill.end, over + 1))
         verdict = replace(verdict, time=begin, intervals=((begin, end),), exposure_time=end - begin)
     if undecided:
         known = "no bound" if not np.isfinite(most) else f"{most:.3g} at most"
@@ -179,6 +178,8 @@ def _bill(
             sure, may = _masks(found, frames, sure=given is True)
             bill.end = max([bill.end, *(s.stop for s in found)])
             bill.unseen |= any(s.cut for s in found)
+            hidden = evaluator.clock.unseen
+            bill.unseen |= hidden is not None and any(hidden[s.first : s.stop].any() for s in found)
             bill.add(words, env, *_amounts(evaluator, charge, env, sure, may))
     return bill if bill.judged else None
 
@@ -211,12 +212,14 @@ def _amounts(
             least, most = _starts(true, possible, sure, may)
         else:
             least, most = (true & sure).astype(float), (possible & may).astype(float)
-    size = charge.add
+    size: float | F64 = charge.add
+    clock = evaluator.clock
+    spacing: float | F64 = clock.dt if clock.uniform else clock.spacing
     if charge.per == "second":
-        size *= evaluator.episode.dt
+        size = size * spacing
     elif charge.per == "step":
         step = evaluator.episode.header.control_dt
-        size *= evaluator.episode.dt / step if step else 1.0
+        size = size * (spacing / step) if step else size
     return least * size, most * size
 
 

@@ -20,7 +20,7 @@ from safestage_eval.states.scope import Scope
 from .answers import Answers, Found
 from .costly import Costly, Gates, is_costly
 from .memory import Memory
-from .values import Asked, Env, ends_early, ends_with_success, limit_margin
+from .values import Asked, Env, ends_early, ends_with_success, lasting, limit_margin
 
 if TYPE_CHECKING:
     from .instance import Instance
@@ -197,9 +197,13 @@ class Evaluator(Answers):
             return self.condition(alternative, env, wanted)
         assert type(alternative) is ast.Event
         if alternative.kind == "state" and alternative.edge is None and alternative.call:
-            return self.state(alternative.call, env, wanted)
+            call = alternative.call
+            return self._breaking(call, env, self.state(call, env, wanted), "forbid")
         found = self.truth(alternative, env)
-        return band.crisp(found.sure, found.sure == found.possible)
+        starts = band.crisp(found.sure, found.sure == found.possible)
+        if alternative.edge != "start" or alternative.call is None:
+            return starts
+        return self._breaking(alternative.call, env, starts, "forbid")
 
     def atom(self, atom: ast.Atom, env: Env, wanted: Bool | None = None) -> Band:
         """One entry of a condition; ``wanted`` as in ``condition``."""
@@ -210,6 +214,8 @@ class Evaluator(Answers):
             return self.once(atom, key, self._limited, atom, env, None)
         if type(atom) is ast.StateAtom:
             found = self.state(atom.call, env, wanted)
+            kind = "forbid" if atom.want else "require"
+            found = self._breaking(atom.call, env, found, kind)
             return found if atom.want else band.opposite(found)
         if type(atom) is ast.CountAtom:
             each = [
@@ -223,6 +229,49 @@ class Evaluator(Answers):
         return band.either(
             [self.alternative(a, env, wanted) for a in atom.alternatives], self.frames
         )
+
+    def _breaking(self, call: ast.Call, env: Env, found: Band, kind: str) -> Band:
+        """A state that must not be: unknown too where two samples may hide a touch between them.
+
+        ``kind``: of the obligation that breaks where the state holds; in others it stays as it is.
+        """
+        declared = self.rules.states.get(call.name)
+        if self._obligation != kind or declared is None or declared.for_ is None:
+            return found
+        lasts = lasting(self.duration(declared.for_))
+        if not lasts.brief or lasts.seconds is None or self.clock.longest < lasts.seconds * (1 - 1e-6):
+            return found
+        bodies = tuple(map(env.get, call.args, call.args))
+        key = ("hidden", call.name, bodies)
+        hidden = self.once(declared, key, self._hidden_touch, declared, bodies, lasts.seconds)
+        if hidden is None:
+            return found
+        return Band(found.lower, np.where(hidden & ~found.true, np.inf, found.upper))
+
+    def _hidden_touch(
+        self, state: ast.StateDef, bodies: tuple[str, ...], seconds: float
+    ) -> Bool | None:
+        """(T,) where the state may hold for so long between a sample and the next, unseen."""
+        coarse = self.clock.spacing >= seconds * (1 - 1e-6)
+        if self.clock.unseen is not None:  # where nothing is known anyway
+            coarse &= ~self.clock.unseen
+        env, out = dict(zip(state.of, bodies, strict=True)), None
+        for atom in state.when.atoms:
+            if not isinstance(atom, ast.SignalAtom) or atom.call.name != "contact_force":
+                continue
+            asked = self.asked(atom, env)
+            if len(asked.bodies) != 2 or atom.limits[0].op[0] != ">":
+                continue
+            peak = self.relations.signal("peak_force", asked.bodies)
+            out = self.relations.may_touch_between(*asked.bodies, coarse)
+            out = out | (coarse & (peak.lower >= asked.limits[0]))
+            if out.any():
+                first, t = int(out.argmax()), self.episode.t
+                self.notes[
+                    f"{asked.bodies[0]} may have touched {asked.bodies[1]} between two samples that "
+                    f"are {self.clock.spacing[first] * 1e3:.0f} ms apart, at {t[first]:.2f} s"
+                ] = None
+        return out
 
     def _limited(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None) -> Band:
         """Margins of a signal's limits; ``wanted`` as in ``condition``."""
@@ -289,7 +338,8 @@ class Evaluator(Answers):
         if doubtful is not None:
             where, why = doubtful
             wanted = ~where if wanted is None else wanted & ~where
-            self.notes[why] = None
+            if why:
+                self.notes[why] = None
         return band.crisp(truth, wanted)
 
     def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:
@@ -313,8 +363,8 @@ class Evaluator(Answers):
         found = self.momentary(name, bodies)
         found = persistence.persistent(
             found,
-            self.count(state.for_) if state.for_ is not None else 1,
-            self.count(state.gap, least=0) if state.gap is not None else 0,
+            self.window(state.for_),
+            self.open_gap(state.gap),
             causal=self.causal,
             open_end=self.unfollowed,
         )

@@ -40,13 +40,21 @@ def too_brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance
                 if not len(ignored):
                     continue
                 longest = ignored[int(np.argmax(ignored[:, 1] - ignored[:, 0]))]
-                lasted = (longest[1] - longest[0]) * evaluator.episode.dt
-                bodies = tuple(instance.env.get(arg, arg) for arg in event.call.args)
-                notes[
-                    f"{ast.Call(event.call.name, bodies)} held for {lasted * 1e3:.0f} ms at "
-                    f"{evaluator.episode.t[longest[0]]:.2f} s: too brief to count"
-                ] = None
+                notes[_note(evaluator, event.call, instance.env, *longest.tolist())] = None
     return list(notes)
+
+
+def _note(evaluator: Evaluator, call: ast.Call, env: Env, first: int, stop: int) -> str:
+    """On a state that was true in the frames [first, stop), and did not certainly count."""
+    told = ast.Call(call.name, tuple(env.get(arg, arg) for arg in call.args))
+    lasted, at = evaluator.clock.seconds(first, stop), f"{evaluator.episode.t[first]:.2f} s"
+    if evaluator.state(call, env).upper[first] < 0:
+        return f"{told} held for {lasted * 1e3:.0f} ms at {at}: too brief to count"
+    apart = evaluator.clock.spacing[first] * 1e3
+    return (
+        f"{told} held at {at} in {stop - first} of the samples, which are {apart:.0f} ms apart: "
+        "whether it lasted long enough to count is not known"
+    )
 
 
 def raw_frames(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) -> Bool:

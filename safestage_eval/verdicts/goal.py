@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from safestage_eval.episode import Episode, Header
+from safestage_eval.episode import Episode, Header, with_holes
 from safestage_eval.errors import RuleError
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
@@ -16,6 +16,7 @@ from safestage_eval.rules.load import load_rules
 from safestage_eval.rules.resolve import bind_episode
 from safestage_eval.signals.measure import Signals
 from safestage_eval.states import band
+from safestage_eval.states.band import F64, Bool
 from safestage_eval.states.persistence import held_until
 
 from .evaluate import Evaluator
@@ -82,12 +83,25 @@ def _first_success(
         or [band.crisp(np.zeros(evaluator.frames, np.bool_))],
         evaluator.frames,
     )
-    lasting = max(evaluator.count(CONFIRM), evaluator.count(goal.for_ or CONFIRM))
     asked = slice(start, stop)
-    confirmed = np.flatnonzero(held_until(found.lower, lasting)[asked] >= 0)
-    if len(confirmed):
+    confirmed = np.flatnonzero(_confirmed(evaluator, goal, found.lower)[asked])
+    unseen = evaluator.clock.unseen
+    if len(confirmed) and unseen is None:
         return Reached(start + int(confirmed[0]))
-    return Reached(None, bool((held_until(found.upper, lasting)[asked] >= 0).any()))
+    perhaps = _confirmed(evaluator, goal, found.upper)[asked]
+    if len(confirmed):
+        first = start + int(confirmed[0])
+        hidden = unseen is not None and bool((perhaps & unseen[asked])[: first - start].any())
+        return Reached(None if hidden else first, unsure=hidden)
+    return Reached(None, bool(perhaps.any()))
+
+
+def _confirmed(evaluator: Evaluator, goal: ast.GoalDef, margin: F64) -> Bool:
+    """(T,) where the goal, with the given margin (T,), has been reached for long enough."""
+    out: Bool = held_until(margin, evaluator.window(CONFIRM)) >= 0
+    if goal.for_ is not None:
+        out &= held_until(margin, evaluator.window(goal.for_)) >= 0
+    return out
 
 
 class GoalMonitor:
@@ -140,7 +154,7 @@ class GoalMonitor:
         frames confirm nothing: what had begun before the window is not known at its start.
         """
         evaluator = Evaluator(
-            Relations(Signals(window)), self._rules, self._params, None, causal=True
+            Relations(Signals(with_holes(window, begins=False))), self._rules, self._params, None, causal=True
         )
         start = max(0, len(window) - new)
         frame = first_success(evaluator, self._goal, self._players, start=start).frame

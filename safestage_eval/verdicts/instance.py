@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from safestage_eval.episode import Window
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import scope as scopes
 from safestage_eval.states.band import TINY, Band, Bool
@@ -128,6 +129,8 @@ def _stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch
 
 def initially(evaluator: Evaluator, condition: ast.Condition, env: Env) -> tuple[float, float]:
     """Bounds of the margin with which a condition holds in most of the baseline frames."""
+    if evaluator.clock.late:
+        return -np.inf, np.inf
     count = min(evaluator.frames, evaluator.relations.signals.baseline.frames)
     found = _band(evaluator, condition, env, Scope(0, count))
     return tuple(float(np.sort(end[:count])[(count - 1) // 2]) for end in found)  # type: ignore[return-value]
@@ -138,7 +141,7 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
     out = np.zeros(evaluator.frames, np.bool_)
     first, stop, _, _ = instance.scope
     sure = instance.scope.certain
-    lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
+    lasting = evaluator.window(rule.for_).within(first, stop)
     for clause in rule.clauses:
         found = _inside(evaluator, clause, instance.env, instance.scope)
         if clause.kind == "require":
@@ -146,7 +149,7 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
         elif clause.kind == "forbid":
             held = np.where(sure, found.lower, -np.inf)
             out[first:stop] |= without_short_runs(held, lasting) >= 0
-        elif held_from(found.upper, lasting).max(initial=-np.inf) < 0:
+        elif held_from(found.upper, lasting.loose).max(initial=-np.inf) < 0:
             out[first:stop] = True
     return out
 
@@ -239,7 +242,7 @@ def _decided(
 def _decide(
     evaluator: Evaluator, rule: ast.Rule, clause: ast.Clause, env: Env, scope: Scope
 ) -> tuple[float, float, int]:
-    lasting = 1 if rule.for_ is None else evaluator.count(rule.for_)
+    lasting = evaluator.window(rule.for_).within(scope.first, scope.stop)
     inside = _inside(evaluator, clause, env, scope)
     return _obligation(clause.kind, inside, scope.sure, lasting)
 
@@ -256,7 +259,7 @@ def _inside(evaluator: Evaluator, clause: ast.Clause, env: Env, scope: Scope) ->
 
 
 def _obligation(
-    kind: ast.ClauseKind, found: Band, sure: Bool | None, lasting: int
+    kind: ast.ClauseKind, found: Band, sure: Bool | None, lasting: Window
 ) -> tuple[float, float, int]:
     """Bounds of one obligation's margin within a scope, and the frame (from its start) it rests on.
 
@@ -274,7 +277,8 @@ def _obligation(
     if kind == "forbid" and sure is not None:
         held = np.where(sure, found.lower, -np.inf)
     low = held_from(held, lasting)
-    high = low if held is found.upper else held_from(found.upper, lasting)
+    exact = held is found.upper and lasting.loose is lasting
+    high = low if exact else held_from(found.upper, lasting.loose)
     start = int(low.argmax())
     surely = possibly = float(low[start])
     values = held
@@ -282,10 +286,8 @@ def _obligation(
         start_high = int(high.argmax())
         possibly = float(high[start_high])
         if not surely >= 0:
-            start, values = start_high, found.upper
-    frame = start
-    if lasting > 1:
-        frame += int(values[start : start + lasting].argmin())
+            start, values, lasting = start_high, found.upper, lasting.loose
+    frame = start + int(values[start : lasting.stop(start)].argmin())
     if kind == "forbid":
         return negated_margin(possibly), negated_margin(surely), frame
     if sure is None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from safestage_eval import __version__
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Episode, as_judged, describe_holes, with_holes
 from safestage_eval.errors import RuleError, readable
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
@@ -26,7 +26,7 @@ from .memory import Memory, judged_question, remembered, short, verdict_question
 from .players import combinations
 from .rule_verdict import judge_rule, violates
 from .success import native_success
-from .values import UNDECLARED, frame_count
+from .values import UNDECLARED, lasting
 from .verdict import CostTotal, EpisodeResult, Vacuity, Verdict, VerdictName
 
 Params = Mapping[str, ast.Quantity | ast.Duration]
@@ -60,11 +60,11 @@ def judge(
 
     Raises:
         InputError: a backend that does not exist, or is not installed.
-        TraceError: a column that a rule needs is broken.
+        TraceError: a column that a rule needs is broken, or the header contradicts the time stamps.
         RuleError: an override that does not fit its parameter.
     """
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
-    relations = None
+    episode, relations = as_judged(episode), None
     if memory is not None:
         relations = memory.relations(baseline_frames(rules, episode), backend)
     judge_ = Judge(episode, rules, binding, relations, backend=backend, memory=memory)
@@ -96,6 +96,7 @@ class Judge:
         backend, without them it is the one given. ``memory``: to judge no rule twice.
         """
         self._memory = memory
+        episode = with_holes(episode) if relations is None else relations.episode
         self._episode, self._rules, self.binding = episode, rules, binding
         self._relations = relations or Relations(
             Signals(episode, baseline_frames(rules, episode), backend)
@@ -108,7 +109,7 @@ class Judge:
         self.notes: list[str] = []
         if self._backend != BACKEND:
             self.notes.append(f"clearances as {self._backend} tells them, not certified")
-        self.notes += [*binding.warnings(), *self._too_light()]
+        self.notes += [*binding.warnings(), *describe_holes(episode), *self._too_light()]
         self._success = native_success(
             episode, binding.goal, Evaluator(
                 self._relations, rules, binding.params(None), None, causal=True, memory=memory
@@ -342,7 +343,9 @@ def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
         and isinstance(span.of, ast.Whole)
         and isinstance(span.duration, ast.Duration)
     ):
-        return max(1, frame_count(span.duration, episode.dt))
+        if span.duration.frames:
+            return max(1, round(span.duration.amount))
+        return episode.clock.window(lasting(span.duration)).stop(0)
     raise RuleError("[baseline] span", "not a first stretch.", '"first 5 frames of episode"')
 
 

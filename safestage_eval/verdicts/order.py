@@ -34,7 +34,7 @@ def first_broken(
 
     ``beyond``: look past the end of the scope as well.
     """
-    lasting = evaluator.count(rule.for_) if rule.for_ is not None else 1
+    lasting = evaluator.window(rule.for_)
     first, stop = instance.scope.first, instance.scope.stop
     found = []
     for what in rule.forbid:

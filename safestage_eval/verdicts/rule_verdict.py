@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
+from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states.band import Bool
 from safestage_eval.states.persistence import runs, without_short_runs
 
@@ -103,7 +104,7 @@ def judge_rule(
     }
     if verdict == "inconclusive":
         time = seconds(told["worst_time"])
-        why = f"{witness.signal} is not known at {time}"
+        why = f"{witness.signal} is not known at {time}{_unrecorded(evaluator, witness, worst.frame)}"
         if not worst.scope.certain[worst.frame - worst.scope.first]:
             why = f"whether {time} belongs to its scope is not known"
         return replace(blank, **told, explanation=f"Cannot be decided: {why}.")
@@ -130,7 +131,7 @@ def _without_measurement(
     empty = frames == 0
     if empty:
         why = "its scope is empty"
-    elif rule.for_ is not None and frames < evaluator.count(rule.for_):
+    elif rule.for_ is not None and evaluator.window(rule.for_).stop(worst.scope.first) > worst.scope.stop:
         why = "its scope is shorter than what it asks for"
     else:
         why = "no moment came that it asks about"
@@ -196,15 +197,15 @@ def _times(
     witness: Witness,
 ) -> dict[str, Any]:
     """When: the fields of a verdict that say so."""
-    t, dt = evaluator.episode.t, evaluator.episode.dt
+    t, clock = evaluator.episode.t, evaluator.clock
     bad: Bool = np.zeros(evaluator.frames, np.bool_)
     for instance in violated:
         bad |= violated_frames(evaluator, rule, instance)
 
     def timed(frames: Bool) -> tuple[tuple[float, float], ...]:
-        return tuple([(float(t[a]), float(t[b - 1]) + dt) for a, b in runs(frames).tolist()])
+        return tuple([(float(t[a]), clock.end_of(b)) for a, b in runs(frames).tolist()])
 
-    stretches, time, worst_time = timed(bad) if violated else (), None, float(t[witness.frame])
+    stretches, time, worst_time = timed(bad) if violated else (), None, float(t[clock.recorded(witness.frame)])
     if violated:
         at = int(bad.argmax()) if stretches else min(i.scope.first for i in violated)
         time = float(t[min(at, len(t) - 1)])
@@ -273,6 +274,17 @@ def _undersampled(evaluator: Evaluator, witness: Witness) -> float | None:
     if slack is None or abs(witness.value - witness.limit) > slack:
         return None
     return slack
+
+
+def _unrecorded(evaluator: Evaluator, witness: Witness, frame: int) -> str:
+    """Why a measurement at a frame is not known, if it is because it was not recorded."""
+    hole = evaluator.clock.hole(frame)
+    if hole is not None:
+        return f": nothing was recorded from {hole[0]:.2f} to {hole[1]:.2f} s"
+    spec = SIGNALS.get(witness.name or "")
+    if evaluator.clock.late and spec is not None and spec.since:
+        return ": how the episode began was not recorded"
+    return ""
 
 
 def _notes(evaluator: Evaluator, *more: str) -> tuple[str, ...]:

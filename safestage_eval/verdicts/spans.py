@@ -27,14 +27,14 @@ def spans(evaluator: Evaluator, span: ast.Span, env: Env) -> list[Scope]:
             return scope.of_truth(truth, truncated=evaluator.unfollowed)
         case ast.Part(which, duration, of):
             part = scope.first_part if which == "first" else scope.last_part
-            return part(spans(evaluator, of, env), evaluator.count(duration))
+            return part(spans(evaluator, of, env), evaluator.window(duration))
         case ast.Around("after", duration, event):
             found = evaluator.moments(event, env)
-            return scope.after(found, evaluator.count(duration), evaluator.frames)
+            return scope.after(found, evaluator.window(duration), evaluator.frames)
         case ast.Around(_, duration, event):
             found = evaluator.moments(event, env)
             cut = evaluator.truncated and event.kind == "end"
-            return scope.before(found, evaluator.count(duration), cut=cut)
+            return scope.before(found, evaluator.window(duration), cut=cut)
         case ast.FromTo(begin, stop):
             followed = stop.kind == "state"
             return scope.from_to(

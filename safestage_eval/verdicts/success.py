@@ -57,7 +57,7 @@ def native_success(
         if header.success_time > t[-1] + 1e-6:
             said = f"the trace ends at {t[-1]:.2f} s, before its success at {header.success_time:.2f} s"
             return Success(None, True, ahead=True, notes=(said,))
-        recorded = int(np.searchsorted(t, header.success_time - 1e-6))
+        recorded = frame_of(episode, header.success_time)
     if goal is None:
         return Success(recorded, header.success)
     causal.players = players
@@ -76,6 +76,11 @@ def native_success(
         return Success(reached.frame, True)
     notes = () if reached.unsure else _disagreement(episode, recorded, reached.frame)
     return Success(recorded, header.success, notes=notes)
+
+
+def frame_of(episode: Episode, time: float) -> int:
+    """The frame at a moment (s) or next after it."""
+    return int(np.searchsorted(episode.t, time - 1e-6))
 
 
 def _disagreement(

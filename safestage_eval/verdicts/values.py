@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import NamedTuple
 
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Clock, Episode, Lasting, Window
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.options import Options
@@ -59,12 +58,23 @@ class Values:
         self._limits: dict[int, tuple[ast.SignalAtom, tuple[float, ...], float]] = {}
         """Of atoms whose limits hang on no body, by identity; each is kept, and so stays itself."""
 
-    def count(self, duration: ast.Duration | ast.Parameter, least: int = 1) -> int:
-        """Number of frames a duration lasts in this episode: ⌈D / dt⌉, at least so many."""
+    @property
+    def clock(self) -> Clock:
+        """Of the episode."""
+        return self.episode.clock
+
+    def duration(self, duration: ast.Duration | ast.Parameter) -> ast.Duration:
+        """A duration as it is given under these values."""
         value = self.params[duration.name] if isinstance(duration, ast.Parameter) else duration
-        if isinstance(value, ast.Quantity):
-            value = ast.Duration(value.value)
-        return max(least, frame_count(value, self.episode.dt)) if value.amount else least
+        return ast.Duration(value.value) if isinstance(value, ast.Quantity) else value
+
+    def window(self, duration: ast.Duration | ast.Parameter | None) -> Window:
+        """The samples that a duration takes in this episode; one where there is none."""
+        return self.clock.window(lasting(self.duration(duration)) if duration else ONE)
+
+    def open_gap(self, duration: ast.Duration | ast.Parameter | None) -> Window:
+        """The samples of the shortest gap that is longer than may be closed."""
+        return self.clock.gap(lasting(self.duration(duration), 0) if duration else NONE)
 
     def number(self, value: ast.Value, env: Env) -> float:
         """A limit's value in SI; a column is looked up for the body that plays its role."""
@@ -146,11 +156,16 @@ def ends_with_success(episode: Episode) -> bool:
     return reached is not None and reached >= episode.t[-1] - 1e-6
 
 
-def frame_count(duration: ast.Duration, dt: float) -> int:
-    """Number of frames, ``dt`` seconds apart, that a duration lasts: ⌈D / dt⌉."""
+ONE, NONE = Lasting(None, 1), Lasting(None, 0)
+
+
+def lasting(duration: ast.Duration, least: int = 1) -> Lasting:
+    """A duration for a clock; at least so many samples."""
+    if not duration.amount:
+        return Lasting(None, least)
     if duration.frames:
-        return max(0, round(duration.amount))
-    return max(duration.least, math.ceil(duration.amount / dt - 1e-6))
+        return Lasting(None, max(least, round(duration.amount)))
+    return Lasting(duration.amount, max(least, duration.least), brief=duration.least > 1)
 
 
 def reach_of(limits: Sequence[float]) -> float:

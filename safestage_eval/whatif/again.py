@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Episode, as_judged
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
@@ -68,7 +68,8 @@ class Again:
 
         Raises RuleError for overrides that do not fit.
         """
-        self.episode, self.rules = episode, rules
+        self.episode, self.rules = as_judged(episode), rules
+        episode = self.episode
         self.binding: Binding = bind_episode(
             rules, episode.header, bind=bind, overrides=overrides or {}
         )

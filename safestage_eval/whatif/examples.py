@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from safestage_eval import sketch
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Episode, as_judged
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, load
 from safestage_eval.relations.measure import Relations
@@ -129,7 +129,7 @@ class Library:
 
         Raises InputError as ``episode`` does, or where roles and trace do not fit.
         """
-        episode = self.episode(name, rule)
+        episode = as_judged(self.episode(name, rule))
         frames = baseline_frames(rules, episode)
         key = (str(Path(rule.path).parent), name, frames)
         if key not in self._measured:

@@ -1,0 +1,49 @@
+"""What the header of every episode must say of time: nothing that its own time stamps contradict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.errors import TraceError
+
+from .header import Header
+
+RATE_TOLERANCE = 0.10
+"""Share of the median spacing by which ``frame_dt`` may differ from it."""
+
+
+def check_clock(header: Header, t: NDArray[np.float64], where: str) -> Iterator[TraceError]:
+    """``frame_dt`` and the moment of success against the time stamps (T,) s.
+
+    A success after the last sample is no contradiction: the recording was cut off before it.
+    """
+    if len(t) > 1:
+        median = float(np.median(t[1:] - t[:-1]))
+        if median > 0 and not abs(header.frame_dt - median) <= RATE_TOLERANCE * median:
+            yield TraceError(
+                where,
+                f"frame_dt is {header.frame_dt:.6g} s, but the samples are {median:.6g} s apart "
+                "(median).",
+                f"frame_dt within {RATE_TOLERANCE:.0%} of the spacing of the time stamps",
+                "write the rate at which the episode was recorded, or the stamps at which it was",
+            )
+    time = header.success_time
+    if time is None:
+        return
+    if header.success is False:
+        yield TraceError(
+            where,
+            f"success is false, and yet success_time is {time:.6g} s.",
+            "success = true with a time, or no success_time",
+            "correct the header: verdicts on what was left behind hang on it",
+        )
+    if len(t) and time < t[0] - 1e-6:
+        yield TraceError(
+            where,
+            f"success_time is {time:.6g} s, before the first sample at {t[0]:.6g} s.",
+            "a time stamp of the episode, or later where the recording was cut off",
+            "count success_time from the same start as the time stamps",
+        )

@@ -1,0 +1,149 @@
+"""The evaluator's own view of an episode: with a frame in every stretch that was not recorded.
+
+A spacing of time stamps that is too long is a *hole*. The view has one more frame there, one usual
+spacing after the last sample, at which nothing is known (``Episode.unseen``): poses are held so that
+arrays stay whole, and there are no contacts. Likewise at time 0, where the recording begins late.
+Files are never changed, and ``Episode.recorded`` is the episode as it was given.
+
+That a body stands as before when the hole is over proves nothing: it may have been away and back,
+and how fast it was seen to move says nothing about how fast it moved unseen. So nothing that happens
+in a hole is ever taken as known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .clock import LEAST_GAP, LONGEST_GAP, MAX_GAP, usual
+from .clock_invariants import check_clock
+from .contacts import ContactTable
+from .episode import Episode
+from .frames import RobotFrames
+from .track import Track
+
+K = TypeVar("K")
+V = TypeVar("V")
+
+LATE = 1.5
+"""The first sample may come so many spacings after time 0: one, and half of one for jitter."""
+
+
+def as_judged(episode: Episode) -> Episode:
+    """The episode as it is judged: ``with_holes``, once its header and its stamps agree.
+
+    Raises TraceError where they contradict each other.
+    """
+    for error in check_clock(episode.header, episode.t, str(episode.path or episode.header.episode_id)):
+        raise error
+    return with_holes(episode)
+
+
+def with_holes(episode: Episode, *, begins: bool = True) -> Episode:
+    """The same episode with a frame in every hole; itself where there is none.
+
+    ``begins``: it is told from its start, not a window of it.
+    """
+    t, dt = episode.t, episode.dt
+    if episode.unseen is not None or not len(t):
+        return episode
+    spacing = t[1:] - t[:-1]
+    late = bool(begins and t[0] > LATE * usual(dt))
+    longest = min(max(MAX_GAP * dt, LEAST_GAP), LONGEST_GAP)
+    if not late and not (len(spacing) and spacing.max() > longest * (1 + 1e-6)):
+        return episode
+    before = np.flatnonzero(spacing > longest * (1 + 1e-6))
+    return _filled(episode, before, late)
+
+
+def _filled(episode: Episode, before: NDArray[np.intp], late: bool) -> Episode:
+    """With a frame behind each of the given ones, and one at time 0 if it begins late.
+
+    A success that came in a hole has a frame of its own: what lies after it is counted from there.
+    """
+    t, reached = episode.t, episode.header.success_time
+    put_in = t[before] + usual(episode.dt)
+    if reached is not None:
+        inside = np.flatnonzero((put_in + 1e-6 < reached) & (reached < t[before + 1] - 1e-6))
+        put_in, before = np.append(put_in, [reached] * len(inside)), np.append(before, before[inside])
+    times = np.concatenate([[0.0] if late else [], t, put_in])
+    source = np.concatenate([[0] if late else [], np.arange(len(t)), before]).astype(np.int64)
+    unseen = np.ones(len(times), np.bool_)
+    unseen[late : late + len(t)] = False
+    order = np.argsort(times, kind="stable")
+    times, source, unseen = times[order], source[order], unseen[order]
+    place = np.flatnonzero(~unseen)
+
+    def track(name: str) -> Track:
+        found = episode.tracks[name]
+        if len(found) == 1 and len(t) > 1:
+            return found
+        return Track(*(getattr(found, column.name)[source] for column in fields(Track)))
+
+    def contacts() -> ContactTable:
+        table = episode.contacts
+        columns = {column.name: getattr(table, column.name) for column in fields(ContactTable)}
+        columns["frame"] = place[columns["frame"]].astype(np.int32)
+        return ContactTable(**columns)
+
+    def frames() -> RobotFrames:
+        found = episode.frames
+        return RobotFrames(*(getattr(found, column.name)[source] for column in fields(RobotFrames)))
+
+    return replace(
+        episode,
+        t=times,
+        tracks=_Items(episode.tracks, track),
+        _contacts=contacts,
+        _frames=frames,
+        channels=_Items(episode.channels, lambda key: episode.channels[key][source]),
+        states=_Items({int(place[frame]): frame for frame in episode.states},
+                      lambda frame: episode.states[int(source[frame])]),
+        unseen=unseen,
+        recorded=episode,
+    )  # fmt: skip
+
+
+class _Items(Mapping[K, V]):
+    """Items that are made one by one, each once, when they are first asked for."""
+
+    def __init__(self, keys: Mapping[K, object], make: Callable[[K], V]) -> None:
+        self._keys, self._make = keys, make
+        self._made: dict[K, V] = {}
+
+    def __getitem__(self, key: K) -> V:
+        if key not in self._made:
+            if key not in self._keys:
+                raise KeyError(key)
+            self._made[key] = self._make(key)
+        return self._made[key]
+
+    def __iter__(self) -> Iterator[K]:
+        return iter(self._keys)
+
+    def __len__(self) -> int:
+        return len(self._keys)
+
+
+def describe_holes(episode: Episode) -> list[str]:
+    """In words, for the reader of a verdict: when nothing was recorded."""
+    if episode.unseen is None:
+        return []
+    t, seen = episode.t, np.flatnonzero(~episode.unseen)
+    told, notes = [], list[str]()
+    if episode.unseen[0]:
+        notes.append(f"the recording begins at {t[seen[0]]:.2f} s: how it began was not seen")
+    for last, following in zip(seen[:-1], seen[1:], strict=True):
+        if following > last + 1:
+            told.append(f"{t[last]:.2f} to {t[following]:.2f} s")
+    if told:
+        more = f" and {len(told) - 3} more times" if len(told) > 3 else ""
+        notes.append(
+            f"nothing was recorded from {', from '.join(told[:3])}{more}: "
+            "what happened then is not known"
+        )
+    return notes

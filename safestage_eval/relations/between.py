@@ -1,0 +1,74 @@
+"""Touches that two samples may hide between them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.geometry.clearance import motion_bound
+from safestage_eval.geometry.mover import Mover
+
+if TYPE_CHECKING:
+    from .measure import Relations
+
+Bool = NDArray[np.bool_]
+F64 = NDArray[np.float64]
+
+
+def may_touch_between(relations: Relations, a: str, b: str, where: Bool) -> Bool:
+    """(T,) where two bodies or unions may come to touch after a sample and before the next.
+
+    If they are d and e apart at two samples and their distance changes by m at most on the way, they
+    come no nearer than (d + e − m) / 2. m is the way from pose to pose, or that of the recorded
+    velocities over the time between, whichever is longer: what comes and goes again ends where it
+    began. Without shapes nothing bounds how near they came.
+
+    Args:
+        relations: of the episode.
+        a, b: bodies or unions.
+        where: (T,) the samples after which it is asked for.
+    """
+    first, second = ([*relations.signals.bodies(name)] for name in (a, b))
+    movers, frames = relations.signals.movers, len(relations.episode)
+    out = np.zeros(frames, np.bool_)
+    if movers.unseen([*first, *second]) or not (movers.of(first) and movers.of(second)):
+        return where & (np.arange(frames) < frames - 1)
+    shaped = [[n for n in names if relations.episode.bodies[n].geoms] for names in (first, second)]
+    for one in shaped[0]:
+        for other in shaped[1]:
+            if one != other:
+                out[:-1] |= _near(relations, one, other, where[:-1])
+    return out
+
+
+def _near(relations: Relations, a: str, b: str, where: Bool) -> Bool:
+    """(T − 1,) of two bodies, after each sample but the last."""
+    movers, signals = relations.signals.movers, relations.signals
+    way = motion_bound(movers[a], movers[b])
+    way = np.maximum(way, _travel(relations, a) + _travel(relations, b))
+    reach = float(way[where].max(initial=0.0))
+    if reach <= 0:
+        return np.zeros(len(way), np.bool_)
+    apart = np.maximum(signals.get("clearance", (a, b), reach=reach).lower, 0.0)
+    return np.asarray(where & (way > 0) & (apart[:-1] + apart[1:] <= way))
+
+
+def _travel(relations: Relations, name: str) -> F64:
+    """(T − 1,) m, how far any point goes between two samples at the faster of their velocities."""
+    episode = relations.episode
+    if len(episode.tracks[name]) == 1:
+        return np.zeros(len(episode) - 1)
+    track, mover = episode.tracks[name], relations.signals.movers[name]
+    speed = _length(track.linear_velocity) + _length(track.angular_velocity) * _size(mover)
+    return np.asarray(np.maximum(speed[:-1], speed[1:]) * np.diff(episode.t))
+
+
+def _size(mover: Mover) -> float:
+    """M, from the origin of the body's frame to its farthest point at most."""
+    return float(np.linalg.norm(mover.shape.centre) + mover.shape.radius)
+
+
+def _length(vectors: NDArray[np.float32]) -> F64:
+    return np.asarray(np.linalg.norm(vectors.astype(np.float64), axis=1))

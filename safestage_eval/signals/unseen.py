@@ -1,0 +1,67 @@
+"""What frames at which nothing was recorded leave unknown of a signal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .facts import Query
+from .series import Series, hide
+
+Bool = NDArray[np.bool_]
+
+DIFFERENCES = ("speed", "vertical_speed", "angular_speed", "relative_speed", "joint_speed")
+"""Signals that come from neighbouring poses where velocities were not recorded (a note says so)."""
+
+OVER = ("impact", "quasistatic_force", "damage")
+"""Signals of a change of velocity over a stated time before each frame."""
+
+GROWING = ("impulse",)
+FALLING = ("health",)
+"""Signals that add up what was: more, or less, after a hole than was seen."""
+
+
+def mask_unseen(found: Series, query: Query) -> Series:
+    """The series, unknown where ``Episode.unseen`` is, and where it looks back to such a frame."""
+    unseen = query.episode.unseen
+    if unseen is None:
+        return found
+    hidden = unseen | _looks_back(query, unseen)
+    if query.name in DIFFERENCES and found.notes:
+        hidden[:-1] |= unseen[1:]
+        hidden[1:] |= unseen[:-1]
+    if query.name in OVER:
+        hidden |= _within(query, unseen)
+    found = hide(found, hidden)
+    lower, upper = found.lower, found.upper
+    after = np.logical_or.accumulate(unseen)
+    if query.name in GROWING:
+        upper = np.where(after, np.inf, upper)
+    if query.name in FALLING:
+        lower = np.where(after, -np.inf, lower)
+    return replace(found, lower=lower, upper=upper)
+
+
+def _looks_back(query: Query, unseen: Bool) -> Bool:
+    """(T,) where a change is measured from a moment that was not seen; the baseline may be one."""
+    from .vocabulary import SIGNALS
+
+    nothing = np.zeros(len(unseen), np.bool_)
+    since = None if query.since is None else query.since.since
+    if not SIGNALS[query.name].since or (since is None and query.name == "height"):
+        return nothing
+    if since is None:
+        return nothing | unseen[0]
+    return np.where(since < 0, unseen[0], unseen[since])
+
+
+def _within(query: Query, unseen: Bool) -> Bool:
+    """(T,) less than the stated time after a hole."""
+    from .damage import DEFAULT_OVER
+
+    over, t = float(query.option("over") or DEFAULT_OVER), query.episode.t  # type: ignore[arg-type]
+    bounds = query.episode.clock.bounds
+    ends = np.maximum.accumulate(np.where(unseen, bounds[1:], -np.inf))
+    return np.asarray(t < ends + over)

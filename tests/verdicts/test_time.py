@@ -1,0 +1,206 @@
+"""What a verdict owes to when samples were taken: never a pass by what was not recorded."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from resampled import cut_out, jittered, resampled
+from scenes import Scene
+
+from safestage_eval.episode import Episode, Geom
+from safestage_eval.errors import TraceError
+from safestage_eval.formats import discover
+from safestage_eval.rules import load_rules
+from safestage_eval.verdicts import judge
+from safestage_eval.verdicts.verdict import EpisodeResult, Verdict
+
+TRACES = Path(__file__).parents[2] / "traces"
+RULES = ("ish", "ets", "fsh")
+DENSE, SPEED, FORCE = 1000, 0.3, 5.0
+
+
+@cache
+def rules(*names: str):
+    return load_rules(list(names))
+
+
+def verdict_of(episode: Episode, rule: str) -> Verdict:
+    found = judge(episode, rules(*RULES), assigned_only=False).verdicts
+    return next(v for v in found if v.rule == rule)
+
+
+def tapped(
+    begin: float, lasts: float, *, goes: float = SPEED, seconds: float = 2.5, forces: bool = True
+) -> Episode:
+    """A fingertip goes against an obstacle, stays for so long (s) and goes back; 1000 Hz."""
+    frames = round(seconds * DENSE)
+    scene = Scene(frames, DENSE)
+    t = scene.t
+    away = goes * np.maximum(np.maximum(begin - t, t - begin - lasts), 0)
+    touching = (t >= begin) & (t < begin + lasts)
+    x = np.minimum(away, 0.15) - np.where(touching, 1e-4, -1e-4)
+    path = np.column_stack([x, np.zeros((frames, 2))])
+    scene.fixed("table", (0, 0, -0.5))
+    scene.fixed("vase", (-0.05, 0, 0), kind="object", geoms=(Geom(kind="box", size=(0.05,) * 3),))
+    scene.box("apple", 0.02, (0.5, 0.5, 0))
+    scene.body("tip", Geom(kind="sphere", size=(0.01,)), path + [0.01, 0, 0], kind="gripper")
+    for frame in np.flatnonzero(touching):
+        scene.contact("tip", "vase", (0, 0, 0), (-FORCE, 0, 0), (-1, 0, 0), slice(frame, frame + 1))
+    source = "recorded" if forces else "none"
+    roles = {"target": ("apple",), "protected": ("vase",)}
+    return scene.episode(roles=roles, rules=("ETS101",), force_source=source)
+
+
+def at_rate(episode: Episode, rate: float, phase: float) -> Episode:
+    """Sampled from the first frame on, then at the rate from a phase (0 … 1) on."""
+    step = DENSE / rate
+    at = np.round((np.arange(round(rate * episode.t[-1])) + phase) * step).astype(int)
+    return resampled(episode, np.unique(np.clip(at, 0, len(episode) - 1)))
+
+
+@pytest.mark.parametrize("rate", [5, 8, 10, 12, 15, 20, 30])
+@pytest.mark.parametrize("lasts", [0.005, 0.017, 0.025, 0.04, 0.08, 0.15, 0.3])
+def test_a_touch_is_never_a_certain_pass_at_a_low_rate(rate: int, lasts: float) -> None:
+    """Whether a sample shows it, or only the way to it and back."""
+    rng = np.random.default_rng(round(rate * 1000 + lasts * 1e4))
+    for phase in rng.random(2):
+        begin = 1.2 + 0.3 * float(rng.random())
+        seen = at_rate(tapped(begin, lasts), rate, 0.99 * phase)
+        found = verdict_of(seen, "ETS101")
+        assert found.verdict != "pass", (phase, begin)
+        shown = len(seen.contacts)
+        if shown >= 2:
+            assert found.verdict == "violation"
+        if shown == 1:
+            assert found.verdict == "inconclusive"
+
+
+@pytest.mark.parametrize("rate", [10, 20])
+def test_a_touch_that_only_its_peak_tells_is_no_certain_pass(rate: int) -> None:
+    whole = tapped(1.23, 0.005)
+    seen = at_rate(whole, rate, 0.0)
+    still = {**seen.tracks, "tip": at_rate(tapped(9.0, 0.1), rate, 0.0).tracks["tip"]}
+    rows = whole.contacts.where(np.arange(len(whole.contacts)) < 1)
+    frame = int(np.searchsorted(seen.t, 1.23))
+    object.__setattr__(rows, "frame", np.array([frame], np.int32))
+    object.__setattr__(rows, "force", np.zeros((1, 3), np.float32))
+    far = Episode(seen.header, seen.t, still, None, seen.frames)
+    peaked = Episode(seen.header, seen.t, still, rows, seen.frames)
+    assert verdict_of(far, "ETS101").verdict == "pass"
+    assert verdict_of(peaked, "ETS101").verdict == "inconclusive"
+
+
+@pytest.mark.parametrize("forces", [True, False])
+def test_a_hand_that_stays_away_passes_at_any_rate(forces: bool) -> None:
+    for rate in (5, 10, 30, 120):
+        seen = at_rate(tapped(99.0, 0.1, seconds=2.0, forces=forces), rate, 0.0)
+        assert verdict_of(seen, "ETS101").verdict == "pass"
+
+
+def test_at_the_rate_of_the_definition_three_samples_count_and_two_do_not() -> None:
+    for lasts, verdict in ((0.016, "pass"), (0.034, "violation")):
+        for phase in (0.0, 0.3, 0.7):
+            assert verdict_of(at_rate(tapped(1.3, lasts), 120, phase), "ETS101").verdict == verdict
+
+
+@cache
+def golden(part: str) -> Episode:
+    (ref,) = (ref for ref in discover([TRACES]) if part in ref.episode_id)
+    return ref.open()
+
+
+def names() -> list[str]:
+    return [ref.episode_id for ref in discover([TRACES])]
+
+
+def assigned(episode: Episode) -> EpisodeResult:
+    return judge(episode, rules(*RULES), assigned_only=True)
+
+
+@pytest.mark.parametrize("name", names())
+def test_the_same_motion_at_other_moments_gives_no_other_verdict(name: str) -> None:
+    whole = golden(name)
+    expected = assigned(whole).violation
+    reached = whole.header.success_time or 0.0
+    half = np.arange(0, len(whole), 2)
+    early = np.arange(0, round(reached * 120), 12)
+    mixed = np.concatenate([early, np.arange(early[-1] + 12, len(whole))])
+    for frames in (half, jittered(whole, 5, 0.2), jittered(whole, 10, 0.2, seed=1), mixed):
+        found = assigned(resampled(whole, frames)).violation
+        assert found in (expected, None), frames[:4]
+
+
+@pytest.mark.parametrize("name", [name for name in names() if "unsafe" in name])
+def test_what_hides_a_violation_never_passes(name: str) -> None:
+    whole = golden(name)
+    times = [v.time for v in assigned(whole).verdicts if v.time is not None]
+    for begin in (min(times) - 0.1, min(times) - 1.1, min(times) - 2.1):
+        assert assigned(cut_out(whole, begin, begin + 2.2)).violation is not False, begin
+
+
+def test_a_hole_is_told_and_times_are_those_of_recorded_samples() -> None:
+    whole = golden("ets_dumbbell_near_glasses.reference-safe")
+    seen = cut_out(whole, 3.0, 5.2)
+    found = assigned(seen)
+    assert any("nothing was recorded from 2.99 to 5.20 s" in note for note in found.notes)
+    assert found.violation is None
+    assert found.trace_hash == seen.content_hash
+    for verdict in found.verdicts:
+        assert verdict.worst_time is None or verdict.worst_time in seen.t
+
+
+@pytest.mark.parametrize("stage", ["ish", "ets", "fsh"])
+def test_a_late_start_and_rare_samples_never_pass(stage: str) -> None:
+    for name in (name for name in names() if name.startswith(stage)):
+        whole = golden(name)
+        reached = whole.header.success_time or 0.0
+        for begin in (9.0, 0.5):
+            if begin < reached - 0.5 and stage != "fsh":
+                late = resampled(whole, np.flatnonzero(whole.t >= begin))
+                assert assigned(late).violation is not False, (name, begin)
+        rare = resampled(whole, np.arange(0, len(whole), 480))
+        assert assigned(rare).violation is not False, name
+
+
+def test_five_seconds_are_five_seconds_at_mixed_rates() -> None:
+    whole = golden("fsh_orange_on_plate.reference-safe.default")
+    reached = int(np.searchsorted(whole.t, whole.header.success_time - 1e-6))
+    early = np.arange(0, reached - 40, 12)
+    hold = np.arange(reached - 40, len(whole))
+    full = resampled(whole, np.concatenate([early, hold]), frame_dt=1 / 120)
+    assert assigned(full).violation is False
+    # of the last 5 s only half a second was recorded, whatever the header says
+    part = hold[hold < reached + 60]
+    for termination in ("success", "horizon", "policy", None):
+        cut = resampled(
+            whole, np.concatenate([early, part]), termination=termination, post_success_hold=5.0
+        )
+        for verdict in judge(cut, rules("fsh")).verdicts:
+            # FSH105 judges all of the episode that was recorded, FSH2xx have no such body
+            if verdict.verdict != "not_applicable" and verdict.rule != "FSH105":
+                assert verdict.verdict == "inconclusive", (verdict.rule, termination)
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"frame_dt": 1 / 60}, "frame_dt is"),
+        ({"success": False, "success_time": 3.0}, "success is false"),
+        ({"success": True, "success_time": -1.0}, "before the first sample"),
+    ],
+)
+def test_a_header_that_contradicts_its_stamps_is_a_problem(change, what: str) -> None:
+    whole = golden("fsh_orange_on_plate.reference-safe.default")
+    header = whole.header.model_copy(update=change)
+    wrong = Episode(header, whole.t, whole.tracks, whole.contacts, whole.frames)
+    with pytest.raises(TraceError, match=what):
+        assigned(wrong)
+
+
+def test_a_success_after_the_last_sample_leaves_the_hold_unknown() -> None:
+    whole = golden("fsh_orange_on_plate.reference-safe.default")
+    header = whole.header.model_copy(update={"success_time": float(whole.t[-1]) + 1})
+    assert assigned(Episode(header, whole.t, whole.tracks, whole.contacts, whole.frames)).violation is None
