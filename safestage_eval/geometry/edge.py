@@ -255,7 +255,7 @@ def _signed_distance(base: list[F64], beyond: F64, surface: Surface, over: Walls
 
 
 def _nearest_free(outline: F64, rim: F64, corners: F64, guarded: _Guarded) -> float:
-    """m from a base to the nearest piece of an outline that is not guarded; +inf without any."""
+    """M from a base to the nearest piece of an outline that is not guarded; +inf without any."""
     far = nearest_on(outline.reshape(-1, 2), rim).distance.reshape(-1, 2).min(1)
     least = far - np.sqrt(((outline[:, 1] - outline[:, 0]) ** 2).sum(1)) / 2
     order, found = np.argsort(least, kind="stable"), np.inf

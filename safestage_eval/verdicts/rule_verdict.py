@@ -12,7 +12,7 @@ import numpy as np
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states.band import Bool
-from safestage_eval.states.persistence import runs, without_short_runs
+from safestage_eval.states.persistence import runs
 
 from .brief import is_brief
 from .evaluate import Evaluator
