@@ -17,7 +17,7 @@ from safestage_eval.signals.facts import Movers
 from .arrangement import Arrangement
 from .graph import SupportGraph
 from .near import Neighbours, Patch
-from .statics import ARM, LOST, Bodies, Touches, motion
+from .statics import ARM, LOST, Balance, Bodies, Touches
 
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
@@ -44,12 +44,14 @@ class Group(NamedTuple):
         bodies: the objects as rigid bodies, in this order.
         contacts: their contacts with each other and with what holds still.
         unrest: (B,) how strongly each would move with nothing taken away, for each push.
+        left: bodies taken away → the heads of what may move then, and their balance.
     """
 
     heads: list[int]
     bodies: Bodies
     contacts: Contacts
     unrest: dict[Push, F64]
+    left: dict[frozenset[int], tuple[list[int], Balance | None]]
 
 
 class Dependence:
@@ -129,12 +131,16 @@ class Dependence:
         return said == FALLS, said == OPEN
 
     def _judge(self, body: int, on: int, frame: int) -> int:
-        if not self._falls_at(body, on, frame, near=False):
+        for push in PUSHES:
+            fallen = self._collapse(body, on, frame, push, near=False)
+            if body in fallen:
+                break
+        else:
             return STANDS
-        return FALLS if self._falls_at(body, on, frame, near=True) else OPEN
-
-    def _falls_at(self, body: int, on: int, frame: int, *, near: bool) -> bool:
-        return any(body in self._collapse(body, on, frame, push, near=near) for push in PUSHES)
+        if self._neighbours.alone(fallen - self._robot, frame, fallen | self._robot):
+            return FALLS  # there is nothing else near that could catch it
+        caught = not any(body in self._collapse(body, on, frame, p, near=True) for p in PUSHES)
+        return OPEN if caught else FALLS
 
     # ------------------------------------------------------------------ at one frame
 
@@ -146,8 +152,8 @@ class Dependence:
         key = (removed, frame, group.heads[0], push, near)
         if key not in self._falls:
             if push not in group.unrest:
-                touches = self._touches(group.heads, group.contacts)
-                group.unrest[push] = motion(group.bodies, touches, push)
+                _, whole = self._left(group, frozenset())
+                group.unrest[push] = np.zeros(len(group.heads)) if whole is None else whole.motion(push)
             gone = self._removed(removed)
             while fallen := self._fallen(group, gone, push):
                 gone |= fallen
@@ -156,17 +162,30 @@ class Dependence:
 
     def _fallen(self, group: Group, gone: set[int], push: Push) -> set[int]:
         """What moves, once ``gone`` is away, of that which touched it and hangs on that."""
-        contacts = {
-            pair: patch for pair, patch in group.contacts.items() if gone.isdisjoint(pair)
-        }
-        rocked = {self._head(b) for pair in group.contacts if not gone.isdisjoint(pair) for b in pair}
-        left = [h for h in group.heads if h not in gone and h in self._joined(rocked, contacts)]
-        if not left:
+        left, balance = self._left(group, frozenset(gone))
+        if balance is None:
             return set()
         at = [group.heads.index(head) for head in left]
-        bodies = Bodies(*(values[at] for values in group.bodies))
-        moves = motion(bodies, self._touches(left, contacts), push) > LOST + group.unrest[push][at]
+        moves = balance.motion(push) > LOST + group.unrest[push][at]
         return {part for head, m in zip(left, moves, strict=True) if m for part in self._parts(head)}
+
+    def _left(self, group: Group, gone: frozenset[int]) -> tuple[list[int], Balance | None]:
+        """The heads of what touched those that are gone and hangs on that; of all, if none is."""
+        if gone not in group.left:
+            contacts = {p: patch for p, patch in group.contacts.items() if gone.isdisjoint(p)}
+            left = group.heads
+            if gone:
+                touched = [pair for pair in group.contacts if not gone.isdisjoint(pair)]
+                rocked = {self._head(b) for pair in touched for b in pair} - gone
+                hang = self._joined(rocked, contacts)
+                left = [h for h in group.heads if h in hang]
+            balance = None
+            if left:
+                at = [group.heads.index(head) for head in left]
+                bodies = Bodies(*(values[at] for values in group.bodies))
+                balance = Balance(bodies, self._touches(left, contacts))
+            group.left[gone] = left, balance
+        return group.left[gone]
 
     def _joined(self, bodies: set[int], contacts: Iterable[Pair]) -> set[int]:
         """The free objects among them, and those that contacts join to these, by their heads."""
@@ -200,7 +219,7 @@ class Dependence:
             }
             order = sorted(heads)
             bodies = self._bodies(order, frame)
-            group = Group(order, bodies, contacts, {})
+            group = Group(order, bodies, contacts, {}, {})
             known.update(dict.fromkeys(order, group))
         return known[head]
 

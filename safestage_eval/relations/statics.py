@@ -57,31 +57,42 @@ class Touches(NamedTuple):
     friction: F64
 
 
-def motion(bodies: Bodies, touches: Touches, push: tuple[float, float] = (0.0, 0.0)) -> F64:
-    """(B,) how strongly each body starts to move, in g; 0 where the forces of the touches balance.
+class Balance:
+    """Bodies and where they touch, prepared to be asked what moves under several pushes."""
 
-    On each acts its weight, and ``push`` (shares of the weight along x and y) sideways.
+    def __init__(self, bodies: Bodies, touches: Touches) -> None:
+        """Nothing is solved yet."""
+        self._heavy = np.sqrt(bodies.mass)
+        self._owner = np.repeat(np.stack([touches.first, touches.second], 1), CONE_SIDES, axis=0)
+        if len(touches.first):
+            effect = _effects(bodies, touches)
+            self._effect = effect / np.sqrt((effect**2).sum((1, 2)))[:, None, None]
 
-    Forces within the friction cones, equal and opposite on both bodies, are chosen such that what
-    stays unbalanced moves all bodies together as little as can be (Gauss's principle of least
-    constraint; non-negative least squares by active sets, Lawson & Hanson 1974, "Solving least
-    squares problems", ch. 23). If some forces balance all bodies, those are found and nothing
-    moves: the question whether they exist is the linear program of Baraff 1991, "Coping with
-    friction for non-penetrating rigid body simulation". If not, the motion is the only one of
-    least constraint, and tells which bodies fall. A body's motion is the root of the mean square
-    acceleration of its mass.
-    """
-    count = len(bodies.mass)
-    heavy = np.sqrt(bodies.mass)
-    if not len(touches.first):
-        return np.ones(count)
-    effect, weight = _effects(bodies, touches), np.zeros((count, 6))
-    weight[:, :3] = heavy[:, None] * np.array([*push, 1.0])
-    rest = weight.copy()
-    owner = np.repeat(np.stack([touches.first, touches.second], 1), CONE_SIDES, axis=0)
-    size = np.sqrt((effect**2).sum((1, 2)))
-    least_constraint(effect / size[:, None, None], owner, weight, rest)
-    return np.asarray(np.sqrt((rest**2).sum(1)) / heavy)
+    def motion(self, push: tuple[float, float] = (0.0, 0.0)) -> F64:
+        """(B,) how strongly each body starts to move, in g; 0 where the forces balance.
+
+        On each acts its weight, and ``push`` (shares of the weight along x and y) sideways.
+
+        Forces within the friction cones, equal and opposite on both bodies, are chosen such that
+        what stays unbalanced moves all bodies together as little as can be (Gauss's principle of
+        least constraint; non-negative least squares by active sets, Lawson & Hanson 1974, "Solving
+        least squares problems", ch. 23). If some forces balance all bodies, those are found and
+        nothing moves: whether they exist is the linear program of Baraff 1991, "Coping with
+        friction for non-penetrating rigid body simulation". If not, the motion is the only one of
+        least constraint, and tells which bodies fall. A body's motion is the root of the mean
+        square acceleration of its mass.
+        """
+        weight = np.zeros((len(self._heavy), 6))
+        weight[:, :3] = self._heavy[:, None] * np.array([*push, 1.0])
+        rest = weight.copy()
+        if len(self._owner):
+            least_constraint(self._effect, self._owner, weight, rest)
+        return np.asarray(np.sqrt((rest**2).sum(1)) / self._heavy)
+
+
+def motion(bodies: Bodies, touches: Touches) -> F64:
+    """(B,) how strongly each body starts to move of itself, in g: see ``Balance``."""
+    return Balance(bodies, touches).motion()
 
 
 def _effects(bodies: Bodies, touches: Touches) -> F64:
