@@ -17,8 +17,23 @@ from safestage_eval.episode import (
     Track,
     still_track,
 )
+from safestage_eval.relations.statics import ARM, Bodies, Touches, motion
 
 G = 9.81
+
+
+def moves(normal: Any, friction: Any, point: Any) -> float:
+    """How strongly a body of 1 kg starts to move that touches the ground in P points, in g.
+
+    ``normal`` (P, 3) into the body, ``friction`` (P,), ``point`` (P, 3) m from its centre of mass.
+    """
+    count = len(normal)
+    body = Bodies(np.ones(1), np.zeros((1, 3)), np.array([ARM**2 * np.eye(3)]))
+    touches = Touches(
+        np.full(count, -1), np.zeros(count, int), np.asarray(point, float),
+        np.asarray(normal, float), np.asarray(friction, float),
+    )  # fmt: skip
+    return float(motion(body, touches)[0])
 
 
 class Scene:

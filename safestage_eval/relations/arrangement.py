@@ -69,8 +69,8 @@ class Arrangement:
         present[self.frames(pair)] = True
         return present
 
-    def segments(self, pairs: Iterable[Pair]) -> NDArray[np.int64]:
-        """First frames of the stretches with equal sets of contact points of the pairs, then T."""
+    def signature(self, pairs: Iterable[Pair]) -> NDArray[np.int64]:
+        """(T,) equal where equal sets of contact points of the pairs carry something."""
         frames = len(self._episode)
         signature = np.zeros(frames, np.int64)
         for pair in pairs:
@@ -84,8 +84,16 @@ class Arrangement:
             # whole numbers below 2⁵³ add up exactly in float64
             weights = _mixed(geom1, geom2)[self.rows(pair)]
             signature += np.bincount(self.frames(pair), weights, frames).astype(np.int64)
-        changed = np.flatnonzero(signature[1:] != signature[:-1]) + 1
-        return np.concatenate([[0], changed, [frames]])
+        return signature
+
+    def stay_for(self, body: int, frames: NDArray[np.intp], shift: float, turn: float) -> int:
+        """For how many of the frames (N,), from the first on, it moves and turns by no more."""
+        track = self._episode.tracks[self._names[body]]
+        if len(track) == 1:
+            return len(frames)
+        stays = near_for(track.position, frames, shift)
+        # half the angle is the arc between two quaternions
+        return min(stays, near_for(track.orientation, frames, turn / 2))
 
     def stretches(
         self, pairs: Sequence[Pair], frames: NDArray[np.intp]

@@ -25,6 +25,10 @@ class Assemblies:
         self.robot = {
             i for i, body in enumerate(bodies) if body.kind in ("robot", "gripper") and body.movable
         }
+        self._children: dict[int, set[int]] = {}
+        for i, body in enumerate(bodies):
+            if body.parent in index:
+                self._children.setdefault(index[body.parent], set()).add(i)
         self._root = [self._end(bodies, index, i) for i in range(len(bodies))]
         self.fixed = {i for i, root in enumerate(self._root) if root is None}
         self.free = {
@@ -41,6 +45,15 @@ class Assemblies:
         """The body and the other parts of the object that it is a part of."""
         root = self._root[body]
         return {body} if root is None else self._parts.get(root, set()) | {body}
+
+    def hanging(self, body: int) -> set[int]:
+        """The body and all that is jointed to it, directly or not: a cabinet and its drawers."""
+        found, todo = {body}, [body]
+        while todo:
+            more = self._children.get(todo.pop(), set()) - found
+            found |= more
+            todo += more
+        return found
 
     def on_robot(self, body: int) -> bool:
         """Jointed to the robot, though no part of it: a tool on its flange."""

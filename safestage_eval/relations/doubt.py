@@ -8,11 +8,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .near import NEAR
+
 if TYPE_CHECKING:
     from .measure import Relations
 
 Bool = NDArray[np.bool_]
 Doubt = tuple[Bool, str]
+
+
+def may_be_caught(
+    relations: Relations, body: str, on: str, wanted: Bool | None
+) -> Doubt | None:
+    """What is within a hair's breadth and carries nothing yet may hold the body up, or may not."""
+    open_ = relations.caught(body, on, wanted)
+    if not open_.any():
+        return None
+    return open_, (
+        f"whether {body} falls without {on} hangs on what is within {NEAR * 1e3:g} mm "
+        "and carries nothing yet"
+    )
 
 
 def may_lean(relations: Relations, body: str, on: str) -> Doubt | None:

@@ -97,7 +97,14 @@ class Relations:
     @cached_property
     def dependence(self) -> Dependence:
         """Who falls without whom."""
-        return Dependence(self.episode, self.signals.contact_sums, self.graph)
+        return Dependence(
+            self.episode, self.signals.contact_sums, self.graph, self.signals.movers
+        )
+
+    def caught(self, body: str, on: str, wanted: Bool | None) -> Bool:
+        """(T,) it is open whether something would catch ``body`` when ``on`` is taken away."""
+        index = self.episode.body_index
+        return self.dependence.depends_on(index[body], index[on], wanted)[1]
 
     @cached_property
     def exposure(self) -> Exposure:
@@ -124,7 +131,7 @@ class Relations:
             return None
         if name == "depends_on" and not self.blind:
             ids = [self.episode.body_index[body] for body in bodies]
-            return self.dependence.depends_on(ids[0], ids[1], wanted)
+            return self.dependence.depends_on(ids[0], ids[1], wanted)[0]
         key = (name, tuple(bodies))
         if key not in self._known:
             self._known[key] = self.decide(name, list(bodies))
@@ -168,10 +175,12 @@ class Relations:
         bodies, movers = self.signals.bodies(name), self.signals.movers
         return movers.unseen(bodies) if movers.of(bodies) else bodies
 
-    def doubtful(self, name: str, bodies: Sequence[str]) -> tuple[Bool, str] | None:
+    def doubtful(
+        self, name: str, bodies: Sequence[str], wanted: Bool | None = None
+    ) -> tuple[Bool, str] | None:
         """(T,) true where the trace does not tell a relation, whatever ``get`` says; and why.
 
-        None where there is no doubt at any frame.
+        None where there is no doubt at any frame. ``wanted``: as in ``get``.
         """
         return self._unseen(name, bodies, self._doubtful(name, bodies))
 
@@ -194,6 +203,8 @@ class Relations:
             return doubt.may_be_in_the_grip(self, name, bodies)
         if name == "depends_on" and self.blind:
             return doubt.may_lean(self, *bodies)
+        if name == "depends_on" and not self.lacking(name, bodies):
+            return doubt.may_be_caught(self, *bodies, wanted)
         if name == "inside" and self.lacking("supports", (bodies[1], bodies[0])):
             return doubt.may_be_borne(self, *bodies)
         if self.unweighed and name in ("supports", "supported", "carried", "inside"):

@@ -334,7 +334,7 @@ class Evaluator(Answers):
             nothing = np.zeros(self.frames, np.bool_)
             return band.crisp(nothing, nothing)
         self.notes.update(dict.fromkeys(self.relations.caveat(name)))
-        doubtful = self.relations.doubtful(name, bodies)
+        doubtful = self.relations.doubtful(name, bodies, wanted)
         if doubtful is not None:
             where, why = doubtful
             wanted = ~where if wanted is None else wanted & ~where
