@@ -154,12 +154,14 @@ class _Found:
             self.values[state_name(call.name, bodies, digest)] = value
         if declared is None:
             return
-        lasts = any(part is not None for part in (declared.for_, declared.gap, declared.until))
+        lasting = (declared.for_, declared.gap, declared.until, declared.also)
+        lasts = any(part is not None for part in lasting)
         if lasts and not deep:
             return
         inner = dict(zip(declared.of, bodies, strict=True))
         blind = evaluator.relations.blind
-        for part in (declared.when, *((declared.fallback, declared.perhaps) if blind else ())):
+        instead = (declared.fallback, declared.perhaps) if blind else ()
+        for part in (declared.when, declared.also, *instead):
             if part is not None:
                 self.alternative(part, inner, deep - lasts)
         if declared.until is not None and declared.until.call is not None:

@@ -17,7 +17,7 @@ from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
-from . import doubt, falls, standing
+from . import doubt, effect, falls, standing
 from .dependence import Dependence
 from .exposure import Causes, Exposure
 from .graph import ByForce, SupportGraph
@@ -220,6 +220,8 @@ class Relations:
             return self._slip(bodies[0], reference)
         if name == "load_share":
             return self._load_share(*bodies)
+        if name in effect.SIGNALS:
+            return effect.measure(self, name, bodies, dict(options).get("over"))
         if name == "fall":
             if bodies[0] not in self._falls:
                 self._falls[bodies[0]] = falls.fallen(self, bodies[0])

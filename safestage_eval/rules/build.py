@@ -67,6 +67,7 @@ class Builder:
             parse.event(table["until"]) if "until" in table else None,
             self.condition(table["fallback"]) if "fallback" in table else None,
             self.condition(table["perhaps"]) if "perhaps" in table else None,
+            self.condition(table["also"]) if "also" in table else None,
         )
 
     def phase(self, name: str, table: Table) -> ast.PhaseDef:

@@ -74,6 +74,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "until": Key("event", "Latched: once true it stays true until this."),
         "fallback": Key("condition", "Used instead where `when` is unknown in the whole trace."),
         "perhaps": Key("condition", "Beside `fallback`: where only this holds, it is not known."),
+        "also": Key("condition", "True where this holds too, however briefly."),
     },
     "phase": {
         "of": Key("names", "Its formal arguments, if it has any."),

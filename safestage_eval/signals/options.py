@@ -46,6 +46,15 @@ OVER = OptionSpec(
     "The time over which a change of velocity is one impact; 50 ms if left out.",
     default=DEFAULT_OVER,
 )
+EFFECT_OVER = 0.5
+"""s: for so long what a touch does to a body is seen as its effect, unless a variant says so."""
+
+AFTER = OptionSpec(
+    "over",
+    "time",
+    "For how long after the touch its effect is looked for; 0.5 s if left out.",
+    default=EFFECT_OVER,
+)
 BOX = OptionSpec(
     "box",
     "box",

@@ -116,6 +116,26 @@ SIGNALS = _table(
         scale=0.1,
     ),
     SignalSpec(
+        "moved_by",
+        (2,),
+        "length",
+        "While the two touch: how far one of them, which was at rest, goes at once and within the "
+        "stated time after; 0 when they do not touch. The robot itself does not count.",
+        ("poses", "touch"),
+        groups=True,
+        options=(opt.AFTER,),
+    ),
+    SignalSpec(
+        "tipped_by",
+        (2,),
+        "angle",
+        "The same of the angle by which its up axis leans away from how it stood.",
+        ("poses", "touch"),
+        groups=True,
+        scale=0.0175,
+        options=(opt.AFTER,),
+    ),
+    SignalSpec(
         "clearance",
         (2,),
         "length",

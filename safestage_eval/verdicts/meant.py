@@ -30,6 +30,8 @@ class Meant(NamedTuple):
     options: Options
     columns: tuple[str, ...]
     scale: float
+    params: tuple[tuple[str, str], ...] = ()
+    """Options that are parameters: option → name of the parameter."""
 
 
 class Meanings:
@@ -54,7 +56,9 @@ class Meanings:
         spec = SIGNALS[variant.base if variant is not None else call.name]
         given = dict(variant.options) if variant is not None else {}
         roles, named = spec.variant(given).split(call.args)
-        options: dict[str, OptionValue] = {**given, **dict(named)}
+        params = {k: v.name for k, v in given.items() if isinstance(v, ast.Parameter)}
+        fixed = {k: v for k, v in given.items() if not isinstance(v, ast.Parameter)}
+        options: dict[str, OptionValue] = {**fixed, **dict(named)}
         in_order = tuple(sorted(options.items(), key=lambda item: item[0]))
         columns = tuple(column for column, _ in spec.columns)
-        return Meant(call, spec.name, roles, in_order, columns, spec.scale)
+        return Meant(call, spec.name, roles, in_order, columns, spec.scale, tuple(params.items()))

@@ -88,12 +88,17 @@ class Values:
         """What a signal's call asks for: the built-in signal, its bodies, and all its options."""
         meant = self._meanings.of(call)
         bodies = tuple(map(env.get, meant.roles, meant.roles))
-        return meant.name, bodies, self._options(meant, env) if meant.columns else meant.options
+        plain = not meant.columns and not meant.params
+        return meant.name, bodies, meant.options if plain else self._options(meant, env)
 
     def _options(self, meant: Meant, env: Env) -> Options:
         options = dict(meant.options)
         for column in meant.columns:
             options[column] = self.number(ast.Column(column, meant.roles[0]), env)
+        for option, name in meant.params:
+            value = self.params[name]
+            frames = isinstance(value, ast.Duration) and value.frames
+            options[option] = _size(value) * (self.episode.dt if frames else 1.0)
         return tuple(sorted(options.items(), key=lambda item: item[0]))
 
     def asked(self, atom: ast.SignalAtom, env: Env) -> Asked:
@@ -111,6 +116,10 @@ class Values:
     def scale(self, call: ast.Call) -> float:
         """SI size of the signal that counts as one in a normalised margin when the limit is 0."""
         return self._meanings.of(call).scale
+
+
+def _size(value: ast.Quantity | ast.Duration) -> float:
+    return value.value if isinstance(value, ast.Quantity) else value.amount
 
 
 def ends_early(episode: Episode) -> bool:
