@@ -319,7 +319,11 @@ class Evaluator(Answers):
             open_end=self.unfollowed,
         )
         if state.also is not None and not self.causal:
-            found = band.either([found, self.also(state, env)], self.frames)
+            more = band.either([found, self.also(state, env)], self.frames)
+            found = Band(
+                np.where(found.lower >= 0, found.lower, more.lower),
+                np.where(found.lower >= 0, found.upper, more.upper),
+            )
         if state.until is not None:
             found = persistence.latched(found, *self.truth(state.until, env))
         return found
