@@ -54,6 +54,7 @@ class Relations:
         self._partial: dict[tuple[str, tuple[str, ...]], Partial] = {}
         self._grips: dict[int, Grip] = {}
         self._falls: dict[str, Series] = {}
+        signals.untouched = self._untouched
 
     @cached_property
     def blind(self) -> bool:
@@ -108,6 +109,12 @@ class Relations:
     def causes(self) -> Causes:
         """Since when the robot has had to do with whom."""
         return Causes(self)
+
+    def _untouched(self, name: str) -> int:
+        """Up to which frame the robot has certainly had nothing to do with a body."""
+        if self.lacking("caused"):
+            return len(self.episode)
+        return self.causes.perhaps_since(self.episode.body_index[name])
 
     @cached_property
     def loads(self) -> Loads:

@@ -46,6 +46,15 @@ SIGNALS = _table(
         options=(opt.NORM,),
     ),
     SignalSpec(
+        "remoteness",
+        (1,),
+        "length",
+        "Distance of the centre of mass from the robot's base; of a robot without a fixed one, from "
+        "the nearest of its bodies.",
+        ("poses",),
+        scale=1.0,
+    ),
+    SignalSpec(
         "turn",
         (1,),
         "angle",
