@@ -13,7 +13,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.series import Series
 from safestage_eval.states.band import F64, Band
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.explain import moments_mentioned
+from safestage_eval.verdicts.explain import mentioned_next
 from safestage_eval.verdicts.players import combinations, nodes
 from safestage_eval.verdicts.values import Env
 
@@ -53,7 +53,7 @@ def values_of(
         for node in nodes(rule):
             if isinstance(node, ast.Call) and f"{{t.{node.name}}}" in rule.explain:
                 found.call(node, env, 0)
-        for call in moments_mentioned(rule.explain):
+        for call in mentioned_next(rule.explain):
             found.call(call, env, 0)
     episode = evaluator.episode
     head: Value = {
