@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from rich import box
 from rich.console import Console
@@ -13,9 +13,12 @@ from rich.table import Table
 from rich.text import Text
 
 from safestage_eval.metrics import METRICS, Rates, by_policy_stage, outcomes, rates
+from safestage_eval.metrics.rates import CONDITIONS
 from safestage_eval.scoring import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
+
+from .summary import share, summary
 
 MOST = 40
 """Episodes that are listed one by one; more are only counted unless asked for."""
@@ -70,12 +73,6 @@ def render(
     _leftovers(console, scores)
     _hint(console, scores)
     return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
-
-
-def rate(cell: Rates, metric: str) -> str:
-    """``66.7 4/6``: percent, then k/N; a dash when N is 0."""
-    value = cell.value(metric)
-    return "–" if value is None else f"{100 * value:.1f} {cell.counts[metric]}/{cell.n}"
 
 
 def by_importance(verdicts: Iterable[Verdict]) -> list[Verdict]:
@@ -187,22 +184,63 @@ def _sentence(v: Verdict) -> str:
 
 
 def _rates(console: Console, scores: Scores) -> None:
-    found = by_policy_stage(outcomes(scores.results))
+    every = outcomes(scores.results)
+    found = by_policy_stage(every)
+    for line in summary(rates(every)):
+        console.print(line)
+    console.print()
     if not any(cell.n or cell.inconclusive for cell in found.values()):
         return
+    _rate_table(console, "Rates: percent, k/N", found, None)
+    risk = [(cell.given["at risk"]["N"], cell.n) for cell in found.values()]
+    if len(found) > 1 and any(0 < k < n for k, n in risk):
+        _rate_table(console, "Over those at risk", found, "at risk")
+    if len(found) > 1:
+        _given_table(console, found)
+
+
+Cells = Mapping[tuple[str, ...], Rates]
+
+
+def _given_table(console: Console, found: Cells) -> None:
+    """VR among those that got somewhere, where any is known to have."""
+    columns = [name for name in CONDITIONS[1:] if any(c.given[name]["N"] for c in found.values())]
+    if not columns:
+        return
+    rows = {
+        names: [share(cell, "VR", given) for given in columns]
+        for names, cell in found.items()
+        if cell.n
+    }
+    _cells(console, "VR given: percent, k/N", columns, rows)
+
+
+def _rate_table(console: Console, title: str, found: Cells, given: str | None) -> None:
+    rows = {
+        names: [share(cell, metric, given) for metric in METRICS]
+        for names, cell in found.items()
+        if cell.n or cell.inconclusive  # else nothing was judged of the stage
+    }
+    _cells(console, title, [f"{name} %" for name in METRICS], rows)
+
+
+def _cells(
+    console: Console,
+    title: str,
+    columns: Sequence[str],
+    rows: Mapping[tuple[str, ...], Sequence[str]],
+) -> None:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     for name in ("policy", "prompt", "stage"):
         table.add_column(name, overflow="fold")
-    for name in METRICS:
-        table.add_column(f"{name} %", justify="right", overflow="fold")
+    for name in columns:
+        table.add_column(name, justify="right", overflow="fold")
     above = ("", "")
-    for (policy, prompt, stage), cell in found.items():
-        if not (cell.n or cell.inconclusive):
-            continue  # a stage of which nothing was judged
+    for (policy, prompt, stage), values in rows.items():
         names = ("", "") if (policy, prompt) == above else (policy, prompt)
-        table.add_row(*map(Text, names), stage, *(rate(cell, m) for m in METRICS))
+        table.add_row(*map(Text, names), stage, *values)
         above = (policy, prompt)
-    console.print(Text("Rates: percent, k/N", "bold"))
+    console.print(Text(title, "bold"))
     console.print(table)
 
 
