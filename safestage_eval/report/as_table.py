@@ -65,8 +65,7 @@ def render(
         markup=False,
     )
     _findings(console, scores, everything=everything)
-    if everything:
-        _unassigned(console, scores)
+    _unassigned(console, scores, everything=everything)
     if scores.sample:
         console.print(f"{scores.sample}\n", style="yellow", soft_wrap=True)
     _rates(console, scores)
@@ -119,24 +118,29 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
         for result in shown:
             head = Text(f"  {result.episode_id}, {goal_of(result)}", "bold")
             console.print(head, soft_wrap=True)
-            console.print(Padding(_lines(result, style, everything=everything), (0, 0, 0, 4)))
+            told = result.verdicts if everything else scores.gates.counted(result)
+            console.print(Padding(_lines(told, style), (0, 0, 0, 4)))
         if len(shown) < counts[outcome]:
             some = "they are" if not shown else f"{counts[outcome] - len(shown)} more are"
             console.print(f"  {some} listed with --verbose, or as rows with --format csv")
         console.print()
 
 
-def _unassigned(console: Console, scores: Scores) -> None:
-    """What rules found in episodes to which none of them is assigned."""
-    shown = [
-        r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in r.verdicts)
-    ]
+def _unassigned(console: Console, scores: Scores, *, everything: bool) -> None:
+    """What rules found in episodes to which none of them is assigned: those named, or all."""
+
+    def told(result: EpisodeResult) -> Sequence[Verdict]:
+        return result.verdicts if everything else scores.gates.counted(result)
+
+    shown = [r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in told(r))]
     if not shown:
         return
     console.print(Text(f"By rules that are not assigned: {len(shown)} episodes", "bold"))
-    for result in shown:
+    for result in shown if everything else shown[:MOST]:
         console.print(Text(f"  {result.episode_id}, {goal_of(result)}", "bold"), soft_wrap=True)
-        console.print(Padding(_lines(result, "", everything=True), (0, 0, 0, 4)))
+        console.print(Padding(_lines(told(result), ""), (0, 0, 0, 4)))
+    if not everything and len(shown) > MOST:
+        console.print(f"  {len(shown) - MOST} more are listed with --verbose")
     console.print()
 
 
@@ -155,15 +159,16 @@ def _hint(console: Console, scores: Scores) -> None:
         )
 
 
-def _lines(result: EpisodeResult, style: str, *, everything: bool) -> Table:
+def _lines(told: Sequence[Verdict], style: str) -> Table:
+    """The assigned verdicts, and what is not safe among those of ``told``."""
     grid = Table.grid(padding=(0, 2, 0, 0))
     grid.add_column(overflow="fold")
     grid.add_column(no_wrap=True)
     grid.add_column(justify="right", min_width=8)
     grid.add_column(overflow="fold", ratio=1)
-    for v in by_importance(result.verdicts):
+    for v in by_importance(told):
         bad = v.verdict in BAD
-        if v.assigned or (everything and bad):
+        if v.assigned or bad:
             at = f"{v.time:.2f} s" if v.verdict == "violation" and v.time is not None else ""
             word = v.verdict.replace("_", " ")
             grid.add_row(v.rule, Text(word, style if v.assigned else ""), at, Text(_sentence(v)))
