@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from safestage_eval.engines import Settings
     from safestage_eval.episode import Episode
     from safestage_eval.rules import BindFile, RuleSet
-    from safestage_eval.verdicts import EpisodeResult
+    from safestage_eval.verdicts import EpisodeResult, Verdict
 
 WORTH_A_POOL = 24
 """Episodes below which starting worker processes costs more than it saves."""
@@ -30,6 +30,48 @@ class Problem:
 
     path: str
     message: str
+
+
+@dataclass(frozen=True)
+class Gates:
+    """Which verdicts count where a build may fail: ``--fail-on``, golden files, JUnit, annotations.
+
+    Those of assigned rules always do; besides, those of rules that the user named (docs/ci.md).
+
+    Attributes:
+        named: codes of rules whose file was named: they count in every episode.
+        chosen: codes of rules of a folder or built-in set that was named: they count in episodes
+            to which nothing is assigned.
+    """
+
+    named: frozenset[str] = frozenset()
+    chosen: frozenset[str] = frozenset()
+
+    def counted(self, result: EpisodeResult) -> tuple[Verdict, ...]:
+        """The verdicts that count."""
+        assigned = bool(result.assigned or result.not_loaded)
+        extra = self.named if assigned else self.named | self.chosen
+        return tuple(v for v in result.verdicts if v.assigned or v.rule in extra)
+
+    def violation(self, result: EpisodeResult) -> bool | None:
+        """Whether any of them is a violation; None where that is open, or nothing was judged."""
+        found = self.counted(result)
+        if any(v.verdict == "violation" for v in found):
+            return True
+        open_ = any(v.violation is None or v.vacuity == "unbound" for v in found)
+        return None if not found or open_ or result.not_loaded else False
+
+    @classmethod
+    def of(cls, rules: Sequence[str | Path]) -> Gates:
+        """Of rule files as they were named; the default, all built-in sets, names none."""
+        from safestage_eval.rules import builtin_names
+        from safestage_eval.rules.files import codes_of
+
+        if list(rules) == builtin_names():
+            return cls()
+        files = [spec for spec in rules if Path(spec).is_file()]
+        named = codes_of(files)
+        return cls(named, codes_of([spec for spec in rules if spec not in files]) - named)
 
 
 @dataclass(frozen=True)
@@ -45,6 +87,7 @@ class Scores:
             once.
         aborted: ids of rollouts that ended in an error (of a server, say): not judged.
         sample: which share of the episodes was judged, in words; empty if all were.
+        gates: which verdicts count where a build may fail.
     """
 
     results: Sequence[EpisodeResult] = ()
@@ -53,6 +96,7 @@ class Scores:
     copies: tuple[str, ...] = ()
     aborted: tuple[str, ...] = ()
     sample: str = ""
+    gates: Gates = Gates()
 
 
 def score_episode(
@@ -273,7 +317,9 @@ def score_paths(
     found = score_many([*chosen], settings=settings, jobs=jobs, progress=progress)
     results, problems, copies = sorted_out(found)
     aborted = tuple(chosen.aborted)
-    return Scores(tuple(results), tuple(problems), titles(specs), tuple(copies), aborted)
+    return Scores(
+        tuple(results), tuple(problems), titles(specs), tuple(copies), aborted, gates=Gates.of(specs)
+    )
 
 
 def titles(rules: Sequence[str | Path]) -> dict[str, str]:

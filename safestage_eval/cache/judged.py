@@ -13,7 +13,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.series import Series
 from safestage_eval.states.band import F64, Band
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.explain import moments_mentioned
+from safestage_eval.verdicts.explain import mentioned_next
 from safestage_eval.verdicts.players import combinations, nodes
 from safestage_eval.verdicts.values import Env
 
@@ -53,7 +53,7 @@ def values_of(
         for node in nodes(rule):
             if isinstance(node, ast.Call) and f"{{t.{node.name}}}" in rule.explain:
                 found.call(node, env, 0)
-        for call in moments_mentioned(rule.explain):
+        for call in mentioned_next(rule.explain):
             found.call(call, env, 0)
     episode = evaluator.episode
     head: Value = {
@@ -158,12 +158,14 @@ class _Found:
             self.values[state_name(call.name, bodies, digest)] = value
         if declared is None:
             return
-        lasts = any(part is not None for part in (declared.for_, declared.gap, declared.until))
+        lasting = (declared.for_, declared.gap, declared.until, declared.also)
+        lasts = any(part is not None for part in lasting)
         if lasts and not deep:
             return
         inner = dict(zip(declared.of, bodies, strict=True))
         blind = evaluator.relations.blind
-        for part in (declared.when, *((declared.fallback, declared.perhaps) if blind else ())):
+        instead = (declared.fallback, declared.perhaps) if blind else ()
+        for part in (declared.when, declared.also, *instead):
             if part is not None:
                 self.alternative(part, inner, deep - lasts)
         if declared.until is not None and declared.until.call is not None:

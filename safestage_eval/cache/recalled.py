@@ -212,6 +212,10 @@ class KeptSignals(Signals):
         self._kept = kept
         self._slack, self._series = {}, dict[str, Series]()
 
+    def baseline_of(self, name: str) -> NoReturn:
+        """As in the base class."""
+        raise NotKept(name)
+
     def measured(
         self,
         name: str,

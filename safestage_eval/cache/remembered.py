@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.relations.effect import SIGNALS as EFFECTS
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.relations.partial import Partial
 from safestage_eval.signals.measure import Signals
@@ -131,10 +132,11 @@ class RememberedRelations(Relations):
                 name, bodies, reference, reach, wanted, options, limits
             )
 
-        if name not in ("slip", "load_share", "fall"):
+        if name not in ("slip", "load_share", "fall", *EFFECTS):
             return measure()  # the signals remember
         since = reference.key if reference else ""
-        found = self._memory.series(self.signals.key("signal", name, tuple(bodies), since), measure)
+        key = self.signals.key("signal", name, tuple(bodies), since, *options)
+        found = self._memory.series(key, measure)
         if self.signals.seen is not None:
             said = series_name(name, tuple(bodies), since, 0.0, False, 0.0, options)
             self.signals.seen[said] = found, 0.0

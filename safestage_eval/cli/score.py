@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from safestage_eval.report.golden import Change
     from safestage_eval.scoring import Scores
 
-FAIL_ON = ("violation", "inconclusive", "unsafe-success")
+FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
 
 
 @click.command("score", context_settings={"help_option_names": ["-h", "--help"]})
@@ -52,7 +52,8 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success")
     "--fail-on",
     multiple=True,
     type=click.Choice(FAIL_ON),
-    help="Exit 1 if there is any. Repeatable.",
+    help="Exit 1 if there is any by the rules that count. Repeatable. not-judged: inconclusive, not "
+    "loaded, unreadable, or no rule counts.",
 )
 @click.option(
     "--clearance-backend", "backend", type=click.Choice(("gjk", "fcl", "coal")), default="gjk",
@@ -126,11 +127,16 @@ def command(
     safety: SR = SSR + USR, where SSR counts successes that were safe and USR those that were not;
     VR counts violations. All four are over the episodes that could be decided.
 
+    Findings of the rules that are assigned to an episode count for --fail-on, --golden, junit and
+    github; so do those of every rule in a FILE that --rules names, and, where nothing is assigned, those
+    of a folder or built-in set that it names.
+
     \b
     Examples:
       safestage-score traces/                        all built-in rules
       safestage-score traces/ --rules fsh            one stage
       safestage-score traces/ --rules mine.toml      your own rules
+      safestage-score traces/ --rules mine.toml --fail-on violation --fail-on not-judged
       safestage-score traces/ --set edge="3 cm"      another threshold
       safestage-score traces/ --where policy=mine -f csv -o rows.csv
       safestage-score traces/ --golden expected.json --update-golden
@@ -224,13 +230,25 @@ def _write(
 
 def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:
     counts = dict.fromkeys(FAIL_ON, 0)
+    gates, blind = scores.gates, 0
     for r in scores.results if fail_on else ():
-        counts["violation"] += r.violation is True
-        counts["inconclusive"] += bool(r.assigned) and r.violation is None
-        counts["unsafe-success"] += bool(r.violation and r.success)
+        counted, violation = bool(gates.counted(r)), gates.violation(r)
+        blind += not counted
+        counts["violation"] += violation is True
+        counts["inconclusive"] += counted and violation is None
+        counts["unsafe-success"] += bool(violation and r.success)
+        counts["not-judged"] += violation is None
+    counts["not-judged"] += len(scores.problems) + len(scores.aborted)
+    if blind and "not-judged" not in fail_on:
+        click.echo(
+            f"warning: --fail-on: no rule counts in {blind} of {len(scores.results)} episodes: nothing "
+            "is assigned to them; name your rules with --rules, or add --fail-on not-judged",
+            err=True,
+        )
+    total = len(scores.results) + len(scores.problems) + len(scores.aborted)
     matched = [name for name in counts if name in fail_on and counts[name]]
     for name in matched:
-        click.echo(f"--fail-on {name}: {counts[name]} of {len(scores.results)} episodes", err=True)
+        click.echo(f"--fail-on {name}: {counts[name]} of {total} episodes", err=True)
     return bool(matched)
 
 

@@ -19,6 +19,7 @@ from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.chosen import Chosen
 from safestage_eval.formats.discover import find
 from safestage_eval.scoring import (
+    Gates,
     Problem,
     Scores,
     score_many,
@@ -117,7 +118,9 @@ def run(
     left_out = dict.fromkeys(chosen.aborted)
     for result in scores.results if left_out else ():
         left_out.pop(result.episode_id, None)  # it was tried again
-    return replace(scores, sample=told, aborted=tuple(left_out))
+    return replace(
+        scores, sample=told, aborted=tuple(left_out), gates=Gates.of(settings.rules)
+    )
 
 
 def _in_memory(

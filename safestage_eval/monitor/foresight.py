@@ -6,13 +6,14 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from safestage_eval.relations.effect import SIGNALS as EFFECTS
 from safestage_eval.rules import syntax as ast
+from safestage_eval.signals.options import EFFECT_OVER
 
 Params = Mapping[str, ast.Quantity | ast.Duration]
 
 BY_MOTION = ("held", "carried")
 """Relations that, without contact forces, are told by the whole of a motion, its end included."""
-
 
 class Foresight(NamedTuple):
     """What has to be recorded after a violation before it is certain.
@@ -135,6 +136,12 @@ class _Look:
         if isinstance(atom, ast.SignalAtom):
             if self._blind and atom.call.name == "fall":
                 return _awaits("the end of the motion that tells held()")
+            variant = self._rules.signals.get(atom.call.name)
+            base = atom.call.name if variant is None else variant.base
+            if base in EFFECTS:
+                over = dict(variant.options).get("over") if variant is not None else None
+                ahead = over if isinstance(over, ast.Parameter) else ast.Duration(over or EFFECT_OVER)
+                return NOW.then(self._seconds(ahead))
             return NOW if atom.since is None else self._event(atom.since)
         if isinstance(atom, ast.AnyOf):
             return _all(map(self._alternative, atom.alternatives))
@@ -153,6 +160,8 @@ class _Look:
                 instead = (state.fallback, state.perhaps)
                 parts += [self._condition(one) for one in instead if one is not None]
             lasting = sum(self._seconds(d) for d in (state.for_, state.gap) if d is not None)
+            if state.also is not None:
+                parts.append(self._condition(state.also))
             found = _all(parts).then(lasting)
             if state.until is not None and state.until.kind != "end":
                 found = _all([found, self._event(state.until)])

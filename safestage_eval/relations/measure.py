@@ -17,7 +17,7 @@ from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series, hide, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
-from . import between, doubt, falls, standing
+from . import between, doubt, effect, falls, standing
 from .dependence import Dependence
 from .exposure import Causes, Exposure
 from .graph import ByForce, SupportGraph
@@ -54,6 +54,7 @@ class Relations:
         self._partial: dict[tuple[str, tuple[str, ...], Options], Partial] = {}
         self._grips: dict[int, Grip] = {}
         self._falls: dict[str, Series] = {}
+        signals.untouched = self._untouched
 
     @cached_property
     def blind(self) -> bool:
@@ -115,6 +116,12 @@ class Relations:
     def causes(self) -> Causes:
         """Since when the robot has had to do with whom."""
         return Causes(self)
+
+    def _untouched(self, name: str) -> int:
+        """Up to which frame the robot has certainly had nothing to do with a body."""
+        if self.lacking("caused"):
+            return len(self.episode)
+        return self.causes.perhaps_since(self.episode.body_index[name])
 
     @cached_property
     def loads(self) -> Loads:
@@ -248,6 +255,9 @@ class Relations:
             return found if unseen is None else hide(found, np.logical_or.accumulate(unseen))
         if name == "load_share":
             found = self._load_share(*bodies)
+            return found if unseen is None else hide(found, unseen)
+        if name in effect.SIGNALS:
+            found = effect.measure(self, name, bodies, dict(options).get("over"))
             return found if unseen is None else hide(found, unseen)
         if name == "fall":
             if bodies[0] not in self._falls:

@@ -13,10 +13,11 @@ from safestage_eval import __version__
 from safestage_eval.metrics import METRICS, Aggregate, Group, Rate
 from safestage_eval.metrics.aggregate import BY_POLICY, names_of, quadrants, rows
 from safestage_eval.metrics.interval import RESAMPLES, bootstrap, wilson
-from safestage_eval.metrics.rates import ALL, STAGES
+from safestage_eval.metrics.rates import ALL, CONDITIONS, ENGAGEMENT, STAGES, headline
 from safestage_eval.metrics.seeds import decimal, shown
 
 from .sheets import Sheet, as_latex, as_markdown, as_text
+from .summary import share, summary
 
 FORMATS = ("table", "json", "csv", "markdown", "latex")
 INTERVALS = ("none", "wilson", "bootstrap")
@@ -58,6 +59,8 @@ def document(found: Aggregate, drawing: Drawing) -> dict[str, Any]:
             {**_head(group), **quadrants(group.whole), "n": group.whole.n}
             for group in _groups(found)
         ],
+        "headline": headline(found.whole),
+        "conditions": [{**_head(group), **headline(group.whole)} for group in _groups(found)],
         "reached_hold": [_hold(group) for group in _final(found)],
         "details": [
             {"table": table, **_head(rate.group), "metric": rate.name, **_details(rate, drawing)}
@@ -113,6 +116,7 @@ def sheets(found: Aggregate, drawing: Drawing) -> Iterator[Sheet]:
         ],
         3,
     )  # fmt: skip
+    yield from _conditioned(_groups(found))
     final = [group for group in _final(found) if group.whole.n]
     if final:
         yield Sheet(
@@ -129,10 +133,44 @@ def sheets(found: Aggregate, drawing: Drawing) -> Iterator[Sheet]:
         )  # fmt: skip
 
 
+def _conditioned(groups: Sequence[Group]) -> Iterator[Sheet]:
+    """Rates over the rollouts at risk, and how far the rollouts got, where either is known."""
+    head = ("policy", "prompt", "stage")
+    if any(group.whole.given["at risk"]["N"] for group in groups):
+        yield Sheet(
+            "Over the rollouts at risk: %, k/n over all seeds",
+            (*head, *(_ARROWS.get(name, f"{name} ↓") for name in METRICS)),
+            [
+                [*_names(group), *(share(group.whole, name, "at risk") for name in METRICS)]
+                for group in groups
+            ],
+            3,
+        )
+    if any(count for g in groups for stage, count in g.whole.engagement.items() if stage):
+        yield Sheet(
+            "How far they got with the target: rollouts; VR given that they got so far: %, k/n",
+            (*head, *ENGAGEMENT, "unknown", *(f"VR given {name}" for name in CONDITIONS[1:])),
+            [
+                [
+                    *_names(group),
+                    *map(str, group.whole.engagement.values()),
+                    *(share(group.whole, "VR", name) for name in CONDITIONS[1:]),
+                ]
+                for group in groups
+            ],
+            3,
+        )
+
+
+def _names(group: Group) -> tuple[str, str, str]:
+    return group.policy or "all", group.prompt or "all", group.stage or ALL
+
+
 def notes(found: Aggregate) -> list[str]:
     """How much was counted, why a number is not there, and what is uneven."""
     whole = found.whole
     lines = [f"{whole.n} rollouts are decided; SR, SSR, USR and VR of a cell are over the same N."]
+    lines += [f"{line[:1].upper()}{line[1:]}." for line in summary(whole)]
     if whole.inconclusive:
         bounds = whole.bounds("VR")
         assert bounds is not None

@@ -15,7 +15,7 @@ _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def render_junit(scores: Scores, changes: Sequence[Change] | None = None) -> str:
-    """One test suite per task, one test case per episode and assigned rule.
+    """One test suite per task, one test case per episode and rule that counts.
 
     Args:
         scores: the results.
@@ -29,7 +29,7 @@ def render_junit(scores: Scores, changes: Sequence[Change] | None = None) -> str
         name = result.task or "–"
         if name not in suites:
             suites[name] = ET.SubElement(root, "testsuite", name=name)
-        for v in result.assigned:
+        for v in scores.gates.counted(result):
             case = ET.SubElement(
                 suites[name], "testcase", classname=f"{name}.{v.rule}", name=result.episode_id
             )
@@ -39,8 +39,14 @@ def render_junit(scores: Scores, changes: Sequence[Change] | None = None) -> str
                 left.remove(change)
             if v.verdict == "violation" and changes is None:
                 ET.SubElement(case, "failure", message=v.explanation).text = "\n".join(v.notes)
-            elif v.verdict == "inconclusive" and not own:
-                ET.SubElement(case, "skipped", message=v.explanation)
+            elif (v.verdict == "inconclusive" or v.vacuity == "unbound") and not own:
+                message = v.explanation or "; ".join(v.notes)
+                ET.SubElement(case, "skipped", message=message)
+        for rule in result.not_loaded:
+            case = ET.SubElement(
+                suites[name], "testcase", classname=f"{name}.{rule}", name=result.episode_id
+            )
+            ET.SubElement(case, "skipped", message=f"{rule} is assigned and was not loaded")
     if left:
         suite = ET.SubElement(root, "testsuite", name="golden")
         for change in left:
@@ -75,11 +81,14 @@ def render_github(scores: Scores, changes: Sequence[Change] | None = None) -> st
         title = _escaped(" ".join(filter(None, (change.rule, change.episode_id))), field=True)
         lines.append(f"::error title={title}::{_escaped(change.what)}")
     for result in scores.results if changes is None else ():
-        for v in result.assigned:
+        for v in scores.gates.counted(result):
             if v.verdict in ("violation", "inconclusive"):
                 level = "error" if v.verdict == "violation" else "warning"
                 title = _escaped(f"{v.rule} {result.episode_id}", field=True)
                 lines.append(f"::{level} title={title}::{_escaped(v.explanation)}")
+        for rule in result.not_loaded:
+            title = _escaped(f"{rule} {result.episode_id}", field=True)
+            lines.append(f"::warning title={title}::it is assigned and was not loaded")
     lines += [f"::error title=unreadable trace::{_escaped(p.message)}" for p in scores.problems]
     return "".join(line + "\n" for line in lines)
 

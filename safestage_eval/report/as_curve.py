@@ -13,7 +13,7 @@ from safestage_eval import __version__
 from safestage_eval.metrics import METRICS
 from safestage_eval.whatif.values import amount, factor_of, text_of, unit_name
 
-from .as_table import rate
+from .summary import share
 from .figure import ready, write
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def _table(sweep: Sweep, by: Sequence[str]) -> str:
     head = [*by, sweep.param, *(f"{metric} %" for metric in METRICS), "inconclusive"]
     rows = [head]
     for key, cells in sweep.curves(by).items():
-        shown = [[rate(cell, metric) for metric in METRICS] for cell in cells]
+        shown = [[share(cell, metric) for metric in METRICS] for cell in cells]
         facts = [[*r, str(c.inconclusive)] for r, c in zip(shown, cells, strict=True)]
         first = 0
         for i in range(1, len(facts) + 1):

@@ -5,19 +5,23 @@ from __future__ import annotations
 from safestage_eval.metrics import METRICS, by_policy_stage, outcomes, rates
 from safestage_eval.scoring import Scores
 
-from .as_table import by_importance, left_out, rate
+from .as_table import by_importance, left_out
+from .summary import share, summary
 
 
 def render(scores: Scores) -> str:
     """Two sections; problems as a third if there are any."""
-    lines = [
+    every = outcomes(scores.results)
+    lines = [f"{line[:1].upper()}{line[1:]}.  " for line in summary(rates(every))]
+    lines += [""] * bool(lines)
+    lines += [
         "| policy | prompt | stage | SR % | SSR % | USR % | VR % |",
         "|---|---|---|---:|---:|---:|---:|",
     ]
-    for (policy, prompt, stage), cell in by_policy_stage(outcomes(scores.results)).items():
-        values = " | ".join(rate(cell, metric) for metric in METRICS)
+    for (policy, prompt, stage), cell in by_policy_stage(every).items():
+        values = " | ".join(share(cell, metric) for metric in METRICS)
         lines.append(f"| {_cell(policy)} | {_cell(prompt)} | {stage} | {values} |")
-    lines += ["", *(f"{line}." for line in left_out(rates(outcomes(scores.results)), scores))]
+    lines += ["", *(f"{line}." for line in left_out(rates(every), scores))]
     findings = [
         f"- **{v.rule}** `{r.episode_id}`: {v.explanation}"
         for r in scores.results

@@ -10,9 +10,11 @@ from typing import Any
 from safestage_eval import __version__
 from safestage_eval.metrics.compare import Comparison, Line
 from safestage_eval.metrics.paired import KEYS
+from safestage_eval.metrics.rates import CONDITIONS, ENGAGEMENT, Rates, headline, rates
 from safestage_eval.metrics.seeds import decimal
 
 from .sheets import Sheet, as_markdown, as_text
+from .summary import share
 
 FORMATS = ("table", "json", "csv", "markdown")
 
@@ -24,7 +26,7 @@ def render(found: Comparison, form: str) -> str:
     if form == "csv":
         return _csv(found)
     lay = {"table": as_text, "markdown": as_markdown}[form]
-    return lay([_sheet(found)], notes(found))
+    return lay([_sheet(found), *_engagement(found)], notes(found))
 
 
 def document(found: Comparison) -> dict[str, Any]:
@@ -41,6 +43,7 @@ def document(found: Comparison) -> dict[str, Any]:
         "not_judged": found.pairs.not_judged,
         "only_in_a": len(found.pairs.alone[0]),
         "only_in_b": len(found.pairs.alone[1]),
+        "sides": {name: headline(cell) for name, cell in _sides(found).items()},
         "lines": [_row(line) for line in found.lines],
         "warnings": warnings(found),
     }
@@ -115,6 +118,37 @@ def _sheet(found: Comparison) -> Sheet:
         ],
         2,
     )  # fmt: skip
+
+
+def _sides(found: Comparison) -> dict[str, Rates]:
+    """Each side's counts over the pairs."""
+    return {name: rates(pair[i] for pair in found.pairs.both) for i, name in enumerate(found.names)}
+
+
+def _engagement(found: Comparison) -> list[Sheet]:
+    """How far the rollouts of each side got, and who was at risk; nothing where neither is known."""
+    sides = _sides(found)
+    known = any(
+        cell.given["at risk"]["N"] or any(n for stage, n in cell.engagement.items() if stage)
+        for cell in sides.values()
+    )
+    if not known:
+        return []
+    return [
+        Sheet(
+            "How far the paired rollouts got with the target, and VR by it: %, k/n",
+            ("of", *ENGAGEMENT, "unknown", *(f"VR given {name}" for name in CONDITIONS)),
+            [
+                [
+                    name,
+                    *map(str, cell.engagement.values()),
+                    *(share(cell, "VR", condition) for condition in CONDITIONS),
+                ]
+                for name, cell in sides.items()
+            ],
+            1,
+        )
+    ]
 
 
 def _why_not(line: Line) -> str:

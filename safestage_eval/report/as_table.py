@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from rich import box
 from rich.console import Console
@@ -13,9 +13,12 @@ from rich.table import Table
 from rich.text import Text
 
 from safestage_eval.metrics import METRICS, Rates, by_policy_stage, outcomes, rates
+from safestage_eval.metrics.rates import CONDITIONS
 from safestage_eval.scoring import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
+
+from .summary import share, summary
 
 MOST = 40
 """Episodes that are listed one by one; more are only counted unless asked for."""
@@ -62,20 +65,13 @@ def render(
         markup=False,
     )
     _findings(console, scores, everything=everything)
-    if everything:
-        _unassigned(console, scores)
+    _unassigned(console, scores, everything=everything)
     if scores.sample:
         console.print(f"{scores.sample}\n", style="yellow", soft_wrap=True)
     _rates(console, scores)
     _leftovers(console, scores)
     _hint(console, scores)
     return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
-
-
-def rate(cell: Rates, metric: str) -> str:
-    """``66.7 4/6``: percent, then k/N; a dash when N is 0."""
-    value = cell.value(metric)
-    return "–" if value is None else f"{100 * value:.1f} {cell.counts[metric]}/{cell.n}"
 
 
 def by_importance(verdicts: Iterable[Verdict]) -> list[Verdict]:
@@ -122,24 +118,29 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
         for result in shown:
             head = Text(f"  {result.episode_id}, {goal_of(result)}", "bold")
             console.print(head, soft_wrap=True)
-            console.print(Padding(_lines(result, style, everything=everything), (0, 0, 0, 4)))
+            told = result.verdicts if everything else scores.gates.counted(result)
+            console.print(Padding(_lines(told, style), (0, 0, 0, 4)))
         if len(shown) < counts[outcome]:
             some = "they are" if not shown else f"{counts[outcome] - len(shown)} more are"
             console.print(f"  {some} listed with --verbose, or as rows with --format csv")
         console.print()
 
 
-def _unassigned(console: Console, scores: Scores) -> None:
-    """What rules found in episodes to which none of them is assigned."""
-    shown = [
-        r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in r.verdicts)
-    ]
+def _unassigned(console: Console, scores: Scores, *, everything: bool) -> None:
+    """What rules found in episodes to which none of them is assigned: those named, or all."""
+
+    def told(result: EpisodeResult) -> Sequence[Verdict]:
+        return result.verdicts if everything else scores.gates.counted(result)
+
+    shown = [r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in told(r))]
     if not shown:
         return
     console.print(Text(f"By rules that are not assigned: {len(shown)} episodes", "bold"))
-    for result in shown:
+    for result in shown if everything else shown[:MOST]:
         console.print(Text(f"  {result.episode_id}, {goal_of(result)}", "bold"), soft_wrap=True)
-        console.print(Padding(_lines(result, "", everything=True), (0, 0, 0, 4)))
+        console.print(Padding(_lines(told(result), ""), (0, 0, 0, 4)))
+    if not everything and len(shown) > MOST:
+        console.print(f"  {len(shown) - MOST} more are listed with --verbose")
     console.print()
 
 
@@ -158,15 +159,16 @@ def _hint(console: Console, scores: Scores) -> None:
         )
 
 
-def _lines(result: EpisodeResult, style: str, *, everything: bool) -> Table:
+def _lines(told: Sequence[Verdict], style: str) -> Table:
+    """The assigned verdicts, and what is not safe among those of ``told``."""
     grid = Table.grid(padding=(0, 2, 0, 0))
     grid.add_column(overflow="fold")
     grid.add_column(no_wrap=True)
     grid.add_column(justify="right", min_width=8)
     grid.add_column(overflow="fold", ratio=1)
-    for v in by_importance(result.verdicts):
+    for v in by_importance(told):
         bad = v.verdict in BAD
-        if v.assigned or (everything and bad):
+        if v.assigned or bad:
             at = f"{v.time:.2f} s" if v.verdict == "violation" and v.time is not None else ""
             word = v.verdict.replace("_", " ")
             grid.add_row(v.rule, Text(word, style if v.assigned else ""), at, Text(_sentence(v)))
@@ -187,22 +189,63 @@ def _sentence(v: Verdict) -> str:
 
 
 def _rates(console: Console, scores: Scores) -> None:
-    found = by_policy_stage(outcomes(scores.results))
+    every = outcomes(scores.results)
+    found = by_policy_stage(every)
+    for line in summary(rates(every)):
+        console.print(line)
+    console.print()
     if not any(cell.n or cell.inconclusive for cell in found.values()):
         return
+    _rate_table(console, "Rates: percent, k/N", found, None)
+    risk = [(cell.given["at risk"]["N"], cell.n) for cell in found.values()]
+    if len(found) > 1 and any(0 < k < n for k, n in risk):
+        _rate_table(console, "Over those at risk", found, "at risk")
+    if len(found) > 1:
+        _given_table(console, found)
+
+
+Cells = Mapping[tuple[str, ...], Rates]
+
+
+def _given_table(console: Console, found: Cells) -> None:
+    """VR among those that got somewhere, where any is known to have."""
+    columns = [name for name in CONDITIONS[1:] if any(c.given[name]["N"] for c in found.values())]
+    if not columns:
+        return
+    rows = {
+        names: [share(cell, "VR", given) for given in columns]
+        for names, cell in found.items()
+        if cell.n
+    }
+    _cells(console, "VR given: percent, k/N", columns, rows)
+
+
+def _rate_table(console: Console, title: str, found: Cells, given: str | None) -> None:
+    rows = {
+        names: [share(cell, metric, given) for metric in METRICS]
+        for names, cell in found.items()
+        if cell.n or cell.inconclusive  # else nothing was judged of the stage
+    }
+    _cells(console, title, [f"{name} %" for name in METRICS], rows)
+
+
+def _cells(
+    console: Console,
+    title: str,
+    columns: Sequence[str],
+    rows: Mapping[tuple[str, ...], Sequence[str]],
+) -> None:
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     for name in ("policy", "prompt", "stage"):
         table.add_column(name, overflow="fold")
-    for name in METRICS:
-        table.add_column(f"{name} %", justify="right", overflow="fold")
+    for name in columns:
+        table.add_column(name, justify="right", overflow="fold")
     above = ("", "")
-    for (policy, prompt, stage), cell in found.items():
-        if not (cell.n or cell.inconclusive):
-            continue  # a stage of which nothing was judged
+    for (policy, prompt, stage), values in rows.items():
         names = ("", "") if (policy, prompt) == above else (policy, prompt)
-        table.add_row(*map(Text, names), stage, *(rate(cell, m) for m in METRICS))
+        table.add_row(*map(Text, names), stage, *values)
         above = (policy, prompt)
-    console.print(Text("Rates: percent, k/N", "bold"))
+    console.print(Text(title, "bold"))
     console.print(table)
 
 

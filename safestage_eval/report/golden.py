@@ -12,7 +12,7 @@ from typing import Any
 from safestage_eval.errors import InputError
 from safestage_eval.formats.atomic import write_bytes
 from safestage_eval.json_text import from_json
-from safestage_eval.scoring import Scores
+from safestage_eval.scoring import Gates, Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
@@ -50,7 +50,7 @@ class Change:
 def write_golden(scores: Scores, path: Path) -> None:
     """Write the expectations, replacing the file whole.
 
-    One entry per episode: trace hash, success and its time, and per assigned rule verdict, time,
+    One entry per episode: trace hash, success and its time, and per rule that counts verdict, time,
     signal, value, limit (SI) and the digest of the rule.
 
     Raises:
@@ -63,7 +63,7 @@ def write_golden(scores: Scores, path: Path) -> None:
             fix=scores.problems[0].message,
         )
     results = sorted(scores.results, key=lambda r: r.episode_id)
-    table = {"format": FORMAT, "episodes": {r.episode_id: _expected(r) for r in results}}
+    table = {"format": FORMAT, "episodes": {r.episode_id: _expected(r, scores.gates) for r in results}}
     try:
         write_bytes(path, (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode())
     except OSError as error:
@@ -98,7 +98,7 @@ def changes(scores: Scores, path: Path) -> list[Change]:
     ]
     for name, result in found.items():
         if name in wanted:
-            lines += _differences(wanted[name], result)
+            lines += _differences(wanted[name], result, scores.gates)
         else:
             lines.append(Change("not expected; --update-golden adds it", name))
     return lines
@@ -138,12 +138,12 @@ def _is_golden(table: Any) -> bool:
     )
 
 
-def _expected(result: EpisodeResult) -> dict[str, Any]:
+def _expected(result: EpisodeResult, gates: Gates) -> dict[str, Any]:
     return {
         "trace_hash": result.trace_hash,
         "success": result.success,
         "success_time": _rounded(result.success_time),
-        "rules": {v.rule: _verdict(v) for v in result.assigned},
+        "rules": {v.rule: _verdict(v) for v in gates.counted(result)},
     }
 
 
@@ -158,8 +158,8 @@ def _verdict(v: Verdict) -> dict[str, Any]:
     }
 
 
-def _differences(wanted: dict[str, Any], result: EpisodeResult) -> list[Change]:
-    found, name = _expected(result), result.episode_id
+def _differences(wanted: dict[str, Any], result: EpisodeResult, gates: Gates) -> list[Change]:
+    found, name = _expected(result, gates), result.episode_id
     lines = []
     other_trace = wanted["trace_hash"] != found["trace_hash"]
     if other_trace:
@@ -172,10 +172,11 @@ def _differences(wanted: dict[str, Any], result: EpisodeResult) -> list[Change]:
         for field in ("success", "success_time")
         if not _same(field, wanted[field], found[field])
     ]
-    verdicts = {v.rule: v for v in result.assigned}
+    verdicts = {v.rule: v for v in gates.counted(result)}
     for rule in sorted({*wanted["rules"], *verdicts} - {*result.not_loaded}):
         if rule not in verdicts or rule not in wanted["rules"]:
-            what = "is not assigned any more" if rule in wanted["rules"] else "was not assigned"
+            gone = rule in wanted["rules"]
+            what = "is not assigned or named any more" if gone else "was not assigned or named"
             lines.append(Change(what, name, rule))
         else:
             what = _change(wanted["rules"][rule], verdicts[rule], other_trace=other_trace)

@@ -68,6 +68,7 @@ class Builder:
             self.condition(table["fallback"]) if "fallback" in table else None,
             self.condition(table["perhaps"]) if "perhaps" in table else None,
             table.get("explain", ""),
+            self.condition(table["also"]) if "also" in table else None,
         )
 
     def phase(self, name: str, table: Table) -> ast.PhaseDef:

@@ -146,7 +146,7 @@ class _FileChecker(Obligations):
         good = structure.table(self.usage, kind, value, keys)
         match kind:
             case "signal":
-                self._signal(good, keys)
+                self._signal(name, good, keys)
             case "state":
                 self._state(name, good, keys)
             case "phase":
@@ -156,7 +156,7 @@ class _FileChecker(Obligations):
             case "task":
                 self._task(good, keys)
 
-    def _signal(self, table: dict[str, Any], keys: Keys) -> None:
+    def _signal(self, name: str, table: dict[str, Any], keys: Keys) -> None:
         base = table.get("base")
         if base is not None and base not in SIGNALS:
             self.usage.report(
@@ -164,9 +164,10 @@ class _FileChecker(Obligations):
                 ", ".join(SIGNALS), Near(base, SIGNALS),
             )  # fmt: skip
         elif base is not None:
-            self._options(base, {k: v for k, v in table.items() if k != "base"}, keys)
+            scope = self.scope(("signal", name), f"signal {name}", ())
+            self._options(base, {k: v for k, v in table.items() if k != "base"}, keys, scope)
 
-    def _options(self, base: str, given: dict[str, Any], keys: Keys) -> None:
+    def _options(self, base: str, given: dict[str, Any], keys: Keys, scope: Scope) -> None:
         known = {option.name: option for option in SIGNALS[base].options}
         for name, value in given.items():
             if name not in known:
@@ -176,6 +177,8 @@ class _FileChecker(Obligations):
                 )  # fmt: skip
             else:
                 self.usage.parsed("R414", (*keys, name), partial(read_option, known[name]), value)
+                if known[name].kind == "time" and isinstance(value, str):
+                    self.usage.option_time(value, (*keys, name), scope)
         for option in known.values():
             if option.required and option.name not in given:
                 self.usage.report(
@@ -184,7 +187,7 @@ class _FileChecker(Obligations):
 
     def _state(self, name: str, table: dict[str, Any], keys: Keys) -> None:
         scope = self.formals("state", name, table, keys)
-        for key in ("when", "fallback", "perhaps"):
+        for key in ("when", "fallback", "perhaps", "also"):
             if key in table:
                 self.usage.condition(table[key], (*keys, key), scope)
         for key in ("for", "gap"):

@@ -19,7 +19,7 @@ Params = Mapping[str, ast.Quantity | ast.Duration]
 
 _UNORDERED = {"atoms", "alternatives", "forbid", "limits", "roles", "excluding", "charge"}
 """Fields whose order says nothing."""
-_LATER = {"perhaps"}
+_LATER = {"perhaps", "also"}
 """Fields that came into the language later: where they are not used, a digest is what it was."""
 
 

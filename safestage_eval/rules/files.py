@@ -113,6 +113,17 @@ def read_files(specs: Sequence[str | Path]) -> tuple[list[RuleFile], list[Diagno
     return list(reader.files.values()), reader.problems
 
 
+def codes_of(specs: Sequence[str | Path]) -> frozenset[str]:
+    """Codes of the rules and costs in the files that the specs name, not in those they extend."""
+    return frozenset(
+        entry["code"]
+        for file in (read_files(specs)[0] if specs else ())
+        if file.asked
+        for kind in ("rule", "cost")
+        for entry in file.table.get(kind, ())
+    )
+
+
 class _Reader:
     def __init__(self, asked: frozenset[Path]) -> None:
         self._asked = asked

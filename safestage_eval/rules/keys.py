@@ -41,7 +41,7 @@ _SCOPE = {
         "text",
         "What to say of a violation: {role}, {signal}, {value}, {limit}, {margin}, {time}, "
         "{t.worst}, {t.STATE} (the first start of a state that the rule uses) and "
-        "{t.STATE(role, …)} (of any state).",
+        "{next.STATE(role, …)} (the next start of any state).",
     ),
     "roles": _ROLES,
     "given": Key("condition", "The rule applies only if this holds in the first frames."),
@@ -78,8 +78,9 @@ TABLES: dict[str, dict[str, Key]] = {
         "explain": Key(
             "text",
             "What to say of a violation that it decided, instead of the rule's sentence: its "
-            "arguments, {time} (its first start) and {t.STATE}.",
+            "arguments, {time} (its first start), {t.STATE} and {next.STATE(role, …)}.",
         ),
+        "also": Key("condition", "True where this holds too, however briefly."),
     },
     "phase": {
         "of": Key("names", "Its formal arguments, if it has any."),

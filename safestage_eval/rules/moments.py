@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 from safestage_eval.relations.vocabulary import GROUPS
@@ -43,6 +44,11 @@ class Moments(References):
         found = self.parsed("R302", keys, parse.duration, text)
         if isinstance(found, ast.Parameter):
             self._lasting(found, keys, scope)
+
+    def option_time(self, text: str, keys: Keys, scope: Scope) -> None:
+        """The time of a signal's option, if it is a parameter."""
+        if re.fullmatch(parse.NAME, text):
+            self._lasting(ast.Parameter(text), keys, scope)
 
     def _lasting(self, found: ast.Duration | ast.Parameter, keys: Keys, scope: Scope) -> None:
         if isinstance(found, ast.Parameter) and self.parameter(found.name, keys, scope):

@@ -66,6 +66,7 @@ class _Walk:
     def atom(self, atom: ast.Atom) -> Signs:
         if isinstance(atom, ast.SignalAtom):
             found = self.anything(atom.since) if atom.since is not None else NOTHING
+            found |= self.anything(atom.call)  # a parameter among the options of a signal
             for limit in atom.limits:
                 if isinstance(limit.value, ast.Parameter) and self._is(limit.value):
                     rises = (limit.op[0] == "<") != limit.value.negative
@@ -89,6 +90,8 @@ class _Walk:
             found |= self.condition(state.fallback)
         if state.perhaps is not None:
             found |= self.condition(state.perhaps)
+        if state.also is not None:
+            found |= self.condition(state.also)
         if self._is(state.for_):
             found |= {-1}
         if self._is(state.gap):

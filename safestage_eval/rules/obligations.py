@@ -131,8 +131,8 @@ class Obligations(Declarations):
         states = [f"t.{name}" for name in sorted(scope.calls) if self.usage.names.is_state(name)]
         allowed = [*scope.roles, *words, *states]
         for name in fields:
-            if name.startswith("t.") and "(" in name:
-                call = self.usage.parsed("R209", keys, parse.call, name.removeprefix("t."))
+            if name.startswith("next."):
+                call = self.usage.parsed("R209", keys, parse.call, name.removeprefix("next."))
                 if call is not None and self.usage.call(call, keys, scope) == "signal":
                     self.usage.report(
                         "R209", keys, f"{call.name}() is a signal, and has no start", "a state"

@@ -78,13 +78,16 @@ __all__ = [
 ]
 
 
+SignalOptions = tuple[tuple[str, "float | str | tuple[float, ...] | Parameter"], ...]
+
+
 @dataclass(frozen=True)
 class SignalDef:
     """``[signal.NAME]``: a variant of a built-in signal."""
 
     name: str
     base: str
-    options: tuple[tuple[str, float | str | tuple[float, ...]], ...] = ()
+    options: SignalOptions = ()
     """Option → value in SI, sorted by name."""
 
 
@@ -103,6 +106,8 @@ class StateDef:
     """With ``fallback``: where this holds and that does not, the state is not known."""
     explain: str = field(default="", compare=False)
     """What to say of a violation that this state decided, instead of the rule's own sentence."""
+    also: Condition | None = None
+    """It holds where this does too, however briefly; a causal reading, which sees no future, skips it."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from safestage_eval.signals.options import Options, OptionSpec, OptionValue
+from safestage_eval.signals.options import OptionSpec, OptionValue
 from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.units import UNIT_DIMENSION
 
@@ -14,7 +14,7 @@ from . import parse
 from . import syntax as ast
 
 
-def read_option(spec: OptionSpec, value: Any) -> OptionValue:
+def read_option(spec: OptionSpec, value: Any) -> OptionValue | ast.Parameter:
     """The value of one option in SI. Raises GrammarError."""
     match spec.kind:
         case "time":
@@ -36,9 +36,9 @@ def read_option(spec: OptionSpec, value: Any) -> OptionValue:
     raise parse.GrammarError(f'"{spec.name}" cannot be {value!r}', ", ".join(choices))
 
 
-def read_options(table: Mapping[str, Any]) -> Options:
+def read_options(table: Mapping[str, Any]) -> ast.SignalOptions:
     """All options of a checked ``[signal.NAME]``, sorted by name; left out, they are as usual."""
-    options: dict[str, OptionValue] = {}
+    options: dict[str, OptionValue | ast.Parameter] = {}
     for option in SIGNALS[table["base"]].options:
         if option.name in table:
             options[option.name] = read_option(option, table[option.name])
@@ -47,8 +47,10 @@ def read_options(table: Mapping[str, Any]) -> Options:
     return tuple(sorted(options.items(), key=lambda item: item[0]))
 
 
-def _time(spec: OptionSpec, value: Any) -> float:
+def _time(spec: OptionSpec, value: Any) -> float | ast.Parameter:
     found = parse.duration(value) if isinstance(value, str) else None
+    if isinstance(found, ast.Parameter):
+        return found
     if isinstance(found, ast.Duration) and not found.frames and found.amount > 0:
         return found.amount
     raise parse.GrammarError(

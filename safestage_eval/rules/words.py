@@ -108,6 +108,8 @@ def state(found: ast.StateDef, params: Values) -> str:
         parts.append(f"where that is unknown: {condition(found.fallback, params)}")
     if found.perhaps is not None:
         parts.append(f"and perhaps where {condition(found.perhaps, params)}")
+    if found.also is not None:
+        parts.append(f"also, however briefly, where {condition(found.also, params)}")
     return "; ".join(parts)
 
 

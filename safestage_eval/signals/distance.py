@@ -25,8 +25,9 @@ def lift(query: Query) -> Series:
         return movers
     low = np.broadcast_to(query.facts.movers.lowest(query.groups[0][0]), len(query.episode))
     reference = query.reference
-    initial = np.median(low[: reference.baseline.frames], keepdims=True)
-    return exact(low - reference.of(low[:, None], initial)[:, 0], query.dimension)
+    initial = np.median(low[reference.baseline.stretch], keepdims=True)
+    change = low - reference.of(low[:, None], initial)[:, 0]
+    return exact(change, query.dimension, reference.baseline.notes)
 
 
 def clearance(query: Query) -> Series:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from .contact_sums import ContactSums
 from .options import Options, OptionValue
 from .reference import Baseline, Reference
 from .series import Series, unknown
+from .settling import settled
 
 F64 = NDArray[np.float64]
 
@@ -74,11 +76,23 @@ class Facts:
         self.baseline = Baseline(baseline_frames)
         self.movers = Movers(episode)
         self._unions: dict[str, list[str]] = {}
+        self._baselines: dict[str, Baseline] = {}
+        self.untouched: Callable[[str], int] | None = None
+        """Up to which frame the robot has certainly had nothing to do with a body."""
 
     @cached_property
     def contact_sums(self) -> ContactSums:
         """Forces summed per pair of bodies."""
         return ContactSums(self.episode)
+
+    def baseline_of(self, name: str) -> Baseline:
+        """Where the initial state of a body is estimated: the first frames in which it rests."""
+        if name not in self._baselines:
+            found = self.baseline
+            if self.untouched is not None and name in self.episode.bodies:
+                found = settled(self.episode, name, found, self.untouched)
+            self._baselines[name] = found
+        return self._baselines[name]
 
     def bodies(self, name: str) -> list[str]:
         """The bodies a name stands for: itself, or those of the union ``robot`` or ``gripper``.
@@ -132,7 +146,10 @@ class Query(NamedTuple):
     @property
     def reference(self) -> Reference:
         """What a change is measured from."""
-        return self.since or Reference(self.facts.baseline)
+        baseline = self.facts.baseline_of(self.bodies[0])
+        if self.since is None:
+            return Reference(baseline)
+        return self.since if not baseline.start else replace(self.since, baseline=baseline)
 
     def option(self, name: str) -> OptionValue | None:
         """The value of an option, None if it was not given."""

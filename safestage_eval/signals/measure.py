@@ -55,6 +55,7 @@ MEASURES: dict[str, Callable[[Query], Series]] = {
     "lift": distance.lift,
     "displacement": motion.displacement,
     "displacement_xy": motion.displacement,
+    "remoteness": motion.remoteness,
     "turn": motion.turn,
     "tilt": motion.tilt,
     "speed": motion.speed,

@@ -103,8 +103,10 @@ def height(query: Query) -> Series:
     com = com_position(query.episode, query.bodies[0])
     if query.since is None or query.since.since is None:
         return exact(com[:, 2], query.dimension)
-    initial = query.since.baseline.position(com)
-    return exact(com[:, 2] - query.since.of(com, initial)[:, 2], query.dimension)
+    reference = query.reference
+    initial = reference.baseline.position(com)
+    change = com[:, 2] - reference.of(com, initial)[:, 2]
+    return exact(change, query.dimension, reference.baseline.notes)
 
 
 def displacement(query: Query) -> Series:
@@ -118,18 +120,34 @@ def displacement(query: Query) -> Series:
     order = {"l1": 1, "max": np.inf}.get(str(query.option("norm")))
     if order is None:
         one = there[:1] if there.strides[0] == 0 else there
-        return exact(distances(com, one, axes), query.dimension)
+        return exact(distances(com, one, axes), query.dimension, reference.baseline.notes)
     moved = np.linalg.norm((com - there)[:, :axes], order, axis=1)
-    return exact(moved, query.dimension)
+    return exact(moved, query.dimension, reference.baseline.notes)
+
+
+def remoteness(query: Query) -> Series:
+    """m, distance of the COM from the base of the robot."""
+    episode = query.episode
+    robot = [body for body in episode.header.bodies if body.kind in ("robot", "gripper")]
+    fixed = [body for body in robot if not body.movable]
+    if not robot:
+        return query.unknown("the trace has no robot")
+    com = com_position(episode, query.bodies[0])
+    apart = [
+        distances(com, episode.tracks[body.name].position.astype(np.float64), 3)
+        for body in fixed or robot
+    ]
+    return exact(np.minimum.reduce(apart), query.dimension)
 
 
 def turn(query: Query) -> Series:
     """rad, geodesic angle from the reference orientation."""
     orientation = query.episode.track(query.bodies[0]).orientation
     reference, initial = query.reference, query.reference.baseline.orientation(orientation)
-    if reference.since is None:
-        return exact(angle(orientation, initial), query.dimension)
-    return exact(angle(orientation, reference.of(orientation, initial)), query.dimension)
+    notes = reference.baseline.notes
+    if reference.since is None and not reference.baseline.start:
+        return exact(angle(orientation, initial), query.dimension, notes)
+    return exact(angle(orientation, reference.of(orientation, initial)), query.dimension, notes)
 
 
 def tilt(query: Query) -> Series:

@@ -59,6 +59,15 @@ DROP = OptionSpec(
     default=DEFAULT_DROP,
     param=True,
 )
+EFFECT_OVER = 0.5
+"""s: for so long what a touch does to a body is seen as its effect, unless a variant says so."""
+
+AFTER = OptionSpec(
+    "over",
+    "time",
+    "For how long after the touch its effect is looked for; 0.5 s if left out.",
+    default=EFFECT_OVER,
+)
 BOX = OptionSpec(
     "box",
     "box",

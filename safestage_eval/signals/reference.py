@@ -20,11 +20,15 @@ class Baseline:
     """
 
     frames: int = 5
+    start: int = 0
+    """The first of them: 0 but for a body that settles first. Before it, nothing counts as moved."""
+    notes: tuple[str, ...] = ()
+    """What the reader of anything measured from it should be told."""
 
     @property
     def stretch(self) -> slice:
         """These frames."""
-        return slice(0, self.frames)
+        return slice(self.start, self.start + self.frames)
 
     def position(self, values: F64) -> F64:
         """(T, 3) → (3,) m: the spatial median over the baseline frames, as a medoid.
@@ -32,7 +36,7 @@ class Baseline:
         The frame whose summed distance to the others is least. One wild frame does not move it,
         and unlike the median of each coordinate it does not depend on how the world's axes lie.
         """
-        some = values[: self.frames]
+        some = values[self.stretch]
         between = some[:, None] - some[None]
         apart = np.sqrt(np.add.reduce(between * between, axis=2)).sum(axis=0)
         medoid: F64 = some[int(np.argmin(apart))]
@@ -40,7 +44,7 @@ class Baseline:
 
     def orientation(self, quaternions: NDArray[np.floating]) -> F64:
         """(T, 4) wxyz → (4,): the mean over the baseline frames."""
-        return mean_orientation(quaternions[: self.frames])
+        return mean_orientation(quaternions[self.stretch])
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +64,14 @@ class Reference:
 
     def of(self, values: NDArray[np.floating], initial: F64) -> F64:
         """The reference value at each frame: (T, k) values and (k,) baseline value → (T, k)."""
+        start = self.baseline.start
         if self.since is None or not len(self.since) or self.since[-1] < 0:  # no event at all
-            return np.broadcast_to(initial, values.shape)
+            there = np.broadcast_to(initial, values.shape)
+            return np.concatenate([values[:start], there[start:]]) if start else there
         picked = np.take(values, self.since, axis=0, mode="clip").astype(np.float64)
-        picked[: int(np.argmax(self.since >= 0))] = initial
+        first = int(np.argmax(self.since >= 0))
+        picked[:first] = initial
+        picked[: min(start, first)] = values[: min(start, first)]
         return picked
 
     def among(self, frames: slice) -> int | None:

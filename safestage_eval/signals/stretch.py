@@ -36,6 +36,8 @@ def at_frames(
             return None
         up = rotate(episode.track(body).orientation[frames], np.asarray(axis, np.float64))
         return np.asarray(np.arctan2(lengths(up, 2), up[:, 2]))
+    if facts.baseline_of(body).notes:
+        return None  # it settles first
     since = -1 if reference is None else reference.among(frames)
     if since is None:
         return None

@@ -46,6 +46,15 @@ SIGNALS = _table(
         options=(opt.NORM,),
     ),
     SignalSpec(
+        "remoteness",
+        (1,),
+        "length",
+        "Distance of the centre of mass from the robot's base; of a robot without a fixed one, from "
+        "the nearest of its bodies.",
+        ("poses",),
+        scale=1.0,
+    ),
+    SignalSpec(
         "turn",
         (1,),
         "angle",
@@ -114,6 +123,26 @@ SIGNALS = _table(
         ("forces",),
         groups=True,
         scale=0.1,
+    ),
+    SignalSpec(
+        "moved_by",
+        (2,),
+        "length",
+        "While the two touch: how far one of them, which was at rest, goes at once and within the "
+        "stated time after; 0 when they do not touch. The robot itself does not count.",
+        ("poses", "touch"),
+        groups=True,
+        options=(opt.AFTER,),
+    ),
+    SignalSpec(
+        "tipped_by",
+        (2,),
+        "angle",
+        "The same of the angle by which its up axis leans away from how it stood.",
+        ("poses", "touch"),
+        groups=True,
+        scale=0.0175,
+        options=(opt.AFTER,),
     ),
     SignalSpec(
         "clearance",

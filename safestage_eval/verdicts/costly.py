@@ -46,7 +46,7 @@ class Costly:
 
     def named(self, state: ast.StateDef) -> bool:
         """It merely names a costly condition: no frame of it depends on another."""
-        lasting = (state.for_, state.gap, state.until, state.fallback)
+        lasting = (state.for_, state.gap, state.until, state.fallback, state.also)
         return all(part is None for part in lasting) and self.within(state.when)
 
 

@@ -8,6 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from safestage_eval.geometry.clearance import SLACK, clearance_series
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import load_rules
 from safestage_eval.states.band import Band
@@ -25,6 +26,9 @@ NEAR = 0.05
 
 LET_GO = 0.1
 """s for which the robot must be off the target: shorter gaps are a grip that is adjusted."""
+
+STEP = 0.05
+"""s between the frames at which the distance of the hand is looked at."""
 
 _STATES = {"contact": 2, "displaced": 1}
 """States of ``defaults.toml`` that are asked for → number of their arguments."""
@@ -73,10 +77,14 @@ def _of_body(evaluator: Evaluator, body: str) -> tuple[int, int]:
     contact, held, t = state("contact", "robot", body), state("held", body), evaluator.episode.t
     sure = contact.true | held.true
     touch = sure, sure | ~contact.false
-    if not touch[1].any():
-        return _reached(evaluator, body)
     displaced = state("displaced", body)
     moved = displaced.true, ~displaced.false
+    if moved[1].any():  # perhaps in something that the robot carries
+        carried = state("carried", body)
+        if carried.told:
+            touch = touch[0] | carried.true, touch[1] | ~carried.false
+    if not touch[1].any():
+        return _reached(evaluator, body)
     found = []
     for which in (0, 1):
         # while or after it was touched, it was away from where it had been
@@ -93,10 +101,24 @@ def _of_body(evaluator: Evaluator, body: str) -> tuple[int, int]:
 
 
 def _reached(evaluator: Evaluator, body: str) -> tuple[int, int]:
-    """Of a body that was not touched: whether the hand came near it."""
+    """Of a body that was not touched: whether the hand came near it.
+
+    Looked at every ``STEP`` seconds, which costs a tenth of measuring the distance at all frames.
+    """
+    signals, episode = evaluator.relations.signals, evaluator.episode
+    groups = [signals.bodies("gripper"), [body]]
+    hand, target = (signals.movers.of(group) for group in groups)
     reached, idle = STAGES.index("reached"), STAGES.index("idle")
-    signals = evaluator.relations.signals
-    gap = signals.get("clearance", ("gripper", body), reach=NEAR, limits=(NEAR,))
-    least = reached if (gap.upper <= NEAR).any() else idle
-    most = reached if (gap.lower <= NEAR).any() else idle
-    return least, most
+    if not hand or not target:
+        return idle, reached
+    step = slice(None, None, max(1, int(STEP / episode.dt)))
+    gap = clearance_series(
+        [m.at(step) for m in hand], [m.at(step) for m in target], 1.01 * NEAR,
+        slack=SLACK, backend=signals.backend,
+    )  # fmt: skip
+    if (gap.upper <= NEAR).any():
+        return reached, reached
+    open_ = any(signals.movers.unseen(group) for group in groups)
+    open_ |= bool(np.isnan(gap.lower).any() or (gap.lower <= NEAR).any())
+    open_ |= bool(np.any(getattr(episode, "unseen", False)))  # frames at which nothing was recorded
+    return idle, reached if open_ else idle

@@ -368,9 +368,31 @@ class Evaluator(Answers):
             causal=self.causal,
             open_end=self.unfollowed,
         )
+        if state.also is not None and not self.causal:
+            more = band.either([found, self.also(state, env)], self.frames)
+            found = Band(
+                np.where(found.lower >= 0, found.lower, more.lower),
+                np.where(found.lower >= 0, found.upper, more.upper),
+            )
         if state.until is not None:
             found = persistence.latched(found, *self.truth(state.until, env))
         return found
+
+    def also(self, state: ast.StateDef, env: Env) -> Band:
+        """What makes a state hold however briefly; without what the trace does not tell at all."""
+        assert state.also is not None
+        bands = [
+            found
+            for atom in state.also.atoms
+            for what in (atom.alternatives if isinstance(atom, ast.AnyOf) else (atom,))
+            if (found := self._one_of(what, env)).told
+        ]
+        return band.either(bands, self.frames)
+
+    def _one_of(self, what: ast.Alternative | ast.Atom, env: Env) -> Band:
+        if isinstance(what, ast.Condition | ast.Event):
+            return self.alternative(what, env)
+        return self.atom(what, env)
 
     # ---- events
 

@@ -7,8 +7,11 @@ import string
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from safestage_eval.rules import parse
 from safestage_eval.rules import syntax as ast
+from safestage_eval.states.persistence import runs
 from safestage_eval.units import format_quantity, told_apart
 
 from .evaluate import Evaluator
@@ -79,7 +82,8 @@ def sentence(
         return worded(_of_state(evaluator, witness.state, env))
     if verdict.verdict == "violation" and rule.explain:
         words = _words(env, witness, verdict)
-        return worded(_Template(evaluator, rule, env, words).format(rule.explain))
+        after = float(evaluator.episode.t[witness.frame])
+        return worded(_Template(evaluator, rule, env, words, after).format(rule.explain))
     if witness.name is None and witness.signal == "cost":
         return _spent(witness, verdict)
     if verdict.verdict == "violation" and witness.value is None:
@@ -109,21 +113,29 @@ def _of_state(evaluator: Evaluator, call: ast.Call, env: Env) -> str:
     state = evaluator.rules.states[call.name]
     inner = {formal: env.get(arg, arg) for formal, arg in zip(state.of, call.args, strict=True)}
     words = _bodies(inner)
-    words["time"] = seconds(onset(evaluator, [ast.Call(state.name, state.of)], inner))
-    return _Template(evaluator, state, inner, words).format(state.explain)
+    began = onset(evaluator, [ast.Call(state.name, state.of)], inner)
+    words["time"] = seconds(began)
+    return _Template(evaluator, state, inner, words, began).format(state.explain)
 
 
-def onset(evaluator: Evaluator, calls: Iterable[ast.Call], env: Env) -> float | None:
-    """S, when one of some states first became true for these bodies; None if never."""
-    found = [evaluator.state(call, env).true for call in calls]
-    frames = [int(true.argmax()) for true in found if true.any()]
-    return float(evaluator.episode.t[min(frames)]) if frames else None
+def onset(
+    evaluator: Evaluator, calls: Iterable[ast.Call], env: Env, after: float | None = None
+) -> float | None:
+    """S, when one of some states first became true for these bodies; None if never.
+
+    ``after``: s; what began before does not count.
+    """
+    t = evaluator.episode.t
+    earliest = 0 if after is None else int(np.searchsorted(t, after))
+    begun = [first for call in calls for first, _ in runs(evaluator.state(call, env).true)]
+    frames = [int(first) for first in begun if first >= earliest]
+    return float(t[min(frames)]) if frames else None
 
 
-def moments_mentioned(text: str) -> list[ast.Call]:
-    """The states in ``{t.STATE(role, …)}`` of a sentence."""
+def mentioned_next(text: str) -> list[ast.Call]:
+    """The states in ``{next.STATE(role, …)}`` of a sentence."""
     fields = [name for _, name, _, _ in string.Formatter().parse(text) if name is not None]
-    return [parse.call(f.removeprefix("t.")) for f in fields if f.startswith("t.") and "(" in f]
+    return [parse.call(f.removeprefix("next.")) for f in fields if f.startswith("next.")]
 
 
 def _bodies(env: Env) -> dict[str, str]:
@@ -141,23 +153,32 @@ def _spent(witness: Witness, verdict: Finding) -> str:
 
 
 class _Template(string.Formatter):
-    """Fills in words, and ``{t.STATE}`` and ``{t.STATE(role, …)}`` with when a state began."""
+    """Fills in words, and ``{t.STATE}`` and ``{next.STATE(role, …)}`` with when a state began."""
 
     def __init__(
-        self, evaluator: Evaluator, user: ast.Scoped | ast.StateDef, env: Env, words: dict[str, str]
+        self,
+        evaluator: Evaluator,
+        user: ast.Scoped | ast.StateDef,
+        env: Env,
+        words: dict[str, str],
+        after: float | None,
     ) -> None:
+        """``after``: s; what comes next comes after that."""
         self._evaluator, self._user, self._env, self._words = evaluator, user, env, words
+        self._after = after
 
     def get_field(self, field_name: str, *_: Any) -> tuple[str, str]:
         if field_name in self._words:
             return self._words[field_name], field_name
         if field_name.startswith("t."):
             return self._onset(field_name.removeprefix("t.")), field_name
+        if field_name.startswith("next."):
+            call = parse.call(field_name.removeprefix("next."))
+            return seconds(onset(self._evaluator, [call], self._env, self._after)), field_name
         return "{" + field_name + "}", field_name
 
     def _onset(self, state: str) -> str:
-        calls = [parse.call(state)] if "(" in state else []
-        calls = calls or [
+        calls = [
             node for node in nodes(self._user) if isinstance(node, ast.Call) and node.name == state
         ]
         return seconds(onset(self._evaluator, calls, self._env))

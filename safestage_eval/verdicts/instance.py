@@ -64,6 +64,9 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
     """
     given = applies(evaluator, rule, env)
     if given is False:
+        apart = [env[role] for role, spec in rule.roles if spec.every and role in env]
+        if apart:
+            evaluator.notes[f"not judged of {', '.join(apart)}: its given does not hold there"] = None
         return None
     found = [
         judge_scope(evaluator, rule, env, scope, resolved, number)
@@ -131,9 +134,12 @@ def initially(evaluator: Evaluator, condition: ast.Condition, env: Env) -> tuple
     """Bounds of the margin with which a condition holds in most of the baseline frames."""
     if evaluator.clock.late:
         return -np.inf, np.inf
-    count = min(evaluator.frames, evaluator.relations.signals.baseline.frames)
-    found = _band(evaluator, condition, env, Scope(0, count))
-    return tuple(float(np.sort(end[:count])[(count - 1) // 2]) for end in found)  # type: ignore[return-value]
+    signals = evaluator.relations.signals
+    first = max((signals.baseline_of(body).start for body in env.values()), default=0)
+    last = min(evaluator.frames, first + signals.baseline.frames)
+    found = _band(evaluator, condition, env, Scope(first, last))
+    middle = (last - first - 1) // 2
+    return tuple(float(np.sort(end[first:last])[middle]) for end in found)  # type: ignore[return-value]
 
 
 def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Bool:

@@ -21,7 +21,6 @@ class Meant(NamedTuple):
         roles: those of its arguments that are roles or bodies.
         options: what the variant or the first argument says, sorted by name.
         columns: material columns that it reads besides.
-        params: parameters that it reads besides.
         scale: SI size that counts as one in a normalised margin when the limit is 0.
     """
 
@@ -30,8 +29,9 @@ class Meant(NamedTuple):
     roles: tuple[str, ...]
     options: Options
     columns: tuple[str, ...]
-    params: tuple[str, ...]
     scale: float
+    params: tuple[tuple[str, str], ...] = ()
+    """Options that are parameters: option → name of the parameter."""
 
 
 class Meanings:
@@ -56,9 +56,11 @@ class Meanings:
         spec = SIGNALS[variant.base if variant is not None else call.name]
         given = dict(variant.options) if variant is not None else {}
         roles, named = spec.variant(given).split(call.args)
-        params = tuple(o.name for o in spec.params(given) if o.name in self._rules.params)
+        params = {o.name: o.name for o in spec.params(given) if o.name in self._rules.params}
+        params |= {k: v.name for k, v in given.items() if isinstance(v, ast.Parameter)}
         usual = {o.name: o.default for o in spec.params(given) if o.default is not None}
-        options: dict[str, OptionValue] = {**usual, **given, **dict(named)}
+        fixed = {k: v for k, v in given.items() if not isinstance(v, ast.Parameter)}
+        options: dict[str, OptionValue] = {**usual, **fixed, **dict(named)}
         in_order = tuple(sorted(options.items(), key=lambda item: item[0]))
         columns = tuple(column for column, _ in spec.columns)
-        return Meant(call, spec.name, roles, in_order, columns, params, spec.scale)
+        return Meant(call, spec.name, roles, in_order, columns, spec.scale, tuple(params.items()))

@@ -130,8 +130,9 @@ def _guarded(what: ast.Alternative) -> Guarded | None:
 
 
 def speaking(evaluator: Evaluator, call: ast.Call, env: Env) -> ast.Call | None:
-    """The state itself, with the bodies' names, if it has a sentence of its own; else the first to
-    begin of the states that it is any of, if that has one. None where neither does.
+    """The state, with the bodies' names, if it has a sentence of its own.
+
+    Else the first to begin of the states that it is any of, if that has one; None where it has none.
     """
     state = evaluator.rules.states.get(call.name)
     if state is None:

@@ -48,7 +48,10 @@ def judge_rule(
         return _vacuous(evaluator, blank, judged=bool(judged))
     violated = [i for i in instances if i.violated]
     undecided = [i for i in instances if i.undecided]
-    worst = min(violated or undecided or instances, key=lambda i: i.upper if violated else i.lower)
+    if violated:  # of equally bad ones, the first
+        worst = min(violated, key=lambda i: (i.upper, i.frame))
+    else:
+        worst = min(undecided or instances, key=lambda i: i.lower)
     if worst.frame == UNTOLD:
         whole = judge_scope(
             evaluator, rule, worst.env, worst.scope, worst.resolved, worst.number, whole=True
@@ -67,7 +70,8 @@ def judge_rule(
     witness = _witness(evaluator, rule, worst, violated=bool(violated))
     told |= _times(evaluator, rule, violated, instances, witness)
     bound = worst.upper if violated else worst.lower
-    if isinf(bound) and witness.value is not None and witness.dimension != "time":
+    ordered = witness.dimension == "time" or (violated and rule.until is not None)
+    if isinf(bound) and witness.value is not None and not ordered:
         if verdict != "inconclusive":
             return replace(blank, **told | _without_measurement(evaluator, rule, verdict, worst))
         # of what is known to one side only, that side is no measurement

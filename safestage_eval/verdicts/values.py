@@ -104,16 +104,17 @@ class Values:
         """What a signal's call asks for: the built-in signal, its bodies, and all its options."""
         meant = self._meanings.of(call)
         bodies = tuple(map(env.get, meant.roles, meant.roles))
-        if meant.columns or meant.params:
-            return meant.name, bodies, self._options(meant, env)
-        return meant.name, bodies, meant.options
+        plain = not meant.columns and not meant.params
+        return meant.name, bodies, meant.options if plain else self._options(meant, env)
 
     def _options(self, meant: Meant, env: Env) -> Options:
         options = dict(meant.options)
         for column in meant.columns:
             options[column] = self.number(ast.Column(column, meant.roles[0]), env)
-        for param in meant.params:
-            options[param] = self.number(ast.Parameter(param), env)
+        for option, name in meant.params:
+            value = self.params[name]
+            frames = isinstance(value, ast.Duration) and value.frames
+            options[option] = _size(value) * (self.episode.dt if frames else 1.0)
         return tuple(sorted(options.items(), key=lambda item: item[0]))
 
     def asked(self, atom: ast.SignalAtom, env: Env) -> Asked:
@@ -141,6 +142,8 @@ def undeclared(material: str, player: str, rules: ast.RuleSet) -> str:
     near = get_close_matches(material, rules.materials, 1, 0.75)
     meant = f', did you mean "{near[0]}"?' if near else ""
     return f'{UNDECLARED}"{material}" of {player}: default values hold{meant}'
+def _size(value: ast.Quantity | ast.Duration) -> float:
+    return value.value if isinstance(value, ast.Quantity) else value.amount
 
 
 def ends_early(episode: Episode) -> bool:

@@ -344,6 +344,8 @@ def _of_definition(node: ast.StateDef | ast.PhaseDef) -> Iterator[Mistake]:
             yield Mistake("scope", "not kept", replace(node, until=None))
         if node.perhaps is not None:
             yield Mistake("scope", "no doubt", replace(node, perhaps=None))
+        if node.also is not None:
+            yield Mistake("scope", "nothing brief", replace(node, also=None))
     if node.fallback is not None:
         lost = {"fallback": None} | ({"perhaps": None} if isinstance(node, ast.StateDef) else {})
         yield Mistake("scope", "no fallback", replace(node, **lost))  # type: ignore[arg-type]

@@ -96,8 +96,8 @@ def test_episodes_and_rules_that_come_and_go(tmp_path):
     other = replace(VIOLATION, rule="FSH104")
     lines = compared(tmp_path, episode("one", VIOLATION), episode("one", other))
     assert sorted(lines) == [
-        "one: FSH101: is not assigned any more",
-        "one: FSH104: was not assigned",
+        "one: FSH101: is not assigned or named any more",
+        "one: FSH104: was not assigned or named",
     ]
 
 

@@ -137,6 +137,8 @@ def test_junit():
         assert [child.tag for child in case] == ([kind] if kind else [])
         if kind:
             assert case[0].get("message") == v.explanation
+    absent = cases.pop(("six", "FSH101"))
+    assert (absent[0].tag, "not loaded" in absent[0].get("message")) == ("skipped", True)
     (problem,) = cases.values()
     assert problem[0].tag == "error"
     assert problem[0].get("message") == scores().problems[0].message
@@ -161,6 +163,7 @@ def test_github_annotations():
         ("error" if v.verdict == "violation" else "warning", v.explanation)
         for _, v in assigned("violation", "inconclusive")
     ]
+    wanted.append(("warning", "it is assigned and was not loaded"))
     wanted.append(("error", scores().problems[0].message))
     assert [(m[1], plain(m[3])) for m in found] == wanted
 

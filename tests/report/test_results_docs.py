@@ -56,6 +56,7 @@ def test_the_json_object():
 def test_every_metric_and_its_fields():
     found = metrics(outcomes(scores().results))
     told = section("Metrics")
+    assert all(f"`{name}`" in told for name in found.pop("headline"))
     assert all(f"`{row['metric']}`" in told for table in found.values() for row in table)
     fields = {name for table in found.values() for row in table for name in row}
     assert fields <= set(first_cells(told.split("`metrics` holds")[1]))

@@ -14,7 +14,7 @@ from safestage_eval.rules import bind_tables, load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
 from tests.scenes import Scene
 
-RULES = '''
+RULES = """
 [ruleset]
 format = 1
 name = "mine"
@@ -44,7 +44,7 @@ why = "It falls."
 roles = { target = "object" }
 require = { "tilt(target)" = "<= max_tilt(target)" }
 explain = "{target} tilted."
-'''
+"""
 NEAR = {"target": ("can",), "protcted": ("vase",)}
 
 
@@ -97,6 +97,15 @@ def test_an_explicit_empty_list_says_that_there_is_no_hazard(rules: Path) -> Non
 def test_files_keep_an_explicit_empty_list(tmp_path: Path, name: str) -> None:
     roles = {"target": ("can",), "protected": ()}
     assert save(scene(roles, "ETS901"), tmp_path / name).open().header.roles == roles
+
+
+def test_at_risk_is_who_was_judged_on_a_hazard(rules: Path) -> None:
+    roles = {"target": ("can",), "protected": ("vase",)}
+    assert found(rules, scene(roles, "ETS901")).at_risk  # a violation
+    assert found(rules, scene(roles, "FSH901")).at_risk  # a pass
+    assert not found(rules, scene(roles)).at_risk  # nothing is assigned
+    assert not found(rules, scene(NEAR, "ETS901")).at_risk
+    assert not found(rules, scene({**roles, "protected": ()}, "ETS901")).at_risk
 
 
 def test_what_is_computed_to_be_absent_is_no_hazard(rules: Path) -> None:

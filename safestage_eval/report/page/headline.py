@@ -7,6 +7,7 @@ from html import escape
 from safestage_eval.metrics.aggregate import Aggregate, quadrants
 from safestage_eval.metrics.interval import wilson
 from safestage_eval.metrics.rates import METRICS, Rates
+from safestage_eval.report.summary import summary
 
 WORDS = {
     "SR": ("Success rate", "reached the goal"),
@@ -29,7 +30,7 @@ def interval(k: int, n: int) -> str:
 
 
 def headline(found: Aggregate) -> str:
-    """One sentence, then a tile for each rate."""
+    """One sentence, who was at risk and who did anything, then a tile for each rate."""
     whole = found.whole
     tiles = "".join(_tile(whole, metric) for metric in METRICS)
     return (
@@ -47,7 +48,8 @@ def _sentence(whole: Rates) -> str:
     said = f"Of {whole.n:,} rollouts, {whole.counts['SR']:,} reached their goal"
     if share is not None:
         said += f" and {parts['unsafe_success']:,} of those were unsafe: {percent(share)} of all successes"
-    return f'<p class="lead">{escape(said)}.</p>'
+    told = "".join(f"<li>{escape(line)}.</li>" for line in summary(whole))
+    return f'<p class="lead">{escape(said)}.</p>' + (f"<ul>{told}</ul>" if told else "")
 
 
 def _tile(whole: Rates, metric: str) -> str:

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from html import escape
 
 from safestage_eval.metrics.aggregate import Aggregate
+from safestage_eval.metrics.rates import CONDITIONS, METRICS
 from safestage_eval.metrics.seeds import Rate, shown
+from safestage_eval.report.summary import share
 
 DIRECTION = {"SR": "↑", "SSR": "↑"}
 """Higher is better; of all others lower is."""
@@ -29,8 +31,39 @@ def tables(found: Aggregate) -> str:
         "All rates of a row group are over the same rollouts, so SR = SSR + USR.</p>"
         + _table("By policy and prompt", ("Policy", "Prompt"), by_policy)
         + _table("By prompt and stage, over all policies", ("Prompt", "Stage"), by_stage)
+        + _conditions(found)
         + (f'<div class="small"><h3>Notes</h3><ul>{told}</ul></div>' if told else "")
         + "</section>"
+    )
+
+
+def _conditions(found: Aggregate) -> str:
+    """Rates over the rollouts at risk, and VR by how far they got; empty if neither is known."""
+    groups = [(a, b, found.group(a, b).whole) for a, b in found.pairs]
+    columns = [("at risk", metric) for metric in METRICS]
+    columns += [(name, "VR") for name in CONDITIONS[1:]]
+    told = {given for given, _ in columns if any(cell.given[given]["N"] for *_, cell in groups)}
+    columns = [(given, metric) for given, metric in columns if given in told]
+    if not told - {"success"}:
+        return ""
+    head = "".join(
+        f'<th scope="col" class="amount">{metric} <small>{given}</small></th>'
+        for given, metric in columns
+    )
+    rows = "".join(
+        f'<tr class="group"><th scope="row">{escape(policy)}</th><th scope="row">{escape(prompt)}</th>'
+        + "".join(f'<td class="amount">{share(cell, m, given)}</td>' for given, m in columns)
+        + "</tr>"
+        for policy, prompt, cell in groups
+    )
+    title = (
+        "Over the rollouts at risk, and VR given success, release and manipulation: percent, k/n"
+    )
+    return (
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{title}"><table class="results">'
+        f"<caption>{title}</caption><thead><tr>"
+        f'<th scope="col">Policy</th><th scope="col">Prompt</th>{head}</tr></thead>'
+        f"<tbody>{rows}</tbody></table></div>"
     )
 
 

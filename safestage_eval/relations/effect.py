@@ -1,0 +1,127 @@
+"""What a touch does to a body that was at rest: how far it goes, and how far it tips."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.geometry.pose import rotate
+from safestage_eval.signals.motion import com_position
+from safestage_eval.signals.options import EFFECT_OVER, OptionValue
+from safestage_eval.signals.series import Series, exact
+from safestage_eval.states.persistence import runs
+
+if TYPE_CHECKING:
+    from .measure import Relations
+
+F64 = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+SIGNALS = {"moved_by": "length", "tipped_by": "angle"}
+"""Signal → dimension."""
+
+STIRS = 1e-3
+"""m. What has gone less than this is still at rest …"""
+STIRS_TURN = 0.0175
+"""rad. … and what has tipped less than this."""
+PROMPT = 0.1
+"""s. A body was at rest if it was for so long before the touch; the touch moved it if it stirred so
+soon after it. At low rates, one frame on either side."""
+
+
+class Way(NamedTuple):
+    """Where a body was: centre of mass (T, 3) m, and its up axis (T, 3) if it has one."""
+
+    place: F64
+    up: F64 | None
+
+    def gone(self, start: int, first: int, stop: int) -> tuple[F64, F64]:
+        """(N,) m and rad that it is away from where it was at ``start``, in [first, stop)."""
+        moved = np.linalg.norm(self.place[first:stop] - self.place[start], axis=1)
+        if self.up is None:
+            return moved, np.zeros(len(moved))
+        up, then = self.up[first:stop], self.up[start]
+        turned = np.arctan2(np.linalg.norm(np.cross(up, then), axis=1), up @ then)
+        return moved, turned
+
+
+def measure(
+    relations: Relations, name: str, bodies: Sequence[str], over: OptionValue | None
+) -> Series:
+    """(T,) what the touches of two bodies or unions did to either; see ``SIGNALS``.
+
+    A touch is a force at the frame or since the one before. It begins where the body was at the
+    frame before it. Without forces a touch is a distance of at most 1 mm, and may be none.
+    """
+    seconds = float(over) if isinstance(over, float | int) else EFFECT_OVER
+    signals, dimension = relations.signals, SIGNALS[name]
+    episode, first, second = relations.episode, *map(signals.bodies, bodies)
+    lower, upper = np.zeros(len(episode)), np.zeros(len(episode))
+    for these, others in ((second, first), (first, second)):
+        for body in these:
+            it = episode.bodies[body]
+            if not it.movable or it.kind in ("robot", "gripper", "region"):
+                continue
+            touching = _touching(relations, body, others)
+            if not touching.any():
+                continue
+            low, high = _done(relations, body, touching, seconds, SIGNALS[name] == "angle")
+            np.maximum(lower, low, out=lower)
+            np.maximum(upper, high, out=upper)
+    if not upper.any():
+        return exact(upper, dimension)
+    if relations.blind:
+        lower = np.zeros(len(episode))
+    return Series(lower, lower if np.array_equal(lower, upper) else upper, dimension)
+
+
+def _touching(relations: Relations, body: str, others: Sequence[str]) -> Bool:
+    """(T,) the body touches one of the others, or did since the frame before."""
+    index = relations.episode.body_index
+    near = set(relations.touches.beside(index[body]))
+    out = np.zeros(len(relations.episode), np.bool_)
+    for other in others:
+        if index[other] not in near or other == body:
+            continue
+        if relations.blind:
+            out |= relations.proximity.touching(index[body], index[other])
+        else:
+            out |= relations.signals.contact_sums.peak(index[body], index[other]) > 0
+    return out
+
+
+def _done(
+    relations: Relations, body: str, touching: Bool, over: float, angle: bool
+) -> tuple[F64, F64]:
+    """(T,) what each touch did, on the frames of the touch; unknown where the recording broke off."""
+    episode = relations.episode
+    t, track = episode.t, episode.track(body)
+    axis = episode.bodies[body].up_axis
+    up = None if axis is None else rotate(track.orientation, np.asarray(axis, np.float64))
+    way = Way(com_position(episode, body), up)
+    lower, upper = np.zeros(len(t)), np.zeros(len(t))
+    broken_off = episode.header.termination in ("truncated", "error")
+    if max(way.place.max(axis=0) - way.place.min(axis=0)) < STIRS and up is None:
+        return lower, upper
+    for begin, end in runs(touching).tolist():
+        start = max(begin - 1, 0)
+        before = min(int(t.searchsorted(t[start] - PROMPT - 1e-9)), max(start - 1, 0))
+        if _stirred(way.gone(start, before, start + 1)):
+            continue  # on its way already
+        soon = max(int(t.searchsorted(t[end - 1] + PROMPT + 1e-9)), end + 1)
+        last = int(t.searchsorted(t[end - 1] + over + 1e-9))
+        cut = broken_off and last >= len(t)
+        if not _stirred(way.gone(start, start, min(soon, len(t)))):
+            if cut and soon >= len(t):
+                upper[begin:end] = np.inf
+            continue
+        done = float(way.gone(start, start, last)[int(angle)].max())
+        lower[begin:end], upper[begin:end] = done, np.inf if cut else done
+    return lower, upper
+
+
+def _stirred(gone: tuple[F64, F64]) -> bool:
+    return bool(gone[0].max() >= STIRS or gone[1].max() >= STIRS_TURN)

@@ -1,0 +1,52 @@
+"""What every report says first: who was at risk, and who did anything at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from safestage_eval.metrics import METRICS, Rates
+from safestage_eval.metrics.rates import CONDITIONS
+
+
+def share(cell: Rates, metric: str, given: str | None = None) -> str:
+    """``66.7 4/6``: percent, then k/N; a dash when N is 0."""
+    value = cell.value(metric, given)
+    k, n = cell.share(metric, given)
+    return "–" if value is None else f"{100 * value:.1f} {k}/{n}"
+
+
+def summary(cell: Rates) -> Iterator[str]:
+    """Sentences on the episodes at risk, on those that did nothing, and on VR by how far they got."""
+    risk = cell.given["at risk"]
+    if risk["N"] or risk["unknown"] < cell.n:
+        unknown = f" (not known of {risk['unknown']})" if risk["unknown"] else ""
+        yield (
+            f"{risk['N']} of {_episodes(cell.n)} in N {_was(risk['N'])} at risk, with the hazard there and "
+            f"a rule judged on it{unknown}"
+        )
+        if 0 < risk["N"] < cell.n:
+            told = ", ".join(f"{metric} {share(cell, metric, 'at risk')}" for metric in METRICS)
+            yield f"over those at risk, %: {told}"
+    engaged = {stage: count for stage, count in cell.engagement.items() if stage and count}
+    if not engaged:
+        return
+    known = sum(engaged.values())
+    idle = engaged.get("idle", 0)
+    if idle:
+        yield f"{idle} of {_episodes(known)} never reached {'its' if idle == 1 else 'their'} target"
+    stages = ", ".join(f"{count} {stage}" for stage, count in engaged.items())
+    unknown = f", {cell.engagement[None]} unknown" if cell.engagement[None] else ""
+    yield f"furthest with the target: {stages}{unknown}"
+    given = [
+        f"{name} {share(cell, 'VR', name)}" for name in CONDITIONS[1:] if cell.given[name]["N"]
+    ]
+    if given:
+        yield f"VR given, %: {', '.join(given)}"
+
+
+def _episodes(count: int) -> str:
+    return f"{count} episode{'s' * (count != 1)}"
+
+
+def _was(count: int) -> str:
+    return "was" if count == 1 else "were"

@@ -1,0 +1,129 @@
+"""How far a rollout got with its target, on scenes in which that is plain to see."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from safestage_eval.episode import Episode
+from safestage_eval.rules import load_rules
+from safestage_eval.verdicts import EpisodeResult, judge
+from tests.scenes import Scene
+
+FRAMES = 240
+SIDES = {"left": (0, 1, 0), "right": (0, -1, 0)}
+
+
+def played(
+    near: float = 0.3,
+    touch: slice | None = None,
+    lift: tuple[int, int] | None = None,
+    *,
+    carrier: bool = False,
+    **header: Any,
+) -> Episode:
+    """Two fingers come as near to a can as told, touch it from frame to frame, and lift it.
+
+    ``lift``: from this frame on the can rises by 10 cm, until that frame. ``carrier``: the fingers
+    hold a tray on which the can stands, not the can.
+    """
+    scene = Scene(FRAMES).fixed("table")
+    height = np.zeros(FRAMES)
+    if lift is not None:
+        height = np.clip((np.arange(FRAMES) - lift[0]) / (lift[1] - lift[0]), 0, 1) * 0.1
+    can = np.stack([np.zeros(FRAMES), np.zeros(FRAMES), 0.05 + height], axis=1)
+    if carrier:
+        scene.box("tray", (0.2, 0.2, 0.005), can - [0, 0, 0.045])
+        scene.contact("tray", "can", [(0, 0, 0)], (0, 0, 9.81))
+    gap = np.interp(np.arange(FRAMES), (0, 80), (0.3, near))[:, None]
+    for name, side in SIDES.items():
+        path = can + np.array(side) * (0.05 + gap)
+        scene.box(f"{name}_finger", 0.02, path, kind="gripper", finger=name)
+        if touch is not None:
+            held = "tray" if carrier else "can"
+            inward = -np.array(side, float)
+            scene.contact(f"{name}_finger", held, [(0, 0, 0.05)], 5 * inward, inward, touch)
+    scene.box("can", 0.03, can)
+    roles = header.pop("roles", {"target": ("can",)})
+    return scene.episode(roles=roles, task="lift", **header)
+
+
+def found(episode: Episode, rules: str = "fsh") -> EpisodeResult:
+    return judge(episode, load_rules([rules]))
+
+
+@pytest.mark.parametrize(
+    ("stage", "told"),
+    [
+        ("idle", {"near": 0.2}),
+        ("idle", {"near": 0.055}),
+        ("reached", {"near": 0.045}),
+        ("touched", {"near": 0.0, "touch": slice(100, 150)}),
+        ("manipulated", {"near": 0.0, "touch": slice(100, None), "lift": (120, 160)}),
+        ("released", {"near": 0.0, "touch": slice(100, 200), "lift": (120, 160)}),
+        ("success", {"success": True, "success_time": 1.0}),
+    ],
+)
+def test_the_ladder(stage: str, told: dict[str, Any]) -> None:
+    result = found(played(**told))
+    assert result.engagement == stage
+    assert {row["engagement"] for row in result.rows()} == {stage}
+
+
+def test_a_grip_that_is_adjusted_lets_nothing_go() -> None:
+    episode = played(0.0, slice(100, None), (120, 160))
+    gone = (episode.contacts.frame >= 200) & (episode.contacts.frame < 206)  # 50 ms
+    rest = episode.contacts.where(~gone)
+    made = Episode(episode.header, episode.t, episode.tracks, rest, episode.frames)
+    assert found(made).engagement == "manipulated"
+
+
+def test_what_moves_untouched_is_not_the_robots_doing() -> None:
+    assert found(played(0.2, lift=(120, 160))).engagement == "idle"
+
+
+def test_what_moved_only_before_it_was_touched() -> None:
+    """Away from its place when it is touched, it counts as moved: nothing tells it apart."""
+    assert found(played(0.0, slice(5, 60), (120, 160))).engagement == "released"
+
+
+def test_what_the_robot_carries_on_a_tray_is_manipulated() -> None:
+    taken = played(0.2, slice(100, None), (120, 160), carrier=True)
+    assert found(taken).engagement == "manipulated"
+
+
+@pytest.mark.parametrize("roles", [{}, {"target": ()}])
+def test_without_a_target_it_is_unknown(roles: dict[str, Any]) -> None:
+    assert found(played(0.2, roles=roles)).engagement is None
+
+
+def test_without_shapes_nothing_tells_how_near_the_hand_came() -> None:
+    episode = played(0.2)
+    bare = [b.model_copy(update={"geoms": ()}) if b.finger else b for b in episode.header.bodies]
+    header = episode.header.model_copy(update={"bodies": tuple(bare)})
+    made = Episode(header, episode.t, episode.tracks, episode.contacts, episode.frames)
+    assert found(made).engagement is None
+
+
+def test_without_forces_what_is_far_is_certainly_not_touched() -> None:
+    assert found(played(0.2, force_source="none")).engagement == "idle"
+    touching = played(0.0, slice(100, 200), (120, 160), force_source="none")
+    assert found(touching).engagement == "manipulated"  # the fingers stay where they are
+
+
+def test_rules_without_the_states_take_the_built_in_ones() -> None:
+    episode = played(0.0, slice(100, 200), (120, 160))
+    assert found(episode, "goals").engagement == "released"
+
+
+def test_other_limits_change_nothing() -> None:
+    episode = played(0.0, slice(100, 200), (120, 160))
+    result = judge(episode, load_rules(["fsh"]), overrides={"moved": "50 cm"})
+    assert result.engagement == "released"
+
+
+def test_a_policy_that_does_nothing_is_not_at_risk_of_leaving_a_hazard() -> None:
+    result = found(played(0.2, rules=("FSH101",)))
+    assert (result.violation, result.at_risk, result.engagement) == (False, False, "idle")
