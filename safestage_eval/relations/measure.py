@@ -189,7 +189,7 @@ class Relations:
 
         None where there is no doubt at any frame. ``wanted``: as in ``get``.
         """
-        return self._unseen(name, bodies, self._doubtful(name, bodies))
+        return self._unseen(name, bodies, self._doubtful(name, bodies, wanted))
 
     def _unseen(
         self, name: str, bodies: Sequence[str], doubt: tuple[Bool, str] | None
@@ -203,7 +203,9 @@ class Relations:
             unseen = np.logical_or.accumulate(unseen) & ~(False if truth is None else truth)
         return (unseen, "") if doubt is None else (doubt[0] | unseen, doubt[1])
 
-    def _doubtful(self, name: str, bodies: Sequence[str]) -> tuple[Bool, str] | None:
+    def _doubtful(
+        self, name: str, bodies: Sequence[str], wanted: Bool | None
+    ) -> tuple[Bool, str] | None:
         if name == "caused":
             return doubt.may_have_been_touched(self, *bodies)
         if self.blind and name in ("held", "carried"):
