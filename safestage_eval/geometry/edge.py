@@ -271,11 +271,24 @@ def _apart(segments: F64, rim: F64, corners: F64) -> float:
     return min(float(to_rim), float(nearest_on(corners, segments).distance.min()))
 
 
+def _each_apart(segments: F64, rim: F64, corners: F64) -> F64:
+    """(S,) as ``_apart``, of each segment."""
+    way = segments[:, 1] - segments[:, 0]
+    lever = corners[None] - segments[:, :1]
+    square = np.maximum((way**2).sum(1), 1e-300)[:, None]
+    share = np.clip((lever * way[:, None]).sum(2) / square, 0, 1)
+    off = lever - share[..., None] * way[:, None]
+    across = np.sqrt((off**2).sum(2).min(1))
+    return np.minimum(
+        nearest_on(segments.reshape(-1, 2), rim).distance.reshape(-1, 2).min(1), across
+    )
+
+
 def _nearest_free(
     outline: F64, owner: I64, piece: float, rim: F64, corners: F64, guarded: _Guarded
 ) -> float:
     """m from a base to the nearest piece of an outline that is not guarded; +inf without any."""
-    least = [_apart(segment[None], rim, corners) for segment in outline]
+    least = _each_apart(outline, rim, corners)
     found = np.inf
     for segment in np.argsort(least, kind="stable"):
         if least[segment] >= found:
