@@ -266,7 +266,7 @@ def _signed_distance(base: list[F64], beyond: F64, surface: Surface, over: Walls
 
 
 def _apart(segments: F64, rim: F64, corners: F64) -> float:
-    """m between some segments and the rim of a base, which do not cross."""
+    """Distance (m) of some segments and the rim of a base, which do not cross."""
     to_rim = nearest_on(segments.reshape(-1, 2), rim).distance.min()
     return min(float(to_rim), float(nearest_on(corners, segments).distance.min()))
 
@@ -287,7 +287,7 @@ def _each_apart(segments: F64, rim: F64, corners: F64) -> F64:
 def _nearest_free(
     outline: F64, owner: I64, piece: float, rim: F64, corners: F64, guarded: _Guarded
 ) -> float:
-    """m from a base to the nearest piece of an outline that is not guarded; +inf without any."""
+    """Distance (m) from a base to the nearest piece of an outline that is not guarded; +inf without any."""
     least = _each_apart(outline, rim, corners)
     found = np.inf
     for segment in np.argsort(least, kind="stable"):

@@ -396,7 +396,7 @@ def _border(
                         continue
                     if not buried:
                         for c in range(4):
-                            s = span[0] if c == 0 or c == 3 else span[1]
+                            s = span[0] if c % 3 == 0 else span[1]
                             u = span[2] + SEAM if c < 2 else -SEAM
                             strips[between, c, 0] = ax + s * dx + u * dy
                             strips[between, c, 1] = ay + s * dy - u * dx
@@ -423,7 +423,7 @@ def _border(
 
 @kernel
 def _covers(
-    corners: F64, first: I64, count: I64, plane: F64, endless: Bool, points: F64, floor: F64,
+    corners: F64, first: I64, count: I64, plane: F64, endless: Bool, points: F64, floor: F64,  # noqa: ARG001
     under: Bool,
 ) -> None:  # fmt: skip
     for p in range(points.shape[0]):
