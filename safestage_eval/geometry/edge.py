@@ -124,7 +124,7 @@ class _Scene:
         drop: float,
     ) -> None:
         under = ground_of(supports, frame)
-        self._under = len(under.count)
+        self._under = len(under.many)
         self._ground = joined([under, ground_of(around, beside)])
         self._bodies, self._drop = ((supports, frame), (around, beside)), drop
         self._surfaces: dict[bytes, Surface] = {}
@@ -146,7 +146,7 @@ class _Scene:
             whole = convex_hull(np.concatenate(faces))
             level = self._ground.plane[seeds].mean(0)
             spanned = joined([self._ground, face_of(whole, level)])
-            with_hull = np.append(seeds, len(self._ground.count))
+            with_hull = np.append(seeds, len(self._ground.many))
             found = max(found, self._distance(base, self._surface(spanned, with_hull), seeds))
         return found
 
@@ -193,7 +193,7 @@ class _Scene:
     def _surface(self, ground: Ground, seeds: I64) -> Surface:
         key = seeds.tobytes()
         if key not in self._surfaces:
-            chosen = np.zeros(len(ground.count), np.bool_)
+            chosen = np.zeros(len(ground.many), np.bool_)
             chosen[seeds] = True
             self._surfaces[key] = surface_from(ground, chosen, self._drop)
         return self._surfaces[key]
@@ -279,15 +279,14 @@ def _each_apart(segments: F64, rim: F64, corners: F64) -> F64:
     share = np.clip((lever * way[:, None]).sum(2) / square, 0, 1)
     off = lever - share[..., None] * way[:, None]
     across = np.sqrt((off**2).sum(2).min(1))
-    return np.minimum(
-        nearest_on(segments.reshape(-1, 2), rim).distance.reshape(-1, 2).min(1), across
-    )
+    to_rim = nearest_on(segments.reshape(-1, 2), rim).distance.reshape(-1, 2).min(1)
+    return np.asarray(np.minimum(to_rim, across))
 
 
 def _nearest_free(
     outline: F64, owner: I64, piece: float, rim: F64, corners: F64, guarded: _Guarded
 ) -> float:
-    """Distance (m) from a base to the nearest piece of an outline that is not guarded; +inf without any."""
+    """Metres from a base to the nearest piece of an outline that is free; +inf without any."""
     least = _each_apart(outline, rim, corners)
     found = np.inf
     for segment in np.argsort(least, kind="stable"):
