@@ -47,6 +47,9 @@ Bool = NDArray[np.bool_]
 BASE_HEIGHT = 5e-3
 """m. The base of a body is what it has within this of the surface on which it stands."""
 
+BESIDE, BESIDE_ANGLE = 1e-4, 1e-3
+"""m and rad. Where bodies beside the supports are is looked up anew when one has moved by so much."""
+
 PIECE = 2e-3
 """m. Edges near walls are judged piece by piece."""
 
@@ -99,26 +102,31 @@ def edge_margin(
     total = max(total, int(wanted.max(initial=-1)) + 1)  # nothing moves, yet later frames are meant
     margin = np.full(total, np.nan)
     lifted = np.zeros(total) if height is None else height - np.broadcast_to(lowest(a), total)
-    bodies = (*supports, *around)
-    place = still_since(bodies, wanted)
-    for there in np.unique(place):
-        here = wanted[place == there]
-        scene = _Scene(supports, around, int(there), drop)
-        for frame, alike in still_runs((a, *bodies), here):
+    place = still_since(supports, wanted)
+    beside = still_since(around, wanted, BESIDE, BESIDE_ANGLE)
+    for there, near in np.unique(np.stack([place, beside], 1), axis=0):
+        here = wanted[(place == there) & (beside == near)]
+        scene = _Scene(supports, around, int(there), int(near), drop)
+        for frame, alike in still_runs((a, *supports), here):
             margin[alike] = scene.margin(world_vertices(a, frame), float(lifted[frame]))
     return margin
 
 
 class _Scene:
-    """Everything but the body that stands, at one frame."""
+    """Everything but the body that stands: its supports at a frame, and the rest at one near it."""
 
     def __init__(
-        self, supports: Sequence[Mover], around: Sequence[Mover], frame: int, drop: float
+        self,
+        supports: Sequence[Mover],
+        around: Sequence[Mover],
+        frame: int,
+        beside: int,
+        drop: float,
     ) -> None:
         under = ground_of(supports, frame)
-        self._under = len(under.count)
-        self._ground = joined([under, ground_of(around, frame)])
-        self._bodies, self._frame, self._drop = (*supports, *around), frame, drop
+        self._under = len(under.many)
+        self._ground = joined([under, ground_of(around, beside)])
+        self._bodies, self._drop = ((supports, frame), (around, beside)), drop
         self._surfaces: dict[bytes, Surface] = {}
         self._walls: dict[tuple[float, ...], F64] = {}
 
@@ -138,7 +146,7 @@ class _Scene:
             whole = convex_hull(np.concatenate(faces))
             level = self._ground.plane[seeds].mean(0)
             spanned = joined([self._ground, face_of(whole, level)])
-            with_hull = np.append(seeds, len(self._ground.count))
+            with_hull = np.append(seeds, len(self._ground.many))
             found = max(found, self._distance(base, self._surface(spanned, with_hull), seeds))
         return found
 
@@ -185,7 +193,7 @@ class _Scene:
     def _surface(self, ground: Ground, seeds: I64) -> Surface:
         key = seeds.tobytes()
         if key not in self._surfaces:
-            chosen = np.zeros(len(ground.count), np.bool_)
+            chosen = np.zeros(len(ground.many), np.bool_)
             chosen[seeds] = True
             self._surfaces[key] = surface_from(ground, chosen, self._drop)
         return self._surfaces[key]
@@ -193,7 +201,7 @@ class _Scene:
     def _walls_over(self, plane: F64) -> F64:
         key = tuple(np.round(plane, 6).tolist())
         if key not in self._walls:
-            self._walls[key] = walls(self._bodies, self._frame, plane)
+            self._walls[key] = np.concatenate([walls(*at, plane) for at in self._bodies])
         return self._walls[key]
 
     def _distance(self, base: list[F64], surface: Surface, seeds: I64) -> float:
@@ -228,52 +236,78 @@ def _signed_distance(base: list[F64], beyond: F64, surface: Surface, over: Walls
     """From a base to the unguarded edges of a surface; ``beyond`` (N, 2): corners off the surface."""
     rim = np.concatenate([edges(polygon) for polygon in base])
     corners = np.concatenate(base)
-    if not len(surface.edges):
+    outline, owner = surface.edges, surface.owner
+    if not len(outline):
         return np.inf
-    outline, owner = _pieces(surface.edges, surface.owner)
-    ends = outline.reshape(-1, 2)
-    under = contains(base, ends).reshape(-1, 2).any(1)
-    met = crosses(outline[:, 0], outline[:, 1], rim)
-    guarded = _Guarded(outline, owner, surface.ground.plane, rim, corners, over)
-    if not len(beyond) and not (under | met).any():
-        return _nearest_free(outline, rim, corners, guarded)
-    free = ~guarded(np.arange(len(outline)))
-    if not free.any():
+    length = np.sqrt(((outline[:, 1] - outline[:, 0]) ** 2).sum(1))
+    piece = max(PIECE, float(length.sum()) / 1000)
+    guarded = _Guarded(surface.ground.plane, rim, corners, over)
+    inside = contains(base, outline.reshape(-1, 2))
+    if not (len(beyond) or inside.any() or crosses(outline[:, 0], outline[:, 1], rim).any()):
+        return _nearest_free(outline, owner, piece, rim, corners, guarded)
+    outline, owner = _pieces(outline, owner, piece)
+    free = outline[~guarded(outline, owner)]
+    if not len(free):
         return np.inf
     out = -np.inf
     if len(beyond):
         nearest = nearest_on(beyond, outline).distance
-        passed = nearest_on(beyond, outline[free]).distance <= nearest + SEAM  # not over a wall
+        passed = nearest_on(beyond, free).distance <= nearest + SEAM  # not over a wall
         out = nearest[passed].max(initial=-np.inf)
-    sunk = outline[free & under].reshape(-1, 2)
-    sunk = sunk[contains(base, sunk)]
+    ends = free.reshape(-1, 2)
+    sunk = ends[contains(base, ends)]
     if len(sunk):
         out = max(out, float(nearest_on(sunk, rim).distance.max()))
     if out > -np.inf:
         return -float(out)
-    return 0.0 if (free & met).any() else _nearest_free(outline, rim, corners, guarded)
+    if crosses(free[:, 0], free[:, 1], rim).any():
+        return 0.0
+    return _apart(free, rim, corners)
 
 
-def _nearest_free(outline: F64, rim: F64, corners: F64, guarded: _Guarded) -> float:
-    """M from a base to the nearest piece of an outline that is not guarded; +inf without any."""
-    far = nearest_on(outline.reshape(-1, 2), rim).distance.reshape(-1, 2).min(1)
-    least = far - np.sqrt(((outline[:, 1] - outline[:, 0]) ** 2).sum(1)) / 2
-    order, found = np.argsort(least, kind="stable"), np.inf
-    for start in range(0, len(order), AT_ONCE):
-        some = order[start : start + AT_ONCE]
-        if least[some[0]] >= found:
+def _apart(segments: F64, rim: F64, corners: F64) -> float:
+    """Distance (m) of some segments and the rim of a base, which do not cross."""
+    to_rim = nearest_on(segments.reshape(-1, 2), rim).distance.min()
+    return min(float(to_rim), float(nearest_on(corners, segments).distance.min()))
+
+
+def _each_apart(segments: F64, rim: F64, corners: F64) -> F64:
+    """(S,) as ``_apart``, of each segment."""
+    way = segments[:, 1] - segments[:, 0]
+    lever = corners[None] - segments[:, :1]
+    square = np.maximum((way**2).sum(1), 1e-300)[:, None]
+    share = np.clip((lever * way[:, None]).sum(2) / square, 0, 1)
+    off = lever - share[..., None] * way[:, None]
+    across = np.sqrt((off**2).sum(2).min(1))
+    to_rim = nearest_on(segments.reshape(-1, 2), rim).distance.reshape(-1, 2).min(1)
+    return np.asarray(np.minimum(to_rim, across))
+
+
+def _nearest_free(
+    outline: F64, owner: I64, piece: float, rim: F64, corners: F64, guarded: _Guarded
+) -> float:
+    """Metres from a base to the nearest piece of an outline that is free; +inf without any."""
+    least = _each_apart(outline, rim, corners)
+    found = np.inf
+    for segment in np.argsort(least, kind="stable"):
+        if least[segment] >= found:
             break
-        free = some[~guarded(some)]
-        if len(free):
-            across = nearest_on(corners, outline[free]).distance.min()
-            found = min(found, float(far[free].min()), float(across))
+        pieces, owners = _pieces(outline[[segment]], owner[[segment]], piece)
+        near = nearest_on(pieces.mean(1), rim).distance
+        order = np.argsort(near, kind="stable")
+        for start in range(0, len(order), AT_ONCE):
+            some = order[start : start + AT_ONCE]
+            if near[some[0]] - piece / 2 >= found:
+                break
+            free = pieces[some][~guarded(pieces[some], owners[some])]
+            if len(free):
+                found = min(found, _apart(free, rim, corners))
     return found
 
 
-def _pieces(outline: F64, owner: I64) -> tuple[F64, I64]:
-    """The same outline cut into pieces no longer than PIECE, or a thousandth of the whole."""
-    length = np.sqrt(((outline[:, 1] - outline[:, 0]) ** 2).sum(1))
-    share = length / max(PIECE, float(length.sum()) / 1000)
+def _pieces(outline: F64, owner: I64, piece: float) -> tuple[F64, I64]:
+    """The same outline cut into pieces no longer than so many m."""
+    share = np.sqrt(((outline[:, 1] - outline[:, 0]) ** 2).sum(1)) / piece
     many = np.maximum(np.ceil(share - 1e-6), 1).astype(np.int64)
     which = np.repeat(np.arange(len(outline)), many)
     rank = np.arange(len(which)) - np.repeat(np.cumsum(many) - many, many)
@@ -290,21 +324,17 @@ class _Guarded:
     no wall: it is what the base stands on, where the surface goes on further down.
     """
 
-    def __init__(
-        self, pieces: F64, owner: I64, planes: F64, rim: F64, corners: F64, over: Walls
-    ) -> None:
-        self._pieces, self._owner, self._planes, self._over = pieces, owner, planes, over
-        self._rim = rim
+    def __init__(self, planes: F64, rim: F64, corners: F64, over: Walls) -> None:
+        self._planes, self._over, self._rim = planes, over, rim
         self._middle = _centroid(convex_hull(corners))
 
-    def __call__(self, which: I64) -> Bool:
-        """(N,) of the pieces (N,)."""
-        found = np.zeros(len(which), np.bool_)
-        for face in np.unique(self._owner[which]):
+    def __call__(self, pieces: F64, owner: I64) -> Bool:
+        """(N,) of pieces (N, 2, 2) of the faces (N,)."""
+        found = np.zeros(len(pieces), np.bool_)
+        for face in np.unique(owner):
             outlines = self._over(self._planes[face])
             if len(outlines):
-                mine = self._owner[which] == face
-                found[mine] = self._behind(self._pieces[which[mine]], outlines)
+                found[owner == face] = self._behind(pieces[owner == face], outlines)
         return found
 
     def _behind(self, pieces: F64, outlines: F64) -> Bool:

@@ -49,20 +49,20 @@ class Ground(NamedTuple):
 
     Attributes:
         corners: (C, 2) m, face after face, counter-clockwise.
-        first, count: (F,) where a face's corners begin, and how many they are.
+        first, many: (F,) where a face's corners begin, and how many they are.
         plane: (F, 3) its height is plane[0] + plane[1] x + plane[2] y, m.
         endless: (F,) it has no edge: a plane.
     """
 
     corners: F64
     first: I64
-    count: I64
+    many: I64
     plane: F64
     endless: Bool
 
     def polygon(self, face: int) -> F64:
         """(N, 2) corners of one face."""
-        return self.corners[self.first[face] : self.first[face] + self.count[face]]
+        return self.corners[self.first[face] : self.first[face] + self.many[face]]
 
 
 class Surface(NamedTuple):
@@ -92,7 +92,7 @@ def joined(grounds: Sequence[Ground]) -> Ground:
     return Ground(
         owned(np.concatenate(corners)),
         np.concatenate([np.empty(0, np.int64), *first]),
-        np.concatenate([np.empty(0, np.int64), *(g.count for g in grounds)]),
+        np.concatenate([np.empty(0, np.int64), *(g.many for g in grounds)]),
         owned(np.concatenate([np.empty((0, 3)), *(g.plane for g in grounds)])),
         np.concatenate([np.empty(0, np.bool_), *(g.endless for g in grounds)]),
     )
@@ -117,16 +117,16 @@ def surface_from(ground: Ground, seeds: Bool, drop: float) -> Surface:
     Edges under a higher face of the same surface are none: nothing can stand there.
     """
     drop = max(drop, CONTACT_TOLERANCE)
-    faces = len(ground.count)
+    faces = len(ground.many)
     box = np.empty((faces, 4))
-    bounds(ground.corners, ground.first, ground.count, box)
+    bounds(ground.corners, ground.first, ground.many, box)
     reached = seeds.copy()
-    room, span = np.empty((2, int(ground.count.max(initial=1)) + 8, 3)), np.empty(3)
+    room, span = np.empty((2, int(ground.many.max(initial=1)) + 8, 3)), np.empty(3)
     limits = np.array([-drop, min(WALL_HEIGHT * (1 - 1e-3), drop)])
     _flood(*ground, box, limits, reached, np.empty(faces, np.int64), room, span)
     kept = np.flatnonzero(reached)
     chosen = _chosen(ground, kept)
-    size = int(chosen.count.sum()) * (len(kept) + 1) + 1
+    size = int(chosen.many.sum()) * (len(kept) + 1) + 1
     edges, owner = np.empty((size, 4)), np.empty(size, np.int64)
     strips, beside = np.empty((size, 4, 2)), np.empty(size, np.int64)
     covered = np.empty((2 * len(kept) + 1, 2))
@@ -249,9 +249,9 @@ def _plane(normal: F64, point: F64) -> F64:
 
 
 def _chosen(ground: Ground, faces: I64) -> Ground:
-    count = ground.count[faces]
+    count = ground.many[faces]
     rows = np.concatenate(
-        [np.arange(ground.first[i], ground.first[i] + ground.count[i]) for i in faces]
+        [np.arange(ground.first[i], ground.first[i] + ground.many[i]) for i in faces]
         or [np.empty(0, np.int64)]
     )
     return Ground(
@@ -396,7 +396,7 @@ def _border(
                         continue
                     if not buried:
                         for c in range(4):
-                            s = span[0] if c == 0 or c == 3 else span[1]
+                            s = span[0] if c % 3 == 0 else span[1]
                             u = span[2] + SEAM if c < 2 else -SEAM
                             strips[between, c, 0] = ax + s * dx + u * dy
                             strips[between, c, 1] = ay + s * dy - u * dx
@@ -423,7 +423,7 @@ def _border(
 
 @kernel
 def _covers(
-    corners: F64, first: I64, count: I64, plane: F64, endless: Bool, points: F64, floor: F64,
+    corners: F64, first: I64, count: I64, plane: F64, endless: Bool, points: F64, floor: F64,  # noqa: ARG001
     under: Bool,
 ) -> None:  # fmt: skip
     for p in range(points.shape[0]):

@@ -23,11 +23,16 @@ ANCHORED = 512
 """Frames after which a run of stillness begins anew, whatever came before."""
 
 
-def still_since(movers: Sequence[Mover], frames: I64) -> I64:
+def still_since(
+    movers: Sequence[Mover],
+    frames: I64,
+    distance: float = STILL_DISTANCE,
+    angle: float = STILL_ANGLE,
+) -> I64:
     """(N,) for each of the frames (N,) the one at which its run of stillness began.
 
-    Within a run no body is further than ``STILL_DISTANCE`` and ``STILL_ANGLE`` from where it was
-    when the run began. Where runs begin does not depend on which frames are asked for: they are
+    Within a run no body is further than ``distance`` (m) and ``angle`` (rad) from where it was when
+    the run began. Where runs begin does not depend on which frames are asked for: they are
     those of whole blocks of the trace, of which only the ones that hold a frame that is asked for
     are looked at. Where nothing can move, all frames have the first one's run.
 
@@ -45,7 +50,7 @@ def still_since(movers: Sequence[Mover], frames: I64) -> I64:
         position = np.stack([m.position[first:end] for m in moving]).astype(np.float64)
         orientation = np.stack([unit(m.orientation[first:end]) for m in moving])
         start = np.empty(end - first, np.int64)
-        _runs(position, orientation, STILL_DISTANCE**2, math.sin(STILL_ANGLE / 4), start)
+        _runs(position, orientation, distance**2, math.sin(angle / 4), start)
         since[asked] = first + start[frames[asked] - first]
     return since
 

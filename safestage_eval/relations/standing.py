@@ -122,7 +122,7 @@ def _in_motion(relations: Relations, name: str, at: I64) -> Bool:
     for read, limit in ((linear_velocity, STILL), (angular_velocity, STILL_TURN)):
         velocity = read(episode, name)[0][at].astype(np.float64)
         fast.append((velocity**2).sum(axis=1) > limit**2)
-    return np.logical_or.reduce(fast)
+    return np.asarray(np.logical_or.reduce(fast))
 
 
 def support_margin(relations: Relations, at: I64, a: str) -> Series:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -357,7 +358,7 @@ def test_more_is_an_edge_the_smaller_the_step_and_what_is_far_away_changes_nothi
     rng = np.random.default_rng(seed)
     a, (under, *others) = scene(rng)
     found = [margin(a, under, around=others, drop=d) for d in (0.002, 0.005, 0.01, 0.02, 0.04)]
-    assert all(x <= y + 1e-9 for x, y in zip(found, found[1:], strict=False))
+    assert all(x <= y + 1e-9 for x, y in pairwise(found))
     far = put(box(0.1, 0.1, 0.3), (*rng.choice([-5, 5], 2), rng.uniform(-0.3, 0.3)))
     assert margin(a, under, around=[*others, far]) == pytest.approx(found[3], abs=1e-9)
 
