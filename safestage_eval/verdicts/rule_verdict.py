@@ -182,7 +182,7 @@ def _witness(
         return Witness(str(state), bodies, first.frame, state=state)
     assert instance.clause is not None  # the caller has dealt with unknown instances
     kind, what, frame = instance.clause.kind, instance.clause.what, instance.frame
-    if first is not None:
+    if first is not None and kind == "forbid":
         what, frame = first.what, first.frame
     forbidden = kind == "forbid"
     alone = is_brief(evaluator, instance.scope)
