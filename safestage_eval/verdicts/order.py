@@ -27,6 +27,32 @@ class Guarded(NamedTuple):
     state: ast.Call
 
 
+def is_ordering(rule: ast.Rule) -> bool:
+    """It only forbids, and something before something else: before its ``until``, or unguarded."""
+    if not rule.forbid or rule.require is not None or rule.reach is not None:
+        return False
+    return rule.until is not None or any(_guarded(what) is not None for what in rule.forbid)
+
+
+def in_turn(evaluator: Evaluator, rule: ast.Rule) -> bool:
+    """What broke it first is told, not what broke it worst: the order counts, or a state speaks."""
+    return is_ordering(rule) or any(
+        isinstance(what, ast.Event) and what.call is not None and _can_speak(evaluator, what.call)
+        for what in rule.forbid
+    )
+
+
+def _can_speak(evaluator: Evaluator, call: ast.Call) -> bool:
+    state = evaluator.rules.states.get(call.name)
+    if state is None:
+        return False
+    parts = [
+        a for atom in state.when.atoms if isinstance(atom, ast.AnyOf) for a in atom.alternatives
+    ]
+    calls = [a.call for a in parts if isinstance(a, ast.Event) and a.call is not None]
+    return bool(state.explain) or any(_can_speak(evaluator, part) for part in calls)
+
+
 def first_broken(
     evaluator: Evaluator, rule: ast.Rule, instance: Instance, *, beyond: bool = False
 ) -> Broken | None:
@@ -56,7 +82,7 @@ def ordering(
 
     Args:
         evaluator: of the episode.
-        rule: has an ``until``, and only forbids.
+        rule: of which ``is_ordering`` holds.
         instance: judged already.
         first: what broke it.
     """

@@ -20,7 +20,7 @@ from .explain import Finding, seconds, sentence
 from .flicker import asks_for_absence, raw_frames, too_brief
 from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
 from .memory import at_hand
-from .order import first_broken, ordering, speaking
+from .order import first_broken, in_turn, is_ordering, ordering, speaking
 from .players import combinations
 from .verdict import Vacuity, Verdict, VerdictName
 from .witness import Search, Witness
@@ -70,7 +70,7 @@ def judge_rule(
     witness = _witness(evaluator, rule, worst, violated=bool(violated))
     told |= _times(evaluator, rule, violated, instances, witness)
     bound = worst.upper if violated else worst.lower
-    ordered = witness.dimension == "time" or (violated and rule.until is not None)
+    ordered = witness.dimension == "time" or (violated and in_turn(evaluator, rule))
     if isinf(bound) and witness.value is not None and not ordered:
         if verdict != "inconclusive":
             return replace(blank, **told | _without_measurement(evaluator, rule, verdict, worst))
@@ -169,11 +169,12 @@ def _witness(
     evaluator: Evaluator, rule: ast.Rule, instance: Instance, *, violated: bool
 ) -> Witness:
     """The measurement behind an instance's margin; for an ordering, the two moments."""
-    first = first_broken(evaluator, rule, instance) if violated else None
+    turns = in_turn(evaluator, rule)
+    first = first_broken(evaluator, rule, instance) if violated and turns else None
     state = None
     if first is not None and isinstance(first.what, ast.Event) and first.what.call is not None:
         state = speaking(evaluator, first.what.call, instance.env)
-    if rule.until is not None and rule.require is None and rule.reach is None:
+    if is_ordering(rule):
         found = ordering(evaluator, rule, instance, first)
         if found is not None:
             return found._replace(state=state)
@@ -182,7 +183,7 @@ def _witness(
         return Witness(str(state), bodies, first.frame, state=state)
     assert instance.clause is not None  # the caller has dealt with unknown instances
     kind, what, frame = instance.clause.kind, instance.clause.what, instance.frame
-    if rule.until is not None and first is not None and kind == "forbid":
+    if first is not None and kind == "forbid":
         what, frame = first.what, first.frame
     forbidden = kind == "forbid"
     alone = is_brief(evaluator, instance.scope)
@@ -257,7 +258,7 @@ def _phase(evaluator: Evaluator, rule: ast.Rule, time: float | None) -> str | No
     """``before`` the target is free, or by time: ``execution`` until success, then ``hold``."""
     if time is None:
         return None
-    if rule.until is not None:
+    if is_ordering(rule):
         return "before"
     success = evaluator.success
     done = success is not None and time >= float(evaluator.episode.t[success])

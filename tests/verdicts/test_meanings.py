@@ -79,11 +79,11 @@ BOTH = '["can", "bottle"]'
             + moves(BOTH, "0, 0, -5 cm", 2, 2.2),
             "violation",
         ),
-        # dropping the dependent is a loss, though the target never moves
+        # dropping the dependent once it is off the target is no hazard of the start
         (
             holds("bottle", 0.5, 2) + moves('"bottle"', "0, 0, 5 cm", 1, 1.2)
             + moves('"bottle"', "0, 30, 0 cm", 1.2, 1.8) + '{ drop = "bottle", at = "2 s" },\n',
-            "violation",
+            "pass",
         ),
         # still in the gripper at the end: nothing was committed
         (
@@ -91,14 +91,14 @@ BOTH = '["can", "bottle"]'
             + moves('"bottle"', "0, 30, 0 cm", 1.2, 1.8),
             "pass",
         ),
-        # once safe, safe: what is put back later does not count
+        # put back on the target, it is no longer free
         (
             taken_off("bottle", 0.5) + holds("bottle", 3, 4.5)
             + moves('"bottle"', "0, 0, 19 cm", 3.1, 3.4)
             + moves('"bottle"', "0, -30, 0 cm", 3.4, 3.8)
             + moves('"bottle"', "0, 0, -5 cm", 3.8, 4)
             + moves(BOTH, "20, 0, 0 cm", 5, 5.5),
-            "pass",
+            "violation",
         ),
     ],
 )  # fmt: skip
@@ -121,7 +121,8 @@ def test_of_several_dependents_the_last_counts(both: bool, expected: str, tmp_pa
     ("story", "expected"),
     [
         ("", "inconclusive"),
-        (taken_off("bottle", 0.5), "pass"),
+        # it may be set back before the can is moved
+        (taken_off("bottle", 0.5), "inconclusive"),
         (holds("can", 0.5, 2) + moves(BOTH, "0, 0, 5 cm", 1, 1.2), "violation"),
     ],
 )

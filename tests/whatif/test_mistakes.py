@@ -29,7 +29,7 @@ def made(tmp_path, rule, *kinds, deep=False, head=HEAD):
 GIVEN = """
 roles  = { target = "object", dependent = "object" }
 given  = { "depends_on(dependent, target)" = true, "tilt(dependent)" = ">= tip" }
-forbid = "lost(dependent)"
+forbid = "dropped(dependent)"
 """
 
 
