@@ -101,7 +101,7 @@ def _too_short(evaluator: Evaluator, rule: ast.Rule) -> Cause:
 
 
 def _after_success(evaluator: Evaluator, span: ast.Span | None) -> Iterator[float]:
-    """s after success that a span needs to be recorded."""
+    """How long (s) after success a span needs to be recorded."""
     for node in nodes(span):
         if isinstance(node, ast.PhaseSpan):
             yield from _after_success(evaluator, evaluator.rules.phases[node.call.name].span)
