@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,33 +15,67 @@ from safestage_eval.scoring import score_paths
 if TYPE_CHECKING:
     import pandas as pd
 
+    from safestage_eval.relations.measure import Relations
+    from safestage_eval.rules import RuleSet
+
+
+EXACT = 1e-6
+"""SI: bounds that are no further apart are rounding, not doubt."""
+
 
 class Episode(model.Episode):
-    """An episode that can be asked for its signals by name."""
+    """An episode that can be asked for its signals, relations and states by name."""
 
-    def signals(self, expression: str) -> pd.Series[float]:
-        """One signal or relation over time.
+    def signals(
+        self, expression: str, rules: str | Path | Sequence[str | Path] = ()
+    ) -> pd.Series[float]:
+        """One signal, relation or state over time, as rules see it.
 
         Args:
-            expression: ``"clearance(target, protected)"``, ``"held(cup)"``; arguments are bodies,
-                the unions ``robot`` and ``gripper``, or roles that a single body plays.
+            expression: ``"clearance(target, protected)"``, ``"held(cup)"``,
+                ``"contact(robot, protected)"``; arguments are bodies, the unions ``robot`` and
+                ``gripper``, or roles that a single body plays.
+            rules: rule files, folders or built-in names whose states may be asked for; all built-in
+                ones if empty.
 
         Returns:
-            (T,) in SI, indexed by time (s); NaN where it is not known (in a hole of the recording
-            there is one value more, NaN); a clearance beyond 10 cm
-            is +inf. Relations are 1, 0 or NaN.
+            (T,) in SI, indexed by time (s); a hole of the recording adds one value, NaN. NaN where rules take the value as unknown, be it that only
+            bounds of it are known; a clearance beyond 10 cm is +inf, and a tilt or edge margin that
+            does not exist -inf. Relations and states are 1.0, 0.0 or NaN.
 
-        Raises InputError for a name that does not exist.
+        Raises InputError for a name that does not exist, RuleError for rules that make no sense.
         """
         import numpy as np
         import pandas as pd
 
+        from safestage_eval.rules import builtin_names, load_rules
+        from safestage_eval.signals.measure import CAPPED
         from safestage_eval.verdicts.ask import ask
 
+        asked = tuple(map(str, [rules] if isinstance(rules, str | Path) else rules))
+        if asked not in self._rules:
+            self._rules[asked] = load_rules(list(asked) or builtin_names())
         seen = model.with_holes(self)
-        series = ask(seen, expression)
-        values = np.where(series.known, series.upper, np.nan)
+        series = ask(seen, expression, self._relations, self._rules[asked])
+        lower, upper = series.lower, series.upper
+        known = lower == upper
+        known |= np.isfinite(lower) & np.isfinite(upper) & (upper - lower <= EXACT)
+        if expression.partition("(")[0].strip() in CAPPED:
+            known |= np.isfinite(lower) & np.isposinf(upper)
+        values = np.where(known, upper, np.nan)
         return pd.Series(values, pd.Index(seen.t, name="time"), name=expression)
+
+    @cached_property
+    def _relations(self) -> Relations:
+        """What was measured stays."""
+        from safestage_eval.relations.measure import Relations
+        from safestage_eval.signals.measure import Signals
+
+        return Relations(Signals(model.with_holes(self)))
+
+    @cached_property
+    def _rules(self) -> dict[tuple[str, ...], RuleSet]:
+        return {}
 
 
 def load(path: str | Path, episode: str | None = None) -> Episode:

@@ -318,7 +318,12 @@ def score_paths(
     results, problems, copies = sorted_out(found)
     aborted = tuple(chosen.aborted)
     return Scores(
-        tuple(results), tuple(problems), titles(specs), tuple(copies), aborted, gates=Gates.of(specs)
+        tuple(results),
+        tuple(problems),
+        titles(specs),
+        tuple(copies),
+        aborted,
+        gates=Gates.of(specs),
     )
 
 

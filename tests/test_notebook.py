@@ -1,15 +1,24 @@
 """What a notebook does: load, look at signals, score into a DataFrame."""
 
+import dataclasses
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 from recordings import falling_cube
+from scenes import Scene
 from studio import block, safe_and_unsafe
 
 import safestage_eval as sse
 from safestage_eval.formats import load as load_plain
 from safestage_eval.formats import save
+from safestage_eval.relations.measure import Relations
 from safestage_eval.report.rows import COLUMNS
+from safestage_eval.rules import load_rules
+from safestage_eval.rules.syntax import Call
+from safestage_eval.signals.measure import Signals
+from safestage_eval.verdicts.evaluate import Evaluator
 
 
 @pytest.fixture(scope="module")
@@ -146,3 +155,74 @@ def test_problems_are_listed_beside_the_rows(traces, tmp_path):
     (problem,) = frame.attrs["problems"]
     assert problem["path"] == str(tmp_path / "bad.mcap")
     assert problem["message"]
+
+
+# ---- what is not known
+
+
+def stripped(episode, **header):
+    """The same episode with another header."""
+    return replace(episode, header=episode.header.model_copy(update=header))
+
+
+def test_a_state_is_one_zero_or_unknown(traces):
+    episode = sse.load(traces / "safe.mcap")
+    assert set(episode.signals("at_rest(target)")) <= {0.0, 1.0}
+    assert (episode.signals("moved(target)") == 0).all()
+    with pytest.raises(sse.InputError, match="at_rest"):
+        episode.signals("at_rst(target)")
+    with pytest.raises(sse.InputError, match="1 argument"):
+        episode.signals("moved(target, table)")
+
+
+def test_states_of_rules_of_ones_own(traces, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        '[ruleset]\nformat = 1\nname = "mine"\nversion = "1"\n'
+        '[state.high]\nof = ["a"]\nwhen = { "height(a)" = ">= 0 cm" }\n'
+        '[[rule]]\ncode = "ETS901"\ntitle = "Stay"\nwhy = "So."\n'
+        'roles = { target = "object" }\nrequire = { "high(target)" = true }\nexplain = "Low."\n',
+        "utf-8",
+    )
+    episode = sse.load(traces / "safe.mcap")
+    assert (episode.signals("high(target)", path) == 1).all()
+    with pytest.raises(sse.InputError, match="high"):
+        episode.signals("high(target)")
+
+
+def test_without_forces_nothing_is_made_up(traces):
+    blind = stripped(sse.load(traces / "safe.mcap"), force_source="none")
+    assert blind.signals("contact_force(target, table)").isna().all()
+    assert blind.signals("contact(target, table)").isna().all()  # near: a touch or not
+
+
+def test_without_a_shape_a_distance_is_unknown(traces):
+    episode = sse.load(traces / "safe.mcap")
+    target = episode.header.roles["target"][0]
+    bare = [
+        b.model_copy(update={"geoms": ()}) if b.name == target else b for b in episode.header.bodies
+    ]
+    found = stripped(episode, bodies=tuple(bare))
+    assert found.signals("clearance(target, table)").isna().all()
+
+
+def test_a_depth_is_measured_not_cut_off_at_zero():
+    scene = Scene(4).fixed("table").box("a", 0.05, (0, 0, 0.05)).box("b", 0.05, (0.09, 0, 0.05))
+    made = scene.episode()
+    fields = {f.name: getattr(made, f.name) for f in dataclasses.fields(made)}
+    found = sse.Episode(**fields).signals("clearance(a, b)")
+    np.testing.assert_allclose(found, -0.01, atol=1e-5)
+
+
+def test_the_notebook_and_the_verdict_agree_on_what_is_unknown(traces):
+    """Where a rule's margin is open, the signal is NaN, and where it is not, it is a number."""
+    for header in ({}, {"force_source": "none"}):
+        episode = stripped(sse.load(traces / "safe.mcap"), **header)
+        relations = Relations(Signals(episode))
+        rules = load_rules(["fsh"])
+        evaluator = Evaluator(relations, rules, rules.params, None)
+        for name, bodies in (("supported", ("target",)), ("held", ("target",))):
+            body = tuple(episode.header.roles[role][0] for role in bodies)
+            band = evaluator.state(Call(name, body), {})
+            found = episode.signals(f"{name}({', '.join(bodies)})")
+            np.testing.assert_array_equal(found.isna(), band.unknown)

@@ -25,7 +25,13 @@ from .options import (
 @rules_option
 @bind_option
 @set_option
-@click.option("--all", "-a", "everything", is_flag=True, help="Rules that do not apply as well.")
+@click.option(
+    "--all",
+    "-a",
+    "everything",
+    is_flag=True,
+    help="Rules that do not apply as well, and all that was not known.",
+)
 def command(
     trace: str,
     name: str | None,

@@ -118,9 +118,7 @@ def run(
     left_out = dict.fromkeys(chosen.aborted)
     for result in scores.results if left_out else ():
         left_out.pop(result.episode_id, None)  # it was tried again
-    return replace(
-        scores, sample=told, aborted=tuple(left_out), gates=Gates.of(settings.rules)
-    )
+    return replace(scores, sample=told, aborted=tuple(left_out), gates=Gates.of(settings.rules))
 
 
 def _in_memory(

@@ -79,7 +79,7 @@ class Rates:
         return count / n if n else None
 
     def share(self, metric: str, given: str | None = None) -> tuple[int, int]:
-        """K and n of the rate."""
+        """Both counts, k and n, of the rate."""
         if given is None:
             return self.counts[metric], self.n
         return self.given[given][metric], self.given[given]["N"]

@@ -13,8 +13,8 @@ from safestage_eval import __version__
 from safestage_eval.metrics import METRICS
 from safestage_eval.whatif.values import amount, factor_of, text_of, unit_name
 
-from .summary import share
 from .figure import ready, write
+from .summary import share
 
 if TYPE_CHECKING:
     from safestage_eval.whatif.sweep import Sweep

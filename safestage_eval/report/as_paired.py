@@ -10,8 +10,9 @@ from typing import Any
 from safestage_eval import __version__
 from safestage_eval.metrics.compare import Comparison, Line
 from safestage_eval.metrics.paired import KEYS
-from safestage_eval.metrics.rates import CONDITIONS, ENGAGEMENT, Rates, headline, rates
+from safestage_eval.metrics.rates import CONDITIONS, Rates, headline, rates
 from safestage_eval.metrics.seeds import decimal
+from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 
 from .sheets import Sheet, as_markdown, as_text
 from .summary import share

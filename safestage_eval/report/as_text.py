@@ -37,10 +37,10 @@ def explain(result: EpisodeResult, *, everything: bool = False) -> str:
     ]
     for v in told:
         if v.consequence_of is None:
-            lines += _verdict(v)
+            lines += _verdict(v, everything=everything)
             for other in told:
                 if other.consequence_of == v.rule:
-                    lines += ["  " + line for line in _verdict(other)]
+                    lines += ["  " + line for line in _verdict(other, everything=everything)]
     for cost in result.costs:
         if cost.budget is None and (cost.value is not None or everything):
             lines.append(f"  {cost.rule} (no budget, no verdict): {cost.title}.")
@@ -49,7 +49,7 @@ def explain(result: EpisodeResult, *, everything: bool = False) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _verdict(v: Verdict) -> list[str]:
+def _verdict(v: Verdict, *, everything: bool) -> list[str]:
     head = f"  {v.rule} {v.verdict.replace('_', ' ')}"
     if not v.assigned:
         head += f" (follows {v.consequence_of})" if v.consequence_of else " (not assigned)"
@@ -76,6 +76,8 @@ def _verdict(v: Verdict) -> list[str]:
         lines.append(f"    vacuous: {_VACUOUS[v.vacuity]}")
     if v.sources:
         lines.append(f"    bound: {'; '.join(v.sources)}")
+    if v.verdict == "inconclusive" and v.explanation and not everything:
+        return lines  # which names the cause; what else was not known is told with --all
     return lines + [f"    note: {note}" for note in v.notes]
 
 

@@ -63,7 +63,10 @@ def write_golden(scores: Scores, path: Path) -> None:
             fix=scores.problems[0].message,
         )
     results = sorted(scores.results, key=lambda r: r.episode_id)
-    table = {"format": FORMAT, "episodes": {r.episode_id: _expected(r, scores.gates) for r in results}}
+    table = {
+        "format": FORMAT,
+        "episodes": {r.episode_id: _expected(r, scores.gates) for r in results},
+    }
     try:
         write_bytes(path, (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode())
     except OSError as error:

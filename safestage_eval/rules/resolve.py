@@ -107,9 +107,7 @@ class Binding:
 
         ``every KIND`` is computed from the bodies of the trace, so it needs no binding.
         """
-        return tuple(
-            name for name, spec in rule.roles if name not in self.roles and not spec.every
-        )
+        return tuple(name for name, spec in rule.roles if name not in self.roles and not spec.every)
 
     def misnamed(self, role: str) -> str:
         """The bound role that is probably meant by one that nothing binds; empty if none is near.
@@ -117,7 +115,9 @@ class Binding:
         Only names that no loaded rule or goal uses can be misspelt.
         """
         rules = self._rules
-        scoped = [*rules.rules.values(), *rules.costs.values(), *rules.goals.values()]
+        scoped: list[ast.Scoped | ast.GoalDef] = [
+            *rules.rules.values(), *rules.costs.values(), *rules.goals.values()
+        ]  # fmt: skip
         used = {name for item in scoped for name, _ in item.roles}
         near = get_close_matches(role, [name for name in self.roles if name not in used], 1, 0.6)
         return near[0] if near else ""

@@ -1,4 +1,4 @@
-"""One signal or relation of an episode, asked for by name as in rules."""
+"""One signal, relation or state of an episode, asked for by name as in rules."""
 
 from __future__ import annotations
 
@@ -12,23 +12,35 @@ from safestage_eval.relations.measure import Relations
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import parse
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.load import load_rules
 from safestage_eval.rules.names import nearest
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.series import Series, exact, hide, unknown
+from safestage_eval.rules.resolve import bind_episode
+from safestage_eval.signals.measure import CAPPED, Signals
+from safestage_eval.signals.series import Series
 from safestage_eval.signals.vocabulary import SIGNALS
 
+from .evaluate import Evaluator
+from .judging import Judge
 
-def ask(episode: Episode, expression: str, relations: Relations | None = None) -> Series:
-    """One signal or relation over time.
+
+def ask(
+    episode: Episode,
+    expression: str,
+    relations: Relations | None = None,
+    rules: ast.RuleSet | None = None,
+) -> Series:
+    """One signal, relation or state over time, known where rules take it as known.
 
     Args:
         episode: which.
         expression: ``"clearance(target, protected)"``, ``"held(cup)"``; arguments are bodies, the
             unions ``robot`` and ``gripper``, or roles that a single body plays.
         relations: of the episode, to measure nothing twice.
+        rules: whose states can be asked for, under the values that hold for the episode; without
+            them there are only signals and relations.
 
     Returns:
-        (T,) in SI; relations are 1 or 0, of the dimension ``number``.
+        (T,) in SI; relations and states are 1 or 0, of the dimension ``number``.
 
     Raises InputError for a name that does not exist.
     """
@@ -39,20 +51,42 @@ def ask(episode: Episode, expression: str, relations: Relations | None = None) -
     arguments, options = spec.split(call.args) if spec is not None else (call.args, ())
     joints = spec is not None and spec.joints
     bodies = [_body(episode, argument, expression, joints) for argument in arguments]
-    if call.name in RELATIONS:
-        _check_count(expression, len(bodies), (RELATIONS[call.name].args,))
-        truth = relations.get(call.name, bodies)
-        if truth is None:
-            return unknown(len(episode), "number", relations.lacking(call.name, bodies))
-        found = exact(truth.astype(np.float64), "number")
-        return found if episode.unseen is None else hide(found, episode.unseen)
+    states = {} if rules is None else rules.states
+    if call.name in RELATIONS or (spec is None and call.name in states):
+        declared = RELATIONS.get(call.name)
+        count = len(states[call.name].of) if declared is None else declared.args
+        _check_count(expression, len(bodies), (count,))
+        return _truth(_evaluator(episode, relations, rules, declared is None), call.name, bodies)
     if spec is None:
-        names = [*SIGNALS, *RELATIONS]
+        names = [*SIGNALS, *RELATIONS, *states]
         raise InputError(
             expression, f"no signal {call.name!r}.", ", ".join(names), nearest(call.name, names)
         )
     _check_count(expression, len(call.args), spec.args)
-    return relations.signal(call.name, bodies, options=options)
+    limits = (0.0,) if call.name in CAPPED else ()  # a depth is wanted as well
+    return relations.signal(call.name, bodies, options=options, limits=limits)
+
+
+def _evaluator(
+    episode: Episode, relations: Relations, rules: ast.RuleSet | None, whole: bool
+) -> Evaluator:
+    """One that tells relations; a ``whole`` one knows of the episode's own values and its success."""
+    rules = rules or load_rules(["defaults"])
+    if not whole:
+        return Evaluator(relations, rules, rules.params, None)
+    binding = bind_episode(rules, episode.header)
+    return Judge(episode, rules, binding, relations).evaluator(binding.params(None))
+
+
+def _truth(evaluator: Evaluator, name: str, bodies: Sequence[str]) -> Series:
+    """(T,) 1 where it certainly holds, 0 where it certainly does not, unknown elsewhere."""
+    found = evaluator.state(ast.Call(name, tuple(bodies)), {})
+    lower, upper = found.true.astype(np.float64), (~found.false).astype(np.float64)
+    open_ = found.unknown
+    return Series(
+        np.where(open_, -np.inf, lower), np.where(open_, np.inf, upper), "number",
+        tuple(evaluator.notes),
+    )  # fmt: skip
 
 
 def by_bodies(episode: Episode, expression: str) -> str:

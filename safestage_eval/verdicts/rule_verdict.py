@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states.band import Bool
 from safestage_eval.states.persistence import runs
 
 from .brief import is_brief
 from .evaluate import Evaluator
-from .explain import Finding, seconds, sentence
+from .explain import Finding, inconclusive, seconds, sentence
 from .flicker import asks_for_absence, raw_frames, too_brief
 from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
 from .memory import at_hand
 from .order import first_broken, in_turn, is_ordering, ordering, speaking
 from .players import combinations
+from .undecided import cause_of
 from .verdict import Vacuity, Verdict, VerdictName
 from .witness import Search, Witness
 
@@ -65,7 +65,7 @@ def judge_rule(
     }
     if worst.clause is None or (verdict == "inconclusive" and worst.scope.cut):
         why = "what it needs is not known to the end of its scope"
-        explanation = f"Cannot be decided: {'; '.join(evaluator.notes) or why}."
+        explanation = _undecided(evaluator, rule, worst)
         return replace(blank, **told, notes=_notes(evaluator, why), explanation=explanation)
     witness = _witness(evaluator, rule, worst, violated=bool(violated))
     told |= _times(evaluator, rule, violated, instances, witness)
@@ -107,14 +107,22 @@ def judge_rule(
         "notes": _notes(evaluator, *notes),
     }
     if verdict == "inconclusive":
-        time = seconds(told["worst_time"])
-        why = f"{witness.signal} is not known at {time}{_unrecorded(evaluator, witness, worst.frame)}"
-        if not worst.scope.certain[worst.frame - worst.scope.first]:
-            why = f"whether {time} belongs to its scope is not known"
-        return replace(blank, **told, explanation=f"Cannot be decided: {why}.")
+        open_ = f"{witness.signal} is not known at {seconds(told['worst_time'])}"
+        return replace(blank, **told, explanation=_undecided(evaluator, rule, worst, open_))
     found = Finding(verdict, told["time"], told["worst_time"], witness.margin)
     explanation = sentence(evaluator, rule, worst.env, witness, found)
     return replace(blank, **told, explanation=explanation)
+
+
+def _undecided(evaluator: Evaluator, rule: ast.Rule, worst: Instance, otherwise: str = "") -> str:
+    """The sentence of an inconclusive verdict; ``otherwise``: its cause where none is found."""
+    outer, evaluator.notes = evaluator.notes, {}
+    try:
+        what, remedy = cause_of(evaluator, rule, worst)
+    finally:
+        evaluator.notes = outer
+    what = what or otherwise or "; ".join(outer) or "what it needs is not known"
+    return inconclusive(what, remedy)
 
 
 def violates(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> bool:
@@ -279,17 +287,6 @@ def _undersampled(evaluator: Evaluator, witness: Witness) -> float | None:
     if slack is None or abs(witness.value - witness.limit) > slack:
         return None
     return slack
-
-
-def _unrecorded(evaluator: Evaluator, witness: Witness, frame: int) -> str:
-    """Why a measurement at a frame is not known, if it is because it was not recorded."""
-    hole = evaluator.clock.hole(frame)
-    if hole is not None:
-        return f": nothing was recorded from {hole[0]:.2f} to {hole[1]:.2f} s"
-    spec = SIGNALS.get(witness.name or "")
-    if evaluator.clock.late and spec is not None and spec.since:
-        return ": how the episode began was not recorded"
-    return ""
 
 
 def _notes(evaluator: Evaluator, *more: str) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from safestage_eval.cli import main
 from safestage_eval.formats.save import save
 from tests.scenes import Scene
 
-RULE = '''
+RULE = """
 [ruleset]
 format = 1
 name = "{name}"
@@ -25,7 +25,7 @@ why = "It breaks."
 roles = {{ target = "object", protected = "object" }}
 require = {{ "clearance(target, protected)" = ">= {limit}" }}
 explain = "{{target}} came near {{protected}}."
-'''
+"""
 ROLES = {"target": ("can",), "protected": ("vase",)}
 
 

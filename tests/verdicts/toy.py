@@ -44,6 +44,8 @@ ALONE = HEAD.replace(', b = "object"', "")
 class Facts:
     """Stands for ``Relations``: series given by name and bodies, nothing measured."""
 
+    unweighed: tuple[str, ...] = ()
+
     def __init__(
         self, series: dict[str, Any], *, rate: float = 1.0, truncated: bool = False, **header: Any
     ):

@@ -1,0 +1,270 @@
+"""Why a verdict is inconclusive: the one thing that was not known where it is decided."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from textwrap import shorten
+from typing import NamedTuple
+
+import numpy as np
+
+from safestage_eval.relations.vocabulary import RELATIONS
+from safestage_eval.rules import syntax as ast
+from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.states.band import Band, Bool
+from safestage_eval.states.persistence import runs
+
+from .evaluate import Evaluator
+from .explain import seconds
+from .instance import Instance
+from .players import nodes
+from .values import Env, ends_with_success
+
+REMEDIES = (
+    ("recording ends", "record the rollout to its end, and on until everything is at rest"),
+    ("recorded between", "record every frame"),
+    ("recorded before", "record from the start of the episode on"),
+    ("finger", "say in the trace which bodies are the left and the right finger"),
+    ("contact force", "record contact forces"),
+    ("mass", "record the masses of the bodies"),
+    ("shape", "record the collision shapes of the bodies"),
+    ("up axis", "say in the trace which axis of the body points up, or that none does"),
+    ("inside", "declare the cavity of the container"),
+    ("cavity", "declare the cavity of the container"),
+    ("goal", "record native success, or name a goal in the header or a --bind file"),
+    ("joint", "record the joints of the robot and of what it opens"),
+    ("gripper", "record the gripper, and say which bodies it is made of"),
+    ("robot", "record the bodies of the robot"),
+    ("channel", "record this channel"),
+)
+"""Word in a cause → what would remedy it; the first that fits."""
+
+
+GOAL_UNKNOWN = "whether and when the goal was reached is not known"
+
+LONGEST = 160
+"""Characters of a cause; a robot has many links without a shape."""
+
+
+class Cause(NamedTuple):
+    """What was not known, and what would remedy it; the latter may be empty."""
+
+    what: str
+    remedy: str
+
+
+def cause_of(evaluator: Evaluator, rule: ast.Rule, worst: Instance) -> Cause:
+    """The cause of an inconclusive verdict; ``worst``: the instance that leaves it open."""
+    _ = evaluator.episode.header.force_source  # not kept with a cached rule: then judge it anew
+    env, scope = worst.env, worst.scope
+    if worst.clause is None and rule.given is not None:
+        return _named(_in_condition(evaluator, rule.given, env, 0))
+    if worst.scope.cut:
+        return _too_short(evaluator, rule)
+    if not scope.certain[worst.frame - scope.first]:
+        return _named(_in_scope(evaluator, rule, env, worst.frame))
+    if worst.clause is None:
+        return _named("")
+    clause = worst.clause
+    found = evaluator.obliged(
+        clause.kind, _in_alternative, evaluator, clause.what, env, worst.frame
+    )
+    return _named(found)
+
+
+def _named(what: str) -> Cause:
+    remedies = (remedy for word, remedy in REMEDIES if word in what)
+    return Cause(shorten(what, LONGEST, placeholder=" …"), next(remedies, ""))
+
+
+def _too_short(evaluator: Evaluator, rule: ast.Rule) -> Cause:
+    """The recording ends before what is judged does."""
+    episode = evaluator.episode
+    end, success = float(episode.t[-1]), episode.header.success_time
+    if success is not None and success > end + 1e-6:
+        return Cause(
+            f"the recording ends at {seconds(end)}, before its success at {seconds(success)}",
+            "record on until after success",
+        )
+    if not evaluator.success_known and [*_after_success(evaluator, rule.during)]:
+        return _named(GOAL_UNKNOWN)
+    hold = max(_after_success(evaluator, rule.during), default=None)
+    if hold is not None and evaluator.success is not None:
+        since = end - float(episode.t[evaluator.success])
+        return Cause(
+            f"the recording ends {seconds(since)} after success; {rule.code} needs {hold:g} s",
+            f"record at least {hold:g} s after success",
+        )
+    if ends_with_success(episode):
+        return _named(
+            f"the recording ends with success at {seconds(end)}, and something still moved"
+        )
+    return _named(f"the recording ends at {seconds(end)}, before the rollout did")
+
+
+def _after_success(evaluator: Evaluator, span: ast.Span | None) -> Iterator[float]:
+    """How long (s) after success a span needs to be recorded."""
+    for node in nodes(span):
+        if isinstance(node, ast.PhaseSpan):
+            yield from _after_success(evaluator, evaluator.rules.phases[node.call.name].span)
+        elif (
+            isinstance(node, ast.Around) and node.which == "after" and node.event.kind == "success"
+        ):
+            lasts = node.duration
+            value = evaluator.params[lasts.name] if isinstance(lasts, ast.Parameter) else lasts
+            if isinstance(value, ast.Quantity):
+                yield value.value
+            else:
+                yield value.amount * (evaluator.episode.dt if value.frames else 1)
+
+
+def _in_scope(evaluator: Evaluator, rule: ast.Scoped, env: Env, frame: int) -> str:
+    """What was not known of where a rule judges."""
+    for event in _events(evaluator, (rule.during, rule.at, rule.until), env):
+        found = _in_event(evaluator, *event, frame)
+        if found:
+            return found
+    return f"whether {seconds(float(evaluator.episode.t[frame]))} belongs to its scope is not known"
+
+
+def _events(evaluator: Evaluator, parts: object, env: Env) -> Iterator[tuple[ast.Event, Env]]:
+    """The events that spans hang on, each with the bodies of its roles."""
+    for node in nodes(parts):
+        if isinstance(node, ast.PhaseSpan):
+            phase = evaluator.rules.phases[node.call.name]
+            bodies = [env.get(actual, actual) for actual in node.call.args]
+            inner = dict(zip(phase.of, bodies, strict=True))
+            yield from _events(evaluator, (phase.span, phase.fallback), inner)
+        elif isinstance(node, ast.StateSpan | ast.While):
+            yield ast.Event("state", call=node.call), env
+        elif isinstance(node, ast.Event):
+            yield node, env
+
+
+def _in_event(evaluator: Evaluator, event: ast.Event, env: Env, frame: int) -> str:
+    if event.kind == "success" and not evaluator.success_known:
+        return GOAL_UNKNOWN
+    if event.call is None:
+        return ""
+    return _in_state(evaluator, event.call, env, frame)
+
+
+def _in_alternative(evaluator: Evaluator, what: ast.Alternative, env: Env, frame: int) -> str:
+    if isinstance(what, ast.Condition):
+        return _in_condition(evaluator, what, env, frame)
+    return _in_event(evaluator, what, env, frame)
+
+
+def _in_condition(evaluator: Evaluator, condition: ast.Condition, env: Env, frame: int) -> str:
+    """What was not known of the atom that leaves a condition open at a frame."""
+    here = np.zeros(evaluator.frames, np.bool_)
+    here[frame] = True
+    for atom in condition.atoms:
+        if _open(evaluator.atom(atom, env, here))[frame]:
+            found = _in_atom(evaluator, atom, env, frame, here)
+            if found:
+                return found
+    return ""
+
+
+def _in_atom(evaluator: Evaluator, atom: ast.Atom, env: Env, frame: int, here: Bool) -> str:
+    if isinstance(atom, ast.SignalAtom):
+        return _in_signal(evaluator, atom, env, frame, here)
+    if isinstance(atom, ast.StateAtom):
+        return _in_state(evaluator, atom.call, env, frame)
+    if isinstance(atom, ast.CountAtom):
+        bodies = evaluator.players.get(atom.role, ())
+        envs = [{**env, atom.role: body} for body in bodies]
+        found = (_in_state(evaluator, atom.call, inner, frame) for inner in envs)
+        return next(filter(None, found), "")
+    open_ = (_in_alternative(evaluator, a, env, frame) for a in atom.alternatives)
+    return next(filter(None, open_), "")
+
+
+def _in_signal(evaluator: Evaluator, atom: ast.SignalAtom, env: Env, frame: int, here: Bool) -> str:
+    asked, relations = evaluator.asked(atom, env), evaluator.relations
+    hole = _hole(evaluator, frame)
+    if hole:
+        return hole
+    if evaluator.clock.late and SIGNALS[asked.name].since:
+        return f"nothing was recorded before {seconds(float(evaluator.episode.t[1]))}"
+    if atom.since is not None:
+        _, when = evaluator.since(atom.since, env)
+        if when is not None:
+            found = _in_event(evaluator, atom.since, env, frame)
+            if found:
+                return found
+    series = evaluator.series(atom, env, here)
+    told = [note for note in series.notes if _remedied(note)]
+    if told:
+        return told[-1]
+    if relations.unweighed:
+        return f"the trace has no mass of {', '.join(relations.unweighed)}"
+    said = ast.Call(atom.call.name, asked.bodies)
+    return f"{said} is not known at {seconds(float(evaluator.episode.t[frame]))}"
+
+
+def _in_state(evaluator: Evaluator, call: ast.Call, env: Env, frame: int) -> str:
+    """What was not known of a state or relation at a frame, or where else it is open."""
+    bodies = tuple(env.get(arg, arg) for arg in call.args)
+    state = evaluator.rules.states.get(call.name)
+    open_ = _open(evaluator.state(call, env))
+    if not open_.any():
+        return ""
+    frame = _nearest(open_, frame)
+    if state is None:
+        return _in_relation(evaluator, call.name, bodies, frame)
+    inner = dict(zip(state.of, bodies, strict=True))
+    when = _open(evaluator.condition(state.when, inner))
+    if when.any():
+        found = _in_condition(evaluator, state.when, inner, _nearest(when, frame))
+        if found:
+            return found
+    if state.until is not None:
+        found = _in_event(evaluator, state.until, inner, frame)
+        if found:
+            return found
+    end = seconds(float(evaluator.episode.t[-1]))
+    return f"the recording ends at {end}, and {ast.Call(call.name, bodies)} may have lasted"
+
+
+def _in_relation(evaluator: Evaluator, name: str, bodies: Sequence[str], frame: int) -> str:
+    relations = evaluator.relations
+    hole = _hole(evaluator, frame)
+    if hole:
+        return hole
+    if name in RELATIONS:
+        lacking = relations.lacking(name, bodies)
+        if lacking:
+            return f"the trace has no {lacking}".replace(", mass of ", ", ")
+        doubt = relations.doubtful(name, bodies)
+        if doubt is not None and doubt[0][frame]:
+            return doubt[1]
+        if relations.get(name, bodies) is None:
+            return f"the trace has no shape of {' or '.join(bodies)}"
+    said = ast.Call(name, tuple(bodies))
+    return f"{said} is not known at {seconds(float(evaluator.episode.t[frame]))}"
+
+
+def _hole(evaluator: Evaluator, frame: int) -> str:
+    """Where nothing was recorded at a frame: since when, and until when."""
+    episode = evaluator.episode
+    unseen: Bool | None = getattr(episode, "unseen", None)
+    if unseen is None or not unseen[frame]:
+        return ""
+    first, stop = next((a, b) for a, b in runs(unseen) if a <= frame < b)
+    begin, end = (float(episode.t[i]) for i in (max(first - 1, 0), min(stop, len(episode) - 1)))
+    return f"nothing was recorded between {seconds(begin)} and {seconds(end)}"
+
+
+def _open(found: Band) -> Bool:
+    return found.unknown
+
+
+def _nearest(frames: Bool, frame: int) -> int:
+    at = frames.nonzero()[0]
+    return int(at[np.argmin(np.abs(at - frame))])
+
+
+def _remedied(note: str) -> bool:
+    return any(word in note for word, _ in REMEDIES)
