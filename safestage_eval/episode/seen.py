@@ -38,7 +38,9 @@ def as_judged(episode: Episode) -> Episode:
 
     Raises TraceError where they contradict each other.
     """
-    for error in check_clock(episode.header, episode.t, str(episode.path or episode.header.episode_id)):
+    for error in check_clock(
+        episode.header, episode.t, str(episode.path or episode.header.episode_id)
+    ):
         raise error
     return with_holes(episode)
 
@@ -69,7 +71,10 @@ def _filled(episode: Episode, before: NDArray[np.intp], late: bool) -> Episode:
     put_in = t[before] + usual(episode.dt)
     if reached is not None:
         inside = np.flatnonzero((put_in + 1e-6 < reached) & (reached < t[before + 1] - 1e-6))
-        put_in, before = np.append(put_in, [reached] * len(inside)), np.append(before, before[inside])
+        put_in, before = (
+            np.append(put_in, [reached] * len(inside)),
+            np.append(before, before[inside]),
+        )
     times = np.concatenate([[0.0] if late else [], t, put_in])
     source = np.concatenate([[0] if late else [], np.arange(len(t)), before]).astype(np.int64)
     unseen = np.ones(len(times), np.bool_)

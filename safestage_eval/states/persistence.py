@@ -165,7 +165,9 @@ def without_short_gaps(margin: F64, closed: int | Window, *, open_end: bool = Fa
         if open_end:
             ahead[closed.stops > len(margin)] = np.inf
         behind = -_behind(-margin, backs, open_start=True)
-        found = np.minimum(_least(ahead, *_with_stops(closed.stops)), _least(behind, *_with_backs(backs)))
+        found = np.minimum(
+            _least(ahead, *_with_stops(closed.stops)), _least(behind, *_with_backs(backs))
+        )
         return np.minimum(found, np.maximum.accumulate(margin))
     frames = closed if isinstance(closed, int) else closed.frames - 1
     if frames < 1 or not len(margin):

@@ -171,7 +171,9 @@ def test_windows_told_frame_by_frame_filter_as_numbers_of_frames_do(
     data, steps, frames, gap
 ) -> None:
     clock, total = on_stamps(steps), len(steps) + 1
-    margin = np.array(data.draw(st.lists(st.integers(-4, 4), min_size=total, max_size=total)), float)
+    margin = np.array(
+        data.draw(st.lists(st.integers(-4, 4), min_size=total, max_size=total)), float
+    )
     lasting, open_gap = clock.window(Lasting(None, frames)), clock.gap(Lasting(None, gap))
     for causal in (False, True):
         for open_end in (False, True):
