@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, replace
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -142,7 +143,7 @@ def describe_holes(episode: Episode) -> list[str]:
     told, notes = [], list[str]()
     if episode.unseen[0]:
         notes.append(f"the recording begins at {t[seen[0]]:.2f} s: how it began was not seen")
-    for last, following in zip(seen[:-1], seen[1:], strict=True):
+    for last, following in pairwise(seen.tolist()):
         if following > last + 1:
             told.append(f"{t[last]:.2f} to {t[following]:.2f} s")
     if told:

@@ -176,7 +176,8 @@ class Relations:
             return doubt
         if name == "exposed_to":  # who touched whom in a hole was not seen
             truth = self.get(name, bodies)
-            unseen = np.logical_or.accumulate(unseen) & ~(False if truth is None else truth)
+            unseen = np.asarray(np.logical_or.accumulate(unseen), np.bool_)
+            unseen = unseen if truth is None else unseen & ~truth
         return (unseen, "") if doubt is None else (doubt[0] | unseen, doubt[1])
 
     def _doubtful(self, name: str, bodies: Sequence[str]) -> tuple[Bool, str] | None:

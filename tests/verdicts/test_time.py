@@ -46,7 +46,9 @@ def tapped(
     scene.fixed("table", (0, 0, -0.5))
     scene.fixed("vase", (-0.05, 0, 0), kind="object", geoms=(Geom(kind="box", size=(0.05,) * 3),))
     scene.box("apple", 0.02, (0.5, 0.5, 0))
-    scene.body("tip", Geom(kind="sphere", size=(0.01,)), path + np.array([0.01, 0, 0]), kind="gripper")
+    scene.body(
+        "tip", Geom(kind="sphere", size=(0.01,)), path + np.array([0.01, 0, 0]), kind="gripper"
+    )
     for frame in np.flatnonzero(touching):
         scene.contact("tip", "vase", (0, 0, 0), (-FORCE, 0, 0), (-1, 0, 0), slice(frame, frame + 1))
     source = "recorded" if forces else "none"
