@@ -54,7 +54,7 @@ def _looks_back(query: Query, unseen: Bool) -> Bool:
     if not SIGNALS[query.name].since or (since is None and query.name == "height"):
         return nothing
     if since is None:
-        return nothing | unseen[0]
+        return np.full(len(unseen), unseen[0])
     return np.asarray(np.where(since < 0, unseen[0], unseen[since]), np.bool_)
 
 
