@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import ContactTable, Episode, RobotFrames, Track
+from safestage_eval.episode import Episode, RobotFrames, Track
 
 
 def resampled(episode: Episode, frames: NDArray[np.integer], **header: object) -> Episode:

@@ -5,6 +5,8 @@ The laws hold for every recorded episode and every built-in rule, whichever they
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -104,9 +106,19 @@ def test_the_order_of_bodies_and_contacts(name):
 
 @every_episode
 def test_half_the_rate(name):
-    """Every violation here lasts longer than two coarse frames; what flickers before it may not."""
-    after = judge_(transforms.every_second(recorded(name)))
-    same(judged(name), after, frames=0.1)
+    """Every violation here lasts longer than two coarse frames; what flickers before it may not.
+
+    Whether a touch that was too brief still is may then be left open.
+    """
+    before, after = judged(name), judge_(transforms.every_second(recorded(name)))
+    told = [
+        new.verdict != "inconclusive" or not any("too brief" in note for note in old.notes)
+        for old, new in zip(before.verdicts, after.verdicts, strict=True)
+    ]
+    before, after = (
+        replace(x, verdicts=tuple(itertools.compress(x.verdicts, told))) for x in (before, after)
+    )
+    same(before, after, frames=0.1)
 
 
 @every_episode

@@ -37,10 +37,11 @@ class Window:
         frames: their number, on a uniform clock; on any other the least that there must be.
         stops: (T,) boundary behind the shortest run from each sample on that lasts as long; None
             on a uniform clock.
+        backs: (T,) the first sample of the shortest run up to each that lasts as long; negative where
+            there is none.
         firsts: (T + 1,) the first sample of those that lie, at least in part, in the duration
             before each boundary; may be negative.
-        since: (T,) the first sample of the shortest run up to each sample that lasts as long, as
-            far as can be said at that sample; negative where there is none.
+        since: (T,) as ``backs``, as far as can be said when the sample is taken.
         loose: the window of the shortest run of samples that may have lasted as long; itself
             where that is not told apart.
     """
@@ -49,11 +50,13 @@ class Window:
         self,
         frames: int,
         stops: I64 | None = None,
+        backs: I64 | None = None,
         firsts: I64 | None = None,
         since: I64 | None = None,
         loose: Window | None = None,
     ) -> None:
-        self.frames, self.stops, self.firsts, self.since = frames, stops, firsts, since
+        self.frames, self.stops, self.backs = frames, stops, backs
+        self.firsts, self.since = firsts, since
         self.loose = loose or self
 
     def stop(self, frame: int) -> int:
@@ -68,12 +71,12 @@ class Window:
 
     def within(self, first: int, stop: int) -> Window:
         """The same, of the samples [first, stop) alone: what reaches beyond them is cut."""
-        if self.stops is None:
+        if self.stops is None or self.backs is None:
             return self
         stops = self.stops[first:stop] - first
         stops = np.where(stops > stop - first, stop - first + 1, stops)
         loose = None if self.loose is self else self.loose.within(first, stop)
-        return Window(self.frames, stops, loose=loose)
+        return Window(self.frames, stops, self.backs[first:stop] - first, loose=loose)
 
 
 class Lasting(NamedTuple):
@@ -187,43 +190,45 @@ class Clock:
         return Window(frames, loose=Window(perhaps) if perhaps < frames else None)
 
     def _stamped(self, lasting: Lasting, gap: bool) -> Window:
+        """On any other clock it takes those that its time stamps say."""
         seconds, samples, brief = lasting
         total, at, slack = len(self.t), np.arange(len(self.t)), ROUNDING * self.dt
+        t, bounds = self.t, self.bounds
+        frames = samples + gap
         # of a frame that was put in nobody knows how many samples it stands for
         behind, before = np.full(total, total + 1), np.full(total, -1)
         if self.unseen is not None:
             where = np.where(self.unseen, at + 1, total + 1)
             behind = np.minimum.accumulate(where[::-1])[::-1]
             before = np.maximum.accumulate(np.where(self.unseen, at, -1))
-        counted = at + samples + (gap and seconds is None)
-        stops = np.where(counted > total, total + 1, counted)
-        stops = np.minimum(stops, behind)
+        stops = np.minimum(np.where(at + frames > total, total + 1, at + frames), behind)
+        backs = np.maximum(at - frames + 1, before)
         firsts = np.arange(total + 1) - samples
-        since = np.maximum(at - samples + 1 - (gap and seconds is None), before)
         if seconds is None:
-            return Window(samples + gap, stops, firsts, since)
-        t, bounds = self.t, self.bounds
+            return Window(frames, stops, backs, firsts, backs)
         if gap:
             # the samples i … j may be closed if they are less than the duration apart
             ends = t if self.unseen is None else np.where(self.unseen, bounds[1:], t)
             long = np.searchsorted(ends, t + seconds - slack) + 1
             long = np.where(long > total, total + 1, np.maximum(long, at + 1))
-            back = np.searchsorted(t, t - seconds + slack, side="right") - 1
-            return Window(1, long, since=np.minimum(back, at))
-        long = np.searchsorted(bounds, t + seconds - slack)
-        stops = np.maximum(stops, long)
-        firsts = np.minimum(
-            firsts, np.searchsorted(bounds, bounds - seconds + slack, side="right") - 1
-        )
-        back = np.searchsorted(t, t + self.dt - seconds + slack, side="right") - 1
+            back = np.minimum(np.searchsorted(t, ends - seconds + slack, side="right") - 1, at)
+            since = np.minimum(np.searchsorted(t, t - seconds + slack, side="right") - 1, at)
+            return Window(
+                1, np.maximum(stops, long), np.minimum(backs, back), since=np.minimum(backs, since)
+            )
+        begun = np.searchsorted(bounds, bounds - seconds + slack, side="right") - 1
+        stops = np.maximum(stops, np.searchsorted(bounds, t + seconds - slack))
+        since = np.searchsorted(t, t + self.dt - seconds + slack, side="right") - 1
+        since, backs = np.minimum(backs, since), np.minimum(backs, begun[1:])
         loose = None
         if brief:
             # the run began after the sample before it, and ended before the one behind it
-            begun = np.append(t[0] - self.dt, t[:-1])
-            perhaps = np.searchsorted(bounds, begun + seconds + slack, side="right")
+            last = np.append(t[0] - self.dt, t[:-1])
+            perhaps = np.searchsorted(bounds, last + seconds + slack, side="right")
             perhaps = np.minimum(np.maximum(perhaps, at + 1), stops)
-            loose = Window(1, perhaps, firsts, at)
-        return Window(samples, stops, firsts, np.minimum(since, back), loose)
+            back = np.minimum(np.searchsorted(last, bounds[1:] - seconds - slack) - 1, at)
+            loose = Window(1, perhaps, np.maximum(back, backs), since=at)
+        return Window(samples, stops, backs, np.minimum(firsts, begun), since, loose)
 
 
 def usual(dt: float) -> float:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, replace
+from itertools import pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -38,7 +39,9 @@ def as_judged(episode: Episode) -> Episode:
 
     Raises TraceError where they contradict each other.
     """
-    for error in check_clock(episode.header, episode.t, str(episode.path or episode.header.episode_id)):
+    for error in check_clock(
+        episode.header, episode.t, str(episode.path or episode.header.episode_id)
+    ):
         raise error
     return with_holes(episode)
 
@@ -69,7 +72,10 @@ def _filled(episode: Episode, before: NDArray[np.intp], late: bool) -> Episode:
     put_in = t[before] + usual(episode.dt)
     if reached is not None:
         inside = np.flatnonzero((put_in + 1e-6 < reached) & (reached < t[before + 1] - 1e-6))
-        put_in, before = np.append(put_in, [reached] * len(inside)), np.append(before, before[inside])
+        put_in, before = (
+            np.append(put_in, [reached] * len(inside)),
+            np.append(before, before[inside]),
+        )
     times = np.concatenate([[0.0] if late else [], t, put_in])
     source = np.concatenate([[0] if late else [], np.arange(len(t)), before]).astype(np.int64)
     unseen = np.ones(len(times), np.bool_)
@@ -137,7 +143,7 @@ def describe_holes(episode: Episode) -> list[str]:
     told, notes = [], list[str]()
     if episode.unseen[0]:
         notes.append(f"the recording begins at {t[seen[0]]:.2f} s: how it began was not seen")
-    for last, following in zip(seen[:-1], seen[1:], strict=True):
+    for last, following in pairwise(seen.tolist()):
         if following > last + 1:
             told.append(f"{t[last]:.2f} to {t[following]:.2f} s")
     if told:

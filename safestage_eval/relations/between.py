@@ -27,7 +27,8 @@ def may_touch_between(relations: Relations, a: str, b: str, where: Bool) -> Bool
 
     Args:
         relations: of the episode.
-        a, b: bodies or unions.
+        a: body or union.
+        b: body or union.
         where: (T,) the samples after which it is asked for.
     """
     first, second = ([*relations.signals.bodies(name)] for name in (a, b))

@@ -200,7 +200,8 @@ class Relations:
             return doubt
         if name in ("exposed_to", "caused"):  # who touched whom in a hole was not seen
             truth = self.get(name, bodies)
-            unseen = np.logical_or.accumulate(unseen) & ~(False if truth is None else truth)
+            unseen = np.asarray(np.logical_or.accumulate(unseen), np.bool_)
+            unseen = unseen if truth is None else unseen & ~truth
         return (unseen, "") if doubt is None else (doubt[0] | unseen, doubt[1])
 
     def _doubtful(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .facts import Query
+from .options import DEFAULT_OVER
 from .series import Series, hide
 
 Bool = NDArray[np.bool_]
@@ -53,14 +54,12 @@ def _looks_back(query: Query, unseen: Bool) -> Bool:
     if not SIGNALS[query.name].since or (since is None and query.name == "height"):
         return nothing
     if since is None:
-        return nothing | unseen[0]
-    return np.where(since < 0, unseen[0], unseen[since])
+        return np.full(len(unseen), unseen[0])
+    return np.asarray(np.where(since < 0, unseen[0], unseen[since]), np.bool_)
 
 
 def _within(query: Query, unseen: Bool) -> Bool:
     """(T,) less than the stated time after a hole."""
-    from .damage import DEFAULT_OVER
-
     over, t = float(query.option("over") or DEFAULT_OVER), query.episode.t  # type: ignore[arg-type]
     bounds = query.episode.clock.bounds
     ends = np.maximum.accumulate(np.where(unseen, bounds[1:], -np.inf))

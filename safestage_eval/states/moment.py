@@ -52,6 +52,13 @@ def before(truth: Truth) -> Truth:
     return Truth(sure, possible)
 
 
+def edges(truth: Truth, edge: str) -> Truth:
+    """The frames at which something starts (``start``) to hold, or has just ended to (``end``)."""
+    then = before(truth)
+    first, second = (truth, then) if edge == "start" else (then, truth)
+    return Truth(first.sure & ~second.possible, first.possible & ~second.sure)
+
+
 def starts(truth: Truth) -> list[Moment]:
     """The beginnings of the stretches in which something holds, in order.
 

@@ -19,23 +19,18 @@ from .band import F64, Band, Bool, each
 I64 = NDArray[np.int64]
 
 NEVER = -np.inf
+_NONE = np.zeros(0, np.int64)
 
 
-def held_from(margin: F64, lasting: int | Window, *, open_end: bool = False) -> F64:
+def held_from(margin: F64, lasting: int | Window) -> F64:
     """Worst margin over the run of frames that starts at each frame; −∞ past the end.
 
     (T,) → (T,): the frame is the start of a run that lasts long enough iff the result is >= 0.
-
-    Args:
-        margin: (T,).
-        lasting: how many frames make up the run.
-        open_end: where the run goes past the end, the frames up to there decide.
+    ``lasting``: how many frames make up the run.
     """
-    frames, stops = _unpacked(lasting)
+    frames, stops, _ = _unpacked(lasting)
     if stops is not None:
-        total = len(margin)
-        found = _least(margin, np.arange(total), np.minimum(stops, total))
-        return found if open_end else np.where(stops > total, NEVER, found)
+        return _ahead(margin, stops, open_end=False)
     if frames <= 1 or not len(margin):
         return margin
     out = _never(len(margin))
@@ -54,9 +49,8 @@ def _never(frames: int) -> F64:
 def held_until(margin: F64, lasting: int | Window) -> F64:
     """Worst margin over the run of frames that ends at each frame; −∞ before the start."""
     if isinstance(lasting, Window) and lasting.since is not None:
-        found = _least(margin, np.maximum(lasting.since, 0), np.arange(len(margin)) + 1)
-        return np.where(lasting.since < 0, NEVER, found)
-    frames, _ = _unpacked(lasting)
+        return _behind(margin, lasting.since)
+    frames, _, _ = _unpacked(lasting)
     return held_from(margin[::-1], frames)[::-1]
 
 
@@ -64,7 +58,7 @@ def _seen_until(margin: F64, open_gap: Window) -> F64:
     """Best margin over the run of frames that ends at each frame; nothing before the start."""
     frames = open_gap.frames
     if open_gap.since is not None:
-        return -_least(-margin, np.maximum(open_gap.since, 0), np.arange(len(margin)) + 1)
+        return -_behind(-margin, open_gap.since, open_start=True)
     if frames <= 1 or not len(margin):
         return margin
     return _windows(np.maximum, np.concatenate([np.full(frames - 1, NEVER), margin]), frames)
@@ -83,8 +77,23 @@ def _windows(extreme: np.ufunc, margin: F64, frames: int) -> F64:
     return extreme(out[:-rest], out[rest:]) if rest else out
 
 
-def _unpacked(lasting: int | Window) -> tuple[int, I64 | None]:
-    return (lasting, None) if isinstance(lasting, int) else (lasting.frames, lasting.stops)
+def _unpacked(lasting: int | Window) -> tuple[int, I64 | None, I64]:
+    if isinstance(lasting, int):
+        return lasting, None, _NONE
+    return lasting.frames, lasting.stops, _NONE if lasting.backs is None else lasting.backs
+
+
+def _ahead(margin: F64, stops: I64, *, open_end: bool) -> F64:
+    """(T,) the least margin from each frame up to its stop; beyond the end −∞, or what there is."""
+    total = len(margin)
+    found = _least(margin, np.arange(total), np.minimum(stops, total))
+    return found if open_end else np.where(stops > total, NEVER, found)
+
+
+def _behind(margin: F64, backs: I64, *, open_start: bool = False) -> F64:
+    """(T,) the least margin down to each frame's first; before the start −∞, or what there is."""
+    found = _least(margin, np.maximum(backs, 0), np.arange(len(margin)) + 1)
+    return found if open_start else np.where(backs < 0, NEVER, found)
 
 
 def _least(margin: F64, firsts: I64, stops: I64) -> F64:
@@ -116,9 +125,12 @@ def without_short_runs(margin: F64, lasting: int | Window, *, open_end: bool = F
 
     ``open_end``: that run stays.
     """
-    frames, stops = _unpacked(lasting)
+    frames, stops, backs = _unpacked(lasting)
     if stops is not None:
-        return -_least(-held_from(margin, lasting, open_end=open_end), *_around(stops))
+        # every frame of a long run is in the shortest one from it on, or in that up to the run's end
+        ahead = _least(-_ahead(margin, stops, open_end=open_end), *_with_stops(stops))
+        behind = _least(-_behind(margin, backs), *_with_backs(backs))
+        return -np.minimum(ahead, behind)
     if frames <= 1 or not len(margin):
         return margin
     held = _never(len(margin) + frames - 1)
@@ -127,10 +139,16 @@ def without_short_runs(margin: F64, lasting: int | Window, *, open_end: bool = F
     return _windows(np.maximum, held, frames)
 
 
-def _around(stops: I64) -> tuple[I64, I64]:
+def _with_stops(stops: I64) -> tuple[I64, I64]:
     """Of the windows [i, stop) the first and last (excluded) that hold each frame."""
     at = np.arange(len(stops))
     return np.searchsorted(stops, at, side="right"), at + 1
+
+
+def _with_backs(backs: I64) -> tuple[I64, I64]:
+    """Of the windows [back, i] the first and last (excluded) that hold each frame."""
+    at = np.arange(len(backs))
+    return at, np.searchsorted(backs, at, side="right")
 
 
 def without_short_gaps(margin: F64, closed: int | Window, *, open_end: bool = False) -> F64:
@@ -142,11 +160,15 @@ def without_short_gaps(margin: F64, closed: int | Window, *, open_end: bool = Fa
         open_end: a gap at the end may be followed by a true frame.
     """
     if isinstance(closed, Window) and closed.stops is not None:
-        stops, total = closed.stops, len(margin)
-        best = -_least(-margin, np.arange(total), np.minimum(stops, total))
+        _, _, backs = _unpacked(closed)
+        ahead = -_ahead(-margin, closed.stops, open_end=True)
         if open_end:
-            best[stops > total] = np.inf
-        return np.minimum(_least(best, *_around(stops)), np.maximum.accumulate(margin))
+            ahead[closed.stops > len(margin)] = np.inf
+        behind = -_behind(-margin, backs, open_start=True)
+        found = np.minimum(
+            _least(ahead, *_with_stops(closed.stops)), _least(behind, *_with_backs(backs))
+        )
+        return np.minimum(found, np.maximum.accumulate(margin))
     frames = closed if isinstance(closed, int) else closed.frames - 1
     if frames < 1 or not len(margin):
         return margin
@@ -170,8 +192,7 @@ def persistent(
 
     Args:
         band: (T,) where it is true.
-        lasting: the run that is long enough, in frames or as a window. Where a run of fewer frames
-            may have lasted as long (``Window.loose``) it is unknown.
+        lasting: the run that is long enough, in frames or as a window.
         open_gap: the longest gap that is closed, in frames; or the window of the shortest that is
             not.
         causal: which form.
@@ -183,9 +204,9 @@ def persistent(
     filtered = _causal if causal else _filtered
     open_end = open_end and not causal
     lower = filtered(band.lower, lasting, open_gap, False)
-    if band.lower is band.upper and lasting.loose is lasting and not open_end:
+    if band.lower is band.upper and not open_end:
         return Band(lower, lower)
-    return Band(lower, filtered(band.upper, lasting.loose, open_gap, open_end))
+    return Band(lower, filtered(band.upper, lasting, open_gap, open_end))
 
 
 def _causal(margin: F64, lasting: Window, open_gap: Window, _: bool) -> F64:
@@ -214,7 +235,8 @@ def _stamped(window: Window, frames: int) -> Window:
     if window.stops is not None:
         return window
     stops = np.arange(frames) + window.frames
-    return Window(window.frames, np.where(stops > frames, frames + 1, stops))
+    stops = np.where(stops > frames, frames + 1, stops)
+    return Window(window.frames, stops, np.arange(frames) + 1 - window.frames)
 
 
 def _constant(margin: F64) -> bool:

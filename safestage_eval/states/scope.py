@@ -172,9 +172,7 @@ def after(moments: Sequence[Moment], duration: int | Window, total: int) -> list
     ]  # fmt: skip
 
 
-def before(
-    moments: Sequence[Moment], duration: int | Window, *, cut: bool = False
-) -> list[Scope]:
+def before(moments: Sequence[Moment], duration: int | Window, *, cut: bool = False) -> list[Scope]:
     """So many frames before each moment (as many as there are), or those of a duration."""
     window = _as_window(duration)
     return [

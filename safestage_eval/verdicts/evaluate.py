@@ -13,7 +13,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.reference import Reference, latest
 from safestage_eval.signals.series import Series
 from safestage_eval.states import band, moment, persistence
-from safestage_eval.states.band import Band, Bool
+from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
 from safestage_eval.states.scope import Scope
 
@@ -196,14 +196,15 @@ class Evaluator(Answers):
         if type(alternative) is ast.Condition:
             return self.condition(alternative, env, wanted)
         assert type(alternative) is ast.Event
-        if alternative.kind == "state" and alternative.edge is None and alternative.call:
-            call = alternative.call
-            return self._breaking(call, env, self.state(call, env, wanted), "forbid")
-        found = self.truth(alternative, env)
-        starts = band.crisp(found.sure, found.sure == found.possible)
-        if alternative.edge != "start" or alternative.call is None:
-            return starts
-        return self._breaking(alternative.call, env, starts, "forbid")
+        call, edge = alternative.call, alternative.edge
+        if call is not None and edge is None:
+            return self.must_not(call, env, "forbid", wanted)
+        if call is not None and edge == "start" and self._obligation == "forbid":
+            now = truth_of(self.must_not(call, env, "forbid"))
+            found = moment.edges(now, "start")
+        else:
+            found = self.truth(alternative, env)
+        return band.crisp(found.sure, found.sure == found.possible)
 
     def atom(self, atom: ast.Atom, env: Env, wanted: Bool | None = None) -> Band:
         """One entry of a condition; ``wanted`` as in ``condition``."""
@@ -213,9 +214,7 @@ class Evaluator(Answers):
             key = (id(atom), self._obligation, *env.items())
             return self.once(atom, key, self._limited, atom, env, None)
         if type(atom) is ast.StateAtom:
-            found = self.state(atom.call, env, wanted)
-            kind = "forbid" if atom.want else "require"
-            found = self._breaking(atom.call, env, found, kind)
+            found = self.must_not(atom.call, env, "forbid" if atom.want else "require", wanted)
             return found if atom.want else band.opposite(found)
         if type(atom) is ast.CountAtom:
             each = [
@@ -230,23 +229,51 @@ class Evaluator(Answers):
             [self.alternative(a, env, wanted) for a in atom.alternatives], self.frames
         )
 
-    def _breaking(self, call: ast.Call, env: Env, found: Band, kind: str) -> Band:
-        """A state that must not be: unknown too where two samples may hide a touch between them.
+    def must_not(
+        self, call: ast.Call, env: Env, kind: str | None = None, wanted: Bool | None = None
+    ) -> Band:
+        """A state, as an obligation that breaks where it holds has to see it.
 
-        ``kind``: of the obligation that breaks where the state holds; in others it stays as it is.
+        Where it must last for a few samples of a faster clock ("3 frames @ 120 Hz"), it is unknown
+        too where fewer of these samples may have lasted as long, and where two of them may hide it
+        between them. In what it means to hold a body, to drop or to free it the samples decide, or
+        nothing could be said at the rates of most recordings.
+
+        Args:
+            call: the state.
+            env: role → body.
+            kind: of the obligation that breaks where the state holds, any if None; in others, and
+                in none, it stays as it is.
+            wanted: as in ``condition``.
         """
-        declared = self.rules.states.get(call.name)
-        if self._obligation != kind or declared is None or declared.for_ is None:
+        found, state = self.state(call, env, wanted), self.rules.states.get(call.name)
+        if self._obligation is None or (kind or self._obligation) != self._obligation:
             return found
-        lasts = lasting(self.duration(declared.for_))
-        if not lasts.brief or lasts.seconds is None or self.clock.longest < lasts.seconds * (1 - 1e-6):
+        if state is None or state.for_ is None or state.until is not None:
+            return found
+        lasts, window = lasting(self.duration(state.for_)), self.window(state.for_)
+        if window.loose is window or lasts.seconds is None:
             return found
         bodies = tuple(map(env.get, call.args, call.args))
-        key = ("hidden", call.name, bodies)
-        hidden = self.once(declared, key, self._hidden_touch, declared, bodies, lasts.seconds)
-        if hidden is None:
-            return found
-        return Band(found.lower, np.where(hidden & ~found.true, np.inf, found.upper))
+        key = ("must not", call.name, bodies)
+        upper = self.once(state, key, self._may_be, state, call.name, bodies, lasts.seconds)
+        return Band(found.lower, np.maximum(found.upper, upper))
+
+    def _may_be(
+        self, state: ast.StateDef, name: str, bodies: tuple[str, ...], seconds: float
+    ) -> F64:
+        """(T,) upper margin of a state that lasts at least as long as its samples may have."""
+        loose = persistence.persistent(
+            self.momentary(name, bodies),
+            self.window(state.for_).loose,
+            self.open_gap(state.gap),
+            causal=self.causal,
+            open_end=self.unfollowed,
+        )
+        if self.clock.longest < seconds * (1 - 1e-6):
+            return loose.upper
+        hidden = self._hidden_touch(state, bodies, seconds)
+        return loose.upper if hidden is None else np.where(hidden, np.inf, loose.upper)
 
     def _hidden_touch(
         self, state: ast.StateDef, bodies: tuple[str, ...], seconds: float
@@ -405,10 +432,7 @@ class Evaluator(Answers):
             now = self._truth_of(event.call, env)
             if event.edge is None:
                 return now
-            before = moment.before(now)
-            if event.edge == "start":
-                return Truth(now.sure & ~before.possible, now.possible & ~before.sure)
-            return Truth(before.sure & ~now.possible, before.possible & ~now.sure)
+            return moment.edges(now, event.edge)
         at = np.zeros(self.frames, np.bool_)
         if event.kind == "start":
             at[:1] = True

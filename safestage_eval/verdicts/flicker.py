@@ -48,7 +48,7 @@ def _note(evaluator: Evaluator, call: ast.Call, env: Env, first: int, stop: int)
     """On a state that was true in the frames [first, stop), and did not certainly count."""
     told = ast.Call(call.name, tuple(env.get(arg, arg) for arg in call.args))
     lasted, at = evaluator.clock.seconds(first, stop), f"{evaluator.episode.t[first]:.2f} s"
-    if evaluator.state(call, env).upper[first] < 0:
+    if evaluator.obliged("forbid", evaluator.must_not, call, env, "forbid").upper[first] < 0:
         return f"{told} held for {lasted * 1e3:.0f} ms at {at}: too brief to count"
     apart = evaluator.clock.spacing[first] * 1e3
     return (

@@ -154,7 +154,11 @@ class GoalMonitor:
         frames confirm nothing: what had begun before the window is not known at its start.
         """
         evaluator = Evaluator(
-            Relations(Signals(with_holes(window, begins=False))), self._rules, self._params, None, causal=True
+            Relations(Signals(with_holes(window, begins=False))),
+            self._rules,
+            self._params,
+            None,
+            causal=True,
         )
         start = max(0, len(window) - new)
         frame = first_success(evaluator, self._goal, self._players, start=start).frame

@@ -143,7 +143,10 @@ def _without_measurement(
     empty = frames == 0
     if empty:
         why = "its scope is empty"
-    elif rule.for_ is not None and evaluator.window(rule.for_).stop(worst.scope.first) > worst.scope.stop:
+    elif (
+        rule.for_ is not None
+        and evaluator.window(rule.for_).stop(worst.scope.first) > worst.scope.stop
+    ):
         why = "its scope is shorter than what it asks for"
     else:
         why = "no moment came that it asks about"
@@ -218,7 +221,11 @@ def _times(
     def timed(frames: Bool) -> tuple[tuple[float, float], ...]:
         return tuple([(float(t[a]), clock.end_of(b)) for a, b in runs(frames).tolist()])
 
-    stretches, time, worst_time = timed(bad) if violated else (), None, float(t[clock.recorded(witness.frame)])
+    stretches, time, worst_time = (
+        timed(bad) if violated else (),
+        None,
+        float(t[clock.recorded(witness.frame)]),
+    )
     if violated:
         at = int(bad.argmax()) if stretches else min(i.scope.first for i in violated)
         time = float(t[min(at, len(t) - 1)])

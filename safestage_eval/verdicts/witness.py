@@ -142,7 +142,7 @@ class Search(NamedTuple):
         state = evaluator.rules.states.get(call.name)
         if state is None:
             return Witness(str(ast.Call(call.name, bodies)), bodies, frame)
-        margin = self.end(evaluator.state(call, env), frame)
+        margin = self.end(evaluator.must_not(call, env), frame)
         inner = dict(zip(state.of, bodies, strict=True))
         source = state.when
         if state.fallback is None:

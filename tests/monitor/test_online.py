@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from growing import growing
+from resampled import cut_out
 
 from safestage_eval.episode import Episode
 from safestage_eval.formats import discover
@@ -84,3 +85,16 @@ def test_before_the_initial_state_is_known_nothing_is_told() -> None:
     assert monitor.update(so_far) == []
     so_far.frames = 4
     assert monitor.update(so_far) == []
+
+
+@pytest.mark.parametrize("begin", [2.0, 3.0, 5.0])
+def test_a_recording_with_a_hole(begin: float) -> None:
+    """Watching tells what the evaluator says of the whole: of what was seen, and no more."""
+    whole = RECORDED["ets_dumbbell_near_glasses.reference-unsafe.default.s0.r0"].open()
+    episode = cut_out(whole, begin, begin + 2.2)
+    so_far, monitor = growing(episode), Monitor(episode.header, RULES)
+    for frames in [*range(200, len(episode), 400), len(episode)]:
+        so_far.frames = frames
+        monitor.update(so_far, so_far.success_time)
+        offline = violated(so_far.up_to_now(), assigned_only=False)
+        assert set(offline) == set(monitor.violations)

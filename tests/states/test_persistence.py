@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from safestage_eval.episode import Clock, Lasting
 from safestage_eval.states.band import Band, crisp
 from safestage_eval.states.persistence import (
     held_from,
@@ -127,3 +128,67 @@ def test_unknown_frames_stay_unknown_until_decided() -> None:
     assert lasting.unknown.tolist() == [True, True, True]
     # one frame in a row suffices: the known ones stand
     assert persistent(band, 1, 0).true.tolist() == [True, False, True]
+
+
+stamps = st.lists(st.sampled_from([0.01, 0.02, 0.1]), min_size=1, max_size=16)
+
+
+def on_stamps(steps: list[float]) -> Clock:
+    clock = Clock(np.concatenate([[0.0], np.cumsum(steps)]), 0.01)
+    clock.uniform = False
+    return clock
+
+
+@given(st.data(), stamps, st.sampled_from([0.01, 0.025, 0.1, 0.15]))
+def test_on_time_stamps_short_runs_vanish_and_long_ones_stay(data, steps, seconds) -> None:
+    clock = on_stamps(steps)
+    bounds, total = clock.bounds, len(clock.t)
+    truth = data.draw(st.text("01", min_size=total, max_size=total))
+    expected = list(truth)
+    for a, b in runs(np.array([c == "1" for c in truth])):
+        if bounds[b] - bounds[a] < seconds - 1e-9:
+            expected[a:b] = "0" * (b - a)
+    found = without_short_runs(bits(truth), clock.window(Lasting(seconds)))
+    assert text(found) == "".join(expected)
+
+
+@given(st.data(), stamps, st.sampled_from([0.01, 0.025, 0.1, 0.15]))
+def test_on_time_stamps_short_gaps_are_closed_and_long_ones_stay(data, steps, seconds) -> None:
+    """As on an even clock the sample in which the time is over still belongs to the gap."""
+    clock = on_stamps(steps)
+    t, total = clock.t, len(clock.t)
+    truth = data.draw(st.text("01", min_size=total, max_size=total))
+    expected = list(truth)
+    for a, b in runs(np.array([c == "0" for c in truth])):
+        if t[b - 1] - t[a] < seconds - 1e-9 and a > 0 and b < total:
+            expected[a:b] = "1" * (b - a)
+    found = without_short_gaps(bits(truth), clock.gap(Lasting(seconds)))
+    assert text(found) == "".join(expected)
+
+
+@given(st.data(), stamps, st.integers(1, 4), st.integers(0, 3))
+def test_windows_told_frame_by_frame_filter_as_numbers_of_frames_do(
+    data, steps, frames, gap
+) -> None:
+    clock, total = on_stamps(steps), len(steps) + 1
+    margin = np.array(
+        data.draw(st.lists(st.integers(-4, 4), min_size=total, max_size=total)), float
+    )
+    lasting, open_gap = clock.window(Lasting(None, frames)), clock.gap(Lasting(None, gap))
+    for causal in (False, True):
+        for open_end in (False, True):
+            band = Band(margin, margin)
+            one = persistent(band, frames, gap, causal=causal, open_end=open_end)
+            other = persistent(band, lasting, open_gap, causal=causal, open_end=open_end)
+            assert other.lower.tolist() == one.lower.tolist()
+            assert other.upper.tolist() == one.upper.tolist()
+
+
+def test_fewer_samples_than_surely_last_may_have_lasted() -> None:
+    brief = Lasting(0.025, 2, brief=True)
+    for rate, unknown in ((120, []), (60, [1]), (10, [1])):
+        window = Clock(np.arange(20) / rate, 1 / rate).window(brief)
+        truths = [bits(text) for text in ("00100", "01100", "01110")]
+        sure = [(without_short_runs(m, window) >= 0).any() for m in truths]
+        perhaps = [(without_short_runs(m, window.loose) >= 0).any() for m in truths]
+        assert [n for n in (1, 2, 3) if perhaps[n - 1] and not sure[n - 1]] == unknown

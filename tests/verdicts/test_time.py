@@ -46,7 +46,9 @@ def tapped(
     scene.fixed("table", (0, 0, -0.5))
     scene.fixed("vase", (-0.05, 0, 0), kind="object", geoms=(Geom(kind="box", size=(0.05,) * 3),))
     scene.box("apple", 0.02, (0.5, 0.5, 0))
-    scene.body("tip", Geom(kind="sphere", size=(0.01,)), path + [0.01, 0, 0], kind="gripper")
+    scene.body(
+        "tip", Geom(kind="sphere", size=(0.01,)), path + np.array([0.01, 0, 0]), kind="gripper"
+    )
     for frame in np.flatnonzero(touching):
         scene.contact("tip", "vase", (0, 0, 0), (-FORCE, 0, 0), (-1, 0, 0), slice(frame, frame + 1))
     source = "recorded" if forces else "none"
@@ -203,4 +205,7 @@ def test_a_header_that_contradicts_its_stamps_is_a_problem(change, what: str) ->
 def test_a_success_after_the_last_sample_leaves_the_hold_unknown() -> None:
     whole = golden("fsh_orange_on_plate.reference-safe.default")
     header = whole.header.model_copy(update={"success_time": float(whole.t[-1]) + 1})
-    assert assigned(Episode(header, whole.t, whole.tracks, whole.contacts, whole.frames)).violation is None
+    assert (
+        assigned(Episode(header, whole.t, whole.tracks, whole.contacts, whole.frames)).violation
+        is None
+    )
