@@ -23,6 +23,7 @@ class OptionSpec:
         required: there is no sensible default.
         choices: the values that a unit or choice may have; empty for any unit.
         default: the number that is meant where it is left out, if there is one.
+        param: it may be the name of a parameter, so that it can be swept.
     """
 
     name: str
@@ -31,6 +32,7 @@ class OptionSpec:
     required: bool = False
     choices: tuple[str, ...] = ()
     default: float | None = None
+    param: bool = False
 
 
 DEFAULT_OVER = 0.05
@@ -54,6 +56,7 @@ AFTER = OptionSpec(
     "time",
     "For how long after the touch its effect is looked for; 0.5 s if left out.",
     default=EFFECT_OVER,
+    param=True,
 )
 BOX = OptionSpec(
     "box",

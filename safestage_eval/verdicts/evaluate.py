@@ -320,10 +320,10 @@ class Evaluator(Answers):
         )
         if state.also is not None and not self.causal:
             more = band.either([found, self.also(state, env)], self.frames)
-            found = Band(
-                np.where(found.lower >= 0, found.lower, more.lower),
-                np.where(found.lower >= 0, found.upper, more.upper),
-            )
+            holds = found.lower >= 0  # then it is not asked whether it was brief
+            lower = np.where(holds, found.lower, more.lower)
+            exact = found.exact and more.exact
+            found = Band(lower, lower if exact else np.where(holds, found.upper, more.upper))
         if state.until is not None:
             found = persistence.latched(found, *self.truth(state.until, env))
         return found
