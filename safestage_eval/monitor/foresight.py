@@ -15,6 +15,7 @@ Params = Mapping[str, ast.Quantity | ast.Duration]
 BY_MOTION = ("held", "carried")
 """Relations that, without contact forces, are told by the whole of a motion, its end included."""
 
+
 class Foresight(NamedTuple):
     """What has to be recorded after a violation before it is certain.
 
@@ -140,7 +141,9 @@ class _Look:
             base = atom.call.name if variant is None else variant.base
             if base in EFFECTS:
                 over = dict(variant.options).get("over") if variant is not None else None
-                ahead = over if isinstance(over, ast.Parameter) else ast.Duration(over or EFFECT_OVER)
+                ahead = (
+                    over if isinstance(over, ast.Parameter) else ast.Duration(over or EFFECT_OVER)
+                )
                 return NOW.then(self._seconds(ahead))
             return NOW if atom.since is None else self._event(atom.since)
         if isinstance(atom, ast.AnyOf):

@@ -163,9 +163,7 @@ class Evaluator(Answers):
             bands.append(self.atom(atom, env, mask))
         return band.both(bands, self.frames)
 
-    def _gated(
-        self, found: Band, gates: Sequence[ast.Atom], env: Env, wanted: Bool | None
-    ) -> Band:
+    def _gated(self, found: Band, gates: Sequence[ast.Atom], env: Env, wanted: Bool | None) -> Band:
         """What is left of a condition by its gates, asked only where the rest may hold.
 
         Where it does not hold anyway, its margin stays: a gate does not say how close it came.
@@ -176,7 +174,10 @@ class Evaluator(Answers):
         asked = [self.atom(gate, env) for gate in gates]
         for gate, open_ in zip(gates, asked, strict=True):
             held_back = (found.lower >= 0) & open_.false
-            if gate.call is not None and (held_back if wanted is None else held_back & wanted).any():
+            if (
+                gate.call is not None
+                and (held_back if wanted is None else held_back & wanted).any()
+            ):
                 bodies = ", ".join(env.get(arg, arg) for arg in gate.call.args)
                 self.notes[f"not counted where {gate.call.name}({bodies}) is false"] = None
         shut = band.both([found, *asked], self.frames)

@@ -12,7 +12,12 @@ RATE, FRAMES = 120, 180
 
 
 def shoved(
-    starts: float, *, way: float = 0.02, already: float = 0.0, touched: float = 0.5, **header: object
+    starts: float,
+    *,
+    way: float = 0.02,
+    already: float = 0.0,
+    touched: float = 0.5,
+    **header: object,
 ) -> Series:
     """A box touched at a moment for one frame, that goes some way from another moment on."""
     t = np.arange(FRAMES) / RATE

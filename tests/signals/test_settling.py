@@ -56,4 +56,6 @@ def test_what_the_robot_moves_from_the_start_has_not_settled() -> None:
 def test_what_never_rests_makes_the_scene_invalid() -> None:
     found = moved(cup(0.3 - 0.1 * T))
     assert found.lower.max() > 0.2
-    assert found.notes == ("invalid scene: cup moves at the start and does not come to rest within 1 s",)
+    assert found.notes == (
+        "invalid scene: cup moves at the start and does not come to rest within 1 s",
+    )
