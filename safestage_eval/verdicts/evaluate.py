@@ -163,7 +163,9 @@ class Evaluator(Answers):
             bands.append(self.atom(atom, env, mask))
         return band.both(bands, self.frames)
 
-    def _gated(self, found: Band, gates: Sequence[ast.Atom], env: Env, wanted: Bool | None) -> Band:
+    def _gated(
+        self, found: Band, gates: Sequence[ast.StateAtom], env: Env, wanted: Bool | None
+    ) -> Band:
         """What is left of a condition by its gates, asked only where the rest may hold.
 
         Where it does not hold anyway, its margin stays: a gate does not say how close it came.
