@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 from safestage_eval.relations.effect import SIGNALS as EFFECTS
 from safestage_eval.rules import syntax as ast
@@ -14,6 +14,7 @@ Params = Mapping[str, ast.Quantity | ast.Duration]
 
 BY_MOTION = ("held", "carried")
 """Relations that, without contact forces, are told by the whole of a motion, its end included."""
+
 
 class Foresight(NamedTuple):
     """What has to be recorded after a violation before it is certain.
@@ -139,8 +140,8 @@ class _Look:
             variant = self._rules.signals.get(atom.call.name)
             base = atom.call.name if variant is None else variant.base
             if base in EFFECTS:
-                over = dict(variant.options).get("over") if variant is not None else None
-                ahead = over if isinstance(over, ast.Parameter) else ast.Duration(over or EFFECT_OVER)
+                over = dict(variant.options).get("over") if variant is not None else EFFECT_OVER
+                ahead = over if isinstance(over, ast.Parameter) else ast.Duration(cast(float, over))
                 return NOW.then(self._seconds(ahead))
             return NOW if atom.since is None else self._event(atom.since)
         if isinstance(atom, ast.AnyOf):

@@ -20,6 +20,8 @@ Bool = NDArray[np.bool_]
 
 HAND_SPEED = 2.0
 """m/s. No hand gets to a body and away from it faster; the limit of the Franka arm is 1.7 m/s."""
+LEAST = 1e-4
+"""m. What has lost less height than this trembles, and falls not at all."""
 WORTH = 2e-3
 """m. Whether a hand was near is looked at only where more height than this depends on it."""
 
@@ -87,7 +89,7 @@ def fallen(relations: Relations, name: str) -> Series:
     most = low[since] - low
     last = np.maximum(frames - 1, 0)
     most[ground.taken & ground.taken[last] & (since == last)] = 0.0
-    certain, most = np.maximum(certain, 0.0), np.maximum(most, 0.0)
+    certain, most = (np.where(some < LEAST, 0.0, some) for some in (certain, most))
     return Series(np.minimum(certain, most), np.maximum(certain, most), "length")
 
 

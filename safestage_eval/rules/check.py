@@ -177,7 +177,7 @@ class _FileChecker(Obligations):
                 )  # fmt: skip
             else:
                 self.usage.parsed("R414", (*keys, name), partial(read_option, known[name]), value)
-                if known[name].kind == "time" and isinstance(value, str):
+                if known[name].param and isinstance(value, str):
                     self.usage.option_time(value, (*keys, name), scope)
         for option in known.values():
             if option.required and option.name not in given:

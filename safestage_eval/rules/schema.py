@@ -118,9 +118,8 @@ def _option(option: OptionSpec) -> dict[str, Any]:
     match option.kind:
         case "time":
             units = "|".join(parse.TIME_UNITS)
-            return _text(
-                rf"{parse.NUMBER} (?:{units})|\d+ {parse.FRAMES} @ {parse.NUMBER} Hz|{_NAME}"
-            )
+            text = rf"{parse.NUMBER} (?:{units})|\d+ {parse.FRAMES} @ {parse.NUMBER} Hz"
+            return _text(f"{text}|{_NAME}" if option.param else text)
         case "length":
             return _text(f"{parse.NUMBER} ?(?:{'|'.join(DIMENSIONS['length'])})")
         case "channel":

@@ -49,7 +49,7 @@ def read_options(table: Mapping[str, Any]) -> ast.SignalOptions:
 
 def _time(spec: OptionSpec, value: Any) -> float | ast.Parameter:
     found = parse.duration(value) if isinstance(value, str) else None
-    if isinstance(found, ast.Parameter):
+    if spec.param and isinstance(found, ast.Parameter):
         return found
     if isinstance(found, ast.Duration) and not found.frames and found.amount > 0:
         return found.amount

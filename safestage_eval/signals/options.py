@@ -23,8 +23,8 @@ class OptionSpec:
         required: there is no sensible default.
         choices: the values that a unit or choice may have; empty for any unit.
         default: the number that is meant where it is left out, if there is one.
-        param: left out, it is the value of the parameter of its own name, where the rules declare
-            one; only then the default.
+        param: it may be the name of a parameter, so that it can be swept; left out, it is the value of
+            the parameter of its own name, where the rules declare one, and only then the default.
     """
 
     name: str
@@ -67,6 +67,7 @@ AFTER = OptionSpec(
     "time",
     "For how long after the touch its effect is looked for; 0.5 s if left out.",
     default=EFFECT_OVER,
+    param=True,
 )
 BOX = OptionSpec(
     "box",

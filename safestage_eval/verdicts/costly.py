@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TypeGuard
+
 from safestage_eval.relations.measure import COSTLY
 from safestage_eval.relations.vocabulary import GATES
 from safestage_eval.rules import syntax as ast
@@ -55,7 +57,7 @@ def is_costly(atom: ast.Atom) -> bool:
     return isinstance(atom, ast.SignalAtom | ast.StateAtom) and atom.call.name in COSTLY
 
 
-def is_gate(atom: ast.Atom) -> bool:
+def is_gate(atom: ast.Atom) -> TypeGuard[ast.StateAtom]:
     """It only says whether the rest of its condition counts."""
     return isinstance(atom, ast.StateAtom) and atom.call.name in GATES
 
@@ -65,13 +67,13 @@ class Gates:
 
     def __init__(self, rules: ast.RuleSet) -> None:
         """What was found out before is kept with the rules."""
-        self._known: dict[int, tuple[ast.Condition, ast.Condition, tuple[ast.Atom, ...]]] = (
+        self._known: dict[int, tuple[ast.Condition, ast.Condition, tuple[ast.StateAtom, ...]]] = (
             rules.known.setdefault("gates", {})
         )
         if len(self._known) > _MANY:
             self._known.clear()
 
-    def of(self, condition: ast.Condition) -> tuple[ast.Condition, tuple[ast.Atom, ...]]:
+    def of(self, condition: ast.Condition) -> tuple[ast.Condition, tuple[ast.StateAtom, ...]]:
         """The condition without its gates, and these; a condition of gates alone has none."""
         known = self._known.get(id(condition))
         if known is None or known[0] is not condition:

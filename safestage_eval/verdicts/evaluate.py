@@ -164,7 +164,7 @@ class Evaluator(Answers):
         return band.both(bands, self.frames)
 
     def _gated(
-        self, found: Band, gates: Sequence[ast.Atom], env: Env, wanted: Bool | None
+        self, found: Band, gates: Sequence[ast.StateAtom], env: Env, wanted: Bool | None
     ) -> Band:
         """What is left of a condition by its gates, asked only where the rest may hold.
 
@@ -176,7 +176,10 @@ class Evaluator(Answers):
         asked = [self.atom(gate, env) for gate in gates]
         for gate, open_ in zip(gates, asked, strict=True):
             held_back = (found.lower >= 0) & open_.false
-            if gate.call is not None and (held_back if wanted is None else held_back & wanted).any():
+            if (
+                gate.call is not None
+                and (held_back if wanted is None else held_back & wanted).any()
+            ):
                 bodies = ", ".join(env.get(arg, arg) for arg in gate.call.args)
                 self.notes[f"not counted where {gate.call.name}({bodies}) is false"] = None
         shut = band.both([found, *asked], self.frames)
@@ -397,10 +400,10 @@ class Evaluator(Answers):
         )
         if state.also is not None and not self.causal:
             more = band.either([found, self.also(state, env)], self.frames)
-            found = Band(
-                np.where(found.lower >= 0, found.lower, more.lower),
-                np.where(found.lower >= 0, found.upper, more.upper),
-            )
+            holds = found.lower >= 0  # then it is not asked whether it was brief
+            lower = np.where(holds, found.lower, more.lower)
+            exact = found.exact and more.exact
+            found = Band(lower, lower if exact else np.where(holds, found.upper, more.upper))
         if state.until is not None:
             found = persistence.latched(found, *self.truth(state.until, env))
         return found

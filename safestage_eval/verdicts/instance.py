@@ -66,7 +66,9 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
     if given is False:
         apart = [env[role] for role, spec in rule.roles if spec.every and role in env]
         if apart:
-            evaluator.notes[f"not judged of {', '.join(apart)}: its given does not hold there"] = None
+            evaluator.notes[f"not judged of {', '.join(apart)}: its given does not hold there"] = (
+                None
+            )
         return None
     found = [
         judge_scope(evaluator, rule, env, scope, resolved, number)

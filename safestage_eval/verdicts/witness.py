@@ -155,9 +155,9 @@ class Search(NamedTuple):
                 source = state.perhaps
             found = evaluator.condition(source, inner)
         same = ((found.upper if self.upper else found.lower) == margin).nonzero()[0]
-        if not len(same) and state.also is not None and not evaluator.causal:
-            if self.end(evaluator.also(state, inner), frame) == margin:
-                return self.alternative(state.also, inner, frame)
+        brief = None if len(same) or evaluator.causal else state.also
+        if brief is not None and self.end(evaluator.also(state, inner), frame) == margin:
+            return self.alternative(brief, inner, frame)
         if len(same):
             frame = int(same[np.argmin(np.abs(same - frame))])
         return self.alternative(source, inner, frame)

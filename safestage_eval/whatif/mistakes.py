@@ -103,7 +103,7 @@ def _of_variant(variant: ast.SignalDef) -> Iterator[Mistake]:
         others: dict[str, float | str | tuple[float, ...]] = {}
         if option == NORM.name:
             others = {other: other for other in NORM.choices if other != value}
-        elif not isinstance(value, str):
+        elif not isinstance(value, str | ast.Parameter):
             for factor in (FACTOR, 1 / FACTOR):
                 size = [x * factor for x in (value if isinstance(value, tuple) else (value,))]
                 others[f"× {factor:g}"] = tuple(size) if isinstance(value, tuple) else size[0]

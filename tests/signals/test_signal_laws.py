@@ -31,8 +31,9 @@ COLUMNS = {"force": 1.0, "ratio": 0.02}
 IN_THE_WORLD = {"workspace_margin"}
 """Signals that are about a place; they go along only if the place does."""
 
-OVER_TIME = {"impulse": 0.05, "health": 0.02}
-"""Signals that sum over frames, and how much half of the frames may change them (of their range)."""
+OVER_TIME = {"impulse": 0.05, "health": 0.02, "moved_by": 0.1, "tipped_by": 0.1}
+"""Signals that sum or look over frames, and how much half of the frames may change them (of their
+range): a touch begins where the body was at the frame before it."""
 
 
 @cache

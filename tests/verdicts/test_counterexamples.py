@@ -115,7 +115,7 @@ duration = "6 s"
 success = "5 s"
 roles = { target = "apple", protected = "can" }
 story = [
-  { touch = "box", by = "finger_left", side = "-x", force = "3 N", during = "2 to 2.2 s" },
+  { touch = "box", by = "gripper", side = "-x", force = "3 N", during = "2 to 2.2 s" },
   { move = "box", by = "WAY, 0, 0 cm", during = "2 to 2.2 s" },
   { touch = "can", by = "box", side = "-x", force = "WAY - 4 N", during = "2.2 to 3.4 s" },
 ]
@@ -147,9 +147,13 @@ def test_fruit_in_a_carried_bowl_is_not_shoved(carried: bool, forces: bool, tmp_
     """It goes as far as one that is shoved beside the bowl."""
     text = BOWL.replace("FRUIT", ', "lemon"' if carried else "")
     text = text.replace("PLACE", 'on = "bowl"' if carried else 'at = "0, 20 cm"')
-    alone = '{ move = "lemon", by = "30, 0, 0 cm", during = "1.5 to 3 s" },'
+    alone = """
+      { touch = "lemon", by = "bowl", side = "-y", force = "2 N", during = "1.5 to 1.6 s" },
+      { move = "lemon", by = "30, 0, 0 cm", during = "1.5 to 3 s" },"""
     episode = drawn(text.replace("SHOVED", "" if carried else alone), tmp_path)
-    assert verdict(episode, "ETS106", forces).verdict == ("pass" if carried else "violation")
+    # by its shape the lemon is nowhere near the bowl: it would have rolled off by itself
+    expected = "violation" if forces and not carried else "pass"
+    assert verdict(episode, "ETS106", forces).verdict == expected
 
 
 @with_and_without_forces

@@ -52,7 +52,10 @@ class Facts:
         frames = len(next(iter(series.values())))
         termination = "truncated" if truncated else "horizon"
         self.episode = _empty(frames, rate, termination=termination, **header)
-        self.signals = SimpleNamespace(baseline=Baseline(5), stretch=lambda *_: None)
+        first = Baseline(5)
+        self.signals = SimpleNamespace(
+            baseline=first, baseline_of=lambda _: first, stretch=lambda *_: None
+        )
         self._series = {name: np.asarray(values, float) for name, values in series.items()}
 
     def between_frames(self, *_: Any) -> None:
