@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Body, Episode
+from safestage_eval.episode.body import IDENTITY
 from safestage_eval.geometry.clearance import clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.pose import matrix
@@ -121,16 +122,23 @@ class Neighbours:
         """(N, 3) m, half lengths of a box in body axes; negative without shape."""
         bodies = self._episode.header.bodies
         return np.array([
-            np.minimum(self._movers[b.name].shape.half, FAR) if b.geoms else np.full(3, -FAR)
+            np.minimum(self._movers[b.name].shape.half, FAR)
+            if b.geoms and b.kind != "region"
+            else np.full(3, -FAR)
             for b in bodies
         ])  # fmt: skip
 
     @cached_property
     def _centre(self) -> F64:
         bodies = self._episode.header.bodies
-        return np.array(
-            [self._movers[b.name].shape.centre if b.geoms else np.zeros(3) for b in bodies]
-        )
+        return np.array([self._middle(body) for body in bodies])
+
+    def _middle(self, body: Body) -> F64:
+        """(3,) m, of its box, body frame: of a level plane far below it."""
+        level = [g.kind == "plane" and g.orientation == IDENTITY for g in body.geoms]
+        if level and all(level):
+            return np.array([0.0, 0.0, max(g.position[2] for g in body.geoms) - FAR])
+        return self._movers[body.name].shape.centre if body.geoms else np.zeros(3)
 
     def _at(self, body: int, frame: int) -> list[Part]:
         if frame != self._frame:
