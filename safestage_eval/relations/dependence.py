@@ -14,7 +14,7 @@ from safestage_eval.geometry.pose import matrix
 from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.facts import Movers
 
-from .arrangement import Arrangement
+from .arrangement import SHIFTED, TURNED, Arrangement
 from .graph import SupportGraph
 from .near import Neighbours, Patch
 from .statics import ARM, LOST, Balance, Bodies, Touches
@@ -27,6 +27,9 @@ Contacts = dict[Pair, Patch]
 
 STANDS, FALLS, OPEN = 0, 1, -1
 NONE: frozenset[int] = frozenset()
+
+SLIGHT = (SHIFTED / 2, TURNED / 2)
+"""m, rad: contacts that come back lie as they did where no body has moved or turned by more."""
 
 Push = tuple[float, float]
 PUSHES: tuple[Push, ...] = ((0.0, 0.0), (0.02, 0.0), (-0.02, 0.0), (0.0, 0.02), (0.0, -0.02))
@@ -318,6 +321,8 @@ class Dependence:
         quiet = joined & ~self._handled(body)
         starts = np.flatnonzero(signature[1:] != signature[:-1]) + 1
         cursor, frames = 0, len(self._episode)
+        everyone = {b for pair in pairs for b in pair}
+        looked_at: dict[int, int] = {}  # of a set of contact points that comes and goes
         while True:
             rest = np.flatnonzero(joined[cursor:])
             if not len(rest):
@@ -339,7 +344,13 @@ class Dependence:
             end = first + int(calm[0]) if len(calm) else end
             same = first + np.flatnonzero(joined[first:end])
             for stretch in self._arrangement.stretches(pairs, same):
-                yield stretch, int(stretch[0])
+                now = int(stretch[0])
+                known = looked_at.get(int(signature[now]), now)
+                if not all(self._arrangement.stay_for(b, np.array([known, now]), *SLIGHT) == 2
+                           for b in everyone):  # fmt: skip
+                    known = now
+                looked_at[int(signature[now])] = known
+                yield stretch, known
             cursor = end
 
     def _still(self, body: int, on: int, frame: int, earliest: int) -> tuple[int, int]:

@@ -103,5 +103,8 @@ def may_be_too_weak(relations: Relations, name: str, bodies: Sequence[str]) -> D
     sure = relations.decide(name, list(bodies), relations.sure_graph)
     if sure is None or not (truth & ~sure).any():
         return None
-    masses = ", ".join(relations.unweighed)
-    return truth & ~sure, f"the trace has no mass of {masses}: what bears it is not known"
+    if relations.unweighed:
+        masses = ", ".join(relations.unweighed)
+        return truth & ~sure, f"the trace has no mass of {masses}: what bears it is not known"
+    light = ", ".join(relations.faint)
+    return truth & ~sure, f"what bears {light} is less than the rounding of the recorded forces"
