@@ -14,7 +14,7 @@ from safestage_eval.geometry.pose import matrix
 from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.facts import Movers
 
-from .arrangement import SHIFTED, TURNED, Arrangement
+from .arrangement import Arrangement
 from .graph import SupportGraph
 from .near import Neighbours, Patch
 from .statics import ARM, LOST, Balance, Bodies, Touches
@@ -28,8 +28,9 @@ Contacts = dict[Pair, Patch]
 STANDS, FALLS, OPEN = 0, 1, -1
 NONE: frozenset[int] = frozenset()
 
-SLIGHT = (SHIFTED / 2, TURNED / 2)
-"""m, rad: contacts that come back lie as they did where no body has moved or turned by more."""
+Alike = tuple[NDArray[np.intp], int | None]
+"""Frames (N,) at which equal sets of contact points touch, and the one to look at for all of them;
+None where they may yet lie differently."""
 
 Push = tuple[float, float]
 PUSHES: tuple[Push, ...] = ((0.0, 0.0), (0.02, 0.0), (-0.02, 0.0), (0.0, 0.02), (0.0, -0.02))
@@ -93,7 +94,7 @@ class Dependence:
         self._chains: dict[int, dict[int, Bool]] = {}
         self._touched: dict[int, Bool] = {}
         self._signatures: dict[int, NDArray[np.int64]] = {}
-        self._alike_at: dict[Pair, list[tuple[NDArray[np.intp], int]]] = {}
+        self._alike_at: dict[Pair, list[Alike]] = {}
         self._groups: dict[tuple[int, int, frozenset[int]], dict[int, Group]] = {}
         self._falls: dict[tuple[int, int, int, Push, frozenset[int]], frozenset[int]] = {}
         self._said: dict[tuple[int, int], tuple[NDArray[np.int8], Bool]] = {}
@@ -129,9 +130,18 @@ class Dependence:
         said, done = self._said[body, on]
         asked = ~done if wanted is None else wanted & ~done
         if asked.any():
-            for stretch, frame in self._alike_at[body, on]:
-                if asked[stretch].any():
-                    said[stretch], done[stretch] = self._judge(body, on, frame), True
+            pairs = self._cluster(body)
+            for frames_alike, frame in self._alike_at[body, on]:
+                if not asked[frames_alike].any():
+                    continue
+                if frame is not None:
+                    said[frames_alike] = self._judge(body, on, frame)
+                else:
+                    for stretch in self._arrangement.stretches(pairs, frames_alike):
+                        if asked[stretch].any():
+                            said[stretch] = self._judge(body, on, int(stretch[0]))
+                            done[stretch] = True
+                done[frames_alike] |= frame is not None
         return said == FALLS, said == OPEN
 
     def _judge(self, body: int, on: int, frame: int) -> int:
@@ -314,15 +324,13 @@ class Dependence:
 
     # ------------------------------------------------------------------ over time
 
-    def _alike(self, body: int, on: int) -> Iterator[tuple[NDArray[np.intp], int]]:
-        """Frames (N,) at which all lies alike, and the one to look at; none where nothing joins them."""
-        pairs, joined = self._cluster(body), self._linked(body, on)
+    def _alike(self, body: int, on: int) -> Iterator[Alike]:
+        """Only frames at which a chain of contacts joins the two."""
+        joined = self._linked(body, on)
         signature = self._signature(body)
         quiet = joined & ~self._handled(body)
         starts = np.flatnonzero(signature[1:] != signature[:-1]) + 1
         cursor, frames = 0, len(self._episode)
-        everyone = {b for pair in pairs for b in pair}
-        looked_at: dict[int, int] = {}  # of a set of contact points that comes and goes
         while True:
             rest = np.flatnonzero(joined[cursor:])
             if not len(rest):
@@ -343,14 +351,7 @@ class Dependence:
             calm = np.flatnonzero(quiet[first:end])
             end = first + int(calm[0]) if len(calm) else end
             same = first + np.flatnonzero(joined[first:end])
-            for stretch in self._arrangement.stretches(pairs, same):
-                now = int(stretch[0])
-                known = looked_at.get(int(signature[now]), now)
-                if not all(self._arrangement.stay_for(b, np.array([known, now]), *SLIGHT) == 2
-                           for b in everyone):  # fmt: skip
-                    known = now
-                looked_at[int(signature[now])] = known
-                yield stretch, known
+            yield same, None
             cursor = end
 
     def _still(self, body: int, on: int, frame: int, earliest: int) -> tuple[int, int]:
