@@ -26,6 +26,11 @@ Contacts = dict[Pair, Patch]
 """Pair → the points in which the two touch at one frame."""
 
 STANDS, FALLS, OPEN = 0, 1, -1
+NONE: frozenset[int] = frozenset()
+
+Alike = tuple[NDArray[np.intp], int | None]
+"""Frames (N,) at which equal sets of contact points touch, and the one to look at for all of them;
+None where they may yet lie differently."""
 
 Push = tuple[float, float]
 PUSHES: tuple[Push, ...] = ((0.0, 0.0), (0.02, 0.0), (-0.02, 0.0), (0.0, 0.02), (0.0, -0.02))
@@ -89,9 +94,9 @@ class Dependence:
         self._chains: dict[int, dict[int, Bool]] = {}
         self._touched: dict[int, Bool] = {}
         self._signatures: dict[int, NDArray[np.int64]] = {}
-        self._alike_at: dict[Pair, list[tuple[NDArray[np.intp], int]]] = {}
-        self._groups: dict[tuple[int, bool], dict[int, Group]] = {}
-        self._falls: dict[tuple[int, int, int, Push, bool], frozenset[int]] = {}
+        self._alike_at: dict[Pair, list[Alike]] = {}
+        self._groups: dict[tuple[int, int, frozenset[int]], dict[int, Group]] = {}
+        self._falls: dict[tuple[int, int, int, Push, frozenset[int]], frozenset[int]] = {}
         self._said: dict[tuple[int, int], tuple[NDArray[np.int8], Bool]] = {}
 
     def beside(self, body: int) -> set[str]:
@@ -125,31 +130,44 @@ class Dependence:
         said, done = self._said[body, on]
         asked = ~done if wanted is None else wanted & ~done
         if asked.any():
-            for stretch, frame in self._alike_at[body, on]:
-                if asked[stretch].any():
-                    said[stretch], done[stretch] = self._judge(body, on, frame), True
+            pairs = self._cluster(body)
+            for frames_alike, frame in self._alike_at[body, on]:
+                if not asked[frames_alike].any():
+                    continue
+                if frame is not None:
+                    said[frames_alike] = self._judge(body, on, frame)
+                else:
+                    for stretch in self._arrangement.stretches(pairs, frames_alike):
+                        if asked[stretch].any():
+                            said[stretch] = self._judge(body, on, int(stretch[0]))
+                            done[stretch] = True
+                done[frames_alike] |= frame is not None
         return said == FALLS, said == OPEN
 
     def _judge(self, body: int, on: int, frame: int) -> int:
         for push in PUSHES:
-            fallen = self._collapse(body, on, frame, push, near=False)
+            fallen = self._collapse(body, on, frame, push)
             if body in fallen:
                 break
         else:
             return STANDS
-        if self._neighbours.alone(fallen - self._robot, frame, fallen | self._robot):
+        loose = fallen - self._removed(on)
+        if self._neighbours.alone(loose, frame, fallen | self._robot):
             return FALLS  # there is nothing else near that could catch it
-        caught = not any(body in self._collapse(body, on, frame, p, near=True) for p in PUSHES)
+        caught = not any(body in self._collapse(body, on, frame, push, loose) for push in PUSHES)
         return OPEN if caught else FALLS
 
     # ------------------------------------------------------------------ at one frame
 
     def _collapse(
-        self, body: int, removed: int, frame: int, push: Push, *, near: bool
+        self, body: int, removed: int, frame: int, push: Push, loose: frozenset[int] = NONE
     ) -> frozenset[int]:
-        """Those of the bodies that hang together with ``body`` that fall at that frame."""
-        group = self._group(body, frame, near=near)
-        key = (removed, frame, group.heads[0], push, near)
+        """Of the bodies that hang together with ``body`` those that fall at that frame.
+
+        ``removed`` is among them. ``loose``: bodies that what is near to them may catch.
+        """
+        group = self._group(body, frame, removed, loose)
+        key = (removed, frame, group.heads[0], push, loose)
         if key not in self._falls:
             if push not in group.unrest:
                 _, whole = self._left(group, frozenset())
@@ -203,14 +221,14 @@ class Dependence:
             todo += more
         return found
 
-    def _group(self, body: int, frame: int, *, near: bool) -> Group:
-        known = self._groups.setdefault((frame, near), {})
+    def _group(self, body: int, frame: int, removed: int, loose: frozenset[int]) -> Group:
+        known = self._groups.setdefault((frame, removed if loose else -1, loose), {})
         head = self._head(body)
         if head not in known:
             contacts = self._contacts_at(frame, self._cluster(body))
-            if near:
-                contacts, heads = self._with_near(self._joined({head}, contacts), contacts, frame)
-            else:
+            heads = self._joined({head}, contacts)
+            if loose:
+                contacts = self._with_near(loose, self._removed(removed), contacts, frame)
                 heads = self._joined({head}, contacts)
             contacts = {
                 pair: patch
@@ -237,32 +255,25 @@ class Dependence:
         return found
 
     def _with_near(
-        self, heads: set[int], contacts: Contacts, frame: int
-    ) -> tuple[Contacts, set[int]]:
-        """The contacts, points within ``NEAR`` added, and the objects that these join as well."""
-        contacts, heads = dict(contacts), set(heads)
-        todo, seen = list(heads), set[Pair]()
-        while todo:
-            head = todo.pop()
-            for part in self._parts(head) & self._free:
-                for other in self._neighbours.about(part, frame):
-                    pair = (min(part, other), max(part, other))
-                    if pair in seen or other in self._robot or other in self._parts(head):
-                        continue
-                    seen.add(pair)
-                    patch = self._neighbours.patch(*pair, frame)
-                    if patch is None:
-                        continue
-                    if pair in contacts:
-                        patch = Patch(*map(np.concatenate, zip(contacts[pair], patch, strict=True)))
-                    contacts[pair] = patch
-                    if other in self._free and self._head(other) not in heads:
-                        own = self._contacts_at(frame, self._cluster(other))
-                        for more in self._joined({self._head(other)}, own) - heads:
-                            heads.add(more)
-                            todo.append(more)
-                        contacts = {**own, **contacts}
-        return contacts, heads
+        self, loose: Iterable[int], apart_from: set[int], contacts: Contacts, frame: int
+    ) -> Contacts:
+        """The contacts, with those of what is near the loose bodies, and points within ``NEAR``."""
+        contacts = dict(contacts)
+        for body in loose:
+            for other in self._neighbours.about(body, frame):
+                pair = (min(body, other), max(body, other))
+                if other in self._robot or other in apart_from or other in self._parts(body):
+                    continue
+                patch = self._neighbours.patch(*pair, frame)
+                if patch is None:
+                    continue
+                if other in self._free and all(other not in known for known in contacts):
+                    own = self._contacts_at(frame, self._cluster(other))
+                    contacts = {**own, **contacts}
+                if pair in contacts:
+                    patch = Patch(*map(np.concatenate, zip(contacts[pair], patch, strict=True)))
+                contacts[pair] = patch
+        return contacts
 
     def _bodies(self, heads: list[int], frame: int) -> Bodies:
         mass, centre, inertia = [], [], []
@@ -313,9 +324,9 @@ class Dependence:
 
     # ------------------------------------------------------------------ over time
 
-    def _alike(self, body: int, on: int) -> Iterator[tuple[NDArray[np.intp], int]]:
-        """Frames (N,) at which all lies alike, and the one to look at; none where nothing joins them."""
-        pairs, joined = self._cluster(body), self._linked(body, on)
+    def _alike(self, body: int, on: int) -> Iterator[Alike]:
+        """Only frames at which a chain of contacts joins the two."""
+        joined = self._linked(body, on)
         signature = self._signature(body)
         quiet = joined & ~self._handled(body)
         starts = np.flatnonzero(signature[1:] != signature[:-1]) + 1
@@ -340,8 +351,7 @@ class Dependence:
             calm = np.flatnonzero(quiet[first:end])
             end = first + int(calm[0]) if len(calm) else end
             same = first + np.flatnonzero(joined[first:end])
-            for stretch in self._arrangement.stretches(pairs, same):
-                yield stretch, int(stretch[0])
+            yield same, None
             cursor = end
 
     def _still(self, body: int, on: int, frame: int, earliest: int) -> tuple[int, int]:

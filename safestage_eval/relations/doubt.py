@@ -31,9 +31,9 @@ def may_be_caught(
 
 
 def may_lean(relations: Relations, body: str, on: str) -> Doubt | None:
-    """Without contact forces a body that touches another from the side may lean on it.
+    """Without contact forces a body that touches another may lean on it, or be weighed down by it.
 
-    And on all that this one stands or leans on: whether it would fall hangs on friction.
+    And so on over all that this one touches: whether it would fall hangs on friction and weights.
     """
     truth = relations.get("depends_on", (body, on))
     least = relations.decide("depends_on", [body, on], held=relations.may_be_held)
@@ -43,15 +43,15 @@ def may_lean(relations: Relations, body: str, on: str) -> Doubt | None:
     leans = _may_hang_on(relations, index[body], index[on]) & ~truth
     if not (leans | (truth & ~least)).any():
         return None
-    how = f"leans on {on}" if leans.any() else f"still rests on {on}, or is held"
+    how = f"needs {on}" if leans.any() else f"still rests on {on}, or is held"
     return leans | (truth & ~least), f"without contact forces it is not known whether {body} {how}"
 
 
 def _may_hang_on(relations: Relations, body: int, on: int) -> Bool:
-    """(T,) a chain of touches joins the two, in which none stands on the one before it.
+    """(T,) a chain of touches joins the two, over objects that nothing holds.
 
-    It leads over objects that nothing holds: what leans on a can falls with what the can
-    stands on. What stands on a body does not hold that body up.
+    What leans on a can falls with what the can stands on; and what stands on a board may be the
+    weight without which it tips.
     """
     bodies, frames = relations.episode.header.bodies, len(relations.episode)
     may = {on: np.ones(frames, np.bool_)}
@@ -64,8 +64,6 @@ def _may_hang_on(relations: Relations, body: int, on: int) -> Bool:
             if upper == on or (upper != body and (lower == body or not free)):
                 continue
             gained = through & relations.proximity.touching(upper, lower)
-            if gained.any():
-                gained &= ~relations.graph.supports(upper, lower)
             before = may.get(upper, np.zeros(frames, np.bool_))
             if (gained & ~before).any():
                 may[upper] = before | gained
@@ -113,5 +111,8 @@ def may_be_too_weak(relations: Relations, name: str, bodies: Sequence[str]) -> D
     sure = relations.decide(name, list(bodies), relations.sure_graph)
     if sure is None or not (truth & ~sure).any():
         return None
-    masses = ", ".join(relations.unweighed)
-    return truth & ~sure, f"the trace has no mass of {masses}: what bears it is not known"
+    if relations.unweighed:
+        masses = ", ".join(relations.unweighed)
+        return truth & ~sure, f"the trace has no mass of {masses}: what bears it is not known"
+    light = ", ".join(relations.faint)
+    return truth & ~sure, f"what bears {light} is less than the rounding of the recorded forces"

@@ -16,8 +16,12 @@ from .assembly import Assemblies
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
 
-LEAST_LOAD = 0.02
-"""N: a lighter touch bears nothing, however light the body."""
+LEAST_LOAD = 1e-3
+"""N: less bears nothing whose mass is not known."""
+ROUNDING = 2.0**-22
+"""Forces are stored as float32: a sum of a few of them is right to this share of the greatest."""
+LIGHT = 0.02
+"""kg: what weighs less may be borne by less than the rounding of what else presses on it."""
 LEAST_SHARE = 0.10
 """Share of a body's weight below which a contact does not bear it."""
 
@@ -41,16 +45,19 @@ class ByForce:
     def __init__(self, episode: Episode, sums: ContactSums, *, sure: bool = False) -> None:
         """``sums``: of the same episode.
 
-        Of a body without a mass any force from ``LEAST_LOAD`` on may bear it; ``sure``: none does.
+        Of a body without a mass any force from ``LEAST_LOAD`` on may bear it, and of a light one what
+        is less than a tenth of its weight by no more than rounding; ``sure``: neither does.
         """
         self._sums = sums
         self._frames = len(episode)
         gravity = float(np.linalg.norm(episode.header.gravity))
         self.least = [
-            max(LEAST_LOAD, LEAST_SHARE * body.mass * gravity)
-            if body.mass is not None
-            else (np.inf if sure else LEAST_LOAD)
-            for body in episode.header.bodies
+            np.inf if sure and body.mass is None else LEAST_LOAD
+            if body.mass is None
+            else max(LEAST_SHARE * body.mass * gravity + (noise if sure else -noise), 1e-9)
+            for body, noise in zip(
+                episode.header.bodies, _noise(episode, sums), strict=True
+            )
         ]
         """Per body the upward force in N that bears it."""
 
@@ -66,6 +73,26 @@ class ByForce:
         """(T,) true where the sum of their forces is, held or not."""
         total = sum((self._sums.upward(body, other) for other in by), np.zeros(self._frames))
         return np.asarray(total >= self.least[body])
+
+
+def _noise(episode: Episode, sums: ContactSums) -> list[float]:
+    """N of each body: by how much the sum of forces on it may be wrong; 0 unless it is light."""
+    return [
+        ROUNDING * max((float(sums.normal(i, j).max()) for j in sums.beside(i)), default=0.0)
+        if body.mass is not None and body.kind == "object" and body.mass < LIGHT
+        else 0.0
+        for i, body in enumerate(episode.header.bodies)
+    ]
+
+
+def faint(episode: Episode, sums: ContactSums) -> list[str]:
+    """Names of the bodies that weigh so little that rounding may hide what bears them."""
+    gravity = float(np.linalg.norm(episode.header.gravity))
+    return [
+        body.name
+        for body, noise in zip(episode.header.bodies, _noise(episode, sums), strict=True)
+        if noise > 0.01 * LEAST_SHARE * (body.mass or 0.0) * gravity
+    ]
 
 
 class SupportGraph:

@@ -1,4 +1,4 @@
-"""Whether the gripper holds a body: by forces, by shapes, or by how the two move together."""
+"""Whether a gripper holds a body: by forces, by shapes, or by how the two move together."""
 
 from __future__ import annotations
 
@@ -12,6 +12,12 @@ from safestage_eval.episode import Episode
 from safestage_eval.geometry.pose import angle, relative
 
 Bool = NDArray[np.bool_]
+F64 = NDArray[np.float64]
+
+PRESSES = 0.2
+"""N. A finger that presses less holds nothing …"""
+PRESSES_SHARE = 0.05
+"""… nor one that presses less than this share of the body's weight."""
 
 STAYS = 5e-3
 """m. A held body's origin stays within this of where it was in the gripper's frame …"""
@@ -39,10 +45,88 @@ class Grip(NamedTuple):
     grasped: Bool
 
 
+def by_pressure(episode: Episode, body: int, beside: Iterable[int]) -> Bool:
+    """(T,) true where fingers of one gripper press on the body from opposing sides.
+
+    Each side with at least ``PRESSES`` and ``PRESSES_SHARE`` of its weight; the mean normals, weighted
+    by force, are at least 90° apart. A fist that pushes and a finger of each of two arms hold nothing.
+
+    Args:
+        episode: whose bodies these are.
+        body: index into ``header.bodies``.
+        beside: the bodies that ever touch it.
+    """
+    frames = len(episode)
+    weight = (episode.header.bodies[body].mass or 0.0) * float(
+        np.linalg.norm(episode.header.gravity)
+    )
+    least = max(PRESSES, PRESSES_SHARE * weight)
+    held = np.zeros(frames, np.bool_)
+    for sides in _grippers(episode, body, beside).values():
+        if len(sides) < 2:
+            continue
+        pressed = {side: _pressure(episode, body, fingers) for side, fingers in sides.items()}
+        (left, inward), (right, outward) = pressed["left"], pressed["right"]
+        opposed = np.einsum("ti,ti->t", inward, outward) <= 0
+        held |= (left >= least) & (right >= least) & opposed
+    return held
+
+
+def _pressure(episode: Episode, body: int, fingers: Iterable[int]) -> tuple[F64, F64]:
+    """(T,) N, how hard the fingers press on the body; (T, 3) N, the sum of these normal forces."""
+    frames = len(episode)
+    total, vector = np.zeros(frames), np.zeros((frames, 3))
+    for finger in fingers:
+        pair = (min(finger, body), max(finger, body))
+        frame, normal, force = episode.contacts.of_pair(pair, "frame", "normal", "force")
+        normal = normal.astype(np.float64)
+        along = np.einsum("ci,ci->c", force.astype(np.float64), normal)
+        sign = 1.0 if body > finger else -1.0
+        total += np.bincount(frame, np.abs(along), frames)
+        for i in range(3):
+            vector[:, i] += np.bincount(frame, sign * np.abs(along) * normal[:, i], frames)
+    return total, vector
+
+
+def _grippers(
+    episode: Episode, body: int, beside: Iterable[int]
+) -> dict[str, dict[str, list[int]]]:
+    """Gripper → side → the fingers of that side that ever touch the body."""
+    found: dict[str, dict[str, list[int]]] = {}
+    for other in beside:
+        side = episode.header.bodies[other].finger
+        if side is not None and other != body:
+            found.setdefault(gripper_of(episode, other), {}).setdefault(side, []).append(other)
+    return found
+
+
+def gripper_of(episode: Episode, finger: int) -> str:
+    """What tells the gripper that a finger belongs to from others.
+
+    The last body of kind ``gripper`` up its chain of parents that is no finger, else what the finger
+    is jointed to. Where no parent is told: the only gripper, or the name but for its side.
+    """
+    bodies, about = episode.bodies, episode.header.bodies[finger]
+    line = [about]
+    while line[-1].parent in bodies and bodies[str(line[-1].parent)] not in line:
+        line.append(bodies[str(line[-1].parent)])
+    hands = [b.name for b in line if b.kind == "gripper" and b.finger is None]
+    if hands:
+        return hands[-1]
+    above = next((b.name for b in line if b.finger is None), None)
+    if above is not None:
+        return above
+    fingers = [b for b in episode.header.bodies if b.finger is not None]
+    if all(sum(b.finger == side for b in fingers) <= 1 for side in ("left", "right")):
+        return ""
+    head, _, tail = line[-1].name.rpartition(str(about.finger))
+    return f"{head}*{tail}"
+
+
 def by_fingers(
     episode: Episode, body: int, beside: Iterable[int], touching: Callable[[int, int], Bool]
 ) -> Bool:
-    """(T,) true where a left and a right finger touch the body.
+    """(T,) true where a left and a right finger of one gripper touch the body.
 
     Args:
         episode: whose bodies these are.
@@ -50,12 +134,15 @@ def by_fingers(
         beside: the bodies that ever touch it.
         touching: (T,) for two bodies.
     """
-    touched = {side: np.zeros(len(episode), np.bool_) for side in ("left", "right")}
-    for other in beside:
-        finger = episode.header.bodies[other].finger
-        if finger is not None and other != body:
-            touched[finger] |= touching(body, other)
-    return touched["left"] & touched["right"]
+    held = np.zeros(len(episode), np.bool_)
+    for sides in _grippers(episode, body, beside).values():
+        if len(sides) == 2:
+            left, right = (
+                np.logical_or.reduce([touching(body, finger) for finger in fingers])
+                for fingers in sides.values()
+            )
+            held |= left & right
+    return held
 
 
 def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Grip:

@@ -20,8 +20,8 @@ from safestage_eval.signals.vocabulary import SIGNALS
 from . import between, doubt, effect, falls, standing
 from .dependence import Dependence
 from .exposure import Causes, Exposure
-from .graph import ByForce, SupportGraph
-from .held import Grip, by_fingers, by_motion
+from .graph import ByForce, SupportGraph, faint
+from .held import Grip, by_fingers, by_motion, by_pressure
 from .load import Loads
 from .partial import Partial
 from .proximity import LIFT, TOUCH, Proximity
@@ -87,6 +87,11 @@ class Relations:
         return [
             bodies[i].name for i in sorted(self.graph.assemblies.free) if bodies[i].mass is None
         ]
+
+    @cached_property
+    def faint(self) -> list[str]:
+        """Free bodies so light that rounding of the recorded forces may hide what bears them."""
+        return [] if self.blind else faint(self.episode, self.signals.contact_sums)
 
     @cached_property
     def sure_graph(self) -> SupportGraph:
@@ -217,7 +222,7 @@ class Relations:
             return doubt.may_be_caught(self, *bodies, wanted)
         if name == "inside" and self.lacking("supports", (bodies[1], bodies[0])):
             return doubt.may_be_borne(self, *bodies)
-        if self.unweighed and name in ("supports", "supported", "carried", "inside"):
+        if (self.unweighed or self.faint) and name in ("supports", "supported", "carried", "inside"):
             return doubt.may_be_too_weak(self, name, bodies)
         return None
 
@@ -364,7 +369,10 @@ class Relations:
         shaped = bool(self.episode.header.bodies[body].geoms)
         if not self.blind or (self._fingers_seen and shaped):
             beside = self.touches.beside(body)
-            found = by_fingers(self.episode, body, beside, self.touches.touching)
+            if self.blind:
+                found = by_fingers(self.episode, body, beside, self.touches.touching)
+            else:
+                found = by_pressure(self.episode, body, beside)
             return Grip(found, found, found)
         if self._hand is None or not self.episode.header.bodies[body].movable:
             nothing = np.zeros(len(self.episode), np.bool_)

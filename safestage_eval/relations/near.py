@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Body, Episode
+from safestage_eval.episode.body import IDENTITY
 from safestage_eval.geometry.clearance import clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.pose import matrix
@@ -23,6 +24,8 @@ NEAR = 5e-4
 """m. What is no further apart than this may take a load as soon as something gives way."""
 PROBE = 1e-4
 """m. By so much a shape is moved to see in which direction its distance grows."""
+ROLLS = 2e-5
+"""m, likewise of a round side."""
 CORNERS = 12
 """Of a round outline so many are looked at: the patch is 3 % smaller at most."""
 DEEP = 5e-3
@@ -48,13 +51,17 @@ class Patch(NamedTuple):
 
 
 class Part(NamedTuple):
-    """One geom of a body at one frame: its shape, corners (V, 3) or None of a plane, and box."""
+    """One geom of a body at one frame: its shape, corners (V, 3) or None of a plane, and box.
+
+    ``axis`` (3,) is its own z in the world.
+    """
 
     shape: BodyShape
     corners: F64 | None
     low: F64
     high: F64
     friction: float
+    axis: F64
 
 
 class Neighbours:
@@ -121,16 +128,23 @@ class Neighbours:
         """(N, 3) m, half lengths of a box in body axes; negative without shape."""
         bodies = self._episode.header.bodies
         return np.array([
-            np.minimum(self._movers[b.name].shape.half, FAR) if b.geoms else np.full(3, -FAR)
+            np.minimum(self._movers[b.name].shape.half, FAR)
+            if b.geoms and b.kind != "region"
+            else np.full(3, -FAR)
             for b in bodies
         ])  # fmt: skip
 
     @cached_property
     def _centre(self) -> F64:
         bodies = self._episode.header.bodies
-        return np.array(
-            [self._movers[b.name].shape.centre if b.geoms else np.zeros(3) for b in bodies]
-        )
+        return np.array([self._middle(body) for body in bodies])
+
+    def _middle(self, body: Body) -> F64:
+        """(3,) m, of its box, body frame: of a level plane far below it."""
+        level = [g.kind == "plane" and g.orientation == IDENTITY for g in body.geoms]
+        if level and all(level):
+            return np.array([0.0, 0.0, max(g.position[2] for g in body.geoms) - FAR])
+        return self._movers[body.name].shape.centre if body.geoms else np.zeros(3)
 
     def _at(self, body: int, frame: int) -> list[Part]:
         if frame != self._frame:
@@ -155,12 +169,14 @@ class Neighbours:
         for shape in self._shapes[body]:
             solid = shape.polytopes[0]
             friction = shape.geoms[0].friction[0]
+            up = turn @ matrix(np.asarray(shape.geoms[0].orientation)[None])[0][:, 2]
             if solid is None:
                 side = np.full(3, np.inf)
-                parts.append(Part(shape, None, -side, side, friction))
+                parts.append(Part(shape, None, -side, side, friction, up))
             else:
                 corners = solid.vertices @ turn.T + position
-                parts.append(Part(shape, corners, corners.min(0), corners.max(0), friction))
+                low, high = corners.min(0), corners.max(0)
+                parts.append(Part(shape, corners, low, high, friction, up))
         return parts
 
     def _place(self, body: int, frame: int) -> tuple[F64, F64]:
@@ -199,7 +215,7 @@ def _common(x: Part, y: Part, normal: F64) -> F64:
         if part.corners is None:
             continue
         along = sign * (part.corners @ normal)
-        side = part.corners[along >= along.max() - NEAR]
+        side = part.corners[along >= along.max() - _play(part, normal)]
         sides.append(side @ axes.T)
         level.append(float((side @ normal).mean()))
     if not sides:
@@ -210,6 +226,15 @@ def _common(x: Part, y: Part, normal: F64) -> F64:
     if not len(flat):
         return np.zeros((0, 3))
     return np.asarray(flat @ axes + np.mean(level) * normal)
+
+
+def _play(part: Part, normal: F64) -> float:
+    """m. How far behind the foremost a corner still touches: a round side rolls on one line."""
+    kind = part.shape.geoms[0].kind
+    round_ = kind in ("sphere", "ellipsoid", "capsule")
+    if kind == "cylinder":
+        round_ = abs(float(part.axis @ normal)) < 0.7
+    return ROLLS if round_ else NEAR
 
 
 def _fewer(outline: F64) -> F64:

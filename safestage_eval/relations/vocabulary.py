@@ -46,7 +46,8 @@ RELATIONS: dict[str, RelationSpec] = {
         RelationSpec(
             "depends_on",
             2,
-            "Take the second body away and the first falls (statics over the recorded contacts).",
+            "Take the second body, whatever it is but the robot, away and the first falls (statics "
+            "over the recorded contacts).",
             ("touch",),
         ),
         RelationSpec(
@@ -55,7 +56,12 @@ RELATIONS: dict[str, RelationSpec] = {
             "The first body lies in the second's cavity, seen in the second's own frame.",
             ("poses", "geometry"),
         ),
-        RelationSpec("held", 1, "Both the left and the right finger touch the body.", ("touch",)),
+        RelationSpec(
+            "held",
+            1,
+            "Fingers of one gripper press on the body from opposing sides.",
+            ("touch",),
+        ),
         RelationSpec(
             "exposed_to",
             2,

@@ -294,3 +294,41 @@ def test_the_rougher_of_two_surfaces_decides() -> None:
         scene.contact("slope", "brick", corners, G * tilt, normal=tilt / np.linalg.norm(tilt))
         scene.contact("stop", "brick", (-0.05, 0, 0.02), (0.1, 0, 0), normal=(1, 0, 0))
         assert depends(scene, "brick", "stop") is not stands
+
+
+def test_a_cup_on_a_tray_in_a_drawer_depends_on_the_drawer() -> None:
+    """Pulled out with both, forces recorded; the cabinet beside it bears nothing."""
+    frames = 60
+    x = np.linspace(0, 0.2, frames)
+    scene = Scene(frames).fixed("cabinet")
+    for name, half, z, fields in (
+        ("drawer", (0.2, 0.2, 0.02), 0.5, {"kind": "fixture", "parent": "cabinet"}),
+        ("tray", (0.1, 0.1, 0.01), 0.53, {}),
+        ("cup", (0.03, 0.03, 0.05), 0.59, {}),
+    ):
+        scene.box(name, half, np.stack([x, 0 * x, 0 * x + z], 1), **fields)
+    for frame in range(frames):
+        one = slice(frame, frame + 1)
+        scene.rests("tray", "drawer", 0.1, (x[frame], 0, 0.52), 2 * G, frames=one)
+        scene.rests("cup", "tray", 0.03, (x[frame], 0, 0.54), G, frames=one)
+    found = Relations(Signals(scene.episode()))
+    for body, on in (("cup", "drawer"), ("cup", "tray"), ("tray", "drawer"), ("cup", "cabinet")):
+        assert found.get("depends_on", (body, on)).all(), (body, on)
+        assert found.doubtful("depends_on", (body, on)) is None
+    for body, on in (("tray", "cup"), ("drawer", "cup"), ("drawer", "cabinet"), ("cup", "cup")):
+        assert not found.get("depends_on", (body, on)).any(), (body, on)
+
+
+def test_what_nobody_touches_depends_as_before_while_a_contact_flickers() -> None:
+    """Two of four corners lose their force now and then: nothing has happened."""
+    rng = np.random.default_rng(0)
+    scene = Scene(120).fixed("table").box("a", 0.05, (0, 0, 0.05)).box("b", 0.05, (0, 0, 0.15))
+    scene.rests("a", "table", 0.05, (0, 0, 0), 2 * G)
+    corners = 0.05 * np.array([[-1, -1, 2], [1, -1, 2], [1, 1, 2], [-1, 1, 2]], float)
+    for frame in range(120):
+        touching = corners if rng.random() < 0.7 else corners[:2]
+        touching = corners[:0] if frame == 60 else touching
+        if len(touching):
+            scene.contact("a", "b", touching, (0, 0, G), frames=slice(frame, frame + 1))
+    assert depends(scene, "b", "a")
+    assert not depends(scene, "a", "b")

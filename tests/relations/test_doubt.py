@@ -39,7 +39,7 @@ def test_without_a_mass_no_force_tells_what_bears(name: str, bodies: tuple[str, 
     assert found is not None
     assert found[0].all()
     assert "mass of box" in found[1]
-    nothing = relations(tower(None, push=0.019))
+    nothing = relations(tower(None, push=0.0009))
     assert not nothing.get(name, bodies).any()
     assert nothing.doubtful(name, bodies) is None
 

@@ -57,13 +57,79 @@ def test_a_gripper_pressing_down_supports_nothing() -> None:
     assert found.get("supported", ("a",)).all()
 
 
-def test_bearing_something_light_needs_two_hundredths_of_a_newton() -> None:
-    """Of 10 g a tenth of the weight is less than that: a touch of 15 mN bears nothing."""
-    scene = Scene(2).fixed("table").box("card", 0.05, (0, 0, 0.05), mass=0.01)
-    for frame, force in enumerate((0.015, 0.021)):
+def test_a_sheet_of_paper_on_a_table_is_supported() -> None:
+    """1.5 g: a tenth of its weight bears it, however little that is."""
+    scene = Scene(2).fixed("table").box("sheet", 0.05, (0, 0, 0.05), mass=0.0015)
+    for frame, share in enumerate((1.0, 0.09)):
         at = slice(frame, frame + 1)
-        scene.rests("card", "table", 0.05, (0, 0, 0), force, frames=at)
-    assert relations(scene).get("supports", ("table", "card")).tolist() == [False, True]
+        scene.rests("sheet", "table", 0.05, (0, 0, 0), share * 0.0015 * G, frames=at)
+    found = relations(scene)
+    assert found.get("supports", ("table", "sheet")).tolist() == [True, False]
+    assert found.get("supported", ("sheet",)).tolist() == [True, False]
+    assert found.doubtful("supports", ("table", "sheet")) is None
+
+
+def test_what_bears_a_mote_that_is_pressed_on_is_lost_in_rounding() -> None:
+    scene = Scene(1).fixed("table").box("mote", 0.01, (0, 0, 0.01), mass=2e-6)
+    scene.box("hand", 0.01, (0.02, 0, 0.01), kind="gripper", finger="left")
+    scene.box("other", 0.01, (-0.02, 0, 0.01), kind="gripper", finger="right")
+    scene.rests("mote", "table", 0.01, (0, 0, 0), 2e-7 * G)
+    scene.contact("hand", "mote", (0.01, 0, 0.01), (-50, 0, 0), normal=(-1, 0, 0))
+    doubt = relations(scene).doubtful("supports", ("table", "mote"))
+    assert doubt is not None
+    assert doubt[0].all()
+    assert "rounding" in doubt[1]
+
+
+def pinched(*fingers: tuple[str, str, tuple[float, float, float]], mass: float = 1.0) -> Relations:
+    """A box on a table; each finger: name, side, force on the box (N), along its normal."""
+    scene = Scene(1).fixed("table").box("a", 0.05, (0, 0, 0.05), mass=mass)
+    for arm in ("one", "two"):
+        scene.box(arm, 0.02, (0, 0, 0.5), kind="gripper")
+    for name, side, force in fingers:
+        push = np.array(force, float)
+        normal = push / np.linalg.norm(push)
+        at = np.array([0, 0, 0.05]) - 0.05 * normal
+        scene.box(name, 0.01, at, kind="gripper", finger=side, parent=name.partition("_")[0])
+        scene.contact(name, "a", at, push, normal=normal)
+    return relations(scene)
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "held"),
+    [
+        ((20, 0, 0), (-20, 0, 0), True),
+        ((0, 0, -20), (0, 0, -20), False),  # a fist that presses down
+        ((20, 0, 0), (20, 0, 0), False),  # … or pushes
+        ((14, 14, 0), (-15, 14, 0), True),  # 91° apart
+        ((14, 14, 0), (-13, 14, 0), False),  # 89°
+        ((1e-6, 0, 0), (-1e-6, 0, 0), False),
+        ((20, 0, 0), (-0.48, 0, 0), False),  # less than a twentieth of the weight
+        ((20, 0, 0), (-0.50, 0, 0), True),
+    ],
+)
+def test_fingers_hold_from_opposing_sides(left: object, right: object, held: bool) -> None:
+    found = pinched(("one_left", "left", left), ("one_right", "right", right))  # type: ignore[arg-type]
+    assert found.get("held", ("a",)).all() == held
+
+
+@pytest.mark.parametrize(("force", "held"), [(0.21, True), (0.19, False)])
+def test_what_is_light_is_held_by_two_tenths_of_a_newton(force: float, held: bool) -> None:
+    found = pinched(
+        ("one_left", "left", (force, 0, 0)), ("one_right", "right", (-force, 0, 0)), mass=0.01
+    )
+    assert found.get("held", ("a",)).all() == held
+
+
+def test_one_finger_of_each_of_two_arms_holds_nothing() -> None:
+    found = pinched(("one_left", "left", (20, 0, 0)), ("two_right", "right", (-20, 0, 0)))
+    assert not found.get("held", ("a",)).any()
+    both = pinched(
+        ("one_left", "left", (20, 0, 0)),
+        ("two_left", "left", (0, 20, 0)),
+        ("two_right", "right", (0, -20, 0)),
+    )
+    assert both.get("held", ("a",)).all()
 
 
 def test_what_lifts_it_carries_it_and_supports_nothing() -> None:

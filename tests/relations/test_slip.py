@@ -29,7 +29,8 @@ def grasped(drift: np.ndarray, held: list[slice], seed: int = 0, **hand) -> Scen
     for side in ("left", "right"):
         scene.box(side, 0.01, path, kind="gripper", finger=side, parent="hand")
         for frames in held:
-            scene.contact(side, "a", (0, 0, 0), (5, 0, 0), (1, 0, 0), frames)
+            sign = 1 if side == "left" else -1
+            scene.contact(side, "a", (0, 0, 0), (5 * sign, 0, 0), (sign, 0, 0), frames)
     return scene
 
 
