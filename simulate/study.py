@@ -22,7 +22,8 @@ from safestage_eval.metrics.labels import ANSWERS, Label
 from safestage_eval.rules import BindFile, RuleSet
 
 from .render import Image, write_png
-from .sheet import Scene, close_up, ending, rule_lines, sheet
+from .sheet import close_up, ending, rule_lines, sheet
+from .viewpoint import Scene
 
 VIEWS = {"a": "front", "b": "side", "c": "top"}
 COLUMNS = ("number", "episode_id", "stage", "path")

@@ -21,6 +21,7 @@ from safestage_eval.label.question import question
 from safestage_eval.metrics.labels import read_labels
 from safestage_eval.rules import builtin_names, load_rules
 from simulate import sheet as drawing
+from simulate import viewpoint
 from simulate.cli.sheets import sheets
 from simulate.key_frames import key_frames
 from simulate.render import Camera, EpisodeRenderer
@@ -92,7 +93,7 @@ def test_a_parallel_view_is_to_scale() -> None:
     rows, columns = np.nonzero(owners)
     assert np.ptp(columns) + 1 == pytest.approx(75, abs=1)  # 10 cm at 300 pixels for 40 cm
     assert np.ptp(rows) + 1 == pytest.approx(75, abs=1)
-    assert drawing.per_metre(camera, np.zeros(3), 300) == pytest.approx(750)
+    assert viewpoint.per_metre(camera, np.zeros(3), 300) == pytest.approx(750)
 
 
 def test_a_perspective_scale_is_that_of_the_picture() -> None:
@@ -102,7 +103,7 @@ def test_a_perspective_scale_is_that_of_the_picture() -> None:
     camera = Camera((0.3, 0.3, 0.05), 0.8, 90.0, 0.0)
     with EpisodeRenderer(episode, 400, 300) as renderer:
         _, columns = np.nonzero(renderer.owners(0, camera) == 0)
-    told = 0.1 * drawing.per_metre(camera, np.array([0.3, 0.1, 0.05]), 300)
+    told = 0.1 * viewpoint.per_metre(camera, np.array([0.3, 0.1, 0.05]), 300)
     assert np.ptp(columns) + 1 == pytest.approx(told, abs=1.5)
 
 
@@ -121,12 +122,12 @@ def test_all_that_has_a_role_is_in_every_view() -> None:
     episode = pushed()
     drawable(episode)
     asked = question(episode.header, load_rules(builtin_names()))
-    scene = drawing.Scene.of(episode, asked["roles"])
+    scene = viewpoint.Scene.of(episode, asked["roles"])
     assert scene.framed == ("cup", "vase")
     with EpisodeRenderer(episode, *SMALL) as renderer:
-        for view in drawing.DIRECTIONS:
+        for view in viewpoint.DIRECTIONS:
             frames = [0, FRAMES - 1]
-            camera = drawing.camera_of(scene, view, frames, SMALL, renderer)
+            camera = viewpoint.camera_of(scene, view, frames, SMALL, renderer)
             for frame in frames:
                 owners = renderer.owners(frame, camera)
                 edge = np.concatenate([owners[0], owners[-1], owners[:, 0], owners[:, -1]])
@@ -146,13 +147,13 @@ def test_nothing_tells_who_acted_or_what_was_judged() -> None:
     pictures = []
     for episode in (first, second):
         asked = question(episode.header, rules)
-        scene = drawing.Scene.of(episode, asked["roles"])
+        scene = viewpoint.Scene.of(episode, asked["roles"])
         pictures.append(drawing.sheet(scene, asked, ["front", "side", "top"], 6, SMALL))
         pictures[-1].append(drawing.ending(scene, asked, SMALL))
         pictures[-1].append(drawing.close_up(scene, 4, 4.5, 3, "side", ["cup"], SMALL))
     assert all(np.array_equal(a, b) for a, b in zip(*pictures, strict=True))
     moved = pushed(end=4.4)
-    scene = drawing.Scene.of(moved, asked["roles"])
+    scene = viewpoint.Scene.of(moved, asked["roles"])
     assert not np.array_equal(
         drawing.close_up(scene, 4, 4.5, 3, "side", ["cup"], SMALL), pictures[0][-1]
     )
