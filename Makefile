@@ -14,7 +14,7 @@ ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
 endif
 
-.PHONY: demo setup test tests format lint typecheck schemas catalogue traces validate validate-share gallery
+.PHONY: demo setup test tests format lint typecheck schemas catalogue traces validate validate-share gallery blind-study
 
 demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 	$(BIN)/safestage-score traces/ --rules rules/
@@ -62,6 +62,16 @@ validate-share: $(BIN)/pytest  ## the same for a share of the tasks: SHARE=2/6 i
 
 gallery: $(BIN)/pytest  ## draw every task, and write docs/gallery.md
 	$(BIN)/safestage tasks gallery
+
+STUDY ?= study
+blind-study: $(BIN)/pytest  ## record a noisy corpus, and draw 240 rollouts of it to be read (docs/labels.md)
+	for noise in 0.03 0.06 0.1; do \
+	  $(BIN)/safestage record --seeds 0-2 --policy noisy:$$noise --policy noisy:$$noise:unsafe \
+	    --out $(STUDY)/corpus || true; \
+	done  # what the noisy arm cannot reach is not recorded, and said
+	$(BIN)/safestage score $(STUDY)/corpus -f parquet -o $(STUDY)/rows.parquet
+	$(BIN)/python benchmarks/blind_study.py $(STUDY)/rows.parquet -o $(STUDY)/list.csv
+	$(BIN)/safestage sheets draw $(STUDY)/corpus --list $(STUDY)/list.csv --out $(STUDY)/sheets
 
 $(BIN)/safestage-score:
 	$(PYTHON) -m venv $(VENV)

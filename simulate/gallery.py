@@ -15,7 +15,7 @@ from .feasibility import REFERENCES, builtin_rules
 from .marks import PASSED, ROLE_COLORS, VIOLATED, captioned, frame_at, moment, role_colors
 from .policies import policy_named
 from .pool import Died, run_many
-from .render import VIEWS, Camera, EpisodeRenderer, Image
+from .render import VIEWS, Camera, EpisodeRenderer, Image, Style
 from .rollout import Setting, roll_out
 from .task import Task
 
@@ -64,7 +64,7 @@ def strip(task: Task) -> Strip:
         color = VIOLATED if found.violated else PASSED
         kind = policy.partition(":")[2]
         rule = found.words.partition(":")[0] if found.violated else found.words
-        with EpisodeRenderer(episode, *SIZE, colors=role_colors(episode.header)) as renderer:
+        with EpisodeRenderer(episode, *SIZE, style=Style(role_colors(episode.header))) as renderer:
             if not shots:
                 camera = clearest(renderer, players(task))
                 shots.append(captioned(renderer.frame(0, camera), [("start", GREY)]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -21,6 +21,12 @@ from .objects import REGION_ALPHA, catalogue
 
 Image = NDArray[np.uint8]
 """(H, W, 3), red green blue."""
+Color = tuple[float, float, float]
+"""Red, green, blue in 0 … 1."""
+ROBOT_GROUP = 1
+"""MuJoCo's visual group of the geoms of arm and gripper."""
+FOV = 45.0
+"""deg, vertical field of a perspective view."""
 
 PALETTE = ((0.85, 0.45, 0.2), (0.3, 0.55, 0.8), (0.5, 0.7, 0.35), (0.75, 0.5, 0.75))
 """Colours of objects that are not in the catalogue, in turn."""
@@ -35,6 +41,8 @@ class Camera:
     distance: float = 1.15
     azimuth: float = 140.0
     elevation: float = -25.0
+    height: float | None = None
+    """m that the picture is high, of an orthographic view; None: perspective."""
 
 
 VIEWS = {
@@ -43,6 +51,25 @@ VIEWS = {
     "top": Camera(azimuth=180.0, elevation=-80.0),
     "close": Camera(distance=0.6, azimuth=120.0),
 }
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a scene is drawn.
+
+    Attributes:
+        colors: body → red, green, blue in 0 … 1; others have the catalogue's.
+        opacity: body → 0 (unseen) … 1; others are solid, regions seen through.
+        sky: colour behind everything.
+        shadow: texels on a side of the shadows' map; fewer are faster.
+        matt: nothing shines, and what faces lamp and camera is not overexposed.
+    """
+
+    colors: Mapping[str, Color] = field(default_factory=dict)
+    opacity: Mapping[str, float] = field(default_factory=dict)
+    sky: Color = (0.0, 0.0, 0.0)
+    shadow: int = 4096
+    matt: bool = False
 
 
 class EpisodeRenderer:
@@ -58,20 +85,36 @@ class EpisodeRenderer:
         width: int = 640,
         height: int = 480,
         *,
-        colors: Mapping[str, tuple[float, float, float]] | None = None,
+        style: Style | None = None,
     ) -> None:
-        """Build the scene; raises InputError where nothing can be drawn off screen.
-
-        ``colors``: body → red, green, blue in 0 … 1; others have the catalogue's.
-        """
+        """Build the scene; raises InputError where nothing can be drawn off screen."""
+        style = style or Style()
         self._episode = episode
         self._context = graphics_context(width, height)
         self._context.make_current()
         spec = mujoco.MjSpec()
         spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
         spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
+        spec.visual.quality.shadowsize = style.shadow
+        if style.matt:
+            spec.visual.headlight.ambient = [0.45, 0.45, 0.45]
+            spec.visual.headlight.diffuse = [0.25, 0.25, 0.25]
+            spec.visual.headlight.specular = [0.0, 0.0, 0.0]
+        if any(style.sky):
+            spec.add_texture(
+                type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+                builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+                rgb1=style.sky,
+                rgb2=style.sky,
+                width=8,
+                height=48,
+            )
         spec.worldbody.add_light(
-            pos=[0.3, -0.7, 1.8], dir=[0.1, 0.4, -1], diffuse=[0.5, 0.5, 0.5], castshadow=True
+            pos=[0.3, -0.7, 1.8],
+            dir=[0.1, 0.4, -1],
+            diffuse=[0.5, 0.5, 0.5],
+            specular=[0.0, 0.0, 0.0] if style.matt else [0.3, 0.3, 0.3],
+            castshadow=True,
         )
         for key, mesh in episode.meshes.items():
             spec.add_mesh(
@@ -83,8 +126,10 @@ class EpisodeRenderer:
         for i, body in enumerate(episode.header.bodies):
             node = spec.worldbody.add_body(name=body.name, mocap=True)
             for geom in body.geoms:
-                color = (colors or {}).get(body.name) or _color(body, i)
-                _add_geom(node, geom, color, REGION_ALPHA if body.kind == "region" else 1.0)
+                color = style.colors.get(body.name) or _color(body, i)
+                solid = REGION_ALPHA if body.kind == "region" else 1.0
+                group = ROBOT_GROUP if body.kind in ("robot", "gripper") else 0
+                _add_geom(node, geom, color, style.opacity.get(body.name, solid), group)
         self._model = spec.compile()
         self._data = mujoco.MjData(self._model)
         self._scene = mujoco.MjvScene(self._model, maxgeom=4000)
@@ -92,8 +137,24 @@ class EpisodeRenderer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
         self._rect = mujoco.MjrRect(0, 0, width, height)
 
-    def frame(self, index: int, camera: Camera = VIEWS["front"]) -> Image:
-        """The picture of one frame; a negative index counts from the end."""
+    def fade(self, opacity: Mapping[str, float]) -> None:
+        """See bodies through from now on: name → 0 (unseen) … 1."""
+        for name, alpha in opacity.items():
+            of = self._model.geom_bodyid == self._model.body(name).id
+            self._model.geom_rgba[of, 3] = alpha
+
+    def frame(
+        self,
+        index: int,
+        camera: Camera = VIEWS["front"],
+        *,
+        shadows: bool = True,
+        robot: bool = True,
+    ) -> Image:
+        """The picture of one frame; a negative index counts from the end.
+
+        ``shadows``, ``robot``: whether they are drawn.
+        """
         episode, data = self._episode, self._data
         for body in episode.header.bodies:
             track = episode.tracks[body.name]
@@ -107,15 +168,23 @@ class EpisodeRenderer:
         view.lookat[:] = camera.at
         view.distance, view.azimuth = camera.distance, camera.azimuth
         view.elevation = camera.elevation
+        self._model.vis.global_.fovy = FOV
+        options = mujoco.MjvOption()
+        options.geomgroup[ROBOT_GROUP] = robot
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
         mujoco.mjv_updateScene(
             self._model,
             data,
-            mujoco.MjvOption(),
+            options,
             None,
             view,
             mujoco.mjtCatBit.mjCAT_ALL.value,
             self._scene,
         )
+        if camera.height is not None:
+            for eye in self._scene.camera:
+                eye.orthographic = 1
+                eye.frustum_top, eye.frustum_bottom = camera.height / 2, -camera.height / 2
         out = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
         mujoco.mjr_render(self._rect, self._scene, self._target)
         mujoco.mjr_readPixels(out, None, self._rect, self._target)
@@ -123,25 +192,38 @@ class EpisodeRenderer:
 
     def shown(self, index: int, camera: Camera = VIEWS["front"]) -> dict[str, int]:
         """Body → pixels that it has in the picture of a frame; none for what is hidden."""
+        numbers, pixels = np.unique(self.owners(index, camera), return_counts=True)
+        bodies = self._episode.header.bodies
+        return {
+            bodies[i].name: n
+            for i, n in zip(numbers.tolist(), pixels.tolist(), strict=True)
+            if i >= 0
+        }
+
+    def owners(
+        self, index: int, camera: Camera = VIEWS["front"], *, robot: bool = True
+    ) -> NDArray[np.int64]:
+        """(H, W) for each pixel of a frame's picture the index of its body in the header, or -1.
+
+        Without ``robot`` what it hides is seen.
+        """
         flags = self._scene.flags
         kinds = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
         before = [int(flags[kind]) for kind in kinds]
         for kind in kinds:
             flags[kind] = 1
         try:
-            image = self.frame(index, camera)
+            image = self.frame(index, camera, shadows=False, robot=robot)
         finally:
             for kind, flag in zip(kinds, before, strict=True):
                 flags[kind] = flag
-        ids, pixels = np.unique(image.astype(np.int64) @ [1, 256, 65536] - 1, return_counts=True)
-        found: dict[str, int] = {}
-        for i, n in zip(ids.tolist(), pixels.tolist(), strict=True):
-            if 0 <= i < self._scene.ngeom:  # others are blends of two at an outline
-                geom = self._scene.geoms[i]
-                if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
-                    body = self._model.body(int(self._model.geom_bodyid[geom.objid])).name
-                    found[body] = found.get(body, 0) + n
-        return found
+        ids = image.astype(np.int64) @ [1, 256, 65536] - 1
+        owner = np.full(max(self._scene.ngeom, 1), -1, np.int64)
+        for i, geom in enumerate(self._scene.geoms[: self._scene.ngeom]):
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                owner[i] = self._model.geom_bodyid[geom.objid] - 1  # body 0 is the world
+        known = (ids >= 0) & (ids < self._scene.ngeom)  # others are blends of two at an outline
+        return np.where(known, owner[np.where(known, ids, 0)], -1)
 
     def close(self) -> None:
         """Give the graphics context back."""
@@ -205,7 +287,7 @@ _KINDS = {
 }
 
 
-def _add_geom(body: Any, geom: Geom, color: tuple[float, float, float], alpha: float) -> None:
+def _add_geom(body: Any, geom: Geom, color: Color, alpha: float, group: int) -> None:
     plane = geom.kind == "plane"
     fields: dict[str, Any] = {
         "type": _KINDS[geom.kind],
@@ -213,6 +295,7 @@ def _add_geom(body: Any, geom: Geom, color: tuple[float, float, float], alpha: f
         "quat": geom.orientation,
         "contype": 0,
         "conaffinity": 0,
+        "group": group,
         "rgba": [*((0.35, 0.37, 0.4) if plane else color), alpha],
     }
     if geom.mesh is not None:

@@ -14,7 +14,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.label.videos import VERDICT_MARK
 
 from .marks import PASSED, VIOLATED, captioned, frame_at, legend, moment, role_colors
-from .render import VIEWS, Camera, EpisodeRenderer, Image
+from .render import VIEWS, Camera, EpisodeRenderer, Image, Style
 
 if TYPE_CHECKING:
     from safestage_eval.verdicts import EpisodeResult
@@ -78,7 +78,7 @@ def _pictures(
     if decisive is not None:
         after = next((i for i, frame in enumerate(frames) if frame >= decisive), len(frames))
         frames[after:after] = [decisive] * round(STILL * rate)
-    with EpisodeRenderer(episode, *size, colors=role_colors(header)) as renderer:
+    with EpisodeRenderer(episode, *size, style=Style(role_colors(header))) as renderer:
         last, drawn = -1, np.empty(0, np.uint8)
         for frame in frames:
             if frame != last:

@@ -55,10 +55,11 @@ HELP = {
     "record": "Record episodes with the DROID arm in MuJoCo.",
     "tasks": "List, show or validate the benchmark's tasks.",
     "render": "Film an episode, with a halt at the moment of its verdict.",
+    "sheets": "Draw rollouts as picture sheets, to be judged without seeing a verdict.",
     "serve": "Serve a policy in a model's protocol, to try clients and campaigns.",
 }
 
-FROM_SIMULATE = ("record", "tasks", "render", "serve")
+FROM_SIMULATE = ("record", "tasks", "render", "sheets", "serve")
 
 
 class LazyGroup(click.Group):

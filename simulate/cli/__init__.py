@@ -8,10 +8,11 @@ from .gallery import gallery
 from .record import record
 from .render import render
 from .serve import serve
+from .sheets import sheets
 from .tasks import tasks
 from .validate import validate
 
 tasks.add_command(validate)
 tasks.add_command(gallery)
 
-COMMANDS: list[click.Command] = [record, tasks, render, serve]
+COMMANDS: list[click.Command] = [record, tasks, render, sheets, serve]

@@ -1,0 +1,220 @@
+"""Picture sheets: the moments that matter, drawn to scale, and nothing that tells a verdict."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from PIL import Image as Pictures
+from scenes import Scene as Bodies
+
+from safestage_eval.episode import Episode
+from safestage_eval.errors import InputError
+from safestage_eval.formats import discover, save
+from safestage_eval.label import Ledger, sample
+from safestage_eval.label.question import question
+from safestage_eval.metrics.labels import read_labels
+from safestage_eval.rules import builtin_names, load_rules
+from simulate import sheet as drawing
+from simulate import viewpoint
+from simulate.cli.sheets import sheets
+from simulate.key_frames import key_frames
+from simulate.render import Camera, EpisodeRenderer
+from simulate.study import enter, number, read_sample
+
+pytestmark = pytest.mark.simulate
+
+RATE, SECONDS = 60, 10
+FRAMES = RATE * SECONDS
+SMALL = (120, 90)
+
+
+def pushed(start: float = 4.0, end: float = 4.5, **header: Any) -> Episode:
+    """A cup that slides by 20 cm between two times, beside a vase."""
+    t = np.arange(FRAMES) / RATE
+    x = np.interp(t, [start, end], [0.0, 0.2])
+    scene = Bodies(FRAMES, RATE).fixed("table")
+    scene.box("cup", 0.04, np.stack([x, 0 * x, 0 * x + 0.04], 1))
+    scene.box("vase", (0.03, 0.03, 0.1), (0.4, 0.1, 0.1))
+    roles = {"target": ("cup",), "protected": ("vase",)}
+    fields = {"stage": "ETS", "instruction": "Push the cup.", "rules": ("ETS201",), "roles": roles}
+    return scene.episode(**{**fields, **header})
+
+
+def drawable(episode: Episode) -> None:
+    try:
+        EpisodeRenderer(episode, *SMALL).close()
+    except InputError as error:
+        pytest.skip(str(error))
+
+
+def test_pictures_are_denser_where_something_moves() -> None:
+    episode = pushed()
+    times = episode.t[key_frames(episode, 12, ("cup", "vase"))]
+    assert len(times) == 12
+    assert times[0] == 0.0
+    assert times[-1] == episode.t[-1]
+    assert (np.diff(times) > 0).all()
+    assert ((times > 3.6) & (times < 4.9)).sum() >= 6
+    assert np.diff(times).max() < 5.0
+
+
+def test_a_touch_draws_pictures_to_itself() -> None:
+    scene = Bodies(FRAMES, RATE).fixed("table").box("cup", 0.04, (0, 0, 0.04))
+    scene.box("hand", 0.02, (0.3, 0, 0.04), kind="gripper")
+    scene.contact("hand", "cup", (0.04, 0, 0.04), (-1, 0, 0), frames=slice(420, 430))
+    episode = scene.episode()
+    times = episode.t[key_frames(episode, 8, ("cup",))]
+    assert (np.abs(times - 7.1) < 0.6).sum() >= 3
+
+
+def test_of_a_short_recording_each_frame_is_taken_once() -> None:
+    episode = Bodies(5).fixed("table").box("cup", 0.04, (0, 0, 0.04)).episode()
+    assert key_frames(episode, 12, ("cup",)) == [0, 1, 2, 3, 4]
+    for count in range(2, 5):
+        found = key_frames(episode, count, ("cup",))
+        assert len(set(found)) == count
+        assert found[0] == 0
+        assert found[-1] == 4
+
+
+def test_a_parallel_view_is_to_scale() -> None:
+    scene = Bodies(1).fixed("table").box("cup", 0.05, (0.3, 0.1, 0.05))
+    episode = scene.episode(roles={"target": ("cup",)})
+    drawable(episode)
+    camera = Camera((0.3, 0.1, 0.05), 3.0, 90.0, 0.0, height=0.4)
+    with EpisodeRenderer(episode, 400, 300) as renderer:
+        owners = renderer.owners(0, camera) == episode.body_index["cup"]
+    rows, columns = np.nonzero(owners)
+    assert np.ptp(columns) + 1 == pytest.approx(75, abs=1)  # 10 cm at 300 pixels for 40 cm
+    assert np.ptp(rows) + 1 == pytest.approx(75, abs=1)
+    assert viewpoint.per_metre(camera, np.zeros(3), 300) == pytest.approx(750)
+
+
+def test_a_perspective_scale_is_that_of_the_picture() -> None:
+    scene = Bodies(1).box("cup", (0.05, 0.001, 0.05), (0.3, 0.1, 0.05))
+    episode = scene.episode(roles={"target": ("cup",)})
+    drawable(episode)
+    camera = Camera((0.3, 0.3, 0.05), 0.8, 90.0, 0.0)
+    with EpisodeRenderer(episode, 400, 300) as renderer:
+        _, columns = np.nonzero(renderer.owners(0, camera) == 0)
+    told = 0.1 * viewpoint.per_metre(camera, np.array([0.3, 0.1, 0.05]), 300)
+    assert np.ptp(columns) + 1 == pytest.approx(told, abs=1.5)
+
+
+def test_the_robot_hides_nothing_where_it_is_left_out() -> None:
+    scene = Bodies(1).box("cup", 0.05, (0, 0, 0.05))
+    scene.box("hand", 0.2, (0, -0.5, 0.05), kind="gripper")
+    episode = scene.episode()
+    drawable(episode)
+    look = Camera((0, 0, 0.05), 2.0, 90.0, 0.0, height=0.5)
+    with EpisodeRenderer(episode, *SMALL) as renderer:
+        assert set(np.unique(renderer.owners(0, look))) <= {-1, 1}
+        assert 0 in renderer.owners(0, look, robot=False)
+
+
+def test_all_that_has_a_role_is_in_every_view() -> None:
+    episode = pushed()
+    drawable(episode)
+    asked = question(episode.header, load_rules(builtin_names()))
+    scene = viewpoint.Scene.of(episode, asked["roles"])
+    assert scene.framed == ("cup", "vase")
+    with EpisodeRenderer(episode, *SMALL) as renderer:
+        for view in viewpoint.DIRECTIONS:
+            frames = [0, FRAMES - 1]
+            camera = viewpoint.camera_of(scene, view, frames, SMALL, renderer)
+            for frame in frames:
+                owners = renderer.owners(frame, camera)
+                edge = np.concatenate([owners[0], owners[-1], owners[:, 0], owners[:, -1]])
+                for body in (1, 2):
+                    assert body in owners
+                    assert body not in edge, f"{view} cuts a body"
+
+
+def test_nothing_tells_who_acted_or_what_was_judged() -> None:
+    """The same motion gives the same pixels, whoever acted and whatever the file is called."""
+    first, second = (
+        pushed(policy=policy, episode_id=name, notes=(name,), seed=seed, rollout=seed)
+        for policy, name, seed in (("noisy:0.1:unsafe", "bad", 1), ("reference:safe", "good", 2))
+    )
+    drawable(first)
+    rules = load_rules(builtin_names())
+    pictures = []
+    for episode in (first, second):
+        asked = question(episode.header, rules)
+        scene = viewpoint.Scene.of(episode, asked["roles"])
+        pictures.append(drawing.sheet(scene, asked, ["front", "side", "top"], 6, SMALL))
+        pictures[-1].append(drawing.ending(scene, asked, SMALL))
+        pictures[-1].append(drawing.close_up(scene, 4, 4.5, 3, "side", ["cup"], SMALL))
+    assert all(np.array_equal(a, b) for a, b in zip(*pictures, strict=True))
+    moved = pushed(end=4.4)
+    scene = viewpoint.Scene.of(moved, asked["roles"])
+    assert not np.array_equal(
+        drawing.close_up(scene, 4, 4.5, 3, "side", ["cup"], SMALL), pictures[0][-1]
+    )
+
+
+def study(folder: Path, count: int = 3) -> Path:
+    for i in range(count):
+        save(pushed(4 + i, 5 + i, episode_id=f"secret-{i}"), folder / "runs" / f"{i}.mcap")
+    return folder / "runs"
+
+
+def test_a_study_is_drawn_once_and_answers_find_their_episodes(tmp_path: Path) -> None:
+    drawable(pushed())
+    runs, out, labels = study(tmp_path), tmp_path / "study", tmp_path / "labels.csv"
+    run = CliRunner().invoke
+    first = run(sheets, ["draw", str(runs), "--out", str(out), "--sample", "2"])
+    assert "2 drawn, 0 there already" in first.output
+    assert "0 drawn, 2 there" in run(
+        sheets, ["draw", str(runs), "--out", str(out), "--sample", "2"]
+    ).output  # fmt: skip
+    told = (out / "001.txt").read_text()
+    assert "clearance(target, protected) at least 8 cm" in told
+    assert "secret" not in told
+    with Pictures.open(out / "001_b.png") as picture:
+        assert picture.size[0] == drawing.COLUMNS * (drawing.CELL[0] + 2)
+    close = tmp_path / "close.png"
+    arguments = ["close-up", str(out), "2", "--from", "4", "--to", "5", "--count", "2"]
+    result = run(sheets, [*arguments, "--zoom", "cup", "-o", str(close)])
+    assert "secret" not in result.output
+    assert close.exists()
+    assert "no body 'mug'" in run(sheets, [*arguments, "--zoom", "mug", "-o", str(close)]).output
+    answers = tmp_path / "ada.csv"
+    answers.write_text('number,label,reviewer,note\n2,unsafe,ada,"close, 3 cm"\n1,safe,ada,\n')
+    for new in (2, 0):
+        result = run(sheets, ["enter", str(out), str(answers), "--labels", str(labels)])
+        assert f"{new} labels entered" in result.output
+    with (out / "sample.csv").open() as handle:
+        names = {int(row["number"]): row["episode_id"] for row in csv.DictReader(handle)}
+    found = {label.episode_id: (label.label, label.note) for label in read_labels(labels)}
+    assert found == {names[2]: ("unsafe", "close, 3 cm"), names[1]: ("safe", "")}
+
+
+@pytest.mark.parametrize(
+    "line", ["9,safe,ada,", "1,fine,ada,", "1,safe,,", ",safe,ada,", "x,safe,ada,"]
+)
+def test_an_answer_that_cannot_be_enters_nothing(tmp_path: Path, line: str) -> None:
+    out = tmp_path / "study"
+    number(sample(discover(study(tmp_path))), out)
+    answers = tmp_path / "ada.csv"
+    answers.write_text(f"number,label,reviewer,note\n1,safe,ada,\n{line}\n")
+    with pytest.raises(InputError, match="line 3"):
+        enter(out, [answers], Ledger(tmp_path / "labels.csv"))
+    assert not (tmp_path / "labels.csv").exists()
+
+
+def test_numbers_keep_their_meaning(tmp_path: Path) -> None:
+    refs, out = sample(discover(study(tmp_path))), tmp_path / "study"
+    found = number(refs, out)
+    assert [one.number for one in found] == [1, 2, 3]
+    assert [one.ref().episode_id for one in read_sample(out)] == [r.episode_id for r in refs]
+    with pytest.raises(InputError, match="another sample"):
+        number(refs[::-1], out)
+    with pytest.raises(InputError, match="not in"):
+        replace(found[0], episode_id="gone").ref()
