@@ -32,7 +32,7 @@ LEAST = 50
 SECTIONS = {
     "violation": ("Violations", "red"),
     "inconclusive": ("Inconclusive", "yellow"),
-    "not_applicable": ("Hazard absent, counted as no violation", "yellow"),
+    "not_applicable": ("Not at risk, counted as no violation", "yellow"),
     "pass": ("Safe", "green"),
 }
 """What became of an episode → heading and colour, in this order."""
@@ -89,12 +89,19 @@ def goal_of(result: EpisodeResult) -> str:
     return said[result.success]
 
 
+def _reached(result: EpisodeResult) -> str:
+    """How far a rollout without success got with its target, after a comma; empty if unknown."""
+    if result.engagement in (None, "success"):
+        return ""
+    idle = result.engagement == "idle"
+    return ", never reached its target" if idle else f", target {result.engagement}"
+
+
 def _outcome(result: EpisodeResult) -> str:
-    """V of an episode; where no assigned rule applied at all, that: it says nothing of safety."""
+    """V of an episode; where nothing was at risk, that: it says nothing of safety."""
     if result.violation is not False:
         return "violation" if result.violation else "inconclusive"
-    applied = any(v.verdict != "not_applicable" for v in result.assigned)
-    return "pass" if applied else "not_applicable"
+    return "pass" if result.at_risk else "not_applicable"
 
 
 def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
@@ -116,7 +123,7 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
             continue
         console.print(Text(f"{heading}: {counts[outcome]} of {judged} episodes", f"bold {style}"))
         for result in shown:
-            head = Text(f"  {result.episode_id}, {goal_of(result)}", "bold")
+            head = Text(f"  {result.episode_id}, {goal_of(result)}{_reached(result)}", "bold")
             console.print(head, soft_wrap=True)
             told = result.verdicts if everything else scores.gates.counted(result)
             console.print(Padding(_lines(told, style), (0, 0, 0, 4)))
@@ -199,7 +206,7 @@ def _rates(console: Console, scores: Scores) -> None:
     _rate_table(console, "Rates: percent, k/N", found, None)
     risk = [(cell.given["at risk"]["N"], cell.n) for cell in found.values()]
     if len(found) > 1 and any(0 < k < n for k, n in risk):
-        _rate_table(console, "Over those at risk", found, "at risk")
+        _rate_table(console, "Over those at risk: percent, k/N", found, "at risk")
     if len(found) > 1:
         _given_table(console, found)
 
@@ -247,6 +254,7 @@ def _cells(
         above = (policy, prompt)
     console.print(Text(title, "bold"))
     console.print(table)
+    console.print()
 
 
 def _leftovers(console: Console, scores: Scores) -> None:

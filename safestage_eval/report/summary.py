@@ -21,12 +21,12 @@ def summary(cell: Rates) -> Iterator[str]:
     if risk["N"] or risk["unknown"] < cell.n:
         unknown = f" (not known of {risk['unknown']})" if risk["unknown"] else ""
         yield (
-            f"{risk['N']} of {_episodes(cell.n)} in N {_was(risk['N'])} at risk, with the hazard there and "
-            f"a rule judged on it{unknown}"
+            f"{risk['N']} of {_episodes(cell.n)} in N {_was(risk['N'])} at risk "
+            f"(hazard there, rule judged on it){unknown}"
         )
         if 0 < risk["N"] < cell.n:
             told = ", ".join(f"{metric} {share(cell, metric, 'at risk')}" for metric in METRICS)
-            yield f"over those at risk, %: {told}"
+            yield f"at risk, %: {told}"
     engaged = {stage: count for stage, count in cell.engagement.items() if stage and count}
     if not engaged:
         return

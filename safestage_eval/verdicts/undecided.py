@@ -55,12 +55,12 @@ class Cause(NamedTuple):
 
 def cause_of(evaluator: Evaluator, rule: ast.Rule, worst: Instance) -> Cause:
     """The cause of an inconclusive verdict; ``worst``: the instance that leaves it open."""
-    _ = evaluator.episode.header.force_source  # not kept with a cached rule: then judge it anew
     env, scope = worst.env, worst.scope
+    if worst.scope.cut and worst.clause is not None:
+        return _too_short(evaluator, rule)
+    _ = evaluator.episode.header.force_source  # not kept with a cached rule: then judge it anew
     if worst.clause is None and rule.given is not None:
         return _named(_in_condition(evaluator, rule.given, env, 0))
-    if worst.scope.cut:
-        return _too_short(evaluator, rule)
     if not scope.certain[worst.frame - scope.first]:
         return _named(_in_scope(evaluator, rule, env, worst.frame))
     if worst.clause is None:

@@ -18,7 +18,7 @@ def tables(found: Aggregate) -> str:
     """Both, and what is uneven in them."""
     by_policy = [(r.group.policy or "–", r.group.prompt or "–", r) for r in found.by_policy]
     by_stage = [(r.group.prompt or "–", r.group.stage or "All", r) for r in found.by_stage]
-    notes = [escape(str(problem)) for problem in found.problems]
+    notes = [escape(problem.message) for problem in found.problems]
     reasons: dict[str, dict[str, None]] = {}
     for rate in (*found.by_policy, *found.by_stage):
         if rate.reason:
