@@ -32,8 +32,10 @@ class Episode:
         states: frame → (N,) full integration state of the simulator, for exact re-simulation.
         attachments: file name → bytes that came with the episode (its task file, say).
         path: the file it was read from, if any.
+        unseen: (T,) true at frames at which nothing was recorded: stand-ins for a hole in time.
+            None if there are none. Never stored.
 
-    Contacts and frames are given as tables, or as functions that load them when first asked.
+    NaN stands for what was not measured. Contacts and frames are given as tables, or as functions that load them when first asked.
     """
 
     header: Header
@@ -48,6 +50,7 @@ class Episode:
     states: Mapping[int, NDArray[np.float64]] = field(default_factory=dict, repr=False)
     attachments: Mapping[str, bytes] = field(default_factory=dict, repr=False)
     path: Path | None = None
+    unseen: NDArray[np.bool_] | None = None
 
     def __len__(self) -> int:
         """T, the number of frames."""

@@ -14,7 +14,7 @@ from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.options import Options
 from safestage_eval.signals.reference import Reference
-from safestage_eval.signals.series import Series, unknown
+from safestage_eval.signals.series import Series, hidden, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
 from . import doubt, standing
@@ -57,7 +57,7 @@ class Relations:
     @cached_property
     def blind(self) -> bool:
         """The trace has no contact forces: touch and support are told by geometry."""
-        return self.episode.header.force_source == "none"
+        return not self.signals.gaps.forces
 
     @cached_property
     def proximity(self) -> Proximity:
@@ -165,6 +165,65 @@ class Relations:
 
         None where there is no doubt at any frame.
         """
+        found = self.doubtful_by_nature(name, bodies)
+        lost = self.unmeasured(name, tuple(bodies))
+        if lost is None:
+            return found
+        why = f"{name}({', '.join(bodies)}) was not measured at every frame"
+        return (lost, why) if found is None else (lost | found[0], f"{why}; {found[1]}")
+
+    def unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
+        """(T,) true where something that a relation rests on was not measured; None if nowhere.
+
+        Of forces, what was read so far counts: ``get`` comes first.
+        """
+        gaps, index = self.signals.gaps, self.episode.body_index
+        if name == "exposed_to":
+            lost = self._lost(None, None)
+            if lost is None:
+                return None
+            truth = self.get(name, bodies)
+            after = np.maximum.accumulate(lost)  # what it touched meanwhile stays on it
+            return after if truth is None else (after & ~truth) | (lost & truth & after)
+        chained = name in ("supported", "carried", "depends_on")
+        near = None if chained else {index[b] for body in bodies for b in self.signals.bodies(body)}
+        if self.blind or name == "inside":
+            poses = [] if chained else [*bodies]
+            if name == "held":
+                poses += self.signals.bodies("gripper")
+            found = gaps.of_bodies(poses) if poses else self._lost_poses()
+            if name == "inside" and not self.blind:
+                more = self._lost(near, near)
+                found = more if found is None else found if more is None else found | more
+            return found
+        if name == "supports":
+            return self._lost(near, near)
+        if name == "held":
+            return self._lost(near, None)
+        found = self._lost(None, None)
+        if name == "depends_on":
+            poses_lost = self._lost_poses()
+            found = poses_lost if found is None else found if poses_lost is None else found | poses_lost
+        return found
+
+    def _lost(self, first: set[int] | None, second: set[int] | None) -> Bool | None:
+        """(T,) where the force between a body of each set (None: any) is not known."""
+        gaps = self.signals.gaps
+        if self.blind:
+            return self._lost_poses()
+        return gaps.of_pairs(
+            (i, j)
+            for i, j in gaps.pairs
+            if ((first is None or i in first) and (second is None or j in second))
+            or ((first is None or j in first) and (second is None or i in second))
+        )
+
+    def _lost_poses(self) -> Bool | None:
+        """(T,) where the pose of any body that relations looked at is not known."""
+        return self.signals.gaps.of_loaded()
+
+    def doubtful_by_nature(self, name: str, bodies: Sequence[str]) -> tuple[Bool, str] | None:
+        """The same, of what was measured: where it leaves a relation open."""
         if self.blind and name in ("held", "carried"):
             return doubt.may_be_in_the_grip(self, name, bodies)
         if name == "depends_on" and self.blind:
@@ -206,9 +265,9 @@ class Relations:
         others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
         if name == "slip":
-            return self._slip(bodies[0], reference)
+            return self._known_part(name, bodies, self._slip(bodies[0], reference))
         if name == "load_share":
-            return self._load_share(*bodies)
+            return self._known_part(name, bodies, self._load_share(*bodies))
         if name not in MEASURES:
             return self.signals.get(name, bodies, reference, reach, options, limits)
         key = (name, tuple(bodies))
@@ -219,7 +278,18 @@ class Relations:
         missing = partial.missing(todo)
         if len(missing):
             partial.add(missing, self.measure(name, missing, bodies))
-        return partial.series(todo, SIGNALS[name].dimension)
+        return self._known_part(name, bodies, partial.series(todo, SIGNALS[name].dimension))
+
+    def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
+        """The same, unknown where something that it may rest on was not measured."""
+        gaps = self.signals.gaps
+        lost = gaps.of_bodies(bodies)
+        for more in (self._lost_poses(), None if name == "overlap_xy" else self._lost(None, None)):
+            if more is not None:
+                lost = more if lost is None else lost | more
+        if lost is None:
+            return found
+        return hidden(found, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
 
     def measure(self, name: str, at: NDArray[np.int64], bodies: Sequence[str]) -> Series:
         """(N,) one of ``MEASURES`` at N frames."""

@@ -106,6 +106,8 @@ class Judge:
         self.notes: list[str] = []
         if self._backend != BACKEND:
             self.notes.append(f"clearances as {self._backend} tells them, not certified")
+        if self._relations.blind and episode.header.force_source != "none":
+            self.notes.append(self._relations.signals.gaps.about_forces)
         self.notes += self._too_light()
         self._success = native_success(
             episode, binding.goal, Evaluator(
@@ -269,7 +271,7 @@ class Judge:
     def _too_light(self) -> list[str]:
         """A warning that names the objects whose own weight is no contact."""
         header, least = self._episode.header, self.binding.params(None).get("contact_force")
-        if least is None or header.force_source == "none":
+        if least is None or self._relations.blind:
             return []
         gravity, force = float(np.linalg.norm(header.gravity)), _size(least)
         light = [
