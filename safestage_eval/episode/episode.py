@@ -114,3 +114,15 @@ class Episode:
     def content_hash(self) -> str:
         """SHA-256 over the physical data (docs/traces.md): the same in every format."""
         return content_hash(self)
+
+    @property
+    def trace_hash(self) -> str:
+        """The same, as results state it: of a stored episode what its file states.
+
+        What was read of it was compared with the file's digests then (docs/traces.md); without
+        digests, and of an episode that was changed since it was read, it is computed.
+
+        Raises TraceError where the file states another one.
+        """
+        vouched: Callable[[], str] | None = vars(self).get("_vouched")
+        return self.content_hash if vouched is None else vouched()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from safestage_eval.errors import TraceError
 
 from . import either
 from .contact_points import GeomNames
+from .digests import Seal, frame_digests
 from .episode_row import mesh_keys
 from .lazy import StoredTrack
 from .mcap_chunks import Batch
@@ -139,7 +141,23 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
     episode = _episode(path, metadata, records, columns, t, points, full, checked)
     if checked:
         _check(episode, metadata, rows.sound)
+        if records.whole:
+            seal = Seal(
+                metadata.content_hash, metadata.digests, lambda: episode.content_hash, where
+            )
+            seal.check(metadata.header)
+            if seal.told is not None:
+                _compare(seal, frame_digests(columns, t, points.points, points.counts))
+            vars(episode)["_vouched"] = seal.content_hash
     return episode
+
+
+def _compare(seal: Seal, found: Mapping[str, str]) -> None:
+    """Raises TraceError where a column is not as it was written."""
+    for name, digest in found.items():
+        told = seal.told.get(name) if isinstance(seal.told, dict) else None
+        if told != digest:
+            seal.differs(f"the column {name!r}")
 
 
 def _episode(

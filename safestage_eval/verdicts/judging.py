@@ -51,7 +51,8 @@ def judge(
         overrides: parameter → value as written (``{"edge": "3 cm"}``); beats every other source.
         bind: roles, goal, rules and parameters for traces whose header lacks them
             (``rules.load_bind``).
-        trace_hash: the episode's content hash if it is known; computing it reads every column.
+        trace_hash: the episode's content hash, by a caller that computed it; None: as read, or
+            computed (``Episode.trace_hash``).
         backend: whose clearances (``geometry.backend``); part of each rule's digest.
         assigned_only: judge only the rules that the episode's task is assigned.
         memory: where what was measured before is found.
@@ -144,7 +145,7 @@ class Judge:
             rollout=header.rollout,
             success=self.success,
             success_time=self.success_time,
-            trace_hash=trace_hash or self._episode.content_hash,
+            trace_hash=trace_hash or self._episode.trace_hash,
             version=__version__,
             verdicts=tuple(with_consequences(verdicts)),
             notes=tuple(self.notes),

@@ -84,7 +84,7 @@ def diff_episode(
     old = Again(episode, before, bind=binds[0])
     new = Again(episode, after, overrides, binds[1], like=old)
     rows, others = (
-        {row["rule"]: row for row in side.judge.result(ref.content_hash).rows()}
+        {row["rule"]: row for row in side.judge.result().rows()}
         for side in (old, new)
     )
     plain = difference(rows.values(), others.values())
