@@ -30,7 +30,7 @@ from safestage_eval.errors import TraceError
 
 from . import dataset_layout as layout
 from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, WXYZ, XYZ, schema
-from .digests import JUDGED, Seal
+from .digests import JUDGED, Seal, computed
 from .episode_row import from_row
 from .lazy import StoredItems, StoredTrack
 from .parquet_columns import Block, Values
@@ -171,7 +171,9 @@ class _StoredEpisode:
         self.length: int = row["length"]
         self.where = f"{file} ({row['episode_id']})"
         self._in_order: set[str] = set()
-        self.seal = Seal(row.get("content_hash"), row.get("digests"), self.recomputed, self.where)
+        self.seal = Seal(
+            row.get("content_hash"), row.get("digests"), partial(_recomputed, file, row), self.where
+        )
         layout.check_version(row.get("schema_version") or "1.0", self.where)
 
     def episode(self) -> Episode:
@@ -221,10 +223,6 @@ class _StoredEpisode:
             self.seal.check(header)
             vars(episode)["_vouched"] = self.seal.content_hash
         return episode
-
-    def recomputed(self) -> str:
-        """The content hash, of everything."""
-        return _StoredEpisode(self.file, self.row, checked=False).episode().content_hash
 
     def few(self, shapes: Shapes) -> Shapes:
         """The same; raises TraceError for more geoms than contacts can tell apart."""
@@ -371,3 +369,8 @@ class _StoredEpisode:
             return state
 
         return StoredItems(frames, load)
+
+
+def _recomputed(file: Path, row: Mapping[str, Any]) -> str:
+    """The content hash, of everything. Raises TraceError for the first thing that is wrong with it."""
+    return computed(_StoredEpisode(file, row, checked=False).episode())

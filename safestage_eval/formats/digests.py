@@ -19,11 +19,12 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Episode, Header
+from safestage_eval.episode import Episode, Header, check
 from safestage_eval.episode.content_hash import scene_text
 from safestage_eval.errors import TraceError
 
 from .arrow_tables import TABLES
+from .arrow_values import raw_values
 from .checksum import crc32
 
 JUDGED = ("bodies", "contacts", "frames", "channels")
@@ -51,11 +52,12 @@ def columns(table: str) -> list[str]:
 
 def numbers(column: pa.ChunkedArray) -> NDArray[Any]:
     """The numbers of a column, those of lists one after the other."""
-    kind = column.type
-    if pa.types.is_list(kind) or pa.types.is_large_list(kind):
-        found = [chunk.flatten().to_numpy(zero_copy_only=False) for chunk in column.chunks]
-        return np.concatenate([np.zeros(0, np.float32), *found])
-    return np.asarray(column.to_numpy())
+    lists = pa.types.is_list(column.type) or pa.types.is_large_list(column.type)
+    chunks = [chunk.flatten() if lists else chunk for chunk in column.chunks]
+    found = [raw_values(chunk) for chunk in chunks if len(chunk)]
+    if not found:
+        return np.zeros(0, np.float32)
+    return found[0] if len(found) == 1 else np.concatenate(found)
 
 
 def noting(table: str, groups: Iterator[pa.Table], found: dict[str, list[str]]) -> Iterator[pa.Table]:
@@ -97,6 +99,13 @@ def sealed(episode: Episode, told: object) -> str:
     """The text that is stored: digests (JSON) and seal."""
     found = {"crc32": told, "seal": seal(episode.content_hash, episode.header, told)}
     return json.dumps(found, separators=(",", ":"))
+
+
+def computed(episode: Episode) -> str:
+    """Its content hash. Raises TraceError for the first invariant that it breaks."""
+    for error in check(episode):
+        raise error
+    return episode.content_hash
 
 
 class Seal:
