@@ -288,7 +288,8 @@ def body_unknown(episode: Episode, rng: np.random.Generator) -> tuple[str, Episo
 
 def body_removed(episode: Episode, rng: np.random.Generator) -> tuple[str, Episode]:
     """A body that plays a role is not in the header any more."""
-    name = some_body(episode, rng)
+    players = [name for names in episode.header.roles.values() for name in names]
+    name = str(rng.choice(players))
     index = episode.body_index[name]
     contacts = episode.contacts
     contacts = contacts.where((contacts.body1 != index) & (contacts.body2 != index))
@@ -381,7 +382,9 @@ def attempt(paths: tuple[str, ...], seed: int, number: int, kinds: Sequence[str]
     return Outcome(number, kind, name, told, changed)
 
 
-def _batch(paths: tuple[str, ...], seed: int, numbers: range, kinds: Sequence[str]) -> list[Outcome]:
+def _batch(
+    paths: tuple[str, ...], seed: int, numbers: range, kinds: Sequence[str]
+) -> list[Outcome]:
     return [attempt(paths, seed, number, kinds) for number in numbers]
 
 

@@ -60,7 +60,9 @@ def numbers(column: pa.ChunkedArray) -> NDArray[Any]:
     return found[0] if len(found) == 1 else np.concatenate(found)
 
 
-def noting(table: str, groups: Iterator[pa.Table], found: dict[str, list[str]]) -> Iterator[pa.Table]:
+def noting(
+    table: str, groups: Iterator[pa.Table], found: dict[str, list[str]]
+) -> Iterator[pa.Table]:
     """The same row groups; their digests are collected in ``found``."""
     if table not in JUDGED:
         yield from groups
@@ -114,7 +116,8 @@ class Seal:
     def __init__(
         self, stated: str | None, text: str | None, recompute: Callable[[], str], where: str
     ) -> None:
-        """
+        """As read, before anything is compared.
+
         Args:
             stated: the content hash.
             text: digests and seal; None where there are none.

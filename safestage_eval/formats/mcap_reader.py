@@ -144,9 +144,7 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
         _check(episode, metadata, rows.sound)
         if records.whole:
             known = ref(episode)  # the seal is part of it
-            seal = Seal(
-                metadata.content_hash, metadata.digests, lambda: _hash_of(known()), where
-            )
+            seal = Seal(metadata.content_hash, metadata.digests, lambda: _hash_of(known()), where)
             seal.check(metadata.header)
             if seal.told is not None:
                 _compare(seal, frame_digests(columns, t, points.points, points.counts))

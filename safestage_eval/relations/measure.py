@@ -177,6 +177,21 @@ class Relations:
 
         Of forces, what was read so far counts: ``get`` comes first.
         """
+        found = self._lost_by(name, bodies)
+        if name not in ("supported", "carried", "depends_on", "exposed_to") or not self._hidden:
+            return found
+        truth = self.get(name, bodies)
+        if truth is None or truth.all():
+            return found
+        return ~truth if found is None else found | ~truth
+
+    @cached_property
+    def _hidden(self) -> bool:
+        """Without forces: the shape of some body that is no robot is missing; it may bear others."""
+        names = [b.name for b in self.episode.header.bodies if b.kind not in ("robot", "gripper")]
+        return self.blind and bool(self.signals.movers.unseen(names))
+
+    def _lost_by(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
         gaps, index = self.signals.gaps, self.episode.body_index
         if name == "exposed_to":
             lost = self._lost(None, None)
@@ -203,7 +218,9 @@ class Relations:
         found = self._lost(None, None)
         if name == "depends_on":
             poses_lost = self._lost_poses()
-            found = poses_lost if found is None else found if poses_lost is None else found | poses_lost
+            found = (
+                poses_lost if found is None else found if poses_lost is None else found | poses_lost
+            )
         return found
 
     def _lost(self, first: set[int] | None, second: set[int] | None) -> Bool | None:
@@ -211,6 +228,7 @@ class Relations:
         gaps = self.signals.gaps
         if self.blind:
             return self._lost_poses()
+        self.signals.contact_sums.look(gaps.read)
         return gaps.of_pairs(
             (i, j)
             for i, j in gaps.pairs
@@ -284,6 +302,9 @@ class Relations:
         """The same, unknown where something that it may rest on was not measured."""
         gaps = self.signals.gaps
         lost = gaps.of_bodies(bodies)
+        if name == "edge_margin" and len(bodies) == 1 and self._hidden:
+            nothing = np.isneginf(found.upper)  # nothing that is seen bears it
+            lost = nothing if lost is None else lost | nothing
         for more in (self._lost_poses(), None if name == "overlap_xy" else self._lost(None, None)):
             if more is not None:
                 lost = more if lost is None else lost | more

@@ -70,6 +70,11 @@ class ContactSums:
         good = ~(long | pulls)
         return add_up_normal(frame[good], force[good], normal[good], self._frames)[0]
 
+    def look(self, pairs: set[Pair]) -> None:
+        """Look whether the contacts of these pairs are sound, as ``normal`` does."""
+        for pair in pairs - self._normal.keys():
+            self.normal(*pair)
+
     def unknown(self, i: int, j: int) -> NDArray[np.bool_] | None:
         """(T,) true where the force between two bodies is not known; None if nowhere."""
         self.normal(i, j)

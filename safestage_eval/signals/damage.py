@@ -113,7 +113,11 @@ def health(query: Query) -> Series:
     loss = damage(query)
     if not loss.known.any():
         return loss
-    lost = touched_by(query, gap) if (gap := query.facts.gaps.of_bodies(query.bodies, ALL)) is not None else None
+    lost = (
+        touched_by(query, gap)
+        if (gap := query.facts.gaps.of_bodies(query.bodies, ALL)) is not None
+        else None
+    )
     seconds = np.diff(query.episode.t, prepend=query.episode.t[0])
 
     def left(damage: F64) -> F64:

@@ -37,11 +37,11 @@ class Gaps:
         self._tracks: dict[str, dict[str, Bool | None]] = {}
         self._pairs: dict[Pair, Bool] = {}
         self._why: dict[Pair, str] = {}
+        self.read: set[Pair] = set()
+        """Pairs of which forces or normals were read."""
         self.whole = True
         """Set to false for a part of an episode, which does not tell whether forces were recorded."""
-        self.unseen = (
-            None if episode.unseen is None or not episode.unseen.any() else episode.unseen
-        )
+        self.unseen = None if episode.unseen is None or not episode.unseen.any() else episode.unseen
 
     @cached_property
     def episode(self) -> Episode:
@@ -97,7 +97,9 @@ class Gaps:
 
     def of_loaded(self) -> Bool | None:
         """(T,) true where a pose that was looked at so far was not measured; None if nowhere."""
-        bodies = [b for b, known in self._tracks.items() if any(known.get(c) is not None for c in POSE)]
+        bodies = [
+            b for b, known in self._tracks.items() if any(known.get(c) is not None for c in POSE)
+        ]
         found = self.unseen
         for body in bodies:
             for column in POSE:
@@ -269,7 +271,9 @@ class _CleanTrack(Track):
         if len(self) != 1:
             return super().over(frames)
         return _CleanTrack(
-            lambda name: np.broadcast_to(getattr(self, name), (frames, getattr(self, name).shape[1]))
+            lambda name: np.broadcast_to(
+                getattr(self, name), (frames, getattr(self, name).shape[1])
+            )
         )
 
 
@@ -303,6 +307,8 @@ class _CleanContacts(ContactTable):
         """As in the base class."""
         table, gaps, clean = (vars(self)[name] for name in ("_table", "_gaps", "_clean"))
         found = list(table.of_pair(pair, *columns))
+        if "normal" in columns or "force" in columns:
+            gaps.read.add(pair)
         for i, values in enumerate(found):
             if values.dtype.kind != "f":
                 continue
@@ -318,6 +324,5 @@ class _CleanContacts(ContactTable):
                 if rows.any() and not columns[i].startswith("depth"):
                     (frame,) = table.of_pair(pair, "frame")
                     gaps.mark(pair, frame[rows], "a contact of theirs holds NaN")
-                values = clean[pair, columns[i]] = np.where(bad, 0, values)
-                found[i] = values
+                found[i] = clean[pair, columns[i]] = np.where(bad, 0, values)
         return tuple(found)

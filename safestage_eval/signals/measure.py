@@ -53,7 +53,15 @@ ORIENTED = ("turn", "tilt", "angular_speed")
 FORCES = ("contact_force", "peak_force", "total_force", "impulse")
 """Signals of forces alone: what is unknown of these they know themselves."""
 
-MOVING = ("speed", "vertical_speed", "relative_speed", "impact", "quasistatic_force", "damage", "health")
+MOVING = (
+    "speed",
+    "vertical_speed",
+    "relative_speed",
+    "impact",
+    "quasistatic_force",
+    "damage",
+    "health",
+)
 """Signals of the velocity of the centre of mass."""
 
 

@@ -2,7 +2,9 @@
 
 import json
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pyarrow as pa
@@ -31,12 +33,12 @@ require = { "displacement(target)" = "< 1 cm" }
 """
 
 
-@pytest.fixture(scope="module", autouse=True)
-def rules(tmp_path_factory):
-    path = tmp_path_factory.mktemp("rules") / "one.toml"
-    path.write_text(WRITTEN)
-    global RULES
-    RULES = load_rules([path])
+@cache
+def rules():
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "one.toml"
+        path.write_text(WRITTEN)
+        return load_rules([path])
 
 
 def recorded(**header):
@@ -77,7 +79,7 @@ def row(folder):
 
 def problem(path):
     [ref] = discover(path)
-    found = score_episode(ref, RULES)
+    found = score_episode(ref, rules())
     assert isinstance(found, Problem), found
     return found.message
 
@@ -99,7 +101,7 @@ def other(tmp_path):
 
 def test_an_honest_file_is_judged_and_its_hash_is_that_of_the_data(one):
     [ref] = discover(one)
-    assert score_episode(ref, RULES).trace_hash == recorded().content_hash
+    assert score_episode(ref, rules()).trace_hash == recorded().content_hash
 
 
 @pytest.mark.parametrize("digests", [True, False])
@@ -154,7 +156,7 @@ def test_a_corrected_mass_under_the_old_hash(one):
 def test_a_corrected_name_keeps_the_hash(one):
     edit_row(one, task="another task", policy="p")
     [ref] = discover(one)
-    assert score_episode(ref, RULES).trace_hash == recorded().content_hash
+    assert score_episode(ref, rules()).trace_hash == recorded().content_hash
 
 
 def test_rows_written_anew_in_other_groups_are_the_same_data(one):
@@ -162,13 +164,13 @@ def test_rows_written_anew_in_other_groups_are_the_same_data(one):
         [file] = (one / table).glob("*.parquet")
         pq.write_table(pq.read_table(file), file, row_group_size=7)
     [ref] = discover(one)
-    assert score_episode(ref, RULES).trace_hash == recorded().content_hash
+    assert score_episode(ref, rules()).trace_hash == recorded().content_hash
 
 
 def test_an_older_file_without_digests_has_its_hash_computed(one):
     edit_row(one, digests=None)
     [ref] = discover(one)
-    assert score_episode(ref, RULES).trace_hash == recorded().content_hash
+    assert score_episode(ref, rules()).trace_hash == recorded().content_hash
 
 
 def mcap_with(path: Path, **changes):
@@ -176,7 +178,6 @@ def mcap_with(path: Path, **changes):
     from mcap.reader import make_reader
     from mcap.writer import CompressionType, Writer
 
-    source = path.read_bytes()
     target = path.with_name("edited.mcap")
     with path.open("rb") as stream, target.open("wb") as out:
         reader = make_reader(stream)
@@ -200,14 +201,13 @@ def mcap_with(path: Path, **changes):
                 message.sequence,
             )  # fmt: skip
         writer.finish()
-    assert source
     return target
 
 
 def test_the_same_of_an_mcap_file(tmp_path, other):
     path = tmp_path / "one.mcap"
     save(recorded(), path)
-    assert score_episode(discover(mcap_with(path))[0], RULES).trace_hash
+    assert score_episode(discover(mcap_with(path))[0], rules()).trace_hash
     for changes in (
         {"content_hash": "0" * 64},
         {"content_hash": ""},
