@@ -62,7 +62,7 @@ class Gaps:
             if np.isfinite(values.sum()):
                 known[column] = None
                 return values
-        lost = ~np.isfinite(values).all(axis=1)
+        lost: Bool = ~np.asarray(np.isfinite(values).all(axis=1))
         if not lost.any():
             known[column] = None
             return values
