@@ -120,8 +120,8 @@ def score_episode(
 
         def judged(episode: Episode, memory: Memory | None = None) -> EpisodeResult:
             return judge(
-                episode, rules, overrides=overrides, bind=bind, trace_hash=ref.content_hash,
-                backend=backend, assigned_only=assigned_only, memory=memory,
+                episode, rules, overrides=overrides, bind=bind, backend=backend,
+                assigned_only=assigned_only, memory=memory,
             )  # fmt: skip
 
         if cache is None:

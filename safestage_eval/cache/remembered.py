@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -87,6 +88,17 @@ class RememberedRelations(Relations):
         self._memory = memory
         self._at_hand: dict[str, tuple[Bool, Bool]] = {}
 
+    @cached_property
+    def blind(self) -> bool:
+        """As in the base class."""
+        key, gaps = self.signals.key("forces"), self.signals.gaps
+        known = self._memory.recall(key)
+        if known is None:
+            known = {"recorded": gaps.forces}
+            self._memory.keep(key, known)
+        vars(gaps)["forces"] = known["recorded"]
+        return not known["recorded"]
+
     def get(self, name: str, bodies: Sequence[str], wanted: Bool | None = None) -> Bool | None:
         """As in the base class."""
         if self.lacking(name, bodies):
@@ -112,6 +124,17 @@ class RememberedRelations(Relations):
         self._at_hand[key] = truth, done
         self._memory.keep(key, {"truth": truth, "done": done})
         return truth
+
+    def unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
+        """As in the base class."""
+        key = self.signals.key("unmeasured", name, bodies)
+        known = self._memory.recall(key)
+        if known is None:
+            found = super().unmeasured(name, bodies)
+            known = {"lost": np.zeros(0, np.bool_) if found is None else np.array(found)}
+            self._memory.keep(key, known)
+        lost: Bool = known["lost"]
+        return lost if len(lost) else None
 
     def signal(
         self,

@@ -60,6 +60,5 @@ def command(
         loaded,
         overrides=pairs(settings, "--set"),
         bind=None if bind is None else load_bind(bind, loaded),
-        trace_hash=ref.content_hash,
     )
     click.echo(explain(result, everything=everything), nl=False)

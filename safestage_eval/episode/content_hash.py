@@ -5,13 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import fields
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from .body import Body
     from .episode import Episode
+    from .header import Header
 
 _DESCRIPTIVE = {"material", "tags"}
 """Body fields that describe rather than measure: an importer may correct them later."""
@@ -24,27 +26,14 @@ def content_hash(episode: Episode) -> str:
     correcting them keeps the hash; body names, masses and shapes (meshes by their own hash) are in. Floats are hashed in the
     precision in which they are stored: float32, time in float64.
     """
-    header = episode.header
-    scene = {
-        "physics_dt": header.physics_dt,
-        "frame_dt": header.frame_dt,
-        "control_dt": header.control_dt,
-        "gravity": header.gravity,
-        # without defaults: a field that a later minor adds must not change older hashes
-        "bodies": [
-            body.model_dump(mode="json", exclude=_DESCRIPTIVE, exclude_defaults=True)
-            for body in header.bodies
-        ],
-        "joints": [joint.model_dump(mode="json", exclude_defaults=True) for joint in header.joints],
-    }
-    digest = hashlib.sha256(json.dumps(scene, sort_keys=True).encode())
+    digest = hashlib.sha256(scene_text(episode.header).encode())
 
     def feed(name: str, array: NDArray[np.generic], dtype: str) -> None:
         digest.update(f"{name}{array.shape}".encode())
         digest.update(np.ascontiguousarray(array, dtype).tobytes())
 
     feed("t", episode.t, "<f8")
-    for body in header.bodies:
+    for body in episode.header.bodies:
         track = episode.tracks[body.name]
         for column in fields(track):
             feed(f"{body.name}.{column.name}", getattr(track, column.name), "<f4")
@@ -57,3 +46,28 @@ def content_hash(episode: Episode) -> str:
     for key in sorted(episode.channels):
         feed(f"channel {key}", episode.channels[key], "<f4")
     return digest.hexdigest()
+
+
+_BODIES: list[tuple[tuple[Body, ...], list[dict[str, Any]]]] = []
+"""Bodies that were met last, and the same as plain data."""
+
+
+def scene_text(header: Header) -> str:
+    """JSON of what the header says of the scene: bodies, joints, time steps, gravity."""
+    known = next((told for bodies, told in _BODIES if bodies is header.bodies), None)
+    if known is None:
+        # without defaults: a field that a later minor adds must not change older hashes
+        known = [
+            body.model_dump(mode="json", exclude=_DESCRIPTIVE, exclude_defaults=True)
+            for body in header.bodies
+        ]
+        _BODIES[:] = [(header.bodies, known), *_BODIES[:3]]
+    scene = {
+        "physics_dt": header.physics_dt,
+        "frame_dt": header.frame_dt,
+        "control_dt": header.control_dt,
+        "gravity": header.gravity,
+        "bodies": known,
+        "joints": [joint.model_dump(mode="json", exclude_defaults=True) for joint in header.joints],
+    }
+    return json.dumps(scene, sort_keys=True)

@@ -37,7 +37,7 @@ class Episode:
             nothing is known; None where there are none.
         recorded: the episode without these frames, if there are any.
 
-    Contacts and frames are given as tables, or as functions that load them when first asked.
+    NaN stands for what was not measured. Contacts and frames are given as tables, or as functions that load them when first asked.
     """
 
     header: Header
@@ -124,3 +124,17 @@ class Episode:
     def content_hash(self) -> str:
         """SHA-256 over the physical data (docs/traces.md): the same in every format."""
         return content_hash(self.recorded or self)
+
+    @property
+    def trace_hash(self) -> str:
+        """The same, as results state it: of a stored episode what its file states.
+
+        What was read of it was compared with the file's digests then (docs/traces.md); without
+        digests, and of an episode that was changed since it was read, it is computed.
+
+        Raises TraceError where the file states another one.
+        """
+        if self.recorded is not None:
+            return self.recorded.trace_hash
+        vouched: Callable[[], str] | None = vars(self).get("_vouched")
+        return self.content_hash if vouched is None else vouched()

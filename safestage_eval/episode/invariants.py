@@ -106,7 +106,7 @@ def check_time(t: NDArray[np.float64], where: str) -> list[TraceError]:
     """Finite and strictly increasing, at least one frame."""
     if len(t) == 0:
         return [TraceError(where, "the episode has no frames")]
-    found = check_finite(t, "time", where)
+    found = check_finite(t, "time", where, gaps=False)
     back = np.flatnonzero(np.diff(t) <= 0)
     if len(back) and not found:
         i = int(back[0]) + 1
@@ -147,7 +147,7 @@ def check_track_column(
     if near_unit(array):
         return found
     norm = np.sqrt(np.einsum("ij,ij->i", array, array, dtype=np.float64))
-    off = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE)
+    off = np.flatnonzero(np.abs(norm - 1) > UNIT_TOLERANCE)  # false of NaN
     if len(off):
         i = int(off[0])
         found.append(
@@ -270,12 +270,17 @@ def _in_range(column: NDArray[np.integer], limit: int, name: str, where: str) ->
     return [TraceError(where, f"contact {name} {column[outside][0]} is out of range.", allowed)]
 
 
-def check_finite(array: NDArray[np.floating], name: str, where: str) -> list[TraceError]:
-    """Neither NaN nor infinity; the first such row is named."""
+def check_finite(
+    array: NDArray[np.floating], name: str, where: str, *, gaps: bool = True
+) -> list[TraceError]:
+    """No infinity, and no NaN unless ``gaps``: there it says that nothing was measured.
+
+    The first such row is named.
+    """
     with np.errstate(all="ignore"):
         if np.isfinite(array.sum()):  # twice as fast as looking at every value
             return []
-    bad = ~np.isfinite(array)
+    bad = np.isinf(array) if gaps else ~np.isfinite(array)
     if not bad.any():
         return []
     first = int(np.argwhere(bad)[0][0])
@@ -283,6 +288,6 @@ def check_finite(array: NDArray[np.floating], name: str, where: str) -> list[Tra
         TraceError(
             where,
             f"{name} is not a finite number at row {first} ({int(bad.sum())} values in all).",
-            "finite numbers; leave out what was not measured",
+            "finite numbers, and NaN for what was not measured" if gaps else "finite numbers",
         )
     ]

@@ -114,6 +114,7 @@ EPISODES: dict[str, Column] = {
     "states": Column("int32", "-", "rows in states"),
     "attachments": Column("string", _JSON, "name → file under assets"),
     "content_hash": Column("string", "-", "SHA-256 over the physical data"),
+    "digests": Column("string", _JSON, "CRC-32 of each column, and a seal on them; null without"),
     "schema_version": Column("string", "-", "major.minor"),
     "episode_id": Column("string", "-", "assigned once"),
     "task": Column("string", "-", ""),

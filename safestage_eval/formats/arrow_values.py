@@ -13,7 +13,7 @@ from safestage_eval.errors import TraceError
 
 def numbers(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArray[Any]:
     """A column of numbers as (rows,) array of dtype; raises TraceError when it is none."""
-    parts = [_values(chunk) for chunk in table[column].chunks] or [np.zeros(0, dtype)]
+    parts = [raw_values(chunk) for chunk in table[column].chunks] or [np.zeros(0, dtype)]
     values = parts[0] if len(parts) == 1 else np.concatenate(parts)
     if values.dtype.kind not in "iuf":
         raise TraceError(where, f"the column {column!r} holds {table[column].type}.", "numbers")
@@ -31,7 +31,7 @@ def lists(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArray
     many = pa.types.is_list(kind) or pa.types.is_large_list(kind)
     if chunks and not (many and _is_number(kind.value_type)):
         raise TraceError(where, f"the column {column!r} holds {kind}.", "number lists")
-    widths = {int(w) for c in chunks for w in np.unique(np.diff(_values(c.offsets)))}
+    widths = {int(w) for c in chunks for w in np.unique(np.diff(raw_values(c.offsets)))}
     if len(widths) > 1 or any(chunk.null_count for chunk in chunks):
         raise TraceError(
             where,
@@ -39,7 +39,7 @@ def lists(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArray
             "as many values in every frame; empty lists where there is nothing",
         )
     width = widths.pop() if widths else 0
-    flat = [_values(chunk.flatten()) for chunk in chunks]
+    flat = [raw_values(chunk.flatten()) for chunk in chunks]
     values = np.concatenate(flat) if flat else np.zeros(0)
     return np.asarray(values, dtype).reshape(len(table), width)
 
@@ -54,7 +54,7 @@ def codes(table: pa.Table, column: str, index: dict[str, int], where: str) -> ND
     for chunk in table[column].chunks:
         words = chunk if isinstance(chunk, pa.DictionaryArray) else chunk.dictionary_encode()
         names = words.dictionary.to_pylist()
-        used = _values(words.indices)
+        used = raw_values(words.indices)
         if words.null_count:
             raise TraceError(where, f"{column} is empty in {words.null_count} rows")
         if len(used) and not 0 <= used.min() <= used.max() < len(names):
@@ -75,7 +75,7 @@ def codes(table: pa.Table, column: str, index: dict[str, int], where: str) -> ND
     return np.concatenate(found) if found else np.zeros(0, np.int16)
 
 
-def _values(array: pa.Array) -> NDArray[Any]:
+def raw_values(array: pa.Array) -> NDArray[Any]:
     """The values of an array; numbers without gaps are not copied.
 
     ``Array.to_numpy`` imports pandas, which takes 50 MB and 0.3 s.

@@ -187,3 +187,11 @@ def _is_canonical(
     key |= (geom1.astype(np.int64) << 16) | geom2.astype(np.int64)
     same_frame = frame[1:] == frame[:-1]
     return not bool((same_frame & (key[1:] < key[:-1])).any())
+
+
+def packed(contacts: ContactTable) -> NDArray[Any]:
+    """(C,) POINT of the contacts of a table, in its order."""
+    points = np.empty(len(contacts), POINT)
+    for name in POINT.names or ():
+        points[name] = getattr(contacts, name)
+    return points

@@ -30,6 +30,7 @@ from safestage_eval.errors import TraceError
 
 from . import dataset_layout as layout
 from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, WXYZ, XYZ, schema
+from .digests import JUDGED, Seal, computed
 from .episode_row import from_row
 from .lazy import StoredItems, StoredTrack
 from .parquet_columns import Block, Values
@@ -170,6 +171,9 @@ class _StoredEpisode:
         self.length: int = row["length"]
         self.where = f"{file} ({row['episode_id']})"
         self._in_order: set[str] = set()
+        self.seal = Seal(
+            row.get("content_hash"), row.get("digests"), partial(_recomputed, file, row), self.where
+        )
         layout.check_version(row.get("schema_version") or "1.0", self.where)
 
     def episode(self) -> Episode:
@@ -203,7 +207,7 @@ class _StoredEpisode:
             )
         channels = self.named("channels", list[tuple[str, str]], "[]")
         states = self.states() if self.row.get("states") else {}
-        return Episode(
+        episode = Episode(
             header=header,
             t=t,
             tracks=StoredItems(self.body_index, self.track),
@@ -215,6 +219,10 @@ class _StoredEpisode:
             attachments=StoredItems(attachments, lambda name: self.attachment(attachments[name])),
             path=self.file,
         )
+        if self.checked:
+            self.seal.check(header)
+            vars(episode)["_vouched"] = self.seal.content_hash
+        return episode
 
     def few(self, shapes: Shapes) -> Shapes:
         """The same; raises TraceError for more geoms than contacts can tell apart."""
@@ -235,7 +243,10 @@ class _StoredEpisode:
 
     def table(self, name: str) -> StoredTable:
         file = within(self.dataset, name, f"{self.row['file']}.parquet", self.where)
-        return StoredTable(file, name)
+        table = StoredTable(file, name)
+        if self.checked and name in JUDGED and self.seal.open:
+            table.compare(self.index, self.seal)
+        return table
 
     def asset(self, name: str) -> Path:
         return within(self.dataset, layout.ASSETS, name, self.where)
@@ -358,3 +369,8 @@ class _StoredEpisode:
             return state
 
         return StoredItems(frames, load)
+
+
+def _recomputed(file: Path, row: Mapping[str, Any]) -> str:
+    """The content hash, of everything. Raises TraceError for the first thing that is wrong with it."""
+    return computed(_StoredEpisode(file, row, checked=False).episode())

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import ContactTable, Episode, Track
 
 from .arrow_tables import CONTACT_VECTORS, ROBOT_COLUMNS, XYZ, schema
+from .digests import Digests, sealed
 from .episode_row import encode, to_geometry, to_row
 
 CONTACT_GROUP = 2048
@@ -42,9 +43,11 @@ def episode_tables(episode: Episode, index: int) -> dict[str, Iterator[pa.Table]
 
 
 def episode_entry(
-    episode: Episode, index: int, file: str, attachments: Mapping[str, str]
+    episode: Episode, index: int, file: str, attachments: Mapping[str, str], digests: Digests
 ) -> dict[str, Any]:
-    """The episode's row of ``meta/episodes``; ``attachments`` maps names to files in ``assets``.
+    """The episode's row of ``meta/episodes``.
+
+    ``attachments`` maps names to files in ``assets``; ``digests``: of its tables.
 
     Raises:
         TraceError: the header holds a number that is not finite.
@@ -59,6 +62,7 @@ def episode_entry(
         "states": len(episode.states),
         "attachments": encode(dict(attachments), name),
         "content_hash": episode.content_hash,
+        "digests": sealed(episode, digests),
     }
 
 

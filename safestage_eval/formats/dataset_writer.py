@@ -17,6 +17,7 @@ from . import dataset_layout as layout
 from .arrow_tables import arrow_file, schema, write_options
 from .atomic import PART, replacing, sync, write_bytes
 from .dataset_tables import as_rows, episode_entry, episode_tables
+from .digests import noting
 from .episode_row import mesh_keys, to_row
 from .ply import to_ply
 
@@ -36,10 +37,11 @@ def add_episode(episode: Episode, dataset: Path) -> Path:
     attachments = add_assets(episode, dataset)
     with _reserved(dataset) as (index, part):
         file = _file_name(index)
+        digests: dict[str, list[str]] = {}
         for table, groups in episode_tables(episode, index).items():
             with replacing(dataset / table / f"{file}.parquet") as path:
-                _write_table(path, table, groups)
-        entry = episode_entry(episode, index, file, attachments)
+                _write_table(path, table, noting(table, groups, digests))
+        entry = episode_entry(episode, index, file, attachments, digests)
         _write_table(part, "meta/episodes", [as_rows("meta/episodes", [entry])])
     return dataset / layout.EPISODES / f"{file}.parquet"
 

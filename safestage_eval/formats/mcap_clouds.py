@@ -15,7 +15,7 @@ from safestage_eval.episode import ContactTable
 from safestage_eval.errors import TraceError
 
 from . import either, wire
-from .contact_points import POINT, RAW
+from .contact_points import POINT, RAW, packed
 from .frame_buffers import doubled
 from .mcap_chunks import Batch
 from .packed_contacts import Points
@@ -66,9 +66,7 @@ def empty_cloud() -> PointCloud:
 
 def cloud_messages(contacts: ContactTable, times: list[int]) -> Iterator[bytes]:
     """Serialised point clouds, one per frame; ``times`` (T,) ns, their log times."""
-    points = np.empty(len(contacts), POINT)
-    for name in POINT.names or ():
-        points[name] = getattr(contacts, name)
+    points = packed(contacts)
     ends = np.searchsorted(contacts.frame, np.arange(len(times) + 1)) * POINT.itemsize
     whole, fixed = points.tobytes(), empty_cloud().SerializeToString(deterministic=True)
     for time, begin, end in zip(times, ends[:-1].tolist(), ends[1:].tolist(), strict=True):

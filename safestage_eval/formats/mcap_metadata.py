@@ -8,12 +8,16 @@ from hashlib import sha256
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, Json
 
 from safestage_eval.episode import Episode, Header, Record
 from safestage_eval.errors import TraceError
 
+from .arrow_tables import ROBOT_COLUMNS
+from .contact_points import packed
 from .dataset_layout import check_version
+from .digests import frame_digests, sealed
 from .episode_row import encode, validated
 
 TRACK_COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity")
@@ -34,6 +38,8 @@ class McapMetadata(Record):
     """(body, name) of the values in a frame's ``channel``."""
     frames: int | None = None
     content_hash: str | None = None
+    digests: str | None = None
+    """CRC-32 of each column, and a seal on them."""
     checksum: str | None = None
     """SHA-256 of the other texts: chunks have their own."""
 
@@ -73,8 +79,26 @@ def to_texts(episode: Episode, moving: list[str]) -> dict[str, str]:
         "channels": encode([list(key) for key in episode.channels], where),
         "frames": str(len(episode)),
         "content_hash": episode.content_hash,
+        "digests": sealed(episode, _digests(episode, moving)),
     }
     return texts | {"checksum": checksum(texts)}
+
+
+def _digests(episode: Episode, moving: list[str]) -> dict[str, str]:
+    """Of what ``mcap_frames`` and ``mcap_clouds`` write."""
+    frames = len(episode)
+
+    def joined(columns: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+        return np.concatenate([np.zeros((frames, 0), np.float32), *columns], axis=1)
+
+    found = {
+        f"body_{name}": joined([getattr(episode.tracks[body], name) for body in moving])
+        for name in TRACK_COLUMNS
+    }
+    found |= {name: getattr(episode.frames, name) for name in ROBOT_COLUMNS}
+    found["channel"] = joined([values[:, None] for values in episode.channels.values()])
+    counts = np.bincount(episode.contacts.frame, minlength=frames)
+    return frame_digests(found, episode.t, packed(episode.contacts), counts)
 
 
 def checksum(texts: Mapping[str, str]) -> str:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,7 @@ from safestage_eval.errors import TraceError
 
 from . import either
 from .contact_points import GeomNames
+from .digests import Seal, computed, frame_digests
 from .episode_row import mesh_keys
 from .lazy import StoredTrack
 from .mcap_chunks import Batch
@@ -139,7 +142,26 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
     episode = _episode(path, metadata, records, columns, t, points, full, checked)
     if checked:
         _check(episode, metadata, rows.sound)
+        if records.whole:
+            known = ref(episode)  # the seal is part of it
+            seal = Seal(metadata.content_hash, metadata.digests, lambda: _hash_of(known()), where)
+            seal.check(metadata.header)
+            if seal.told is not None:
+                _compare(seal, frame_digests(columns, t, points.points, points.counts))
+            vars(episode)["_vouched"] = seal.content_hash
     return episode
+
+
+def _hash_of(episode: Episode | None) -> str:
+    return "" if episode is None else computed(episode)
+
+
+def _compare(seal: Seal, found: Mapping[str, str]) -> None:
+    """Raises TraceError where a column is not as it was written."""
+    for name, digest in found.items():
+        told = seal.told.get(name) if isinstance(seal.told, dict) else None
+        if told != digest:
+            seal.differs(f"the column {name!r}")
 
 
 def _episode(

@@ -16,6 +16,7 @@ from .arrow_tables import arrow_file, schema, write_options
 from .atomic import replacing
 from .dataset_tables import as_rows, episode_entry, episode_tables
 from .dataset_writer import add_assets
+from .digests import noting
 from .episode_row import to_row
 
 
@@ -41,9 +42,13 @@ class Shard:
         """
         to_row(episode.header)
         index = self._first + len(self)
-        whole = {table: list(groups) for table, groups in episode_tables(episode, index).items()}
+        digests: dict[str, list[str]] = {}
+        whole = {
+            table: list(noting(table, groups, digests))
+            for table, groups in episode_tables(episode, index).items()
+        }
         assets = add_assets(episode, self._dataset)
-        entry = episode_entry(episode, index, self._file, assets)
+        entry = episode_entry(episode, index, self._file, assets, digests)
         for table, groups in whole.items():
             writer = self._writers.get(table) or self._open(table)
             for group in groups:

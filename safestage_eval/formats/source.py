@@ -41,7 +41,8 @@ class LocalSource(Source):
         self._file = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
         finalize(self, os.close, self._file)
         stat = os.fstat(self._file)
-        self.size, self.state = stat.st_size, (stat.st_mtime_ns, stat.st_size)
+        self.size = stat.st_size
+        self.state = (stat.st_mtime_ns, stat.st_ctime_ns, stat.st_size, stat.st_ino)
 
     def read(self, at: int, count: int) -> bytes:
         """See ``Source.read``."""

@@ -17,6 +17,7 @@ from safestage_eval.errors import TraceError
 
 from . import arrow_values
 from .arrow_tables import arrow_file, columns_of
+from .digests import KEYS, Seal, columns, crc, names_crc, numbers
 from .parquet_columns import Block, Values, read_blocks
 from .parquet_footer import Footer, by_pyarrow, read_footer, without_keys
 from .remote_path import source_of
@@ -89,7 +90,36 @@ class StoredTable:
             FOOTERS.pop(next(iter(FOOTERS)), None)
         self.footer = self._known.footer
         self._bodies: dict[int, dict[str, list[int]] | None] = {}
+        self._seal: Seal | None = None
+        self._digests: dict[int, dict[str, str]] = {}
         self._groups, self.columns = self.footer.groups, self.footer.columns
+
+    def compare(self, episode: int, seal: Seal) -> None:
+        """From now on compare what is read of an episode with the digests that were written.
+
+        Raises TraceError where the rows are not as they were written, and the content differs.
+        """
+        told = seal.told.get(self._table) if isinstance(seal.told, dict) else None
+        numbers, exact = self.groups(episode)
+        lines = told if isinstance(told, list) and all(isinstance(x, str) for x in told) else []
+        rows = [int(n) if n.isdigit() else -1 for n in (line.partition(":")[0] for line in lines)]
+        if not exact or rows != [self._groups.rows(n) for n in numbers]:
+            seal.differs(f"the table {self._table}")  # another library may have written it anew
+            return
+        names = columns(self._table)
+        self._seal = seal
+        for number, line in zip(numbers, lines, strict=True):
+            crcs = line.partition(":")[2]
+            self._digests[number] = {n: crcs[8 * i : 8 * i + 8] for i, n in enumerate(names)}
+            about = [self._groups.single(number, key) for key in KEYS.get(self._table, ())]
+            if None not in about and names_crc(about) != crcs[8 * len(names) :]:
+                seal.differs(f"the names in {self._table}")
+
+    def _compared(self, group: int, column: str, values: NDArray[Any]) -> None:
+        """Raises TraceError for a column of a row group that is not as it was written."""
+        told = self._digests.get(group, {}).pop(column, None)  # once is enough
+        if told is not None and self._seal is not None and crc(values) != told:
+            self._seal.differs(f"the column {column!r} of {self._table}")
 
     @cached_property
     def _file(self) -> pq.ParquetFile:
@@ -121,6 +151,13 @@ class StoredTable:
         self._demand(wanted)
         table = self.read(groups, wanted)
         if exact:
+            begin = 0
+            for group in groups if self._digests else ():
+                part = table.slice(begin, self._groups.rows(group))
+                begin += len(part)
+                for name in columns:
+                    if name in self._digests.get(group, {}):
+                        self._compared(group, name, numbers(part[name]))
             return table
         import pyarrow.compute as pc  # takes a twentieth of what comes before a first verdict
 
@@ -193,13 +230,25 @@ class StoredTable:
             except OSError as error:
                 raise _unreadable(self.path, error) from None
             if found is not None:
-                return found
+                return self._all_compared(group, blocks, found)
         for names, _ in blocks:
             self._demand(names)
-        return [
+        found = [
             Values(self._stacked(self.read([group], names), names, dtype), False)
             for names, dtype in blocks
         ]
+        return self._all_compared(group, blocks, found)
+
+    def _all_compared(
+        self, group: int, blocks: tuple[Block, ...], found: list[Values]
+    ) -> list[Values]:
+        left = self._digests.get(group)
+        if left:
+            for (names, _), values in zip(blocks, found, strict=True):
+                for i, name in enumerate(names):
+                    if name in left:
+                        self._compared(group, name, values.array[:, i])
+        return found
 
     def _stacked(self, table: pa.Table, columns: Sequence[str], dtype: DTypeLike) -> NDArray[Any]:
         out = np.empty((len(table), len(columns)), dtype)

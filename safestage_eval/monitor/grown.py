@@ -130,6 +130,7 @@ class GrownSignals(Signals):
         self, episode: Episode, past: Past, windows: Windows, baseline_frames: int, backend: str
     ) -> None:
         super().__init__(episode, baseline_frames, backend)
+        self.gaps.whole = False
         self.past, self.windows = past, windows
 
     @cached_property

@@ -38,7 +38,9 @@ class Windows:
         """Relations of frames first … last − 1; their signals, too. Frames count from the first."""
         if (first, last) not in self._known:
             episode = self._recording.window(first, last)
-            self._known[first, last] = Relations(Signals(episode, self._baseline, self._backend))
+            signals = Signals(episode, self._baseline, self._backend)
+            signals.gaps.whole = False
+            self._known[first, last] = Relations(signals)
         return self._known[first, last]
 
     def signals(self, first: int, last: int) -> Signals:

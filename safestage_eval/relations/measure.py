@@ -14,7 +14,7 @@ from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.options import Options
 from safestage_eval.signals.reference import Reference
-from safestage_eval.signals.series import Series, hide, unknown
+from safestage_eval.signals.series import Series, hidden, hide, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
 from . import between, doubt, effect, falls, standing
@@ -59,7 +59,7 @@ class Relations:
     @cached_property
     def blind(self) -> bool:
         """The trace has no contact forces: touch and support are told by geometry."""
-        return self.episode.header.force_source == "none"
+        return not self.signals.gaps.forces
 
     @cached_property
     def proximity(self) -> Proximity:
@@ -194,24 +194,85 @@ class Relations:
 
         None where there is no doubt at any frame. ``wanted``: as in ``get``.
         """
-        return self._unseen(name, bodies, self._doubtful(name, bodies, wanted))
+        found = self.doubtful_by_nature(name, bodies, wanted)
+        lost = self.unmeasured(name, tuple(bodies))
+        if lost is None:
+            return found
+        why = f"{name}({', '.join(bodies)}) was not measured at every frame"
+        return (lost, why) if found is None else (lost | found[0], f"{why}; {found[1]}")
 
-    def _unseen(
-        self, name: str, bodies: Sequence[str], doubt: tuple[Bool, str] | None
-    ) -> tuple[Bool, str] | None:
-        """A doubt, and that of the frames at which nothing was recorded."""
-        unseen = self.episode.unseen
-        if unseen is None:
-            return doubt
-        if name in ("exposed_to", "caused"):  # who touched whom in a hole was not seen
+    def unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
+        """(T,) true where something that a relation rests on was not measured; None if nowhere.
+
+        Of forces, what was read so far counts: ``get`` comes first.
+        """
+        found = self._lost_by(name, bodies)
+        if name not in ("supported", "carried", "depends_on", "exposed_to") or not self._hidden:
+            return found
+        truth = self.get(name, bodies)
+        if truth is None or truth.all():
+            return found
+        return ~truth if found is None else found | ~truth
+
+    @cached_property
+    def _hidden(self) -> bool:
+        """Without forces: the shape of some body that is no robot is missing; it may bear others."""
+        names = [b.name for b in self.episode.header.bodies if b.kind not in ("robot", "gripper")]
+        return self.blind and bool(self.signals.movers.unseen(names))
+
+    def _lost_by(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
+        gaps, index = self.signals.gaps, self.episode.body_index
+        if name in ("exposed_to", "caused"):
+            lost = self._lost(None, None)
+            if lost is None:
+                return None
             truth = self.get(name, bodies)
-            unseen = np.asarray(np.logical_or.accumulate(unseen), np.bool_)
-            unseen = unseen if truth is None else unseen & ~truth
-        return (unseen, "") if doubt is None else (doubt[0] | unseen, doubt[1])
+            after = np.maximum.accumulate(lost)  # what it touched meanwhile stays on it
+            return after if truth is None else (after & ~truth) | (lost & truth & after)
+        chained = name in ("supported", "carried", "depends_on")
+        near = None if chained else {index[b] for body in bodies for b in self.signals.bodies(body)}
+        if self.blind or name == "inside":
+            poses = [] if chained else [*bodies]
+            if name == "held":
+                poses += self.signals.bodies("gripper")
+            found = gaps.of_bodies(poses) if poses else self._lost_poses()
+            if name == "inside" and not self.blind:
+                more = self._lost(near, near)
+                found = more if found is None else found if more is None else found | more
+            return found
+        if name == "supports":
+            return self._lost(near, near)
+        if name == "held":
+            return self._lost(near, None)
+        found = self._lost(None, None)
+        if name == "depends_on":
+            poses_lost = self._lost_poses()
+            found = (
+                poses_lost if found is None else found if poses_lost is None else found | poses_lost
+            )
+        return found
 
-    def _doubtful(
-        self, name: str, bodies: Sequence[str], wanted: Bool | None
+    def _lost(self, first: set[int] | None, second: set[int] | None) -> Bool | None:
+        """(T,) where the force between a body of each set (None: any) is not known."""
+        gaps = self.signals.gaps
+        if self.blind:
+            return self._lost_poses()
+        self.signals.contact_sums.look(gaps.read)
+        return gaps.of_pairs(
+            (i, j)
+            for i, j in gaps.pairs
+            if ((first is None or i in first) and (second is None or j in second))
+            or ((first is None or j in first) and (second is None or i in second))
+        )
+
+    def _lost_poses(self) -> Bool | None:
+        """(T,) where the pose of any body that relations looked at is not known."""
+        return self.signals.gaps.of_loaded()
+
+    def doubtful_by_nature(
+        self, name: str, bodies: Sequence[str], wanted: Bool | None = None
     ) -> tuple[Bool, str] | None:
+        """The same, of what was measured: where it leaves a relation open."""
         if name == "caused":
             return doubt.may_have_been_touched(self, *bodies)
         if self.blind and name in ("held", "carried"):
@@ -257,21 +318,19 @@ class Relations:
         The ``COSTLY`` ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
         others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
-        unseen = self.episode.unseen
         if name == "slip":  # since a grasp that may have been lost in a hole
-            found = self._slip(bodies[0], reference)
+            found = self._known_part(name, bodies, self._slip(bodies[0], reference))
+            unseen = self.episode.unseen
             return found if unseen is None else hide(found, np.logical_or.accumulate(unseen))
         if name == "load_share":
-            found = self._load_share(*bodies)
-            return found if unseen is None else hide(found, unseen)
+            return self._known_part(name, bodies, self._load_share(*bodies))
         if name in effect.SIGNALS:
             found = effect.measure(self, name, bodies, dict(options).get("over"))
-            return found if unseen is None else hide(found, unseen)
+            return self._known_part(name, bodies, found)
         if name == "fall":
             if bodies[0] not in self._falls:
                 self._falls[bodies[0]] = falls.fallen(self, bodies[0])
-            found = self._falls[bodies[0]]
-            return found if unseen is None else hide(found, unseen)
+            return self._known_part(name, bodies, self._falls[bodies[0]])
         if name not in MEASURES:
             return self.signals.get(name, bodies, reference, reach, options, limits)
         key = (name, tuple(bodies), options)
@@ -282,7 +341,21 @@ class Relations:
         missing = partial.missing(todo)
         if len(missing):
             partial.add(missing, self.measure(name, missing, bodies, options))
-        return partial.series(todo, SIGNALS[name].dimension)
+        return self._known_part(name, bodies, partial.series(todo, SIGNALS[name].dimension))
+
+    def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
+        """The same, unknown where something that it may rest on was not measured."""
+        gaps = self.signals.gaps
+        lost = gaps.of_bodies(bodies)
+        if name == "edge_margin" and len(bodies) == 1 and self._hidden:
+            nothing = np.isneginf(found.upper)  # nothing that is seen bears it
+            lost = nothing if lost is None else lost | nothing
+        for more in (self._lost_poses(), None if name == "overlap_xy" else self._lost(None, None)):
+            if more is not None:
+                lost = more if lost is None else lost | more
+        if lost is None:
+            return found
+        return hidden(found, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
 
     def measure(
         self, name: str, at: NDArray[np.int64], bodies: Sequence[str], options: Options = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Episode
 from safestage_eval.episode.contacts import Pair
 
-from .contact_kernels import add_up, add_up_normal
+from .contact_kernels import add_up, add_up_normal, strange
+from .gaps import Gaps
 
 F64 = NDArray[np.float64]
 
@@ -18,9 +20,10 @@ F64 = NDArray[np.float64]
 class ContactSums:
     """Per body pair (indices into ``header.bodies``): sums over the contact rows of each frame."""
 
-    def __init__(self, episode: Episode) -> None:
-        """Nothing is computed before it is asked for."""
-        self._episode = episode
+    def __init__(self, episode: Episode, gaps: Gaps | None = None) -> None:
+        """Nothing is computed before it is asked for. ``gaps``: of the same episode."""
+        self._gaps = gaps or Gaps(episode)
+        self._episode = self._gaps.episode if gaps is None else episode
         self._frames = len(episode)
         self._normal: dict[Pair, F64] = {}
         self._vertical: dict[Pair, F64] = {}
@@ -51,8 +54,31 @@ class ContactSums:
         key = (min(i, j), max(i, j))
         if key not in self._normal:
             frame, force, normal = self._episode.contacts.of_pair(key, "frame", "force", "normal")
-            self._normal[key] = add_up_normal(frame, force, normal, self._frames)
+            sums, sound = add_up_normal(frame, force, normal, self._frames)
+            self._normal[key] = sums if sound else self._sound(key, frame, force, normal)
         return self._normal[key]
+
+    def _sound(self, key: Pair, frame: Any, force: Any, normal: Any) -> F64:
+        """As ``normal``, of the contacts that can be; where others are, the force is not known."""
+        long, pulls = strange(force, normal)
+        for rows, why in (
+            (long, "a contact normal is not of unit length"),
+            (pulls, "a contact force pulls"),
+        ):
+            if rows.any():
+                self._gaps.mark(key, frame[rows], why)
+        good = ~(long | pulls)
+        return add_up_normal(frame[good], force[good], normal[good], self._frames)[0]
+
+    def look(self, pairs: set[Pair]) -> None:
+        """Look whether the contacts of these pairs are sound, as ``normal`` does."""
+        for pair in pairs - self._normal.keys():
+            self.normal(*pair)
+
+    def unknown(self, i: int, j: int) -> NDArray[np.bool_] | None:
+        """(T,) true where the force between two bodies is not known; None if nowhere."""
+        self.normal(i, j)
+        return self._gaps.of_pair(i, j)
 
     def peak(self, i: int, j: int) -> F64:
         """(T,) N, largest value of ``normal`` over the physics steps within each frame."""
@@ -68,6 +94,7 @@ class ContactSums:
         """(T,) N, vertical component (up positive) of the total force on one body by another."""
         key = (min(on, by), max(on, by))
         if key not in self._vertical:
+            self.normal(*key)  # looks whether the contacts are sound
             frame, force = self._episode.contacts.of_pair(key, "frame", "force.z")
             self._vertical[key] = add_up(frame, force, self._frames)
         return self._vertical[key] if on > by else -self._vertical[key]

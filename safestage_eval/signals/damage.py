@@ -11,11 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .facts import Query
+from .gaps import POSE, TWIST
 from .motion import com_velocity
 from .options import DEFAULT_OVER
 from .series import Series, exact
 
 F64 = NDArray[np.float64]
+
+ALL = (*POSE, *TWIST)
 
 STEADY = 1e-6
 """m/s: a change of velocity below the rounding of a trace has no direction."""
@@ -43,8 +46,9 @@ def quasistatic_force(query: Query) -> Series:
     F is the normal force on the body. One against Δv, or while there is no Δv, counts whole.
     """
     episode, name = query.episode, query.bodies[0]
-    if episode.header.force_source == "none":
-        return query.unknown("the trace has no contact forces")
+    gaps = query.facts.gaps
+    if not gaps.forces:
+        return query.unknown(gaps.about_forces)
     found = _change(query)
     if isinstance(found, Series):
         return found
@@ -53,6 +57,7 @@ def quasistatic_force(query: Query) -> Series:
     moved = size >= STEADY
     ahead = np.divide(change, size[:, None], out=np.zeros_like(change), where=moved[:, None])
     body, total = episode.body_index[name], np.zeros(len(episode))
+    pairs = []
     for other in query.facts.contact_sums.beside(body):
         pair = (min(body, other), max(body, other))
         frame, vector, normal = episode.contacts.of_pair(pair, "frame", "force", "normal")
@@ -62,7 +67,13 @@ def quasistatic_force(query: Query) -> Series:
         forward = np.maximum(np.einsum("ck,ck->c", force, ahead[frame]), 0.0)
         steady = np.linalg.norm(force - forward[:, None] * ahead[frame], axis=1)
         total += np.bincount(frame, steady, len(episode))
-    return exact(total, query.dimension, notes)
+        pairs.append(pair)
+        query.facts.contact_sums.normal(*pair)  # looks whether the contacts are sound
+    lost = gaps.of_pairs(pairs)
+    if lost is None:
+        return exact(total, query.dimension, notes)
+    most = np.where(lost, np.inf, total)
+    return Series(total, most, query.dimension, (*notes, *gaps.told(pairs)))
 
 
 def damage(query: Query) -> Series:
@@ -78,11 +89,19 @@ def damage(query: Query) -> Series:
     by_impact, by_hold, threshold, scale = (float(values[column]) for column in columns)  # type: ignore[arg-type]
     impacts, holds = impact(query), quasistatic_force(query)
     for found in (impacts, holds):
-        if not found.known.all():
-            return found
-    potential = by_impact * impacts.lower + by_hold * holds.lower - threshold
-    loss = np.clip(np.maximum(potential, 0.0) * scale / 100, 0.0, 1.0)
-    return exact(loss, query.dimension, tuple(dict.fromkeys(impacts.notes + holds.notes)))
+        if not found.known.any():
+            return query.unknown(", ".join(found.notes))
+    notes = tuple(dict.fromkeys(impacts.notes + holds.notes))
+
+    def loss(by: F64, held: F64) -> F64:
+        potential = (by_impact * by if by_impact else 0.0) + (by_hold * held if by_hold else 0.0)
+        lost: F64 = np.clip(np.maximum(potential - threshold, 0.0) * scale / 100, 0.0, 1.0)
+        return np.broadcast_to(lost, len(by))
+
+    least = loss(np.maximum(impacts.lower, 0), np.maximum(holds.lower, 0))
+    if impacts.lower is impacts.upper and holds.lower is holds.upper:
+        return exact(least, query.dimension, notes)
+    return Series(least, loss(impacts.upper, holds.upper), query.dimension, notes)
 
 
 def health(query: Query) -> Series:
@@ -92,11 +111,32 @@ def health(query: Query) -> Series:
     seen for Δt, so it costs its damage once.
     """
     loss = damage(query)
-    if not loss.known.all():
+    if not loss.known.any():
         return loss
+    lost = (
+        touched_by(query, gap)
+        if (gap := query.facts.gaps.of_bodies(query.bodies, ALL)) is not None
+        else None
+    )
     seconds = np.diff(query.episode.t, prepend=query.episode.t[0])
-    left = np.maximum(1 - np.cumsum(loss.lower * seconds) / _over(query), 0.0)
-    return exact(left, query.dimension, loss.notes)
+
+    def left(damage: F64) -> F64:
+        return np.maximum(1 - np.cumsum(damage * seconds) / _over(query), 0.0)
+
+    if lost is None and loss.lower is loss.upper:
+        return exact(left(loss.lower), query.dimension, loss.notes)
+    least, most = loss.lower, loss.upper
+    if lost is not None:  # whatever happened meanwhile: from nothing to all
+        least, most = np.where(lost, 0.0, least), np.where(lost, 1.0, most)
+    return Series(left(most), left(least), query.dimension, loss.notes)
+
+
+def touched_by(query: Query, lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(T,) where a change of velocity over the stated time looks at a frame that is lost (T,)."""
+    t = query.episode.t
+    first = np.maximum(np.searchsorted(t, t - _over(query), "right") - 1, 0)
+    many = np.concatenate([[0], np.cumsum(lost)])
+    return many[1:] > many[first]
 
 
 def _over(query: Query) -> float:

@@ -16,6 +16,7 @@ from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
 
 from .contact_sums import ContactSums
+from .gaps import Gaps
 from .options import Options, OptionValue
 from .reference import Baseline, Reference
 from .series import Series, unknown
@@ -71,7 +72,8 @@ class Facts:
 
         ``backend``: whose clearances (geometry.backend).
         """
-        self.episode = episode
+        self.gaps = Gaps(episode)
+        self.episode = episode = self.gaps.episode
         self.backend = backend
         self.baseline = Baseline(baseline_frames)
         self.movers = Movers(episode)
@@ -83,7 +85,7 @@ class Facts:
     @cached_property
     def contact_sums(self) -> ContactSums:
         """Forces summed per pair of bodies."""
-        return ContactSums(self.episode)
+        return ContactSums(self.episode, self.gaps)
 
     def baseline_of(self, name: str) -> Baseline:
         """Where the initial state of a body is estimated: the first frames in which it rests."""

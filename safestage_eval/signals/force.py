@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .facts import Query
-from .series import Series, exact
+from .series import Series
 
 F64 = NDArray[np.float64]
 
@@ -14,40 +14,59 @@ F64 = NDArray[np.float64]
 def between(query: Query) -> Series:
     """N, summed over the pairs of two unions, or of one with everything else.
 
-    ``peak_force`` sums the peaks of the pairs, the others the normal forces at the frame.
+    The peaks of several pairs need not be at one moment: ``peak_force`` is at least the largest and
+    at most their sum. A force that is not known may be any.
     """
-    if query.episode.header.force_source == "none":
-        return query.unknown("the trace has no contact forces")
-    sums = query.facts.contact_sums
-    force = sums.peak if query.name == "peak_force" else sums.normal
+    gaps = query.facts.gaps
+    if not gaps.forces:
+        return query.unknown(gaps.about_forces)
+    sums, pairs = query.facts.contact_sums, _pairs(query)
+    peaks = query.name == "peak_force"
     total = np.zeros(len(query.episode))
-    for i, j in _pairs(query):
-        total = total + force(i, j)
-    return exact(total, query.dimension)
+    least = total
+    for i, j in pairs:
+        force = (sums.peak if peaks else sums.normal)(i, j)
+        total, least = total + force, np.maximum(least, force)
+    if not peaks or len(pairs) < 2:
+        least = total
+    else:  # the sum at the frame is one that there was
+        least = np.maximum(least, sum(sums.normal(i, j) for i, j in pairs))
+    lost = gaps.of_pairs(pairs)
+    if lost is not None:
+        total = np.where(lost, np.inf, total)
+    return Series(least, total, query.dimension, gaps.told(pairs))
 
 
 def impulse(query: Query) -> Series:
     """N s, time integral of the contact force since the two last began to touch.
 
     The force at a frame acts over the time since the frame before. Of a touch between two frames
-    only the peak is known: it lasted at least one physics step and at most the whole frame.
+    only the peak is known: it lasted at least one physics step and at most the whole frame. From a
+    frame on at which the force is not known the integral may be any, while the touch lasts.
     """
-    episode = query.episode
-    if episode.header.force_source == "none":
-        return query.unknown("the trace has no contact forces")
+    episode, gaps = query.episode, query.facts.gaps
+    if not gaps.forces:
+        return query.unknown(gaps.about_forces)
     seconds = np.diff(episode.t, prepend=episode.t[0] - episode.dt)
     step = np.minimum(episode.header.physics_dt, seconds)
     lower, upper = np.zeros(len(episode)), np.zeros(len(episode))
     touching = np.zeros(len(episode), np.bool_)
-    for i, j in _pairs(query):
+    pairs = _pairs(query)
+    for i, j in pairs:
         force = query.facts.contact_sums.normal(i, j)
         peak = query.facts.contact_sums.peak(i, j)
         lower += np.where(force > 0, force * seconds, peak * step)
         upper += np.where(force > 0, force * seconds, peak * seconds)
         touching |= peak > 0
-    return Series(
-        _since_touching(lower, touching), _since_touching(upper, touching), query.dimension
-    )
+    most = _since_touching(upper, touching)
+    lost = gaps.of_pairs(pairs)
+    if lost is not None:
+        may = touching | lost
+        begun = np.maximum.accumulate(np.where(may, 0, np.arange(1, len(may) + 1)))
+        since = np.cumsum(lost)
+        before = np.concatenate([[0], since])[begun]
+        most = np.where(may & (since > before), np.inf, _since_touching(upper, may))
+    return Series(_since_touching(lower, touching), most, query.dimension, gaps.told(pairs))
 
 
 def _since_touching(gains: F64, touching: NDArray[np.bool_]) -> F64:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from safestage_eval.episode import Episode
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Body, Episode
 from safestage_eval.geometry.clearance import SLACK, Clearance, motion_bound
 from safestage_eval.geometry.gjk import PROMISED
 
@@ -21,9 +24,10 @@ from . import (
     workspace,
 )
 from .facts import Facts, Query
+from .gaps import POSE, around
 from .options import Options
 from .reference import Reference
-from .series import Series, exact, unknown
+from .series import Series, exact, hidden, unknown
 from .unseen import mask_unseen
 from .vocabulary import SIGNALS
 
@@ -42,6 +46,91 @@ def how(name: str, reach: float, limits: Sequence[float]) -> tuple[float, bool, 
         return 0.0, False, 0.0
     deep = min(limits, default=1.0) <= 0
     return max(reach, CAP), deep, SLACK if limits and not deep else 0.0
+
+
+ORIENTED = ("turn", "tilt", "angular_speed")
+"""Signals that need no position."""
+
+FORCES = ("contact_force", "peak_force", "total_force", "impulse")
+"""Signals of forces alone: what is unknown of these they know themselves."""
+
+MOVING = (
+    "speed",
+    "vertical_speed",
+    "relative_speed",
+    "impact",
+    "quasistatic_force",
+    "damage",
+    "health",
+)
+"""Signals of the velocity of the centre of mass."""
+
+
+def gap_of(query: Query) -> NDArray[np.bool_] | None:
+    """(T,) where something that a signal is measured from was not measured; None if nowhere."""
+    gaps, episode, name = query.facts.gaps, query.episode, query.name
+    if SIGNALS[name].joints or name in (*FORCES, "gripper_opening", "channel"):
+        return gaps.unseen
+    found = gaps.unseen
+    for body in {body for group in query.groups for body in group}:
+        lost = _gap_of_body(query, episode.bodies[body])
+        if lost is not None:
+            found = lost if found is None else found | lost
+    if name == "self_clearance":
+        robot = [b.name for b in episode.header.bodies if b.kind in ("robot", "gripper")]
+        found = gaps.of_bodies(robot)
+    if found is None:
+        return None
+    if name == "health":
+        return gaps.unseen  # it adds up: what is lost widens all that follows
+    if name in ("impact", "quasistatic_force", "damage"):
+        found = damage.touched_by(query, found)
+    if name in CHANGES and (name != "height" or query.since is not None):
+        found = _of_reference(query, found)
+    return found
+
+
+CHANGES = ("lift", "displacement", "displacement_xy", "turn", "height")
+"""Signals that are measured from a reference."""
+
+
+def _of_reference(query: Query, lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The same, with the frames of which the reference was not measured."""
+    reference = query.reference
+    first = lost[reference.baseline.stretch]
+    whole = bool(2 * first.sum() > len(first))  # most of it is missing
+    if reference.since is None:
+        return lost | whole
+    since = reference.since
+    return lost | np.where(since < 0, whole, lost[np.maximum(since, 0)])
+
+
+def _gap_of_body(query: Query, body: Body) -> NDArray[np.bool_] | None:
+    gaps, name = query.facts.gaps, query.name
+    offset = any(body.com)
+    if name == "tilt":
+        return None if body.up_axis is None else gaps.of_body(body.name, ("orientation",))
+    if name in ORIENTED:
+        columns: tuple[str, ...] = ("orientation",)
+    elif name in CHANGES and name != "lift":
+        columns = POSE if offset else ("position",)
+    elif name in MOVING:
+        columns = ("position", "orientation", "angular_velocity") if offset else ("position",)
+    elif body.geoms:
+        columns = POSE
+    else:
+        return None
+    if name not in MOVING and name != "angular_speed":
+        return gaps.of_body(body.name, columns)
+    # derived from poses where no velocity was recorded, else taken as it is
+    column = "angular_velocity" if name == "angular_speed" else "linear_velocity"
+    recorded = gaps.of_body(body.name, (column,))
+    if not motion.derived(query.episode, body.name, column):
+        more = ("orientation", "angular_velocity") if offset and name in MOVING else ()
+        other = gaps.of_body(body.name, more)
+        return other if recorded is None else recorded if other is None else recorded | other
+    lost = gaps.of_body(body.name, columns)
+    return None if lost is None else around(lost)
 
 
 def loose(found: Series, cap: float) -> Clearance:
@@ -142,7 +231,7 @@ class Signals(Facts):
         """
         if name not in stretch.SIGNALS or options or bodies[0] not in self.episode.bodies:
             return None
-        if self.episode.unseen is not None:
+        if self.gaps.of_bodies(bodies[:1]) is not None:
             return None
         known = self._known.get((name, bodies, reference.key if reference else "", *PLAIN))
         if known is not None:
@@ -207,4 +296,16 @@ class Signals(Facts):
         if missing:
             return unknown(frames, dimension, f"the trace has no {' and no '.join(missing)}")
         query = Query(self, name, dimension, bodies, groups, reference, cap, deep, slack, options)
-        return mask_unseen(MEASURES[name](query), query)
+        return mask_unseen(self._without_gaps(MEASURES[name](query), query), query)
+
+    def _without_gaps(self, found: Series, query: Query) -> Series:
+        """The same, unknown where something that it is measured from was not measured."""
+        lost = gap_of(query)
+        lower, upper = found.lower, found.upper
+        if np.isnan(lower).any() or np.isnan(upper).any():
+            nan = np.isnan(lower) | np.isnan(upper)
+            lost = nan if lost is None else lost | nan
+        if lost is None:
+            return found
+        note = f"{query.name}({', '.join(query.bodies)}) was not measured at every frame"
+        return hidden(found, lost, note)

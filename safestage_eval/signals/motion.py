@@ -57,7 +57,7 @@ def linear_velocity(episode: Episode, name: str) -> tuple[Numbers, tuple[str, ..
     the central difference of the positions then (one-sided in the first and last frame).
     """
     track = episode.track(name)
-    if _some(track.linear_velocity) or _still(track.position):
+    if not derived(episode, name, "linear_velocity"):
         return track.linear_velocity, ()
     first, last, seconds = _neighbours(episode.t)
     position = track.position.astype(np.float64)
@@ -67,7 +67,7 @@ def linear_velocity(episode: Episode, name: str) -> tuple[Numbers, tuple[str, ..
 def angular_velocity(episode: Episode, name: str) -> tuple[Numbers, tuple[str, ...]]:
     """(T, 3) rad/s, world; and a note if it had to be derived, as for ``linear_velocity``."""
     track = episode.track(name)
-    if _some(track.angular_velocity) or _still(track.orientation):
+    if not derived(episode, name, "angular_velocity"):
         return track.angular_velocity, ()
     first, last, seconds = _neighbours(episode.t)
     turned = product(unit(track.orientation[last]), conjugate(unit(track.orientation[first])))
@@ -76,6 +76,14 @@ def angular_velocity(episode: Episode, name: str) -> tuple[Numbers, tuple[str, .
     size = 2 * np.arctan2(sine, turned[:, 0])
     scale = np.divide(size, sine, out=np.zeros_like(sine), where=sine > 0)
     return turned[:, 1:] * (scale / seconds)[:, None], _derived(name)
+
+
+def derived(episode: Episode, name: str, column: str) -> bool:
+    """A body moves, though the recorded velocity of that name is zero throughout."""
+    track = episode.track(name)
+    if _some(getattr(track, column)):
+        return False
+    return not _still(track.position if column == "linear_velocity" else track.orientation)
 
 
 def _some(column: NDArray[np.float32]) -> bool:

@@ -62,3 +62,15 @@ def hide(found: Series, where: NDArray[np.bool_]) -> Series:
 def unknown(frames: int, dimension: str, why: str) -> Series:
     """A series of which nothing is known, and why."""
     return Series(np.full(frames, -np.inf), np.full(frames, np.inf), dimension, (why,))
+
+
+def hidden(found: Series, lost: NDArray[np.bool_], note: str) -> Series:
+    """The same, of which nothing is known where ``lost`` (T,)."""
+    if not lost.any():
+        return found
+    return Series(
+        np.where(lost, -np.inf, found.lower),
+        np.where(lost, np.inf, found.upper),
+        found.dimension,
+        (*found.notes, note),
+    )

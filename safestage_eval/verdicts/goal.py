@@ -153,13 +153,9 @@ class GoalMonitor:
         ``window_frames`` before the first of them, or at the start of the episode. Those older
         frames confirm nothing: what had begun before the window is not known at its start.
         """
-        evaluator = Evaluator(
-            Relations(Signals(with_holes(window, begins=False))),
-            self._rules,
-            self._params,
-            None,
-            causal=True,
-        )
+        signals = Signals(with_holes(window, begins=False))
+        signals.gaps.whole = False
+        evaluator = Evaluator(Relations(signals), self._rules, self._params, None, causal=True)
         start = max(0, len(window) - new)
         frame = first_success(evaluator, self._goal, self._players, start=start).frame
         return None if frame is None else float(window.t[frame])

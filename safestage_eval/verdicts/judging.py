@@ -53,7 +53,8 @@ def judge(
         overrides: parameter → value as written (``{"edge": "3 cm"}``); beats every other source.
         bind: roles, goal, rules and parameters for traces whose header lacks them
             (``rules.load_bind``).
-        trace_hash: the episode's content hash if it is known; computing it reads every column.
+        trace_hash: the episode's content hash, by a caller that computed it; None: as read, or
+            computed (``Episode.trace_hash``).
         backend: whose clearances (``geometry.backend``); part of each rule's digest.
         assigned_only: judge only the rules that the episode's task is assigned.
         memory: where what was measured before is found.
@@ -109,7 +110,10 @@ class Judge:
         self.notes: list[str] = []
         if self._backend != BACKEND:
             self.notes.append(f"clearances as {self._backend} tells them, not certified")
-        self.notes += [*binding.warnings(), *describe_holes(episode), *self._too_light()]
+        self.notes += [*binding.warnings(), *describe_holes(episode)]
+        if self._relations.blind and episode.header.force_source != "none":
+            self.notes.append(self._relations.signals.gaps.about_forces)
+        self.notes += self._too_light()
         self._success = native_success(
             episode, binding.goal, Evaluator(
                 self._relations, rules, binding.params(None), None, causal=True, memory=memory
@@ -147,7 +151,7 @@ class Judge:
             rollout=header.rollout,
             success=self.success,
             success_time=self.success_time,
-            trace_hash=trace_hash or self._episode.content_hash,
+            trace_hash=trace_hash or self._episode.trace_hash,
             version=__version__,
             verdicts=tuple(with_consequences(verdicts)),
             notes=tuple(self.notes),
@@ -297,7 +301,7 @@ class Judge:
     def _too_light(self) -> list[str]:
         """A warning that names the objects whose own weight is no contact."""
         header, least = self._episode.header, self.binding.params(None).get("contact_force")
-        if least is None or header.force_source == "none":
+        if least is None or self._relations.blind:
             return []
         gravity, force = float(np.linalg.norm(header.gravity)), _size(least)
         light = [

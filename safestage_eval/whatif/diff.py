@@ -83,10 +83,7 @@ def diff_episode(
     episode = ref.open()
     old = Again(episode, before, bind=binds[0])
     new = Again(episode, after, overrides, binds[1], like=old)
-    rows, others = (
-        {row["rule"]: row for row in side.judge.result(ref.content_hash).rows()}
-        for side in (old, new)
-    )
+    rows, others = ({row["rule"]: row for row in side.judge.result().rows()} for side in (old, new))
     plain = difference(rows.values(), others.values())
     flips = []
     for flip in plain.flips:

@@ -212,7 +212,12 @@ def with_value(index, value):
         ("frames", "timestamp", with_value(3, float("nan")), "time is not a finite number at row"),
         ("frames", "frame_index", with_value(3, 4), "not the frames 0…9 in order"),
         ("frames", "gripper", with_value(3, [1.0]), "rows of 'gripper' differ in length"),
-        ("bodies", "position.x", with_value(5, None), "position of 'cube' is not a finite number"),
+        (
+            "bodies",
+            "position.x",
+            with_value(5, float("inf")),
+            "position of 'cube' is not a finite number",
+        ),
         (
             "bodies",
             "orientation.w",

@@ -247,7 +247,7 @@ def test_frames_laid_out_differently_are_decoded_one_by_one(tmp_path):
         (lambda n: {"time": 0.1}, {}, "time does not increase at frame 1"),
         (lambda n: {"frame_index": 7}, {}, "not the frames 0, 1, 2"),
         (
-            lambda n: {"body_position": [0, 0, float("nan")]},
+            lambda n: {"body_position": [0, 0, float("inf")]},
             {},
             "position of 'cup' is not a finite",
         ),

@@ -97,7 +97,7 @@ def test_points_in_any_order_are_sorted(cloud):
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
-        ("force", np.nan, "contact force is not a finite number at row 1"),
+        ("force", np.inf, "contact force is not a finite number at row 1"),
         ("depth", np.inf, "contact depth is not a finite number at row 1"),
         ("geom2", 7, "geom2 is 7; there are 7 geoms"),
         ("geom1", 65535, "geom1 is 65535; there are 7 geoms"),

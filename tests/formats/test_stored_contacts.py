@@ -109,7 +109,7 @@ def test_other_pairs_are_not_read(tmp_path, monkeypatch):
     ("column", "value", "message"),
     [
         ("frame_index", 40, "out of range"),
-        ("force.z", np.nan, "not a finite number"),
+        ("force.z", np.inf, "not a finite number"),
         ("geom1", 3, "does not belong to body1"),
         ("geom2", 9, "out of range"),
     ],

@@ -202,7 +202,7 @@ def test_a_fixed_body_needs_a_pose():
 
 def test_broken_episodes_are_not_written(tmp_path):
     writer = falling_cube(path=tmp_path / "e.mcap")
-    writer.add_frame(1.0, pose(np.nan))
+    writer.add_frame(1.0, pose(np.inf))
     with pytest.raises(TraceError, match="position of 'cube' is not a finite number at row 20"):
         writer.close()
     assert list(tmp_path.iterdir()) == []

@@ -117,7 +117,8 @@ def test_what_hardly_presses_on_it_from_below_is_not_stood_on() -> None:
 def test_what_presses_down_takes_no_share_of_the_load() -> None:
     scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
     scene.box("palm", 0.02, (0, 0, 0.12), kind="gripper")
-    scene.rests("a", "table", 0.05, (0, 0, 0), G + 5).contact("palm", "a", (0, 0, 0.1), (0, 0, -5))
+    scene.rests("a", "table", 0.05, (0, 0, 0), G + 5)
+    scene.contact("palm", "a", (0, 0, 0.1), (0, 0, -5), normal=(0, 0, -1))
     assert value(scene, "load_share", "a", "table") == pytest.approx(1.0)
     assert value(scene, "load_share", "a", "palm") == 0
 

@@ -20,7 +20,7 @@ def test_the_same_sums(count):
     wide, other = force.astype(np.float64), normal.astype(np.float64)
     along = wide[:, 0] * other[:, 0] + wide[:, 1] * other[:, 1] + wide[:, 2] * other[:, 2]
     expected = np.bincount(frame, np.abs(along), minlength=20)
-    assert np.array_equal(add_up_normal(frame, force, normal, 20), expected)
+    assert np.array_equal(add_up_normal(frame, force, normal, 20)[0], expected)
     up = np.ascontiguousarray(force[:, 2])
     assert np.array_equal(add_up(frame, up, 20), np.bincount(frame, up, minlength=20))
 
@@ -30,9 +30,9 @@ def test_rows_as_other_files_keep_them():
     assert np.array_equal(
         add_up(frame, force[:, 1], 9), add_up(frame, np.ascontiguousarray(force[:, 1]), 9)
     )
-    found = add_up_normal(frame.astype(np.int64), force[:, ::-1], normal[:, ::-1], 9)
+    found, _ = add_up_normal(frame.astype(np.int64), force[:, ::-1], normal[:, ::-1], 9)
     mirrored = np.ascontiguousarray(force[:, ::-1]), np.ascontiguousarray(normal[:, ::-1])
-    assert np.array_equal(found, add_up_normal(frame, *mirrored, 9))
+    assert np.array_equal(found, add_up_normal(frame, *mirrored, 9)[0])
 
 
 def test_a_frame_that_is_not_in_the_episode_writes_nowhere():

@@ -1,0 +1,168 @@
+"""What was not measured is unknown, and nothing else is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import G, Scene
+
+from safestage_eval.relations.measure import Relations
+from safestage_eval.signals.measure import Signals
+
+LOST = slice(20, 30)
+
+
+def resting(frames=60, push=0.0):
+    scene = Scene(frames).fixed("table").box("a", 0.05, (0, 0, 0.05)).box("b", 0.05, (0.3, 0, 0.05))
+    for name, x in (("a", 0.0), ("b", 0.3)):
+        scene.rests(name, "table", 0.05, (x, 0, 0), G)
+    if push:
+        scene.contact("b", "a", (0.1, 0, 0.05), (-push, 0, 0), normal=(-1, 0, 0))
+    return scene.episode()
+
+
+def with_nan(episode, body, column, at=LOST):
+    track = episode.tracks[body]
+    values = getattr(track, column).copy()
+    values[at] = np.nan
+    return replace(episode, tracks={**episode.tracks, body: replace(track, **{column: values})})
+
+
+def with_contacts(episode, column, by, at=LOST):
+    contacts = episode.contacts
+    values = getattr(contacts, column).copy()
+    rows = (contacts.frame >= at.start) & (contacts.frame < at.stop) & (contacts.body2 == 1)
+    values[rows] = by(values[rows])
+    return replace(episode, _contacts=replace(contacts, **{column: values}))
+
+
+def lost(series):
+    return np.flatnonzero(~series.known)
+
+
+@pytest.mark.parametrize(
+    ("signal", "column"),
+    [
+        ("displacement", "position"),
+        ("height", "position"),
+        ("turn", "orientation"),
+        ("tilt", "orientation"),
+        ("lift", "orientation"),
+    ],
+)
+def test_a_body_whose_pose_is_nan_is_unknown_there_alone(signal, column):
+    episode = with_nan(resting(), "a", column)
+    signals = Signals(episode)
+    assert lost(signals.get(signal, ["a"])).tolist() == [*range(20, 30)]
+    assert signals.get(signal, ["b"]).known.all()
+    where, whole = (Signals(e).get(signal, ["a"]) for e in (episode, resting()))
+    assert np.array_equal(where.lower[where.known], whole.lower[where.known])
+
+
+def test_a_distance_to_a_body_whose_pose_is_nan_is_unknown_there():
+    found = Signals(with_nan(resting(), "a", "position")).get("clearance", ["a", "b"])
+    assert lost(found).tolist() == [*range(20, 30)]
+
+
+def test_a_change_is_unknown_where_what_it_is_measured_from_is_not_known():
+    early = with_nan(resting(), "a", "position", slice(0, 5))
+    assert not Signals(early).get("displacement", ["a"]).known.any()
+    one = with_nan(resting(), "a", "position", slice(0, 1))
+    assert lost(Signals(one).get("displacement", ["a"])).tolist() == [0]
+
+
+def test_velocities_that_are_all_nan_were_not_recorded():
+    episode = with_nan(resting(), "a", "linear_velocity", slice(None))
+    assert Signals(episode).get("speed", ["a"]).known.all()
+
+
+def test_nothing_is_known_at_frames_that_nobody_saw():
+    unseen = np.zeros(60, np.bool_)
+    unseen[LOST] = True
+    episode = replace(resting(), unseen=unseen)
+    relations = Relations(Signals(episode))
+    for name, bodies in (("displacement", "a"), ("contact_force", "at"), ("edge_margin", "a")):
+        names = [{"a": "a", "t": "table"}[x] for x in bodies]
+        assert lost(relations.signal(name, names))[:10].tolist() == [*range(20, 30)], name
+    assert relations.get("supported", ["a"]) is not None
+    assert np.flatnonzero(relations.unmeasured("supported", ("a",))).tolist() == [*range(20, 30)]
+
+
+@pytest.mark.parametrize(
+    ("column", "by", "why"),
+    [
+        ("normal", lambda n: n * 2, "unit length"),
+        ("normal", lambda n: n * 0, "unit length"),
+        ("normal", lambda n: -n, "pulls"),
+        ("force", lambda f: -f, "pulls"),
+        ("force", lambda f: f * np.nan, "NaN"),
+        ("normal", lambda n: n * np.nan, "NaN"),
+    ],
+)
+def test_a_contact_that_cannot_be_makes_the_force_of_its_pair_unknown(column, by, why):
+    episode = with_contacts(resting(), column, by)
+    relations = Relations(Signals(episode))
+    found = relations.signal("contact_force", ["a", "table"])
+    assert (found.upper[LOST] == np.inf).all()
+    assert (found.lower[LOST] >= 0).all()
+    assert found.upper[0] == found.lower[0] == pytest.approx(G)
+    [note] = found.notes
+    assert why in note
+    assert "table and a" in note
+    assert "10 frames from 0.167 s on" in note
+    assert np.isfinite(relations.signal("contact_force", ["b", "table"]).upper).all()
+    relations.get("supports", ["table", "a"])
+    assert relations.unmeasured("supports", ("table", "a"))[LOST].all()
+    relations.get("supports", ["table", "b"])
+    doubt = relations.unmeasured("supports", ("table", "b"))
+    assert doubt is None or not doubt.any()
+
+
+def test_sound_contacts_are_known():
+    relations = Relations(Signals(resting()))
+    assert not relations.signal("contact_force", ["a", "table"]).notes
+    assert relations.get("supported", ["a"]).all()
+    assert relations.unmeasured("supported", ("a",)) is None
+
+
+def test_forces_that_are_zero_though_bodies_rest_were_not_recorded():
+    episode = resting()
+    zero = replace(
+        episode.contacts,
+        force=np.zeros_like(episode.contacts.force),
+        peak_force=np.zeros_like(episode.contacts.peak_force),
+    )
+    for contacts in (zero, None):
+        signals = Signals(replace(episode, _contacts=contacts))
+        found = signals.get("contact_force", ["a", "table"])
+        assert not found.known.any()
+        assert "all are zero" in found.notes[0]
+        assert Relations(signals).get("supported", ["a"]).all()  # by geometry
+
+
+def test_no_force_on_a_body_in_free_fall_is_a_measurement():
+    t = np.arange(60) / 120
+    path = np.stack([0 * t, 0 * t, 2 - G * t * t / 2], 1)
+    episode = Scene(60).fixed("table").box("a", 0.05, path).episode()
+    assert (Signals(episode).get("contact_force", ["a", "table"]).upper == 0).all()
+
+
+def test_the_peak_of_several_pairs_is_between_the_largest_and_their_sum():
+    episode = resting(push=3.0)
+    contacts = episode.contacts
+    peaks = np.where(contacts.body1 == 0, 40.0, 7.0).astype(np.float32)
+    episode = replace(episode, _contacts=replace(contacts, peak_force=peaks))
+    scene = episode.header.model_copy(
+        update={
+            "bodies": tuple(
+                b if b.name == "a" else b.model_copy(update={"kind": "robot", "movable": True})
+                for b in episode.header.bodies
+            )
+        }
+    )
+    tracks = {name: track.over(60) for name, track in episode.tracks.items()}
+    found = Signals(replace(episode, header=scene, tracks=tracks)).get("peak_force", ["robot", "a"])
+    assert found.lower[0] == pytest.approx(40)
+    assert found.upper[0] == pytest.approx(47)
+    alone = Signals(episode).get("peak_force", ["a", "table"])
+    assert alone.lower[0] == alone.upper[0] == 40
