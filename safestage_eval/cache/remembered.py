@@ -136,6 +136,24 @@ class RememberedRelations(Relations):
         lost: Bool = known["lost"]
         return lost if len(lost) else None
 
+    def caught(self, body: str, on: str, wanted: Bool | None) -> Bool:
+        """As in the base class, and remembered likewise."""
+        key = self.signals.key("relation", "caught", (body, on))
+        asked = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
+        known = self._at_hand.get(key)
+        if known is None:
+            stored = self._memory.recall(key)
+            if stored is not None:
+                known = stored["truth"], stored["done"]
+        if known is None or (asked & ~known[1]).any():
+            open_, done = np.array(super().caught(body, on, wanted)), np.array(asked)
+            if known is not None:
+                open_, done = np.where(done, open_, known[0]), done | known[1]
+            known = open_, done
+            self._memory.keep(key, {"truth": open_, "done": done})
+        self._at_hand[key] = known
+        return known[0]
+
     def signal(
         self,
         name: str,

@@ -50,8 +50,8 @@ class Past:
         self._series: dict[Any, Series] = {}
         self._columns: dict[Any, NDArray[Any]] = {}
         self.partial: dict[tuple[str, tuple[str, ...], Options], Partial] = {}
-        self.dependence: dict[tuple[str, ...], tuple[Bool, Bool]] = {}
-        """Bodies → (T,) truth, and the frames at which it was found out."""
+        self.dependence: dict[tuple[str, ...], tuple[Bool, Bool, Bool]] = {}
+        """Bodies → (T,) truth, where it is open, and the frames at which it was found out."""
         self.touched: set[Pair] = set()
         self.seen = 0
         """How many frames ``touched`` is of."""
@@ -177,7 +177,7 @@ class GrownRelations(Relations):
         if self.lacking(name, bodies):
             return None
         if name == "depends_on":
-            return self._depends_on(tuple(bodies), wanted)
+            return self._depends_on(tuple(bodies), wanted)[0]
         frames = len(self.episode)
 
         def measure(first: int, last: int) -> Bool:
@@ -189,12 +189,16 @@ class GrownRelations(Relations):
             return None
         return self._past.column((name, tuple(bodies)), frames, measure)
 
-    def _depends_on(self, bodies: tuple[str, ...], wanted: Bool | None) -> Bool:
+    def caught(self, body: str, on: str, wanted: Bool | None) -> Bool:
+        """As in the base class."""
+        return self._depends_on((body, on), wanted)[1]
+
+    def _depends_on(self, bodies: tuple[str, ...], wanted: Bool | None) -> tuple[Bool, Bool]:
         frames = len(self.episode)
-        before = self._past.dependence.get(bodies)
-        truth, done = np.zeros(frames, np.bool_), np.zeros(frames, np.bool_)
-        if before is not None:
-            truth[: len(before[0])], done[: len(before[1])] = before
+        before = self._past.dependence.get(bodies, ())
+        truth, open_, done = (np.zeros(frames, np.bool_) for _ in range(3))
+        for now, then in zip((truth, open_, done), before, strict=False):
+            now[: len(then)] = then
         todo = ~done if wanted is None else wanted & ~done
         if todo.any():
             first = int(todo.argmax())
@@ -202,9 +206,10 @@ class GrownRelations(Relations):
             found = near.get("depends_on", bodies, todo[first:])
             assert found is not None
             truth[first:][todo[first:]] = found[todo[first:]]
+            open_[first:][todo[first:]] = near.caught(*bodies, todo[first:])[todo[first:]]
             done |= todo
-        self._past.dependence[bodies] = truth, done
-        return truth
+        self._past.dependence[bodies] = truth, open_, done
+        return truth, open_
 
     def signal(
         self,

@@ -104,9 +104,7 @@ class Dependence:
         near = {body, *(b for pair in self._cluster(body) for b in pair)} & self._free
         return {self._episode.header.bodies[b].name for b in near}
 
-    def depends_on(
-        self, body: int, on: int, wanted: Bool | None = None
-    ) -> tuple[Bool, Bool]:
+    def depends_on(self, body: int, on: int, wanted: Bool | None = None) -> tuple[Bool, Bool]:
         """(T,) true where ``body`` falls when ``on`` is removed; and (T,) where that is open.
 
         Found out anew where the contact points of the bodies that hang together with it changed or
@@ -171,7 +169,9 @@ class Dependence:
         if key not in self._falls:
             if push not in group.unrest:
                 _, whole = self._left(group, frozenset())
-                group.unrest[push] = np.zeros(len(group.heads)) if whole is None else whole.motion(push)
+                group.unrest[push] = (
+                    np.zeros(len(group.heads)) if whole is None else whole.motion(push)
+                )
             gone = self._removed(removed)
             while fallen := self._fallen(group, gone, push):
                 gone |= fallen
@@ -185,7 +185,9 @@ class Dependence:
             return set()
         at = [group.heads.index(head) for head in left]
         moves = balance.motion(push) > LOST + group.unrest[push][at]
-        return {part for head, m in zip(left, moves, strict=True) if m for part in self._parts(head)}
+        return {
+            part for head, m in zip(left, moves, strict=True) if m for part in self._parts(head)
+        }
 
     def _left(self, group: Group, gone: frozenset[int]) -> tuple[list[int], Balance | None]:
         """The heads of what touched those that are gone and hangs on that; of all, if none is."""
@@ -305,7 +307,11 @@ class Dependence:
     def _touches(self, heads: list[int], contacts: Contacts) -> Touches:
         place = {part: k for k, head in enumerate(heads) for part in self._parts(head) & self._free}
         rows = [
-            (np.full(len(patch.normal), place.get(i, -1)), np.full(len(patch.normal), place.get(j, -1)), *patch)
+            (
+                np.full(len(patch.normal), place.get(i, -1)),
+                np.full(len(patch.normal), place.get(j, -1)),
+                *patch,
+            )
             for (i, j), patch in contacts.items()
             if place.get(i, -1) != place.get(j, -1)
         ]
@@ -360,16 +366,14 @@ class Dependence:
         own = {b for b, joined in chains.items() if joined[frame]} | {on}
         loose = ~self._handled(body)
         reach = []
-        for frames in (np.arange(frame, earliest - 1, -1), np.arange(frame, len(self._episode))):
-            stop = np.flatnonzero(~loose[frames])
-            frames = frames[: stop[0]] if len(stop) else frames
+        for way in (np.arange(frame, earliest - 1, -1), np.arange(frame, len(self._episode))):
+            stop = np.flatnonzero(~loose[way])
+            frames = way[: stop[0]] if len(stop) else way
             for b in own:
                 frames = frames[: self._arrangement.stay_for(b, frames, *STAYS)]
             for b in chains.keys() - own:  # what has come meanwhile
                 comes = np.flatnonzero(chains[b][frames])
-                if len(comes) and not self._arrangement.stay_for(
-                    b, frames[[0, comes[0]]], *STAYS
-                ) == 2:
+                if len(comes) and self._arrangement.stay_for(b, frames[[0, comes[0]]], *STAYS) != 2:
                     frames = frames[: comes[0]]
             reach.append(int(frames[-1]))
         return reach[0], reach[1] + 1

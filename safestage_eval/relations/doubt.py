@@ -17,9 +17,7 @@ Bool = NDArray[np.bool_]
 Doubt = tuple[Bool, str]
 
 
-def may_be_caught(
-    relations: Relations, body: str, on: str, wanted: Bool | None
-) -> Doubt | None:
+def may_be_caught(relations: Relations, body: str, on: str, wanted: Bool | None) -> Doubt | None:
     """What is within a hair's breadth and carries nothing yet may hold the body up, or may not."""
     open_ = relations.caught(body, on, wanted)
     if not open_.any():

@@ -52,12 +52,12 @@ class ByForce:
         self._frames = len(episode)
         gravity = float(np.linalg.norm(episode.header.gravity))
         self.least = [
-            np.inf if sure and body.mass is None else LEAST_LOAD
+            np.inf
+            if sure and body.mass is None
+            else LEAST_LOAD
             if body.mass is None
             else max(LEAST_SHARE * body.mass * gravity + (noise if sure else -noise), 1e-9)
-            for body, noise in zip(
-                episode.header.bodies, _noise(episode, sums), strict=True
-            )
+            for body, noise in zip(episode.header.bodies, _noise(episode, sums), strict=True)
         ]
         """Per body the upward force in N that bears it."""
 

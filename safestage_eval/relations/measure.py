@@ -103,9 +103,7 @@ class Relations:
     @cached_property
     def dependence(self) -> Dependence:
         """Who falls without whom."""
-        return Dependence(
-            self.episode, self.signals.contact_sums, self.graph, self.signals.movers
-        )
+        return Dependence(self.episode, self.signals.contact_sums, self.graph, self.signals.movers)
 
     def caught(self, body: str, on: str, wanted: Bool | None) -> Bool:
         """(T,) it is open whether something would catch ``body`` when ``on`` is taken away."""
@@ -280,10 +278,15 @@ class Relations:
         if name == "depends_on" and self.blind:
             return doubt.may_lean(self, *bodies)
         if name == "depends_on" and not self.lacking(name, bodies):
-            return doubt.may_be_caught(self, *bodies, wanted)
+            return doubt.may_be_caught(self, bodies[0], bodies[1], wanted)
         if name == "inside" and self.lacking("supports", (bodies[1], bodies[0])):
             return doubt.may_be_borne(self, *bodies)
-        if (self.unweighed or self.faint) and name in ("supports", "supported", "carried", "inside"):
+        if (self.unweighed or self.faint) and name in (
+            "supports",
+            "supported",
+            "carried",
+            "inside",
+        ):
             return doubt.may_be_too_weak(self, name, bodies)
         return None
 
@@ -346,7 +349,7 @@ class Relations:
     def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
         """The same, unknown where something that it may rest on was not measured."""
         gaps = self.signals.gaps
-        lost = gaps.of_bodies(bodies)
+        lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
         if name == "edge_margin" and len(bodies) == 1 and self._hidden:
             nothing = np.isneginf(found.upper)  # nothing that is seen bears it
             lost = nothing if lost is None else lost | nothing

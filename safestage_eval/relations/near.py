@@ -229,7 +229,7 @@ def _common(x: Part, y: Part, normal: F64) -> F64:
 
 
 def _play(part: Part, normal: F64) -> float:
-    """m. How far behind the foremost a corner still touches: a round side rolls on one line."""
+    """How far (m) behind the foremost a corner still touches: a round side rolls on one line."""
     kind = part.shape.geoms[0].kind
     round_ = kind in ("sphere", "ellipsoid", "capsule")
     if kind == "cylinder":
@@ -297,4 +297,3 @@ def _clipped(subject: F64, window: F64) -> F64:
         if not points:
             break
     return np.array(points).reshape(-1, 2)
-

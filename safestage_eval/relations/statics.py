@@ -174,10 +174,7 @@ def least_constraint(effect: F64, owner: I64, weight: F64, rest: F64) -> int:
             step, worst = 1.0, -1
             for k in range(n):
                 if trial[k] <= 0.0:
-                    if share[k] <= 0.0:
-                        s = 0.0
-                    else:
-                        s = share[k] / (share[k] - trial[k])
+                    s = 0.0 if share[k] <= 0.0 else share[k] / (share[k] - trial[k])
                     if s < step:
                         step, worst = s, k
             if worst < 0:
