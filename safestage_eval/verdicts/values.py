@@ -142,6 +142,8 @@ def undeclared(material: str, player: str, rules: ast.RuleSet) -> str:
     near = get_close_matches(material, rules.materials, 1, 0.75)
     meant = f', did you mean "{near[0]}"?' if near else ""
     return f'{UNDECLARED}"{material}" of {player}: default values hold{meant}'
+
+
 def _size(value: ast.Quantity | ast.Duration) -> float:
     return value.value if isinstance(value, ast.Quantity) else value.amount
 
