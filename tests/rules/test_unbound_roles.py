@@ -58,6 +58,8 @@ def rules(tmp_path: Path) -> Path:
 def scene(roles: dict[str, Any], *assigned: str, **fields: Any) -> Episode:
     made = Scene().fixed("table").box("can", 0.03, (0, 0, 0.03), **fields)
     made.box("vase", 0.03, (0.1, 0, 0.03))
+    made.rests("can", "table", 0.03, (0, 0, 0), 9.81)
+    made.rests("vase", "table", 0.03, (0.1, 0, 0), 9.81)
     return made.episode(task="tidy", roles=roles, rules=assigned)
 
 
