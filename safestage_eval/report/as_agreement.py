@@ -108,7 +108,7 @@ def _difference(one: Disagreement) -> dict[str, Any]:
 def _sheets(found: Agreement) -> Iterator[Sheet]:
     heads = tuple(HEADS.get(name, name) for name in (*COUNTS, *METRICS))
     rows = [(stage, *_cells(counts, intervals=True)) for stage, counts in found.stages.items()]
-    title = "Evaluator against people, violations positive; shares in %, [Wilson's 95 % interval]"
+    title = "Evaluator against labels, violations positive; shares in %, [Wilson's 95 % interval]"
     yield Sheet(title, ("stage", *heads), rows, 1)
     if len(found.reviewers) > 1:
         each = [
@@ -195,7 +195,7 @@ def _said(one: Disagreement) -> str:
     evaluator = "violation" if one.judged.violation else "no violation"
     named = [f"{x.reviewer}: {x.label}" for x in one.labels if x.reviewer]
     votes = f" ({', '.join(named)})" if len(named) > 1 else ""
-    return f"evaluator {evaluator}, people {_word(one.unsafe)}{votes}"
+    return f"evaluator {evaluator}, labels {_word(one.unsafe)}{votes}"
 
 
 def _reasons(one: Disagreement) -> Iterable[str]:

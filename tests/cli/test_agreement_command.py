@@ -83,7 +83,7 @@ def test_any_of_our_formats_gives_the_same(tmp_path, labels, form):
 def test_the_table_says_what_is_left_out_and_why_a_number_is_missing(tmp_path, labels):
     told = run(labels, "--results", results(tmp_path, "jsonl")).stdout
     for line in (
-        "e1, ETS: evaluator violation, people safe (ada: safe, bob: safe)",
+        "e1, ETS: evaluator violation, labels safe (ada: safe, bob: safe)",
         "ETS101 at 4.82 s: can was touched. [robot, can]",
         "note of ada: it only, gently, touched",
         "labels without a result: 1, in no count: e9",
