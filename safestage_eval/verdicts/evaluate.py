@@ -18,7 +18,7 @@ from safestage_eval.states.moment import Moment, Truth, truth_of
 from safestage_eval.states.scope import Scope
 
 from .answers import Answers, Found
-from .costly import Costly, Gates, is_costly
+from .costly import Costly, Gates
 from .memory import Memory
 from .values import Asked, Env, ends_early, ends_with_success, lasting, limit_margin
 
@@ -71,6 +71,8 @@ class Evaluator(Answers):
         self.closest: Callable[[Search, Instance], Witness | None] | None = None
         """What decided an instance that passed, where it can be told without its frames."""
         self._obligation: str | None = None
+        self._signs = False
+        """Only whether something holds matters, not by what margin."""
         self._costly, self.gates = Costly(rules), Gates(rules)
         self._cheap: dict[int, ast.Condition] = {}
         """Conditions that ask for nothing costly, by identity; each is kept, and so stays itself."""
@@ -155,10 +157,10 @@ class Evaluator(Answers):
         mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
         bands: list[Band] = []
         decided = 0  # how many of them the mask knows of
-        for atom in sorted(condition.atoms, key=is_costly):
+        for atom in sorted(condition.atoms, key=self._costly.depth):
             if self._costly.asked(atom):
                 for found in bands[decided:]:
-                    mask = mask & (found.upper != -np.inf)
+                    mask = mask & (~found.false if self._signs else found.upper != -np.inf)
                 decided = len(bands)
             bands.append(self.atom(atom, env, mask))
         return band.both(bands, self.frames)
@@ -228,9 +230,20 @@ class Evaluator(Answers):
                 return band.at_least(atom.count, each, self.frames)
             return band.opposite(band.at_least(atom.count + 1, each, self.frames))
         assert type(atom) is ast.AnyOf
-        return band.either(
-            [self.alternative(a, env, wanted) for a in atom.alternatives], self.frames
-        )
+        return self._any(atom.alternatives, env, wanted)
+
+    def _any(self, alternatives: Sequence[ast.Alternative], env: Env, wanted: Bool | None) -> Band:
+        """One of several; what is costly is asked for only where no other one holds already."""
+        if not any(map(self._costly.asked, alternatives)):
+            return band.either(
+                [self.alternative(a, env, wanted) for a in alternatives], self.frames
+            )
+        mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
+        bands: list[Band] = []
+        for one in sorted(alternatives, key=self._costly.depth):
+            bands.append(self.alternative(one, env, mask))
+            mask = mask & ~(bands[-1].true if self._signs else bands[-1].lower == np.inf)
+        return band.either(bands, self.frames)
 
     def must_not(
         self, call: ast.Call, env: Env, kind: str | None = None, wanted: Bool | None = None
@@ -342,19 +355,106 @@ class Evaluator(Answers):
         """
         bodies = tuple(map(env.get, call.args, call.args))
         declared = self.rules.states.get(call.name)
-        outer, self._obligation = self._obligation, None
+        outer, self._obligation = (self._obligation, self._signs), None
         try:
             if wanted is not None:
                 if declared is None:
                     if call.name in COSTLY:
                         return self._relation(call.name, bodies, wanted)
-                elif self._costly.named(declared):
-                    inner = dict(zip(declared.of, bodies, strict=True))
-                    return self.condition(declared.when, inner, wanted)
+                elif (
+                    self._costly.state(declared) and ("state", call.name, bodies) not in self._told
+                ):
+                    return self._partly(declared, call, bodies, wanted)
+            self._signs = False
             find = self._relation if declared is None else self._declared
             return self.once(declared, ("state", call.name, bodies), find, call.name, bodies)
         finally:
-            self._obligation = outer
+            self._obligation, self._signs = outer
+
+    def _partly(
+        self, state: ast.StateDef, call: ast.Call, bodies: tuple[str, ...], wanted: Bool
+    ) -> Band:
+        """A state that asks for something costly, at the wanted frames; unknown at others."""
+        if self._costly.named(state):
+            return self.condition(state.when, dict(zip(state.of, bodies, strict=True)), wanted)
+        if self._signs and state.until is not None:
+            return self.signs(call.name, bodies)
+        key = ("at", call.name, bodies, self._signs, wanted.tobytes())
+        return self.once(state, key, self._at, state, call.name, bodies, wanted)
+
+    def signs(self, name: str, bodies: tuple[str, ...]) -> Band:
+        """(T,) where a state that asks for something costly holds; its margins mean nothing else.
+
+        What is costly is asked for only where that decides.
+        """
+        state = self.rules.states[name]
+        outer, self._signs, self._obligation = (self._signs, self._obligation), True, None
+        try:
+            return self.once(state, ("signs", name, bodies), self._signs_of, state, name, bodies)
+        finally:
+            self._signs, self._obligation = outer
+
+    def _momentary_signs(self, state: ast.StateDef, name: str, bodies: tuple[str, ...]) -> Band:
+        outer, self._signs = self._signs, True
+        try:
+            env, wanted = dict(zip(state.of, bodies, strict=True)), np.ones(self.frames, np.bool_)
+            key = ("momentary signs", name, bodies)
+            return self.once(state, key, self.condition, state.when, env, wanted)
+        finally:
+            self._signs = outer
+
+    def _signs_of(self, state: ast.StateDef, name: str, bodies: tuple[str, ...]) -> Band:
+        env = dict(zip(state.of, bodies, strict=True))
+        found = self._lasting(state, self._momentary_signs(state, name, bodies))
+        may = np.logical_or.accumulate(~found.false)
+        if state.until is None or not may.any():
+            return found
+        return persistence.latched(found, *self._resets(state.until, env, may))
+
+    def _at(self, state: ast.StateDef, name: str, bodies: tuple[str, ...], wanted: Bool) -> Band:
+        env, exact, may = dict(zip(state.of, bodies, strict=True)), wanted, None
+        if state.until is not None:  # its margin is the best since it began to hold
+            may = ~self.signs(name, bodies).false
+            exact = wanted | may
+        reach = self._reach(state)
+        around = np.ones(self.frames, np.bool_) if reach is None else widened(exact, reach)
+        found = self.condition(state.when, env, around)
+        if state.until is None or may is None:
+            return self._lasting(state, found)
+        signs = self._momentary_signs(state, name, bodies)
+        lower = np.where(around, found.lower, signs.lower)
+        found = self._lasting(state, Band(lower, np.where(around, found.upper, signs.upper)))
+        where = np.logical_or.accumulate(~found.false) | wanted
+        return persistence.latched(found, *self._resets(state.until, env, where))
+
+    def _resets(self, event: ast.Event, env: Env, wanted: Bool) -> Truth:
+        """When a latched state ends, at the wanted frames; open at others."""
+        call = event.call
+        state = None if call is None else self.rules.states.get(call.name)
+        if call is None or event.edge is not None or state is None or not self._costly.state(state):
+            return self.truth(event, env)
+        outer, self._signs = self._signs, True
+        try:
+            found = self.state(call, env, wanted)
+        finally:
+            self._signs = outer
+        return Truth(wanted & found.true, ~wanted | ~found.false)
+
+    def _reach(self, state: ast.StateDef) -> int | None:
+        """How many frames away a state looks to make it last; None where that differs."""
+        lasts, gap = self.window(state.for_), self.open_gap(state.gap)
+        if lasts.stops is not None or gap.stops is not None:
+            return None
+        return lasts.frames + gap.frames
+
+    def _lasting(self, state: ast.StateDef, found: Band) -> Band:
+        return persistence.persistent(
+            found,
+            self.window(state.for_),
+            self.open_gap(state.gap),
+            causal=self.causal,
+            open_end=self.unfollowed,
+        )
 
     def _relation(self, name: str, bodies: tuple[str, ...], wanted: Bool | None = None) -> Band:
         truth = self.relations.get(name, bodies, wanted)
@@ -391,13 +491,7 @@ class Evaluator(Answers):
         state = self.rules.states[name]
         env = dict(zip(state.of, bodies, strict=True))
         found = self.momentary(name, bodies)
-        found = persistence.persistent(
-            found,
-            self.window(state.for_),
-            self.open_gap(state.gap),
-            causal=self.causal,
-            open_end=self.unfollowed,
-        )
+        found = self._lasting(state, found)
         if state.also is not None and not self.causal:
             more = band.either([found, self.also(state, env)], self.frames)
             holds = found.lower >= 0  # then it is not asked whether it was brief
@@ -449,6 +543,9 @@ class Evaluator(Answers):
         """The frames of a state or relation."""
         bodies = tuple(map(env.get, call.args, call.args))
         declared, key = self.rules.states.get(call.name), ("truth", call.name, bodies)
+        costly = declared is not None and self._costly.state(declared)
+        if costly and ("state", call.name, bodies) not in self._told:
+            return truth_of(self.signs(call.name, bodies))
         return self.once(declared, key, self._told_by, call, env)
 
     def _told_by(self, call: ast.Call, env: Env) -> Truth:
@@ -469,3 +566,11 @@ class Evaluator(Answers):
             return [Moment(0, 0)]
         truth = self._truth_of(event.call, env)
         return moment.ends(truth) if event.edge == "end" else moment.starts(truth)
+
+
+def widened(frames: Bool, by: int) -> Bool:
+    """(T,) true there and up to so many frames before and after."""
+    total = len(frames)
+    before = np.concatenate([[0], np.cumsum(frames)])
+    at = np.arange(total)
+    return np.asarray(before[np.minimum(at + by + 1, total)] > before[np.maximum(at - by, 0)])
