@@ -36,8 +36,6 @@ class Costly:
             return self.within(part)
         if isinstance(part, ast.AnyOf):
             return any(map(self.asked, part.alternatives))
-        if isinstance(part, ast.Event) and part.edge is not None:
-            return False
         if part.call is None:
             return False
         name = part.call.name

@@ -207,6 +207,8 @@ class Evaluator(Answers):
         if call is not None and edge == "start" and self._obligation == "forbid":
             now = truth_of(self.must_not(call, env, "forbid"))
             found = moment.edges(now, "start")
+        elif call is not None and edge is not None and wanted is not None and self._deep(call):
+            found = moment.edges(self._signs_at(call, env, widened(wanted, 1)), edge)
         else:
             found = self.truth(alternative, env)
         return band.crisp(found.sure, found.sure == found.possible)
@@ -378,67 +380,89 @@ class Evaluator(Answers):
         if self._costly.named(state):
             return self.condition(state.when, dict(zip(state.of, bodies, strict=True)), wanted)
         if self._signs and state.until is not None:
-            return self.signs(call.name, bodies)
+            return self.signs(call.name, bodies, last_of(wanted))
         key = ("at", call.name, bodies, self._signs, wanted.tobytes())
         return self.once(state, key, self._at, state, call.name, bodies, wanted)
 
-    def signs(self, name: str, bodies: tuple[str, ...]) -> Band:
+    def signs(self, name: str, bodies: tuple[str, ...], stop: int | None = None) -> Band:
         """(T,) where a state that asks for something costly holds; its margins mean nothing else.
 
-        What is costly is asked for only where that decides.
+        What is costly is asked for only where that decides, and only for the frames before ``stop``.
         """
+        stop = self.frames if stop is None else stop
         state = self.rules.states[name]
         outer, self._signs, self._obligation = (self._signs, self._obligation), True, None
         try:
-            return self.once(state, ("signs", name, bodies), self._signs_of, state, name, bodies)
+            return self.once(
+                state, ("signs", name, bodies, stop), self._signs_of, state, name, bodies, stop
+            )
         finally:
             self._signs, self._obligation = outer
 
-    def _momentary_signs(self, state: ast.StateDef, name: str, bodies: tuple[str, ...]) -> Band:
+    def _momentary_signs(
+        self, state: ast.StateDef, name: str, bodies: tuple[str, ...], stop: int
+    ) -> Band:
         outer, self._signs = self._signs, True
+        reach = self._reach(state)
         try:
-            env, wanted = dict(zip(state.of, bodies, strict=True)), np.ones(self.frames, np.bool_)
-            key = ("momentary signs", name, bodies)
+            env = dict(zip(state.of, bodies, strict=True))
+            wanted = np.arange(self.frames) < (self.frames if reach is None else stop + reach)
+            key = ("momentary signs", name, bodies, stop)
             return self.once(state, key, self.condition, state.when, env, wanted)
         finally:
             self._signs = outer
 
-    def _signs_of(self, state: ast.StateDef, name: str, bodies: tuple[str, ...]) -> Band:
+    def _signs_of(self, state: ast.StateDef, name: str, bodies: tuple[str, ...], stop: int) -> Band:
         env = dict(zip(state.of, bodies, strict=True))
-        found = self._lasting(state, self._momentary_signs(state, name, bodies))
+        found = self._lasting(state, self._momentary_signs(state, name, bodies, stop))
         may = np.logical_or.accumulate(~found.false)
+        may[stop:] = False
         if state.until is None or not may.any():
             return found
         return persistence.latched(found, *self._resets(state.until, env, may))
 
     def _at(self, state: ast.StateDef, name: str, bodies: tuple[str, ...], wanted: Bool) -> Band:
-        env, exact, may = dict(zip(state.of, bodies, strict=True)), wanted, None
+        env, exact, stop = dict(zip(state.of, bodies, strict=True)), wanted, last_of(wanted)
         if state.until is not None:  # its margin is the best since it began to hold
-            may = ~self.signs(name, bodies).false
+            may = ~self.signs(name, bodies, stop).false
+            may[stop:] = False
             exact = wanted | may
-        reach = self._reach(state)
-        around = np.ones(self.frames, np.bool_) if reach is None else widened(exact, reach)
+        around = self.around(state, exact)
         found = self.condition(state.when, env, around)
-        if state.until is None or may is None:
+        if state.until is None:
             return self._lasting(state, found)
-        signs = self._momentary_signs(state, name, bodies)
+        signs = self._momentary_signs(state, name, bodies, stop)
         lower = np.where(around, found.lower, signs.lower)
         found = self._lasting(state, Band(lower, np.where(around, found.upper, signs.upper)))
         where = np.logical_or.accumulate(~found.false) | wanted
+        where[stop:] = False
         return persistence.latched(found, *self._resets(state.until, env, where))
 
     def _resets(self, event: ast.Event, env: Env, wanted: Bool) -> Truth:
         """When a latched state ends, at the wanted frames; open at others."""
         call = event.call
-        state = None if call is None else self.rules.states.get(call.name)
-        if call is None or event.edge is not None or state is None or not self._costly.state(state):
+        if call is None or event.edge is not None or not self._deep(call):
             return self.truth(event, env)
+        return self._signs_at(call, env, wanted)
+
+    def _deep(self, call: ast.Call) -> bool:
+        """A declared state that asks for something costly."""
+        state = self.rules.states.get(call.name)
+        return state is not None and self._costly.state(state)
+
+    def _signs_at(self, call: ast.Call, env: Env, wanted: Bool) -> Truth:
+        """Whether such a state holds at the wanted frames; open at others."""
         outer, self._signs = self._signs, True
         try:
             found = self.state(call, env, wanted)
         finally:
             self._signs = outer
         return Truth(wanted & found.true, ~wanted | ~found.false)
+
+    def around(self, state: ast.StateDef, frames: Bool) -> Bool:
+        """(T,) some frames, and those at which a state looks to make it last there."""
+        reach = self._reach(state)
+        return np.ones(self.frames, np.bool_) if reach is None else widened(frames, reach)
 
     def _reach(self, state: ast.StateDef) -> int | None:
         """How many frames away a state looks to make it last; None where that differs."""
@@ -539,12 +563,15 @@ class Evaluator(Answers):
             at[self.success] = True
         return Truth(at, at)
 
+    def holds(self, call: ast.Call, env: Env) -> Bool:
+        """(T,) where a state or relation certainly holds."""
+        return self._truth_of(call, env).sure
+
     def _truth_of(self, call: ast.Call, env: Env) -> Truth:
         """The frames of a state or relation."""
         bodies = tuple(map(env.get, call.args, call.args))
         declared, key = self.rules.states.get(call.name), ("truth", call.name, bodies)
-        costly = declared is not None and self._costly.state(declared)
-        if costly and ("state", call.name, bodies) not in self._told:
+        if self._deep(call) and ("state", call.name, bodies) not in self._told:
             return truth_of(self.signs(call.name, bodies))
         return self.once(declared, key, self._told_by, call, env)
 
@@ -574,3 +601,9 @@ def widened(frames: Bool, by: int) -> Bool:
     before = np.concatenate([[0], np.cumsum(frames)])
     at = np.arange(total)
     return np.asarray(before[np.minimum(at + by + 1, total)] > before[np.maximum(at - by, 0)])
+
+
+def last_of(frames: Bool) -> int:
+    """The frame after the last true one; 0 without any."""
+    found = frames.nonzero()[0]
+    return int(found[-1]) + 1 if len(found) else 0
