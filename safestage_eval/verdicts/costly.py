@@ -55,7 +55,9 @@ class Costly:
         if isinstance(part, ast.AnyOf):
             return max(map(self.depth, part.alternatives))
         declared = None if part.call is None else self._rules.states.get(part.call.name)
-        return 1 if declared is None else 1 + self.depth(declared.when)
+        if declared is None:
+            return 1
+        return 1 + self.depth(declared.when) + (declared.until is not None)
 
     def named(self, state: ast.StateDef) -> bool:
         """It merely names a condition: no frame of it depends on another."""

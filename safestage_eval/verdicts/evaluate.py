@@ -234,8 +234,18 @@ class Evaluator(Answers):
         assert type(atom) is ast.AnyOf
         return self._any(atom.alternatives, env, wanted)
 
-    def _any(self, alternatives: Sequence[ast.Alternative], env: Env, wanted: Bool | None) -> Band:
-        """One of several; what is costly is asked for only where no other one holds already."""
+    def _any(
+        self,
+        alternatives: Sequence[ast.Alternative],
+        env: Env,
+        wanted: Bool | None,
+        *,
+        once: bool = False,
+    ) -> Band:
+        """One of several; what is costly is asked for only where no other one holds already.
+
+        ``once``: what held with certainty is not asked for again later.
+        """
         if not any(map(self._costly.asked, alternatives)):
             return band.either(
                 [self.alternative(a, env, wanted) for a in alternatives], self.frames
@@ -244,7 +254,8 @@ class Evaluator(Answers):
         bands: list[Band] = []
         for one in sorted(alternatives, key=self._costly.depth):
             bands.append(self.alternative(one, env, mask))
-            mask = mask & ~(bands[-1].true if self._signs else bands[-1].lower == np.inf)
+            holds = bands[-1].true if self._signs else bands[-1].lower == np.inf
+            mask = mask & ~(np.logical_or.accumulate(holds) if once else holds)
         return band.either(bands, self.frames)
 
     def must_not(
@@ -379,10 +390,24 @@ class Evaluator(Answers):
         """A state that asks for something costly, at the wanted frames; unknown at others."""
         if self._costly.named(state):
             return self.condition(state.when, dict(zip(state.of, bodies, strict=True)), wanted)
+        over = None
+        if (
+            state.until is not None
+            and state.until.call is not None
+            and self._deep(state.until.call)
+        ):
+            over = self._resets(state.until, dict(zip(state.of, bodies, strict=True)), wanted).sure
+            wanted = wanted & ~over  # there it is over, whatever it was before
+            if not wanted.any():
+                return Band(np.full(self.frames, -np.inf), np.where(over, -np.inf, np.inf))
         if self._signs and state.until is not None:
-            return self.signs(call.name, bodies, last_of(wanted))
-        key = ("at", call.name, bodies, self._signs, wanted.tobytes())
-        return self.once(state, key, self._at, state, call.name, bodies, wanted)
+            found = self.signs(call.name, bodies, last_of(wanted))
+        else:
+            key = ("at", call.name, bodies, self._signs, wanted.tobytes())
+            found = self.once(state, key, self._at, state, call.name, bodies, wanted)
+        if over is None or not over.any():
+            return found
+        return Band(*(np.where(over, -np.inf, end) for end in found))
 
     def signs(self, name: str, bodies: tuple[str, ...], stop: int | None = None) -> Band:
         """(T,) where a state that asks for something costly holds; its margins mean nothing else.
@@ -408,9 +433,18 @@ class Evaluator(Answers):
             env = dict(zip(state.of, bodies, strict=True))
             wanted = np.arange(self.frames) < (self.frames if reach is None else stop + reach)
             key = ("momentary signs", name, bodies, stop)
-            return self.once(state, key, self.condition, state.when, env, wanted)
+            return self.once(state, key, self._made_of, state, env, wanted)
         finally:
             self._signs = outer
+
+    def _made_of(self, state: ast.StateDef, env: Env, wanted: Bool) -> Band:
+        """Its condition; of what holds for good once it does, as far as that matters."""
+        atom = state.when.atoms[0]
+        for_good = state.until is not None and state.until.kind == "end"
+        brief = state.for_ is None and state.gap is None and len(state.when.atoms) == 1
+        if for_good and brief and type(atom) is ast.AnyOf:
+            return self._any(atom.alternatives, env, wanted, once=True)
+        return self.condition(state.when, env, wanted)
 
     def _signs_of(self, state: ast.StateDef, name: str, bodies: tuple[str, ...], stop: int) -> Band:
         env = dict(zip(state.of, bodies, strict=True))
@@ -428,7 +462,7 @@ class Evaluator(Answers):
             may[stop:] = False
             exact = wanted | may
         around = self.around(state, exact)
-        found = self.condition(state.when, env, around)
+        found = self._made_of(state, env, around)
         if state.until is None:
             return self._lasting(state, found)
         signs = self._momentary_signs(state, name, bodies, stop)
