@@ -95,6 +95,8 @@ class Dependence:
         self._touched: dict[int, Bool] = {}
         self._signatures: dict[int, NDArray[np.int64]] = {}
         self._alike_at: dict[Pair, list[Alike]] = {}
+        self._patches: dict[Pair, Patch] = {}
+        self._inertias: dict[int, F64] = {}
         self._groups: dict[tuple[int, int, frozenset[int]], dict[int, Group]] = {}
         self._falls: dict[tuple[int, int, int, Push, frozenset[int]], frozenset[int]] = {}
         self._said: dict[tuple[int, int], tuple[NDArray[np.int8], Bool]] = {}
@@ -246,15 +248,21 @@ class Dependence:
     def _contacts_at(self, frame: int, pairs: Iterable[Pair]) -> Contacts:
         found = {}
         for pair, rows in self._arrangement.at(frame, pairs).items():
-            point, normal, geom1, geom2 = (
-                column[rows]
-                for column in self._episode.contacts.of_pair(
-                    pair, "position", "normal", "geom1", "geom2"
-                )
+            position, normal, rough = self._points(pair)
+            found[pair] = Patch(position[rows], normal[rows], rough[rows])
+        return found
+
+    def _points(self, pair: Pair) -> Patch:
+        """All points in which a pair ever touches, by row."""
+        if pair not in self._patches:
+            position, normal, geom1, geom2 = self._episode.contacts.of_pair(
+                pair, "position", "normal", "geom1", "geom2"
             )
             rough = np.maximum(self._friction[geom1], self._friction[geom2])
-            found[pair] = Patch(point.astype(np.float64), normal.astype(np.float64), rough)
-        return found
+            self._patches[pair] = Patch(
+                position.astype(np.float64), normal.astype(np.float64), rough
+            )
+        return self._patches[pair]
 
     def _with_near(
         self, loose: Iterable[int], apart_from: set[int], contacts: Contacts, frame: int
@@ -296,13 +304,17 @@ class Dependence:
         return Bodies(np.array(mass), np.array(centre), np.array(inertia))
 
     def _inertia(self, body: int, mass: float, frame: int) -> F64:
-        about = self._episode.header.bodies[body]
-        if about.inertia is None or min(about.inertia) <= 0:
-            return np.asarray(mass * ARM**2 * np.eye(3))
-        track = self._episode.tracks[about.name]
-        turn = matrix(track.orientation[frame if len(track) > 1 else 0][None])[0]
-        turn = turn @ matrix(np.asarray(about.inertia_orientation)[None])[0]
-        return np.asarray(turn @ np.diag(about.inertia) @ turn.T)
+        """(3, 3) kg m², about its centre of mass, world axes."""
+        if body not in self._inertias:
+            about = self._episode.header.bodies[body]
+            if about.inertia is None or min(about.inertia) <= 0:
+                self._inertias[body] = (mass * ARM**2 * np.eye(3))[None]
+            else:
+                turn = matrix(self._episode.tracks[about.name].orientation)
+                turn = turn @ matrix(np.asarray(about.inertia_orientation)[None])[0]
+                self._inertias[body] = (turn * about.inertia) @ turn.swapaxes(1, 2)
+        found = self._inertias[body]
+        return np.asarray(found[frame if len(found) > 1 else 0])
 
     def _touches(self, heads: list[int], contacts: Contacts) -> Touches:
         place = {part: k for k, head in enumerate(heads) for part in self._parts(head) & self._free}

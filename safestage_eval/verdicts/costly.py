@@ -24,7 +24,7 @@ class Costly:
             self._known.clear()
 
     def within(self, condition: ast.Condition) -> bool:
-        """It asks for something costly, itself or through a state that merely names a condition."""
+        """It asks for something costly, itself or through states."""
         known = self._known.get(id(condition))
         if known is None or known[0] is not condition:
             known = self._known[id(condition)] = condition, any(map(self.asked, condition.atoms))
@@ -36,20 +36,37 @@ class Costly:
             return self.within(part)
         if isinstance(part, ast.AnyOf):
             return any(map(self.asked, part.alternatives))
-        if isinstance(part, ast.Event) and part.edge is not None:
-            return False
         if part.call is None:
             return False
         name = part.call.name
         if name in self._rules.signals:
             name = self._rules.signals[name].base
         declared = self._rules.states.get(name)
-        return name in COSTLY if declared is None else self.named(declared)
+        if declared is None:
+            return name in COSTLY
+        return self.state(declared)
+
+    def depth(self, part: ast.Atom | ast.Alternative) -> int:
+        """How many states lie between it and what is costly: what is asked for last; 0 if nothing."""
+        if not self.asked(part):
+            return 0
+        if isinstance(part, ast.Condition):
+            return max(map(self.depth, part.atoms))
+        if isinstance(part, ast.AnyOf):
+            return max(map(self.depth, part.alternatives))
+        declared = None if part.call is None else self._rules.states.get(part.call.name)
+        if declared is None:
+            return 1
+        return 1 + self.depth(declared.when) + (declared.until is not None)
 
     def named(self, state: ast.StateDef) -> bool:
-        """It merely names a costly condition: no frame of it depends on another."""
+        """It merely names a condition: no frame of it depends on another."""
         lasting = (state.for_, state.gap, state.until, state.fallback, state.also)
-        return all(part is None for part in lasting) and self.within(state.when)
+        return all(part is None for part in lasting)
+
+    def state(self, state: ast.StateDef) -> bool:
+        """It asks for something costly, now or at other frames, and has no other source."""
+        return state.fallback is None and state.also is None and self.within(state.when)
 
 
 def is_costly(atom: ast.Atom) -> bool:

@@ -18,7 +18,7 @@ from safestage_eval.states.moment import Moment, Truth, truth_of
 from safestage_eval.states.scope import Scope
 
 from .answers import Answers, Found
-from .costly import Costly, Gates, is_costly
+from .costly import Costly, Gates
 from .memory import Memory
 from .values import Asked, Env, ends_early, ends_with_success, lasting, limit_margin
 
@@ -71,6 +71,8 @@ class Evaluator(Answers):
         self.closest: Callable[[Search, Instance], Witness | None] | None = None
         """What decided an instance that passed, where it can be told without its frames."""
         self._obligation: str | None = None
+        self._signs = False
+        """Only whether something holds matters, not by what margin."""
         self._costly, self.gates = Costly(rules), Gates(rules)
         self._cheap: dict[int, ast.Condition] = {}
         """Conditions that ask for nothing costly, by identity; each is kept, and so stays itself."""
@@ -155,10 +157,10 @@ class Evaluator(Answers):
         mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
         bands: list[Band] = []
         decided = 0  # how many of them the mask knows of
-        for atom in sorted(condition.atoms, key=is_costly):
+        for atom in sorted(condition.atoms, key=self._costly.depth):
             if self._costly.asked(atom):
                 for found in bands[decided:]:
-                    mask = mask & (found.upper != -np.inf)
+                    mask = mask & (~found.false if self._signs else found.upper != -np.inf)
                 decided = len(bands)
             bands.append(self.atom(atom, env, mask))
         return band.both(bands, self.frames)
@@ -205,6 +207,8 @@ class Evaluator(Answers):
         if call is not None and edge == "start" and self._obligation == "forbid":
             now = truth_of(self.must_not(call, env, "forbid"))
             found = moment.edges(now, "start")
+        elif call is not None and edge is not None and wanted is not None and self._deep(call):
+            found = moment.edges(self._signs_at(call, env, widened(wanted, 1)), edge)
         else:
             found = self.truth(alternative, env)
         return band.crisp(found.sure, found.sure == found.possible)
@@ -228,9 +232,31 @@ class Evaluator(Answers):
                 return band.at_least(atom.count, each, self.frames)
             return band.opposite(band.at_least(atom.count + 1, each, self.frames))
         assert type(atom) is ast.AnyOf
-        return band.either(
-            [self.alternative(a, env, wanted) for a in atom.alternatives], self.frames
-        )
+        return self._any(atom.alternatives, env, wanted)
+
+    def _any(
+        self,
+        alternatives: Sequence[ast.Alternative],
+        env: Env,
+        wanted: Bool | None,
+        *,
+        once: bool = False,
+    ) -> Band:
+        """One of several; what is costly is asked for only where no other one holds already.
+
+        ``once``: what held with certainty is not asked for again later.
+        """
+        if not any(map(self._costly.asked, alternatives)):
+            return band.either(
+                [self.alternative(a, env, wanted) for a in alternatives], self.frames
+            )
+        mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
+        bands: list[Band] = []
+        for one in sorted(alternatives, key=self._costly.depth):
+            bands.append(self.alternative(one, env, mask))
+            holds = bands[-1].true if self._signs else bands[-1].lower == np.inf
+            mask = mask & ~(np.logical_or.accumulate(holds) if once else holds)
+        return band.either(bands, self.frames)
 
     def must_not(
         self, call: ast.Call, env: Env, kind: str | None = None, wanted: Bool | None = None
@@ -342,19 +368,151 @@ class Evaluator(Answers):
         """
         bodies = tuple(map(env.get, call.args, call.args))
         declared = self.rules.states.get(call.name)
-        outer, self._obligation = self._obligation, None
+        outer, self._obligation = (self._obligation, self._signs), None
         try:
             if wanted is not None:
                 if declared is None:
                     if call.name in COSTLY:
                         return self._relation(call.name, bodies, wanted)
-                elif self._costly.named(declared):
-                    inner = dict(zip(declared.of, bodies, strict=True))
-                    return self.condition(declared.when, inner, wanted)
+                elif (
+                    self._costly.state(declared) and ("state", call.name, bodies) not in self._told
+                ):
+                    return self._partly(declared, call, bodies, wanted)
+            self._signs = False
             find = self._relation if declared is None else self._declared
             return self.once(declared, ("state", call.name, bodies), find, call.name, bodies)
         finally:
-            self._obligation = outer
+            self._obligation, self._signs = outer
+
+    def _partly(
+        self, state: ast.StateDef, call: ast.Call, bodies: tuple[str, ...], wanted: Bool
+    ) -> Band:
+        """A state that asks for something costly, at the wanted frames; unknown at others."""
+        if self._costly.named(state):
+            return self.condition(state.when, dict(zip(state.of, bodies, strict=True)), wanted)
+        over = None
+        if (
+            state.until is not None
+            and state.until.call is not None
+            and self._deep(state.until.call)
+        ):
+            over = self._resets(state.until, dict(zip(state.of, bodies, strict=True)), wanted).sure
+            wanted = wanted & ~over  # there it is over, whatever it was before
+            if not wanted.any():
+                return Band(np.full(self.frames, -np.inf), np.where(over, -np.inf, np.inf))
+        if self._signs and state.until is not None:
+            found = self.signs(call.name, bodies, last_of(wanted))
+        else:
+            key = ("at", call.name, bodies, self._signs, wanted.tobytes())
+            found = self.once(state, key, self._at, state, call.name, bodies, wanted)
+        if over is None or not over.any():
+            return found
+        return Band(*(np.where(over, -np.inf, end) for end in found))
+
+    def signs(self, name: str, bodies: tuple[str, ...], stop: int | None = None) -> Band:
+        """(T,) where a state that asks for something costly holds; its margins mean nothing else.
+
+        What is costly is asked for only where that decides, and only for the frames before ``stop``.
+        """
+        stop = self.frames if stop is None else stop
+        state = self.rules.states[name]
+        outer, self._signs, self._obligation = (self._signs, self._obligation), True, None
+        try:
+            return self.once(
+                state, ("signs", name, bodies, stop), self._signs_of, state, name, bodies, stop
+            )
+        finally:
+            self._signs, self._obligation = outer
+
+    def _momentary_signs(
+        self, state: ast.StateDef, name: str, bodies: tuple[str, ...], stop: int
+    ) -> Band:
+        outer, self._signs = self._signs, True
+        reach = self._reach(state)
+        try:
+            env = dict(zip(state.of, bodies, strict=True))
+            wanted = np.arange(self.frames) < (self.frames if reach is None else stop + reach)
+            key = ("momentary signs", name, bodies, stop)
+            return self.once(state, key, self._made_of, state, env, wanted)
+        finally:
+            self._signs = outer
+
+    def _made_of(self, state: ast.StateDef, env: Env, wanted: Bool) -> Band:
+        """Its condition; of what holds for good once it does, as far as that matters."""
+        atom = state.when.atoms[0]
+        for_good = state.until is not None and state.until.kind == "end"
+        brief = state.for_ is None and state.gap is None and len(state.when.atoms) == 1
+        if for_good and brief and type(atom) is ast.AnyOf:
+            return self._any(atom.alternatives, env, wanted, once=True)
+        return self.condition(state.when, env, wanted)
+
+    def _signs_of(self, state: ast.StateDef, name: str, bodies: tuple[str, ...], stop: int) -> Band:
+        env = dict(zip(state.of, bodies, strict=True))
+        found = self._lasting(state, self._momentary_signs(state, name, bodies, stop))
+        may = np.logical_or.accumulate(~found.false)
+        may[stop:] = False
+        if state.until is None or not may.any():
+            return found
+        return persistence.latched(found, *self._resets(state.until, env, may))
+
+    def _at(self, state: ast.StateDef, name: str, bodies: tuple[str, ...], wanted: Bool) -> Band:
+        env, exact, stop = dict(zip(state.of, bodies, strict=True)), wanted, last_of(wanted)
+        if state.until is not None:  # its margin is the best since it began to hold
+            may = ~self.signs(name, bodies, stop).false
+            may[stop:] = False
+            exact = wanted | may
+        around = self.around(state, exact)
+        found = self._made_of(state, env, around)
+        if state.until is None:
+            return self._lasting(state, found)
+        signs = self._momentary_signs(state, name, bodies, stop)
+        lower = np.where(around, found.lower, signs.lower)
+        found = self._lasting(state, Band(lower, np.where(around, found.upper, signs.upper)))
+        where = np.logical_or.accumulate(~found.false) | wanted
+        where[stop:] = False
+        return persistence.latched(found, *self._resets(state.until, env, where))
+
+    def _resets(self, event: ast.Event, env: Env, wanted: Bool) -> Truth:
+        """When a latched state ends, at the wanted frames; open at others."""
+        call = event.call
+        if call is None or event.edge is not None or not self._deep(call):
+            return self.truth(event, env)
+        return self._signs_at(call, env, wanted)
+
+    def _deep(self, call: ast.Call) -> bool:
+        """A declared state that asks for something costly."""
+        state = self.rules.states.get(call.name)
+        return state is not None and self._costly.state(state)
+
+    def _signs_at(self, call: ast.Call, env: Env, wanted: Bool) -> Truth:
+        """Whether such a state holds at the wanted frames; open at others."""
+        outer, self._signs = self._signs, True
+        try:
+            found = self.state(call, env, wanted)
+        finally:
+            self._signs = outer
+        return Truth(wanted & found.true, ~wanted | ~found.false)
+
+    def around(self, state: ast.StateDef, frames: Bool) -> Bool:
+        """(T,) some frames, and those at which a state looks to make it last there."""
+        reach = self._reach(state)
+        return np.ones(self.frames, np.bool_) if reach is None else widened(frames, reach)
+
+    def _reach(self, state: ast.StateDef) -> int | None:
+        """How many frames away a state looks to make it last; None where that differs."""
+        lasts, gap = self.window(state.for_), self.open_gap(state.gap)
+        if lasts.stops is not None or gap.stops is not None:
+            return None
+        return lasts.frames + gap.frames
+
+    def _lasting(self, state: ast.StateDef, found: Band) -> Band:
+        return persistence.persistent(
+            found,
+            self.window(state.for_),
+            self.open_gap(state.gap),
+            causal=self.causal,
+            open_end=self.unfollowed,
+        )
 
     def _relation(self, name: str, bodies: tuple[str, ...], wanted: Bool | None = None) -> Band:
         truth = self.relations.get(name, bodies, wanted)
@@ -391,13 +549,7 @@ class Evaluator(Answers):
         state = self.rules.states[name]
         env = dict(zip(state.of, bodies, strict=True))
         found = self.momentary(name, bodies)
-        found = persistence.persistent(
-            found,
-            self.window(state.for_),
-            self.open_gap(state.gap),
-            causal=self.causal,
-            open_end=self.unfollowed,
-        )
+        found = self._lasting(state, found)
         if state.also is not None and not self.causal:
             more = band.either([found, self.also(state, env)], self.frames)
             holds = found.lower >= 0  # then it is not asked whether it was brief
@@ -445,10 +597,16 @@ class Evaluator(Answers):
             at[self.success] = True
         return Truth(at, at)
 
+    def holds(self, call: ast.Call, env: Env) -> Bool:
+        """(T,) where a state or relation certainly holds."""
+        return self._truth_of(call, env).sure
+
     def _truth_of(self, call: ast.Call, env: Env) -> Truth:
         """The frames of a state or relation."""
         bodies = tuple(map(env.get, call.args, call.args))
         declared, key = self.rules.states.get(call.name), ("truth", call.name, bodies)
+        if self._deep(call) and ("state", call.name, bodies) not in self._told:
+            return truth_of(self.signs(call.name, bodies))
         return self.once(declared, key, self._told_by, call, env)
 
     def _told_by(self, call: ast.Call, env: Env) -> Truth:
@@ -469,3 +627,17 @@ class Evaluator(Answers):
             return [Moment(0, 0)]
         truth = self._truth_of(event.call, env)
         return moment.ends(truth) if event.edge == "end" else moment.starts(truth)
+
+
+def widened(frames: Bool, by: int) -> Bool:
+    """(T,) true there and up to so many frames before and after."""
+    total = len(frames)
+    before = np.concatenate([[0], np.cumsum(frames)])
+    at = np.arange(total)
+    return np.asarray(before[np.minimum(at + by + 1, total)] > before[np.maximum(at - by, 0)])
+
+
+def last_of(frames: Bool) -> int:
+    """The frame after the last true one; 0 without any."""
+    found = frames.nonzero()[0]
+    return int(found[-1]) + 1 if len(found) else 0

@@ -101,8 +101,8 @@ def _ignored(
             return runs(raw)
         if breach.what != event:
             raw = raw & _raw(evaluator, breach, instance)[first:stop]
-        return first + runs(raw & ~evaluator.state(event.call, env).true[first:stop])
-    found = runs(raw & ~evaluator.state(event.call, env).true)
+        return first + runs(raw & ~evaluator.holds(event.call, env)[first:stop])
+    found = runs(raw & ~evaluator.holds(event.call, env))
     at = found[:, 0 if event.edge == "start" else 1]
     return found[(at >= first) & (at < stop)]
 

@@ -114,7 +114,7 @@ def _waited(
         came = evaluator.truth(guard.event, env).sure.nonzero()[0]
         this = int(came[0]) if len(came) else None
     that = None
-    for begin, end in runs(evaluator.state(guard.state, env).true).tolist():
+    for begin, end in runs(evaluator.holds(guard.state, env)).tolist():
         if this is None or this < end:
             that = begin
             break
@@ -172,7 +172,7 @@ def speaking(evaluator: Evaluator, call: ast.Call, env: Env) -> ast.Call | None:
     found = []
     for one in state.when.atoms[0].alternatives:
         if isinstance(one, ast.Event) and one.call is not None and one.edge is None:
-            true = evaluator.state(one.call, inner).true
+            true = evaluator.holds(one.call, inner)
             if true.any():
                 found.append((int(true.argmax()), one.call))
     if not found:

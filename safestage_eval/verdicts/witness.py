@@ -142,9 +142,11 @@ class Search(NamedTuple):
         state = evaluator.rules.states.get(call.name)
         if state is None:
             return Witness(str(ast.Call(call.name, bodies)), bodies, frame)
-        margin = self.end(evaluator.must_not(call, env), frame)
         inner = dict(zip(state.of, bodies, strict=True))
         source = state.when
+        if evaluator.asks_costly(ast.StateAtom(call, True)):
+            return self.alternative(source, inner, self.source(state, call, env, inner, frame))
+        margin = self.end(evaluator.must_not(call, env), frame)
         if state.fallback is None:
             found = evaluator.momentary(call.name, bodies)
         else:
@@ -161,6 +163,21 @@ class Search(NamedTuple):
         if len(same):
             frame = int(same[np.argmin(np.abs(same - frame))])
         return self.alternative(source, inner, frame)
+
+    def source(self, state: ast.StateDef, call: ast.Call, env: Env, inner: Env, frame: int) -> int:
+        """The nearest frame at which what a state is made of has its margin of a frame.
+
+        As the state asks for something costly, it is looked for at the frame first, then as far
+        around it as the state looks to make it last, and only then everywhere.
+        """
+        evaluator, here = self.evaluator, self._only(frame)
+        margin = self.end(evaluator.must_not(call, env, wanted=here), frame)
+        for wanted in (here, evaluator.around(state, here), np.ones(evaluator.frames, np.bool_)):
+            found = evaluator.condition(state.when, inner, wanted)
+            same = (wanted & ((found.upper if self.upper else found.lower) == margin)).nonzero()[0]
+            if len(same):
+                return int(same[np.argmin(np.abs(same - frame))])
+        return frame
 
     def _signal(self, atom: ast.SignalAtom, env: Env, frame: int) -> Witness:
         evaluator, series = self.evaluator, None
