@@ -157,7 +157,7 @@ class Clock:
 
     def recorded(self, frame: int) -> int:
         """The frame itself, or for one that was put in the recorded one before it (or after)."""
-        if self.unseen is None or not self.unseen[frame]:
+        if self.unseen is None or not self.unseen[frame] or self.unseen.all():
             return frame
         seen = np.flatnonzero(~self.unseen)
         return int(seen[max(int(np.searchsorted(seen, frame)) - 1, 0)])
