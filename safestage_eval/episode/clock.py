@@ -129,6 +129,8 @@ class Clock:
         if self.unseen is None or not self.unseen[frame]:
             return None
         seen = np.flatnonzero(~self.unseen)
+        if not len(seen):
+            return 0.0, float(self.t[-1])
         after = int(np.searchsorted(seen, frame))
         begin = self.t[seen[after - 1]] if after else 0.0
         return float(begin), float(self.t[seen[min(after, len(seen) - 1)]])
