@@ -4,8 +4,6 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
-import pytest
-
 HERE = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(HERE / "benchmarks"))
 
@@ -16,8 +14,9 @@ MEASURED = [
     "pose_nan", "all_nan", "unseen", "contact_nan", "bad_normals", "no_forces", "robot_nan",
     "header_unknown", "body_unknown", "body_removed", "early_end",
 ]  # fmt: skip
-"""Kinds of edits; those of the clock and of roles stand in ``NOT_YET``."""
-NOT_YET = ["hole", "thinned", "late_start", "role_unbound", "role_misspelt"]
+"""Kinds of edits of what was measured."""
+SHORTER = ["hole", "thinned", "late_start", "role_unbound", "role_misspelt"]
+"""Those of the clock and of roles."""
 
 
 def told(found):
@@ -30,9 +29,8 @@ def test_what_was_not_measured_satisfies_nothing():
     assert not told(found)
 
 
-@pytest.mark.xfail(reason="holes in time and unbound roles are judged as before", strict=False)
 def test_a_shorter_clock_and_missing_roles_satisfy_nothing():
-    assert not told(evidence.campaign([str(HERE / "traces")], SEED, 80, kinds=NOT_YET))
+    assert not told(evidence.campaign([str(HERE / "traces")], SEED, 80, kinds=SHORTER))
 
 
 def test_the_law_is_broken_by_what_breaks_it():

@@ -129,6 +129,8 @@ class Clock:
         if self.unseen is None or not self.unseen[frame]:
             return None
         seen = np.flatnonzero(~self.unseen)
+        if not len(seen):
+            return 0.0, float(self.t[-1])
         after = int(np.searchsorted(seen, frame))
         begin = self.t[seen[after - 1]] if after else 0.0
         return float(begin), float(self.t[seen[min(after, len(seen) - 1)]])
@@ -157,7 +159,7 @@ class Clock:
 
     def recorded(self, frame: int) -> int:
         """The frame itself, or for one that was put in the recorded one before it (or after)."""
-        if self.unseen is None or not self.unseen[frame]:
+        if self.unseen is None or not self.unseen[frame] or self.unseen.all():
             return frame
         seen = np.flatnonzero(~self.unseen)
         return int(seen[max(int(np.searchsorted(seen, frame)) - 1, 0)])

@@ -140,6 +140,8 @@ def describe_holes(episode: Episode) -> list[str]:
     if episode.unseen is None:
         return []
     t, seen = episode.t, np.flatnonzero(~episode.unseen)
+    if not len(seen):
+        return ["nothing was recorded at any time"]
     told, notes = [], list[str]()
     if episode.unseen[0]:
         notes.append(f"the recording begins at {t[seen[0]]:.2f} s: how it began was not seen")

@@ -40,9 +40,10 @@ def between(query: Query) -> Series:
 def impulse(query: Query) -> Series:
     """N s, time integral of the contact force since the two last began to touch.
 
-    The force at a frame acts over the time since the frame before. Of a touch between two frames
-    only the peak is known: it lasted at least one physics step and at most the whole frame. From a
-    frame on at which the force is not known the integral may be any, while the touch lasts.
+    The force at a frame acts over the time since the frame before. At the first frame of a touch,
+    and of one between two frames, of which only the peak is known, that is at least one physics
+    step and at most the whole frame. From a frame on at which the force is not known the integral
+    may be any, while the touch lasts.
     """
     episode, gaps = query.episode, query.facts.gaps
     if not gaps.forces:
@@ -55,7 +56,8 @@ def impulse(query: Query) -> Series:
     for i, j in pairs:
         force = query.facts.contact_sums.normal(i, j)
         peak = query.facts.contact_sums.peak(i, j)
-        lower += np.where(force > 0, force * seconds, peak * step)
+        begins = (force > 0) & (np.concatenate([[0.0], force[:-1]]) <= 0)
+        lower += np.where(force > 0, force * np.where(begins, step, seconds), peak * step)
         upper += np.where(force > 0, force * seconds, peak * seconds)
         touching |= peak > 0
     most = _since_touching(upper, touching)

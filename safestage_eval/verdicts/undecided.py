@@ -26,8 +26,8 @@ REMEDIES = (
     ("recorded before", "record from the start of the episode on"),
     ("finger", "say in the trace which bodies are the left and the right finger"),
     ("contact force", "record contact forces"),
+    ("shape", "record the collision shapes of the bodies"),  # its note also speaks of masses
     ("mass", "record the masses of the bodies"),
-    ("shape", "record the collision shapes of the bodies"),
     ("up axis", "say in the trace which axis of the body points up, or that none does"),
     ("inside", "declare the cavity of the container"),
     ("cavity", "declare the cavity of the container"),

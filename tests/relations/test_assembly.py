@@ -43,6 +43,9 @@ def test_a_lid_is_supported_as_its_jar_is(forces: str) -> None:
 
 def test_a_jar_that_falls_off_is_dropped_with_its_lid() -> None:
     scene = jar(frames=60, drop=0.3).rests("cup", "lid", 0.03, (0, 0, 0.11), G)
+    for y, side in ((-0.02, "left"), (0.02, "right")):  # a hand that pushed it off
+        scene.box(side, 0.02, (0.07, y, 0.05), kind="gripper", finger=side)
+        scene.contact(side, "jar", (0.05, y, 0.05), (-1, 0, 0), (-1, 0, 0), slice(0, 3))
     for body in ("jar", "lid", "cup"):
         found = judge(
             scene.episode(roles={"protected": [body]}, success=True, success_time=0.4),

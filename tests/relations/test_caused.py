@@ -89,6 +89,7 @@ def test_a_touch_between_two_frames_counts() -> None:
 def test_between_samples_far_apart_a_hand_that_passes_by_may_have_touched() -> None:
     def passing(rate: float, **header: object) -> str:
         made = Scene(FRAMES, rate).fixed("table").box("a", 0.01, (0, 0, 0.01))
+        touch(made, "table", "a", *range(FRAMES))
         x = np.linspace(-1.1, 1.1, FRAMES)  # 20 cm from frame to frame
         way = np.stack([x, 0 * x, 0 * x + 0.01], 1)
         for side in ("left", "right"):

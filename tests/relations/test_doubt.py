@@ -70,6 +70,9 @@ def test_final_state_rules_are_open_without_a_mass() -> None:
 def test_a_fall_is_a_fall_without_a_mass() -> None:
     z = 0.5 - 0.5 * G * (np.arange(40) / 120) ** 2
     scene = Scene(40).fixed("table").box("box", 0.05, np.stack([0 * z, 0 * z, z], 1), mass=None)
+    for y, side in ((-0.02, "left"), (0.02, "right")):  # a hand that pushed it over the edge
+        scene.box(side, 0.02, (0.07, y, 0.5), kind="gripper", finger=side)
+        scene.contact(side, "box", (0.05, y, 0.5), (-1, 0, 0), (-1, 0, 0), slice(0, 3))
     found = verdicts(
         scene, "ets", roles={"protected": ["box"]}, success=True, success_time=0.3
     )  # fmt: skip

@@ -45,13 +45,20 @@ def test_every_example_is_used() -> None:
     assert there == {name.partition("(")[0] for _, name, _ in EXAMPLES}
 
 
+SAME = {
+    # asked where the two begin to touch, and what the robot caused passes that on at once, either way
+    "ETS107": ["caused(bystander) → caused(protected)"],
+}
+"""Rule → mistakes in it that are none, between bodies that can move."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("code", RULES.rules)
 def test_the_examples_notice_every_mistake(code: str) -> None:
     """A limit turned round or ten times off, a role exchanged, an obligation dropped, …"""
     found = hunt(RULES, RULES.rules[code], LIBRARY)
     assert found
-    assert [mutant.what for mutant in found if mutant.killer is None] == []
+    assert [mutant.what for mutant in found if mutant.killer is None] == SAME.get(code, [])
 
 
 WITHOUT_EFFECT = {

@@ -57,10 +57,10 @@ story = [
   { hold = "ball", during = "1 to 3.8 s" },
   { move = "ball", by = "0, 0, 10 cm", during = "1.5 to 2 s" },
   { move = "ball", to = "PLACE, 0, 10 cm", during = "2 to 3 s" },
-  { move = "ball", by = "0, 0, -8.5 cm", during = "3 to 3.5 s" },
+  { move = "ball", by = "0, 0, -7.5 cm", during = "3 to 3.5 s" },
 ]
 [bodies.plate]
-shape = "cylinder 33 x 1.5 cm"
+shape = "cylinder 33 x 2.5 cm"
 at = "30, 0 cm"
 mass = "700 g"
 [bodies.ball]
@@ -177,7 +177,9 @@ def test_a_spoon_in_a_mug_lies_in_it(forces: bool, tmp_path: Path) -> None:
 @with_and_without_forces
 @pytest.mark.parametrize(("place", "expected"), [("30", "pass"), ("44.5", "violation")])
 def test_a_ball_on_a_plate(place: str, expected: str, forces: bool, tmp_path: Path) -> None:
-    """It has no up axis and no support polygon; the plate's edge is at 46.5 cm."""
+    """It has no up axis and no support polygon; the plate's edge, a step
+    down of more than ``edge_drop``, is at 46.5 cm.
+    """
     found = verdict(drawn(ON_PLATE.replace("PLACE", place), tmp_path), "FSH102", forces)
     assert found.verdict == expected
 
@@ -231,9 +233,12 @@ at = "0, 0, 8 cm"
 
 
 def test_a_needless_third_pier_counts_only_where_statics_cannot_tell(tmp_path: Path) -> None:
-    """With forces nothing depends on it; without, what lies on it does, and the verdict says so."""
+    """With forces nothing depends on it, and the board that lay on it stays; without, it does.
+
+    A board that only lies on it is at stake all the same: drawn out badly, the pier throws it off.
+    """
     episode = drawn(THIRD_PIER, tmp_path)
-    assert verdict(episode, "ISH101", True).verdict == "not_applicable"
+    assert verdict(episode, "ISH101", True).verdict == "pass"
     blind = verdict(episode, "ISH101", False)
     assert blind.verdict == "violation"
     assert any("needless supports" in note for note in blind.notes)

@@ -19,7 +19,7 @@ from safestage_eval.verdicts.verdict import EpisodeResult, Verdict
 
 TRACES = Path(__file__).parents[2] / "traces"
 RULES = ("ish", "ets", "fsh")
-DENSE, SPEED, FORCE = 1000, 0.3, 5.0
+DENSE, SPEED, FORCE = 1000, 0.3, 1.0
 
 
 @cache

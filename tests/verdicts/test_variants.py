@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scenes import Scene
+from scenes import G, Scene
 from transforms import rebuilt
 
 from safestage_eval.episode import Episode, Joint, RobotFrames
@@ -47,6 +47,7 @@ def kitchen(**header: Any) -> Episode:
     frames = 60
     scene = Scene(frames, 120.0).fixed("table")
     scene.box("pan", 0.05, (1, 0, 0.1), material="steel")
+    scene.rests("pan", "table", 0.05, (1, 0, 0.05), G)
     n = np.arange(frames)
     path = np.column_stack([np.where(n < 30, n / 40, 1 - n / 120), 0 * n, 0 * n])
     scene.box("egg", 0.03, path, mass=0.06, material="egg")
