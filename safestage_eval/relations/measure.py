@@ -284,8 +284,11 @@ class Relations:
         if name == "edge_margin" and len(bodies) == 1 and self.bearers_unseen:
             nothing = np.isneginf(found.upper)  # nothing that is seen bears it
             lost = nothing if lost is None else lost | nothing
+        alone = (
+            name == "edge_margin" and len(bodies) == 1 and not self.blind
+        )  # it sees to poses itself
         elsewhere = None if name == "overlap_xy" else unmeasured.lost_between(self, None, None)
-        for more in (unmeasured.lost_poses(self), elsewhere):
+        for more in (None if alone else unmeasured.lost_poses(self), elsewhere):
             if more is not None:
                 lost = more if lost is None else lost | more
         if lost is None:
