@@ -34,9 +34,12 @@ def series_within(
         reference, when = evaluator.since(atom.since, env)
         if when is not None:
             return None
-    return evaluator.relations.signals.stretch(
+    found = evaluator.relations.signals.stretch(
         asked.name, asked.bodies, reference, asked.options, slice(first, stop)
     )
+    if found is not None:
+        evaluator.notes.update(dict.fromkeys(found.notes))
+    return found
 
 
 def condition_within(
