@@ -174,8 +174,10 @@ def rack(r: Rng, p: Pile) -> None:
     slots = int(r.integers(3, 5))
     pitch = r.uniform(0.035, 0.05)
     parts = [box(pitch * slots / 2 + 0.01, 0.05, 0.005, at=(0, 0, 0.005), dense=1500)]
-    for i in range(slots + 1):
-        parts.append(box(0.003, 0.05, 0.02, at=((i - slots / 2) * pitch, 0, 0.03), dense=1500))
+    parts += [
+        box(0.003, 0.05, 0.02, at=((i - slots / 2) * pitch, 0, 0.03), dense=1500)
+        for i in range(slots + 1)
+    ]
     p.add("rack", (0, 0, 0), *parts)
     for i in range(slots):
         t, h = r.uniform(0.003, 0.006), r.uniform(0.04, 0.07)

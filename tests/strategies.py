@@ -130,6 +130,10 @@ def episodes(draw, max_frames=12):
     everybody = tuple(draw(bodies(name, meshes)) for name in body_names)
     joints = draw(st.integers(0, 3))
     optional = st.none() | names
+    t = draw(st.sampled_from([0.0, 1.5])) + np.cumsum(rng.uniform(1e-3, 0.1, frames))
+    spacing = float(np.median(np.diff(t))) if frames > 1 else 1 / 120
+    success = draw(st.none() | st.booleans())
+    seconds = st.floats(0, 10, allow_nan=False)
     header = Header(
         episode_id=draw(names),
         task=draw(optional),
@@ -139,10 +143,12 @@ def episodes(draw, max_frames=12):
         seed=draw(st.none() | st.integers(-(2**40), 2**40)),
         rollout=draw(st.none() | st.integers(0, 99)),
         physics_dt=draw(st.sampled_from([1 / 120, 1 / 480, 0.002])),
-        frame_dt=draw(st.sampled_from([1 / 120, 1 / 15])),
+        frame_dt=spacing * draw(st.sampled_from([0.92, 1.0, 1.05])),
         control_dt=draw(st.none() | st.just(1 / 15)),
-        success=draw(st.none() | st.booleans()),
-        success_time=draw(st.none() | metres),
+        success=success,
+        success_time=None
+        if success is False
+        else draw(st.none() | seconds.map(lambda after: float(t[0]) + after)),
         termination=draw(st.sampled_from([None, "success", "horizon", "error"])),
         roles=draw(
             st.dictionaries(names, st.lists(st.sampled_from(body_names), max_size=2), max_size=2)
@@ -167,7 +173,7 @@ def episodes(draw, max_frames=12):
     saved = draw(st.sets(st.integers(0, frames - 1), max_size=2))
     return Episode(
         header=header,
-        t=draw(st.sampled_from([0.0, 1.5])) + np.cumsum(rng.uniform(1e-3, 0.1, frames)),
+        t=t,
         tracks={body.name: random_track(rng, frames if body.movable else 1) for body in everybody},
         _contacts=random_contacts(rng, header, frames, draw(st.integers(0, 6 * frames))),
         _frames=RobotFrames(

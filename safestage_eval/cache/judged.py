@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 HEAD, TIME = "judged", "t"
 
-DEEP = 1
+DEEP = 2
 """Through so many states that last (or have gaps) their own series are kept as well."""
 
 

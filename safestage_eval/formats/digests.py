@@ -35,7 +35,9 @@ Digests = Mapping[str, Sequence[str]]
 
 
 def crc(values: NDArray[Any]) -> str:
-    """CRC-32 of numbers, whole ones as int32; 8 hexadecimal digits."""
+    """CRC-32 of numbers, whole ones as int32; 8 hexadecimal digits. Of anything else, none."""
+    if values.dtype.kind not in "biuf":
+        return ""
     if values.dtype.kind in "iu" and values.dtype.itemsize > 1:
         values = values.astype("<i4", copy=False)
     return f"{crc32(np.ascontiguousarray(values).view(np.uint8).reshape(-1)):08x}"

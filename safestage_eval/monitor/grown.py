@@ -177,7 +177,7 @@ class GrownRelations(Relations):
         if self.lacking(name, bodies):
             return None
         if name == "depends_on":
-            return self._depends_on(tuple(bodies), wanted)[0]
+            return self._depends_on((bodies[0], bodies[1]), wanted)[0]
         frames = len(self.episode)
 
         def measure(first: int, last: int) -> Bool:
@@ -193,7 +193,7 @@ class GrownRelations(Relations):
         """As in the base class."""
         return self._depends_on((body, on), wanted)[1]
 
-    def _depends_on(self, bodies: tuple[str, ...], wanted: Bool | None) -> tuple[Bool, Bool]:
+    def _depends_on(self, bodies: tuple[str, str], wanted: Bool | None) -> tuple[Bool, Bool]:
         frames = len(self.episode)
         before = self._past.dependence.get(bodies, ())
         truth, open_, done = (np.zeros(frames, np.bool_) for _ in range(3))

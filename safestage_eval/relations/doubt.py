@@ -17,6 +17,30 @@ Bool = NDArray[np.bool_]
 Doubt = tuple[Bool, str]
 
 
+def by_nature(
+    relations: Relations, name: str, bodies: Sequence[str], wanted: Bool | None = None
+) -> Doubt | None:
+    """Where what was measured leaves a relation open."""
+    if name == "caused":
+        return may_have_been_touched(relations, *bodies)
+    if relations.blind and name in ("held", "carried"):
+        return may_be_in_the_grip(relations, name, bodies)
+    if name == "depends_on" and relations.blind:
+        return may_lean(relations, *bodies)
+    if name == "depends_on" and not relations.lacking(name, bodies):
+        return may_be_caught(relations, bodies[0], bodies[1], wanted)
+    if name == "inside" and relations.lacking("supports", (bodies[1], bodies[0])):
+        return may_be_borne(relations, *bodies)
+    if (relations.unweighed or relations.faint) and name in (
+        "supports",
+        "supported",
+        "carried",
+        "inside",
+    ):
+        return may_be_too_weak(relations, name, bodies)
+    return None
+
+
 def may_be_caught(relations: Relations, body: str, on: str, wanted: Bool | None) -> Doubt | None:
     """What is within a hair's breadth and carries nothing yet may hold the body up, or may not."""
     open_ = relations.caught(body, on, wanted)

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.episode.runs import runs
 from safestage_eval.geometry.pose import rotate
 from safestage_eval.signals.motion import com_position
 from safestage_eval.signals.options import EFFECT_OVER, OptionValue
 from safestage_eval.signals.series import Series, exact
-from safestage_eval.states.persistence import runs
 
 if TYPE_CHECKING:
     from .measure import Relations

@@ -17,7 +17,7 @@ from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series, hidden, hide, unknown
 from safestage_eval.signals.vocabulary import SIGNALS
 
-from . import between, doubt, effect, falls, standing
+from . import between, doubt, effect, falls, standing, unmeasured
 from .dependence import Dependence
 from .exposure import Causes, Exposure
 from .graph import ByForce, SupportGraph, faint
@@ -192,7 +192,7 @@ class Relations:
 
         None where there is no doubt at any frame. ``wanted``: as in ``get``.
         """
-        found = self.doubtful_by_nature(name, bodies, wanted)
+        found = doubt.by_nature(self, name, bodies, wanted)
         lost = self.unmeasured(name, tuple(bodies))
         if lost is None:
             return found
@@ -204,8 +204,11 @@ class Relations:
 
         Of forces, what was read so far counts: ``get`` comes first.
         """
-        found = self._lost_by(name, bodies)
-        if name not in ("supported", "carried", "depends_on", "exposed_to") or not self._hidden:
+        found = unmeasured.lost_by(self, name, bodies)
+        if (
+            name not in ("supported", "carried", "depends_on", "exposed_to")
+            or not self.bearers_unseen
+        ):
             return found
         truth = self.get(name, bodies)
         if truth is None or truth.all():
@@ -213,82 +216,10 @@ class Relations:
         return ~truth if found is None else found | ~truth
 
     @cached_property
-    def _hidden(self) -> bool:
+    def bearers_unseen(self) -> bool:
         """Without forces: the shape of some body that is no robot is missing; it may bear others."""
         names = [b.name for b in self.episode.header.bodies if b.kind not in ("robot", "gripper")]
         return self.blind and bool(self.signals.movers.unseen(names))
-
-    def _lost_by(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
-        gaps, index = self.signals.gaps, self.episode.body_index
-        if name in ("exposed_to", "caused"):
-            lost = self._lost(None, None)
-            if lost is None:
-                return None
-            truth = self.get(name, bodies)
-            after = np.maximum.accumulate(lost)  # what it touched meanwhile stays on it
-            return after if truth is None else (after & ~truth) | (lost & truth & after)
-        chained = name in ("supported", "carried", "depends_on")
-        near = None if chained else {index[b] for body in bodies for b in self.signals.bodies(body)}
-        if self.blind or name == "inside":
-            poses = [] if chained else [*bodies]
-            if name == "held":
-                poses += self.signals.bodies("gripper")
-            found = gaps.of_bodies(poses) if poses else self._lost_poses()
-            if name == "inside" and not self.blind:
-                more = self._lost(near, near)
-                found = more if found is None else found if more is None else found | more
-            return found
-        if name == "supports":
-            return self._lost(near, near)
-        if name == "held":
-            return self._lost(near, None)
-        found = self._lost(None, None)
-        if name == "depends_on":
-            poses_lost = self._lost_poses()
-            found = (
-                poses_lost if found is None else found if poses_lost is None else found | poses_lost
-            )
-        return found
-
-    def _lost(self, first: set[int] | None, second: set[int] | None) -> Bool | None:
-        """(T,) where the force between a body of each set (None: any) is not known."""
-        gaps = self.signals.gaps
-        if self.blind:
-            return self._lost_poses()
-        self.signals.contact_sums.look(gaps.read)
-        return gaps.of_pairs(
-            (i, j)
-            for i, j in gaps.pairs
-            if ((first is None or i in first) and (second is None or j in second))
-            or ((first is None or j in first) and (second is None or i in second))
-        )
-
-    def _lost_poses(self) -> Bool | None:
-        """(T,) where the pose of any body that relations looked at is not known."""
-        return self.signals.gaps.of_loaded()
-
-    def doubtful_by_nature(
-        self, name: str, bodies: Sequence[str], wanted: Bool | None = None
-    ) -> tuple[Bool, str] | None:
-        """The same, of what was measured: where it leaves a relation open."""
-        if name == "caused":
-            return doubt.may_have_been_touched(self, *bodies)
-        if self.blind and name in ("held", "carried"):
-            return doubt.may_be_in_the_grip(self, name, bodies)
-        if name == "depends_on" and self.blind:
-            return doubt.may_lean(self, *bodies)
-        if name == "depends_on" and not self.lacking(name, bodies):
-            return doubt.may_be_caught(self, bodies[0], bodies[1], wanted)
-        if name == "inside" and self.lacking("supports", (bodies[1], bodies[0])):
-            return doubt.may_be_borne(self, *bodies)
-        if (self.unweighed or self.faint) and name in (
-            "supports",
-            "supported",
-            "carried",
-            "inside",
-        ):
-            return doubt.may_be_too_weak(self, name, bodies)
-        return None
 
     def caveat(self, name: str) -> tuple[str, ...]:
         """What the reader should be told of a relation that is known by other means than forces."""
@@ -350,10 +281,14 @@ class Relations:
         """The same, unknown where something that it may rest on was not measured."""
         gaps = self.signals.gaps
         lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
-        if name == "edge_margin" and len(bodies) == 1 and self._hidden:
+        if name == "edge_margin" and len(bodies) == 1 and self.bearers_unseen:
             nothing = np.isneginf(found.upper)  # nothing that is seen bears it
             lost = nothing if lost is None else lost | nothing
-        for more in (self._lost_poses(), None if name == "overlap_xy" else self._lost(None, None)):
+        alone = (
+            name == "edge_margin" and len(bodies) == 1 and not self.blind
+        )  # it sees to poses itself
+        elsewhere = None if name == "overlap_xy" else unmeasured.lost_between(self, None, None)
+        for more in (None if alone else unmeasured.lost_poses(self), elsewhere):
             if more is not None:
                 lost = more if lost is None else lost | more
         if lost is None:

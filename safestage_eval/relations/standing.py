@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.geometry.edge import edge_margin
 from safestage_eval.geometry.footprint import overlap_xy
+from safestage_eval.signals.gaps import POSE, TWIST
 from safestage_eval.signals.motion import angular_velocity, linear_velocity
 from safestage_eval.signals.options import DEFAULT_DROP
 from safestage_eval.signals.series import Series, exact, unknown
@@ -74,6 +75,10 @@ def edge(
         lower[there] = np.where(np.isnan(margin), -np.inf, margin)
         upper[there] = np.where(np.isnan(margin), np.inf, margin)
     upper[borne[lost]] = np.inf  # what cannot be seen may go on from the edge, or guard it
+    for b, on in bearers.items():
+        away = relations.signals.gaps.of_body(names[b], POSE)
+        if away is not None:
+            lower[on & away], upper[on & away] = -np.inf, np.inf
     bare = np.isneginf(lower) & np.isposinf(upper)
     for on in unseen.values():  # it can only reach further than what is seen
         upper[on] = np.inf
@@ -105,8 +110,8 @@ def _beside(relations: Relations, a: str, at: I64) -> tuple[dict[str, Bool], Boo
             found[body.name] = np.ones(len(at), np.bool_)
             continue
         stays = ~_in_motion(relations, body.name, at)
-        seen = np.isfinite(track.position[at]).all(axis=1)
-        seen &= np.isfinite(track.orientation[at]).all(axis=1)
+        away = relations.signals.gaps.of_body(body.name, (*POSE, *TWIST))
+        seen = np.ones(len(at), np.bool_) if away is None else ~away[at]
         lost |= ~seen
         if i not in graph.assemblies.fixed:
             stays &= ~relations.held(i)[at]

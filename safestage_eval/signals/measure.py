@@ -296,7 +296,7 @@ class Signals(Facts):
         if missing:
             return unknown(frames, dimension, f"the trace has no {' and no '.join(missing)}")
         query = Query(self, name, dimension, bodies, groups, reference, cap, deep, slack, options)
-        return mask_unseen(self._without_gaps(MEASURES[name](query), query), query)
+        return self._without_gaps(mask_unseen(MEASURES[name](query), query), query)
 
     def _without_gaps(self, found: Series, query: Query) -> Series:
         """The same, unknown where something that it is measured from was not measured."""

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from safestage_eval.episode.runs import runs
+
 from .band import Band, Bool
-from .persistence import runs
 
 
 class Truth(NamedTuple):

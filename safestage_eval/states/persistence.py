@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.compiled import kernel
 from safestage_eval.episode.clock import Window
+from safestage_eval.episode.runs import runs
 
 from .band import F64, Band, Bool, each
 
@@ -262,15 +263,3 @@ def _latch(margin: F64, reset: Bool) -> F64:
         if len(on):
             out[on[0] : stop] = np.maximum.accumulate(out[on[0] : stop])
     return out
-
-
-def runs(truth: Bool) -> NDArray[np.int64]:
-    """(R, 2) half-open frame intervals [first, stop) of consecutive true frames."""
-    if not len(truth):
-        return np.zeros((0, 2), np.int64)
-    changes = (truth[1:] != truth[:-1]).nonzero()[0]
-    begun, open_ = int(truth[0]), int(truth[-1])
-    out = np.empty(begun + len(changes) + open_, np.int64)
-    out[:begun], out[len(out) - open_ :] = 0, len(truth)
-    np.add(changes, 1, out=out[begun : begun + len(changes)])
-    return out.reshape(-1, 2)

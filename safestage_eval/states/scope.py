@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode.clock import Window
+from safestage_eval.episode.runs import runs
 
 from .band import Bool
 from .moment import Moment, Truth
-from .persistence import runs
 
 I64 = NDArray[np.int64]
 

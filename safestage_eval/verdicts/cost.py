@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import F64, Bool
-from safestage_eval.states.persistence import runs
 from safestage_eval.states.scope import Scope
 
 from .evaluate import Evaluator

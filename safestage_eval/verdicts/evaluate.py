@@ -13,10 +13,11 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.reference import Reference, latest
 from safestage_eval.signals.series import Series
 from safestage_eval.states import band, moment, persistence
-from safestage_eval.states.band import F64, Band, Bool
+from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
 from safestage_eval.states.scope import Scope
 
+from . import between_samples
 from .answers import Answers, Found
 from .costly import Costly, Gates
 from .memory import Memory
@@ -285,49 +286,10 @@ class Evaluator(Answers):
             return found
         bodies = tuple(map(env.get, call.args, call.args))
         key = ("must not", call.name, bodies)
-        upper = self.once(state, key, self._may_be, state, call.name, bodies, lasts.seconds)
-        return Band(found.lower, np.maximum(found.upper, upper))
-
-    def _may_be(
-        self, state: ast.StateDef, name: str, bodies: tuple[str, ...], seconds: float
-    ) -> F64:
-        """(T,) upper margin of a state that lasts at least as long as its samples may have."""
-        loose = persistence.persistent(
-            self.momentary(name, bodies),
-            self.window(state.for_).loose,
-            self.open_gap(state.gap),
-            causal=self.causal,
-            open_end=self.unfollowed,
+        upper = self.once(
+            state, key, between_samples.may_last, self, state, call.name, bodies, lasts.seconds
         )
-        if self.clock.longest < seconds * (1 - 1e-6):
-            return loose.upper
-        hidden = self._hidden_touch(state, bodies, seconds)
-        return loose.upper if hidden is None else np.where(hidden, np.inf, loose.upper)
-
-    def _hidden_touch(
-        self, state: ast.StateDef, bodies: tuple[str, ...], seconds: float
-    ) -> Bool | None:
-        """(T,) where the state may hold for so long between a sample and the next, unseen."""
-        coarse = self.clock.spacing >= seconds * (1 - 1e-6)
-        if self.clock.unseen is not None:  # where nothing is known anyway
-            coarse &= ~self.clock.unseen
-        env, out = dict(zip(state.of, bodies, strict=True)), None
-        for atom in state.when.atoms:
-            if not isinstance(atom, ast.SignalAtom) or atom.call.name != "contact_force":
-                continue
-            asked = self.asked(atom, env)
-            if len(asked.bodies) != 2 or atom.limits[0].op[0] != ">":
-                continue
-            peak = self.relations.signal("peak_force", asked.bodies)
-            out = self.relations.may_touch_between(*asked.bodies, coarse)
-            out = out | (coarse & (peak.lower >= asked.limits[0]))
-            if out.any():
-                first, t = int(out.argmax()), self.episode.t
-                self.notes[
-                    f"{asked.bodies[0]} may have touched {asked.bodies[1]} between two samples that "
-                    f"are {self.clock.spacing[first] * 1e3:.0f} ms apart, at {t[first]:.2f} s"
-                ] = None
-        return out
+        return Band(found.lower, np.maximum(found.upper, upper))
 
     def _limited(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None) -> Band:
         """Margins of a signal's limits; ``wanted`` as in ``condition``."""

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from safestage_eval.episode.runs import runs
 from safestage_eval.rules import parse
 from safestage_eval.rules import syntax as ast
-from safestage_eval.states.persistence import runs
 from safestage_eval.units import format_quantity, told_apart
 
 from .evaluate import Evaluator

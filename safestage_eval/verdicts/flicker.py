@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import band
 from safestage_eval.states.band import Band, Bool
-from safestage_eval.states.persistence import runs
 
 from .evaluate import Evaluator
 from .instance import Instance

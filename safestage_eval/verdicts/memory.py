@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
-from safestage_eval.states.persistence import runs
 from safestage_eval.states.scope import Scope
 
 if TYPE_CHECKING:

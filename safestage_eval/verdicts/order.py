@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
-from safestage_eval.states.persistence import runs, without_short_runs
+from safestage_eval.states.persistence import without_short_runs
 
 from .evaluate import Evaluator
 from .instance import Instance

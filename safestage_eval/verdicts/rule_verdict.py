@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import Bool
-from safestage_eval.states.persistence import runs
 
 from .brief import is_brief
 from .evaluate import Evaluator

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from safestage_eval.episode.runs import runs
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states.band import Band, Bool
-from safestage_eval.states.persistence import runs
 
 from .evaluate import Evaluator
 from .explain import seconds

@@ -178,4 +178,5 @@ def test_an_entry_of_a_full_episode_stays_small(episodes, tmp_path):
     for stage, ref in episodes.items():
         score_episode(ref, load_rules([stage.lower()]), cache=tmp_path)
     per_frame = sum(path.stat().st_size for path in tmp_path.rglob("*.*")) / 3 / 600
-    assert per_frame * 8000 < 6e6
+    # a third of it is what touches did to 18 bystanders, each with obstacle and hand (ETS106, ETS107)
+    assert per_frame * 8000 < 9e6

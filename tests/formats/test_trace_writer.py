@@ -91,7 +91,7 @@ def test_states_channels_and_attachments_are_kept(tmp_path):
     writer.set_fixed("table", (0, 0, 0))
     for i in range(3):
         writer.add_frame(
-            i,
+            i / 100,
             pose(1),
             channels={("cube", "temperature"): 20 + i},
             state=[1 / 3] if i == 1 else None,

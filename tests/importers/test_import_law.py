@@ -25,9 +25,10 @@ LAYOUTS = ("robolab", "maniskill", "lerobot")
 FOLDER = [builtin_folder() / "examples"]
 SKETCHES = sorted(path.stem for path in FOLDER[0].glob("*.toml"))
 EXAMPLES = {
-    # sketch: (rule, verdict, verdict per layout); "?" is inconclusive
-    "bottle_taken_off_first": ("ISH101", "pass", "???"),
-    "can_from_under_bottle": ("ISH101", "violation", "vvv"),
+    # sketch: (rule, verdict, verdict per layout); "?" is inconclusive. Whether the hand has what it
+    # takes off is told by its path (RoboLab); without that a hand may have had it all the time.
+    "bottle_taken_off_first": ("ISH101", "pass", "p??"),
+    "can_from_under_bottle": ("ISH101", "violation", "v??"),
     "obstacle_swept_off_step": ("ETS103", "violation", "v??"),
     "placed_on_shelf(margin = 1.9)": ("FSH101", "violation", "?vv"),
     "placed_on_shelf(margin = 2.1)": ("FSH101", "pass", "?pp"),

@@ -21,12 +21,16 @@ RATE, FRAMES = 60.0, 181
 
 
 def falls() -> tuple[object, EpisodeResult]:
-    """A protected vase is pushed 20 cm off its place by the target, from 1.0 s to 2.0 s."""
+    """The hand pushes a protected vase 20 cm off its place, from 1.0 s to 2.0 s."""
     scene = Scene(frames=FRAMES, rate=RATE)
     scene.fixed("table")
     y = 0.2 * np.clip(scene.t - 1.0, 0.0, 1.0)
     path = np.stack([0.4 + 0 * y, y, 0.05 + 0 * y], 1)
+    scene.box("hand", 0.02, path - np.array([0, 0.07, 0]), kind="gripper")
     scene.box("vase", 0.05, path)
+    scene.rests("vase", "table", 0.05, (0.4, 0, 0), 9.81)
+    pushing = slice(round(RATE), round(2 * RATE))
+    scene.contact("hand", "vase", (0.4, -0.05, 0.05), (0, 5, 0), (0, 1, 0), frames=pushing)
     scene.box("cube", 0.03, (0.6, 0.2, 0.03))
     episode = scene.episode()
     header = episode.header.model_copy(

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from safestage_eval.episode import Clock, Lasting
+from safestage_eval.episode.runs import runs
 from safestage_eval.states.band import Band, crisp
 from safestage_eval.states.persistence import (
     held_from,
     held_until,
     latched,
     persistent,
-    runs,
     without_short_gaps,
     without_short_runs,
 )

@@ -1,0 +1,68 @@
+"""Where a relation is not known because what it rests on was not measured."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from .measure import Relations
+
+Bool = NDArray[np.bool_]
+
+
+def lost_by(relations: Relations, name: str, bodies: tuple[str, ...]) -> Bool | None:
+    """(T,) where something that a relation rests on was not measured, as far as it was looked at."""
+    gaps, index = relations.signals.gaps, relations.episode.body_index
+    if name in ("exposed_to", "caused"):
+        lost = lost_between(relations, None, None)
+        if lost is None:
+            return None
+        truth = relations.get(name, bodies)
+        after = np.maximum.accumulate(lost)  # what it touched meanwhile stays on it
+        return after if truth is None else (after & ~truth) | (lost & truth & after)
+    chained = name in ("supported", "carried", "depends_on")
+    near = (
+        None if chained else {index[b] for body in bodies for b in relations.signals.bodies(body)}
+    )
+    if relations.blind or name == "inside":
+        poses = [] if chained else [*bodies]
+        if name == "held":
+            poses += relations.signals.bodies("gripper")
+        found = gaps.of_bodies(poses) if poses else lost_poses(relations)
+        if name == "inside" and not relations.blind:
+            more = lost_between(relations, near, near)
+            found = more if found is None else found if more is None else found | more
+        return found
+    if name == "supports":
+        return lost_between(relations, near, near)
+    if name == "held":
+        return lost_between(relations, near, None)
+    found = lost_between(relations, None, None)
+    if name == "depends_on":
+        poses_lost = lost_poses(relations)
+        found = poses_lost if found is None else found if poses_lost is None else found | poses_lost
+    return found
+
+
+def lost_between(
+    relations: Relations, first: set[int] | None, second: set[int] | None
+) -> Bool | None:
+    """(T,) where the force between a body of each set (None: any) is not known."""
+    gaps = relations.signals.gaps
+    if relations.blind:
+        return lost_poses(relations)
+    relations.signals.contact_sums.look(gaps.read)
+    return gaps.of_pairs(
+        (i, j)
+        for i, j in gaps.pairs
+        if ((first is None or i in first) and (second is None or j in second))
+        or ((first is None or j in first) and (second is None or i in second))
+    )
+
+
+def lost_poses(relations: Relations) -> Bool | None:
+    """(T,) where the pose of any body that relations looked at is not known."""
+    return relations.signals.gaps.of_loaded()
