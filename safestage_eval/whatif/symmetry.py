@@ -10,6 +10,7 @@ from safestage_eval.rules import syntax as ast
 
 SYMMETRIC = {
     "clearance", "clearance_xy", "contact_force", "peak_force", "relative_speed", "impulse",
+    "moved_by", "tipped_by",
 }  # fmt: skip
 """Signals whose two arguments may be exchanged."""
 
