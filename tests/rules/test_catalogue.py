@@ -60,9 +60,6 @@ WITHOUT_EFFECT = {
     # lost, so that whether it could still be resolved comes too late.
     "lost": ["not kept"],
     "dropped": ["not kept"],
-    # What is freed stays so until it is bound, and what is bound lies on the other: as long as it
-    # does not lie there, the condition itself goes on.
-    "taken_off": ["not kept"],
 }
 """State → mistakes in it that change no verdict of these rules, whatever the episode."""
 
