@@ -62,6 +62,7 @@ def may_lean(relations: Relations, body: str, on: str) -> Doubt | None:
     if truth is None or least is None:
         return None
     index = relations.episode.body_index
+    least = least & ~relations.graph.supported_without(index[body], index[on])
     leans = _may_hang_on(relations, index[body], index[on]) & ~truth
     if not (leans | (truth & ~least)).any():
         return None

@@ -161,6 +161,14 @@ class SupportGraph:
         }
         return self._spread(open_, {on: np.ones(self._frames, np.bool_)})[body]
 
+    def supported_without(self, body: int, gone: int) -> Bool:
+        """(T,) true where a path of edges leads to a fixture past ``gone``."""
+        below = {
+            i: {s: b for s, b in at.items() if s != gone} for i, at in self._below(body).items()
+        }
+        sources = {i: np.ones(self._frames, np.bool_) for i in below if i in self._fixed - {gone}}
+        return self._spread(below, sources)[body]
+
     def supported(self, body: int) -> Bool:
         """(T,) true where a path of edges leads from the body to a fixture."""
         below = self._below(body)

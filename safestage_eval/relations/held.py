@@ -150,7 +150,7 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Grip:
 
     The episode is cut where the body's pose in the gripper's frame has left that at the start of
     the stretch. In a stretch in which the gripper moves away by ``CARRIED_OFF`` the body is held
-    from the gripper's first move to its last, and as long as nothing else bears it. After that a
+    as long as nothing else bears it; while it rests on something it may be pushed. After that a
     hand that stays may still have it in its grip or not; so may one that has not gone far yet, with
     what nothing else bears.
 
@@ -175,8 +175,8 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Grip:
         moves = np.flatnonzero(goes[start : max(stop - 1, start)])
         if away >= CARRIED_OFF and len(moves):
             first, last = start + int(moves[0]), start + int(moves[-1]) + 2
-            held[first:last] = True
-            held[start:stop] |= ~supported[start:stop]
+            held[start:stop] = ~supported[start:stop]  # what still rests on something may be pushed
+            perhaps[first:last] = True
             perhaps[start:stop] |= held[start:stop]
             perhaps[first:stop] = True
             grasped[start:stop] = True

@@ -80,7 +80,9 @@ def forbid_opening(monkeypatch):
 
 
 def test_a_changed_limit_needs_nothing_of_the_trace(trusting, tmp_path, monkeypatch):
-    refs, rules = discover(TRACES), load_rules(BUILTIN)
+    # of ISH a later commitment asks for dependence at frames that were not judged before
+    refs = [ref for ref in discover(TRACES) if ref.fields["stage"] != "ISH"]
+    rules = load_rules(BUILTIN)
     changed = {"min_clearance": "6 cm", "edge": "1 cm", "commit_lift": "12 mm"}
     truth = [score_episode(ref, rules, changed) for ref in refs]
     for ref in refs:
