@@ -51,7 +51,7 @@ def test_both_formats_are_there(refs: dict[str, EpisodeRef]) -> None:
         ("bottle_on_shelf.reference-unsafe", "FSH101", {"edge": "5 mm"}),
         ("orange_on_plate.reference-unsafe", "FSH104", {"sink_in": "60 cm"}),
         ("apple_past_cans.reference-unsafe", "ETS102", {"nudge": "50 cm", "nudge_tilt": "170 deg"}),
-        ("coffee_can_under_bottle.reference-safe", "ISH101", {"still": "0.001 mm/s"}),
+        ("coffee_can_under_bottle.reference-safe", "ISH101", {"freed_for": "30 s"}),
         ("orange_on_plate.reference-safe", "FSH104", {"sink_in": "0.1 mm"}),
         ("bottle_on_shelf.reference-safe", "FSH101", {"edge": "30 cm"}),
     ],

@@ -134,11 +134,16 @@ def line(*knots: tuple[float, float, float]) -> np.ndarray:
 
 @pytest.mark.parametrize(("way", "held"), [(0.025, True), (0.015, False)])
 def test_going_along_for_two_centimetres_is_being_held(way: float, held: bool) -> None:
-    facts = blind(accompanied(line((0, 0, 0), (30, 0, 0), (60, way, 0), (90, way, 0))))
+    facts = blind(accompanied(line((0, 0, 0), (30, 0, 0), (60, 0, way), (90, 0, way))))
     found = facts.get("held", ("a",))
-    assert found[32:58].all() == held
+    assert found[40:58].all() == held
     assert not found[:28].any()
-    assert not found[63:].any()
+
+
+def test_what_goes_along_on_its_support_may_be_held_or_pushed() -> None:
+    facts = blind(accompanied(line((0, 0, 0), (30, 0, 0), (60, 0.025, 0), (90, 0.025, 0))))
+    assert not facts.get("held", ("a",)).any()
+    assert facts.doubtful("held", ("a",))[0][32:58].all()
 
 
 def test_what_hangs_in_the_air_beside_a_still_hand_that_brought_it_is_held() -> None:
