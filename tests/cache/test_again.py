@@ -123,7 +123,8 @@ def test_stored_episodes_under_other_values(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("stage", "name"), [("ETS", "min_clearance"), ("FSH", "edge")]  # of ISH dependence is asked anew
+    ("stage", "name"),
+    [("ETS", "min_clearance"), ("FSH", "edge")],  # of ISH dependence is asked anew
 )
 def test_limits_of_a_rule_need_neither_trace_nor_measurements(
     episodes, stage, name, tmp_path, monkeypatch
