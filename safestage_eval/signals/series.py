@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,12 +65,7 @@ def unknown(frames: int, dimension: str, why: str) -> Series:
 
 
 def hidden(found: Series, lost: NDArray[np.bool_], note: str) -> Series:
-    """The same, of which nothing is known where ``lost`` (T,)."""
+    """The same series, unknown where ``lost`` (T,) is true, and a note that says so."""
     if not lost.any():
         return found
-    return Series(
-        np.where(lost, -np.inf, found.lower),
-        np.where(lost, np.inf, found.upper),
-        found.dimension,
-        (*found.notes, note),
-    )
+    return replace(hide(found, lost), notes=(*found.notes, note))
