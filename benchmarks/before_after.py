@@ -1,4 +1,4 @@
-"""What a change costs: read + score of the same recorded episodes by two checkouts, side by side.
+"""Compare the cost of read + score between two checkouts on the same recorded episodes.
 
     python benchmarks/before_after.py OLD NEW TRACES... [--count 60] [--runs 3] [--all]
 

@@ -35,7 +35,7 @@ Edit = Callable[[Episode, np.random.Generator], tuple[str, Episode]]
 
 
 class Outcome(NamedTuple):
-    """What an edit came to."""
+    """The outcome of one edit."""
 
     number: int
     kind: str
