@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from itertools import product
 from typing import NamedTuple
@@ -18,6 +18,7 @@ from safestage_eval.geometry.pose import matrix
 from safestage_eval.geometry.shape import BodyShape
 from safestage_eval.signals.facts import Movers
 
+Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
 
 NEAR = 5e-4
@@ -67,14 +68,14 @@ class Part(NamedTuple):
 class Neighbours:
     """Contact patches at chosen frames; bodies are indices into ``header.bodies``."""
 
-    def __init__(self, episode: Episode, movers: Movers) -> None:
-        """Nothing is measured before it is asked for."""
+    def __init__(self, episode: Episode, movers: Movers, robot: Collection[int]) -> None:
+        """Nothing is measured before it is asked for; the ``robot`` is left out."""
+        self._robot = robot
         self._episode = episode
         self._movers = movers
         self._shapes: dict[int, list[BodyShape]] = {}
         self._parts: dict[int, list[Part]] = {}
         self._frame = -1
-        self._boxed = (-1, (np.zeros((0, 3)), np.zeros((0, 3))))
 
     def patch(self, first: int, second: int, frame: int) -> Patch | None:
         """The points in which the two touch or are within ``NEAR``; None if there are none."""
@@ -97,54 +98,49 @@ class Neighbours:
             np.concatenate([np.full(len(p), mu) for p, _, mu in found]),
         )
 
-    def about(self, body: int, frame: int) -> list[int]:
-        """Other bodies with shapes whose boxes come within ``NEAR`` of its own."""
-        low, high = self._boxes(frame)
-        near = ((low[body] <= high + NEAR) & (low <= high[body] + NEAR)).all(1)
-        near[body] = False
-        return [int(other) for other in np.flatnonzero(near)]
+    def about(self, bodies: Sequence[int], frames: NDArray[np.intp]) -> Bool:
+        """(F, B, N) bodies whose shapes' boxes come within ``NEAR`` of those of some (B,)."""
+        low, high = self._boxes(frames)
+        near = np.ones((len(frames), len(bodies), low.shape[1]), np.bool_)
+        for axis in range(3):
+            under, over = low[..., axis], high[..., axis]
+            near &= under[:, bodies, None] <= over[:, None] + NEAR
+            near &= under[:, None] <= over[:, bodies, None] + NEAR
+        near[:, np.arange(len(bodies)), bodies] = False
+        return near
 
-    def alone(self, bodies: Iterable[int], frame: int, apart_from: Collection[int]) -> bool:
-        """Nothing with a shape is near any of the bodies, apart from some."""
-        return all(b in apart_from for body in bodies for b in self.about(body, frame))
+    def _boxes(self, frames: NDArray[np.intp]) -> tuple[F64, F64]:
+        """(F, N, 3) lowest and highest corner (m, world) of a box around each body.
 
-    def _boxes(self, frame: int) -> tuple[F64, F64]:
-        """(N, 3) lowest and highest corner (m, world) of a box around each body; inverted if none."""
-        if frame != self._boxed[0]:
-            place, turn = self._places(frame)
-            reach = np.einsum("nij,nj->ni", np.abs(turn), self._half)
-            centre = place + np.einsum("nij,nj->ni", turn, self._centre)
-            self._boxed = frame, (centre - reach, centre + reach)
-        return self._boxed[1]
-
-    def _places(self, frame: int) -> tuple[F64, F64]:
-        tracks = [self._episode.tracks[b.name] for b in self._episode.header.bodies]
-        place = np.array([t.position[frame if len(t) > 1 else 0] for t in tracks], np.float64)
-        turn = matrix(np.array([t.orientation[frame if len(t) > 1 else 0] for t in tracks]))
-        return place, turn
+        Inverted of what has no shape, and of the robot.
+        """
+        bodies = self._episode.header.bodies
+        low = np.full((len(frames), len(bodies), 3), np.inf)
+        high = -low
+        for body, (middle, half) in self._boxes_of.items():
+            track = self._episode.tracks[bodies[body].name]
+            at = frames if len(track) > 1 else slice(0, 1)
+            turn = matrix(track.orientation[at])
+            reach = np.abs(turn) @ half
+            centre = track.position[at] + turn @ middle
+            low[:, body], high[:, body] = centre - reach, centre + reach
+        return low, high
 
     @cached_property
-    def _half(self) -> F64:
-        """(N, 3) m, half lengths of a box in body axes; negative without shape."""
-        bodies = self._episode.header.bodies
-        return np.array([
-            np.minimum(self._movers[b.name].shape.half, FAR)
-            if b.geoms and b.kind != "region"
-            else np.full(3, -FAR)
-            for b in bodies
-        ])  # fmt: skip
-
-    @cached_property
-    def _centre(self) -> F64:
-        bodies = self._episode.header.bodies
-        return np.array([self._middle(body) for body in bodies])
+    def _boxes_of(self) -> dict[int, tuple[F64, F64]]:
+        """Body with a shape → middle and half lengths (3,) m of a box around it, body axes."""
+        return {
+            i: (self._middle(body), np.minimum(self._movers[body.name].shape.half, FAR))
+            for i, body in enumerate(self._episode.header.bodies)
+            if i not in self._robot and body.geoms and body.kind != "region"
+        }
 
     def _middle(self, body: Body) -> F64:
         """(3,) m, of its box, body frame: of a level plane far below it."""
         level = [g.kind == "plane" and g.orientation == IDENTITY for g in body.geoms]
         if level and all(level):
             return np.array([0.0, 0.0, max(g.position[2] for g in body.geoms) - FAR])
-        return self._movers[body.name].shape.centre if body.geoms else np.zeros(3)
+        return self._movers[body.name].shape.centre
 
     def _at(self, body: int, frame: int) -> list[Part]:
         if frame != self._frame:
