@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
-from safestage_eval.episode.contacts import Pair
 from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.facts import Movers
 
@@ -18,7 +17,7 @@ from .chains import Chains
 from .collapse import collapse
 from .gathering import Contacts, Gathering
 from .graph import SupportGraph
-from .near import Neighbours, Patch
+from .near import Neighbours
 
 Bool = NDArray[np.bool_]
 Frames = NDArray[np.intp]
@@ -145,12 +144,13 @@ class Dependence:
         bodies = np.flatnonzero(loose.any(axis=0))
         near = self._neighbours.about(bodies, frames[falls]) & loose[falls][:, bodies, None]
         catching = (near & ~gone[falls, None]).any(axis=(1, 2))
-        for k in np.flatnonzero(catching):  # else there is nothing that could catch it
-            here, at = np.flatnonzero(falls)[k], frames[falls][k : k + 1]
-            beside = [(int(bodies[b]), int(other)) for b, other in np.argwhere(near[k])]
-            contacts = self._with_near(body, on, beside, at)
-            if not self._collapse(body, on, at, contacts)[0].any():
-                truth[here] = OPEN
+        if catching.any():  # else there is nothing that could catch it
+            here = np.flatnonzero(falls)[catching]
+            beside = np.zeros((len(here), len(gone[0]), len(gone[0])), np.bool_)
+            beside[:, bodies] = near[catching]
+            contacts = self._with_near(body, on, frames[here], beside)
+            caught = ~self._collapse(body, on, frames[here], contacts)[0]
+            truth[here[caught]] = OPEN
         return truth
 
     def _collapse(
@@ -171,24 +171,27 @@ class Dependence:
             gone[:, list(self._parts(h))] |= fallen[:, k, None]
         return push >= 0, gone
 
-    def _with_near(self, body: int, on: int, beside: list[Pair], frame: Frames) -> Contacts:
-        """The contacts at one frame (1,), and points of pairs within ``NEAR`` that carry nothing yet."""
-        at, apart = int(frame[0]), self._removed(on)
-        contacts = self._gathering.contacts(frame, self._chains.cluster(body))
-        for one, other in beside:
-            pair = (min(one, other), max(one, other))
-            if other in apart or other in self._parts(one):
-                continue
-            patch = self._neighbours.patch(*pair, at)
-            if patch is None:
-                continue
-            if other in self._free and all(other not in known for known in contacts):
-                own = self._gathering.contacts(frame, self._chains.cluster(other))
-                contacts = {**own, **contacts}
-            if pair in contacts:
-                patch = Patch(*map(np.concatenate, zip(contacts[pair][0], patch, strict=True)))
-            contacts[pair] = patch, np.array([len(patch.normal)])
-        return contacts
+    def _with_near(self, body: int, on: int, frames: Frames, beside: Bool) -> Contacts:
+        """The contacts at frames (F,), with points within ``NEAR`` that carry nothing yet.
+
+        ``beside`` (F, N, N): bodies about which it is asked what is near, and what may be.
+        """
+        found: Contacts = {}
+        beside |= beside.swapaxes(1, 2)
+        for i, j in np.argwhere(np.triu(beside.any(axis=0))).tolist():
+            if self._removed(on).isdisjoint((i, j)) and i not in self._parts(j):
+                at = np.flatnonzero(beside[:, i, j])
+                patch, count = self._neighbours.patches(i, j, frames[at])
+                many = np.zeros(len(frames), np.int64)
+                many[at] = count
+                if len(patch.normal):
+                    found[i, j] = patch, many
+        clusters = {body, *(b for pair in found for b in pair)} & self._free
+        pairs = dict.fromkeys(pair for b in clusters for pair in self._chains.cluster(b))
+        for pair, touching in self._gathering.contacts(frames, pairs).items():
+            both = found.get(pair)
+            found[pair] = self._gathering.together(touching, both) if both else touching
+        return found
 
     # ------------------------------------------------------------------ over time
 

@@ -14,14 +14,15 @@ from safestage_eval.geometry.pose import matrix
 from .arrangement import Arrangement
 from .assembly import Assemblies
 from .collapse import Pile
-from .near import Patch
+from .near import NOTHING, Patch, by_frame
 from .statics import ARM
 
 F64 = NDArray[np.float64]
 Frames = NDArray[np.intp]
 
-Contacts = dict[Pair, tuple[Patch, NDArray[np.int64]]]
-"""Pair → the points in which the two touch at F frames, by frame, and how many (F,) there are."""
+Touching = tuple[Patch, NDArray[np.int64]]
+"""Points in which two bodies touch at F frames, by frame, and how many (F,) there are at each."""
+Contacts = dict[Pair, Touching]
 
 
 class Gathering:
@@ -57,6 +58,14 @@ class Gathering:
                 rows = self._arrangement.rows(pair)[at]
                 found[pair] = Patch(*(values[rows] for values in self._points(pair))), many
         return found
+
+    @staticmethod
+    def together(one: Touching, other: Touching) -> Touching:
+        """Points of both, by frame."""
+        (first, many), (second, more) = one, other
+        frames = np.arange(len(many))
+        at = np.concatenate([np.repeat(frames, many), np.repeat(frames, more)])
+        return by_frame([first, second], at, len(many))
 
     def pile(self, heads: list[int], contacts: Contacts, frames: Frames) -> Pile:
         """The objects that ``heads`` stand for, and their contacts, at frames (F,)."""
@@ -120,6 +129,3 @@ class Gathering:
                 position.astype(np.float64), normal.astype(np.float64), rough
             )
         return self._patches[pair]
-
-
-NOTHING = Patch(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
