@@ -9,15 +9,19 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.contacts import Pair
-from safestage_eval.geometry.lengths import near_for
 from safestage_eval.signals.contact_kernels import rows_by_frame
 from safestage_eval.signals.motion import com_position
 
 from .near import NOTHING, Patch
-from .shifts import Layout, stretch_starts
+from .shifts import Layout, stays_for, stretch_starts
 
 Bool = NDArray[np.bool_]
+F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
+
+
+STAYS = (1e-3, float(np.radians(1.0)))
+"""m, rad: what nobody touches and what has moved by less since hangs together as it did."""
 
 
 class Arrangement:
@@ -38,6 +42,7 @@ class Arrangement:
         self._starts: dict[Pair, NDArray[np.intp]] = {}
         self._points: dict[Pair, Patch] = {}
         self._com: dict[int, F64] = {}
+        self._stacked: dict[tuple[int, ...], tuple[F32, F32]] = {}
 
     def points(self, pair: Pair) -> Patch:
         """The pair's contact points with a force, by frame."""
@@ -96,14 +101,18 @@ class Arrangement:
                 signature += np.diff(np.append(0, mixed.cumsum())[starts])
         return signature
 
-    def stay_for(self, body: int, frames: NDArray[np.intp], shift: float, turn: float) -> int:
-        """For how many of the frames (N,), from the first on, it moves and turns by no more."""
-        track = self._episode.tracks[self._names[body]]
-        if len(track) == 1:
-            return len(frames)
-        stays = near_for(track.position, frames, shift)
+    def stay(
+        self, joined: dict[int, Bool], loose: Bool, frame: int, earliest: int
+    ) -> tuple[int, int]:
+        """Around a frame: from when and until when nobody touches what hangs together, nor moves it.
+
+        ``joined``: body → (T,) where it hangs together with the others; ``loose`` (T,) where the
+        robot touches none of that. What has moved by less than ``STAYS`` has not.
+        """
+        place, turn = self._poses(tuple(joined))
+        there = np.array(list(joined.values()))
         # half the angle is the arc between two quaternions
-        return min(stays, near_for(track.orientation, frames, turn / 2))
+        return stays_for(place, turn, there, loose, frame, earliest, STAYS[0], STAYS[1] / 2)
 
     def stretches(
         self, pairs: Sequence[Pair], frames: NDArray[np.intp], part: NDArray[np.int32]
@@ -113,31 +122,40 @@ class Arrangement:
         The same pairs touch at all frames of one ``part`` (N,). Stretches end where it does, or
         bodies come to lie otherwise (``stretch_starts``).
         """
-        touching = [
-            pair
-            for pair in pairs
-            if (self.starts(pair)[frames + 1] > self.starts(pair)[frames]).any()
+        begin, end = int(frames[0]), int(frames[-1]) + 1
+        touching = [pair for pair in pairs if np.diff(self.starts(pair)[[begin, end]])]
+        bodies = tuple(sorted({body for pair in touching for body in pair}))
+        spans = [slice(*self.starts(pair)[[begin, end]]) for pair in touching]
+        points = [
+            Patch(*(v[at] for v in self.points(p))) for p, at in zip(touching, spans, strict=True)
         ]
-        bodies = sorted({body for pair in touching for body in pair})
+        position, normal, _ = map(np.concatenate, zip(*points, NOTHING, strict=True))
+        start, many = np.empty((len(touching), end - begin + 1), np.int64), 0
+        for row, pair, span in zip(start, touching, spans, strict=True):
+            row[:] = self.starts(pair)[begin : end + 1] + (many - span.start)
+            many += span.stop - span.start
+        layout = Layout(
+            *(np.ascontiguousarray(v[:, begin:end]) for v in self._poses(bodies)),
+            np.array([self.centre(body)[begin:end] for body in bodies]),
+            np.array([[bodies.index(body) for body in pair] for pair in touching]),
+            start,
+            position,
+            normal,
+        )
         first = np.empty(len(frames), np.int64)
-        stretch_starts(self._lay_out(touching, bodies), frames, part, first)
-        return first
+        stretch_starts(layout, frames - begin, part, first)
+        return first + begin
 
-    def _lay_out(self, pairs: list[Pair], bodies: list[int]) -> Layout:
-        size = (len(bodies), len(self._episode))
-        place, turn = np.empty((*size, 3), np.float32), np.empty((*size, 4), np.float32)
-        centre = np.empty((*size, 3))
-        for k, body in enumerate(bodies):
-            track = self._episode.tracks[self._names[body]]
-            place[k], turn[k], centre[k] = track.position, track.orientation, self.centre(body)
-        sides = [[bodies.index(body) for body in pair] for pair in pairs]
-        start, points = np.empty((len(pairs), size[1] + 1), np.int64), [NOTHING]
-        for p, pair in enumerate(pairs):
-            start[p] = sum(len(patch.normal) for patch in points) + self.starts(pair)
-            points.append(self.points(pair))
-        position, normal, _ = map(np.concatenate, zip(*points, strict=True))
-        both = np.array(sides, np.int64).reshape(-1, 2)
-        return Layout(place, turn, centre, both, start, position, normal)
+    def _poses(self, bodies: tuple[int, ...]) -> tuple[F32, F32]:
+        """(K, T, 3) m and (K, T, 4), as they are stored."""
+        if bodies not in self._stacked:
+            size = (len(bodies), len(self._episode))
+            place, turn = np.empty((*size, 3), np.float32), np.empty((*size, 4), np.float32)
+            for k, body in enumerate(bodies):
+                track = self._episode.tracks[self._names[body]]
+                place[k], turn[k] = track.position, track.orientation
+            self._stacked[bodies] = place, turn
+        return self._stacked[bodies]
 
     def centre(self, body: int) -> F64:
         """(T, 3) m, the body's centre of mass, world."""

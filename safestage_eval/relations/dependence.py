@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.signals.contact_sums import ContactSums
-from safestage_eval.signals.facts import Movers
 
 from .arrangement import Arrangement
 from .chains import Chains
@@ -22,9 +21,6 @@ Bool = NDArray[np.bool_]
 Frames = NDArray[np.intp]
 
 STANDS, FALLS, OPEN = 0, 1, -1
-
-STAYS = (1e-3, np.radians(1.0))
-"""m, rad: what nobody touches and what has moved by less since hangs together as it did."""
 
 
 class Said(NamedTuple):
@@ -61,9 +57,7 @@ class Dependence:
     lid) stand and fall together.
     """
 
-    def __init__(
-        self, episode: Episode, sums: ContactSums, graph: SupportGraph, movers: Movers
-    ) -> None:
+    def __init__(self, episode: Episode, sums: ContactSums, graph: SupportGraph) -> None:
         """Nothing is computed before it is asked for."""
         self._episode = episode
         self._parts = graph.assemblies.of
@@ -73,7 +67,7 @@ class Dependence:
         self._arrangement = Arrangement(episode)
         self._chains = Chains(len(episode), graph.assemblies, sums, self._arrangement)
         self._gathering = Gathering(episode, graph.assemblies, self._arrangement)
-        self._neighbours = Neighbours(episode, movers, self._robot)
+        self._neighbours = Neighbours(episode, self._robot)
         self._said: dict[tuple[int, int], Said] = {}
 
     def beside(self, body: int) -> set[str]:
@@ -102,6 +96,13 @@ class Dependence:
         if asked.any():
             self._find(body, on, said, asked)
         return said.truth == FALLS, said.truth == OPEN
+
+    def told(self, body: int, on: int) -> Bool:
+        """(T,) where it is known already whether ``body`` falls when ``on`` is removed."""
+        nowhere = np.zeros(len(self._episode), np.bool_)
+        self.depends_on(body, on, nowhere)
+        known = self._said.get((body, on))
+        return ~nowhere if known is None else known.done
 
     def _find(self, body: int, on: int, said: Said, asked: Bool) -> None:
         """Judge the frames that are to be looked at for those that are asked for (T,)."""
@@ -195,20 +196,24 @@ class Dependence:
         """Only frames at which a chain of contacts joins the two."""
         frames = len(self._episode)
         joined = self._chains.linked(body, on)
-        quiet = joined & ~self._chains.handled(body)
+        loose = ~self._chains.handled(body)
+        quiet = joined & loose
         signature = self._chains.signature(body)
         part, look = np.full(frames, -1, np.int32), np.full(frames, -1, np.intp)
         joins, calms = np.flatnonzero(joined), np.flatnonzero(quiet)
+        hanging = {**self._chains.joined(body), on: np.ones(frames, np.bool_)}
         changes = signature[1:] != signature[:-1]
         cursor = parts = 0
         while (at := int(joins.searchsorted(cursor))) < len(joins):
             first = int(joins[at])
             if quiet[first]:
-                begin, cursor = self._still(body, on, first, cursor)
-                _, place, many = np.unique(
-                    signature[begin:cursor], return_index=True, return_counts=True
-                )
-                look[begin:cursor] = begin + place[many.argmax()]
+                begin, cursor = self._arrangement.stay(hanging, loose, first, cursor)
+                kinds = signature[begin:cursor]
+                at = 0  # as it is most often
+                if (kinds != kinds[0]).any():
+                    _, place, many = np.unique(kinds, return_index=True, return_counts=True)
+                    at = int(place[many.argmax()])
+                look[begin:cursor] = begin + at
                 part[begin:cursor] = parts
                 parts += 1
             else:
@@ -218,21 +223,3 @@ class Dependence:
                 part[first:cursor] = np.where(joined[first:cursor], kind, -1)
                 parts = int(kind[-1]) + 1
         return Said(np.zeros(frames, np.int8), part < 0, part, look)
-
-    def _still(self, body: int, on: int, frame: int, earliest: int) -> tuple[int, int]:
-        """Around a frame: from when and until when nobody touches what hangs together, nor moves it."""
-        chains = self._chains.joined(body)
-        own = {b for b, joined in chains.items() if joined[frame]} | {on}
-        loose = ~self._chains.handled(body)
-        reach = []
-        for way in (np.arange(frame, earliest - 1, -1), np.arange(frame, len(self._episode))):
-            stop = np.flatnonzero(~loose[way])
-            frames = way[: stop[0]] if len(stop) else way
-            for b in own:
-                frames = frames[: self._arrangement.stay_for(b, frames, *STAYS)]
-            for b in chains.keys() - own:  # what has come meanwhile
-                comes = np.flatnonzero(chains[b][frames])
-                if len(comes) and self._arrangement.stay_for(b, frames[[0, comes[0]]], *STAYS) != 2:
-                    frames = frames[: comes[0]]
-            reach.append(int(frames[-1]))
-        return reach[0], reach[1] + 1

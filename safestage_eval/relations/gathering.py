@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.episode.body import IDENTITY
 from safestage_eval.episode.contacts import Pair
 from safestage_eval.geometry.pose import matrix
 
@@ -112,5 +113,6 @@ class Gathering:
             return np.tile(mass * ARM**2 * np.eye(3), (len(frames), 1, 1))
         orientation = self._episode.tracks[about.name].orientation
         turn = matrix(orientation[frames if len(orientation) > 1 else np.zeros_like(frames)])
-        turn = turn @ matrix(np.asarray(about.inertia_orientation))
+        if tuple(about.inertia_orientation) != IDENTITY:
+            turn = turn @ matrix(np.asarray(about.inertia_orientation))
         return np.asarray((turn * about.inertia) @ turn.swapaxes(1, 2))

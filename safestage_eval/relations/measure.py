@@ -103,7 +103,7 @@ class Relations:
     @cached_property
     def dependence(self) -> Dependence:
         """Who falls without whom."""
-        return Dependence(self.episode, self.signals.contact_sums, self.graph, self.signals.movers)
+        return Dependence(self.episode, self.signals.contact_sums, self.graph)
 
     def caught(self, body: str, on: str, wanted: Bool | None) -> Bool:
         """(T,) it is open whether something would catch ``body`` when ``on`` is taken away."""

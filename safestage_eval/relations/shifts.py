@@ -47,6 +47,44 @@ class Layout(NamedTuple):
 
 
 @allocating
+def stays_for(
+    position: F32, orientation: F32, joined: Bool, loose: Bool, frame: int, earliest: int,
+    shift: float, arc: float,
+) -> tuple[int, int]:  # fmt: skip
+    """From when and until when what hangs together at a frame stays as it is there.
+
+    Args:
+        position: (K, T, 3) m of each body.
+        orientation: (K, T, 4).
+        joined: (K, T) where each hangs together with the others.
+        loose: (T,) where nobody touches what hangs together.
+        frame: all that hang together at it must stay, and what joins them later must come to them
+            as it was there already.
+        earliest: no frame before that is looked at.
+        shift: m, in each coordinate.
+        arc: of each coordinate of a quaternion.
+    """
+    reach = np.array([frame, frame])
+    come = np.empty(len(position), np.bool_)
+    for way in range(2):
+        come[:] = False
+        t, still = frame, True
+        while still and earliest <= t < len(loose):
+            still = loose[t]
+            for b in range(len(position)):
+                own = joined[b, frame]
+                if still and (own or (joined[b, t] and not come[b])):
+                    come[b] = True
+                    still = _near(position[b], frame, t, shift) and _near(
+                        orientation[b], frame, t, arc
+                    )
+            if still:
+                reach[way] = t
+            t += 1 if way else -1
+    return reach[0], reach[1] + 1
+
+
+@allocating
 def stretch_starts(layout: Layout, frames: I64, part: I64, first: I64) -> None:
     """Write for each of the frames (N,) the frame that its stretch begins with.
 
