@@ -17,6 +17,7 @@ from safestage_eval.signals.facts import Movers
 from .arrangement import Arrangement
 from .graph import SupportGraph
 from .near import Neighbours, Patch
+from .reached import unbalanced
 from .statics import ARM, LOST, Balance, Bodies, Touches
 
 Bool = NDArray[np.bool_]
@@ -50,6 +51,7 @@ class Group(NamedTuple):
         contacts: their contacts with each other and with what holds still.
         unrest: (B,) how strongly each would move with nothing taken away, for each push.
         left: bodies taken away → the heads of what may move then, and their balance.
+        slips: bodies taken away → how strongly those start to move (P, B) once they give.
     """
 
     heads: list[int]
@@ -57,6 +59,7 @@ class Group(NamedTuple):
     contacts: Contacts
     unrest: dict[Push, F64]
     left: dict[frozenset[int], tuple[list[int], Balance | None]]
+    slips: dict[frozenset[int], F64]
 
 
 class Dependence:
@@ -145,17 +148,19 @@ class Dependence:
         return said == FALLS, said == OPEN
 
     def _judge(self, body: int, on: int, frame: int) -> int:
-        for push in PUSHES:
-            fallen = self._collapse(body, on, frame, push)
-            if body in fallen:
-                break
-        else:
-            return STANDS
-        loose = fallen - self._removed(on)
-        if self._neighbours.alone(loose, frame, fallen | self._robot):
-            return FALLS  # there is nothing else near that could catch it
-        caught = not any(body in self._collapse(body, on, frame, push, loose) for push in PUSHES)
-        return OPEN if caught else FALLS
+        for falls in (self._collapse, self._slipped):
+            for push in PUSHES:
+                fallen = falls(body, on, frame, push)
+                if body not in fallen:
+                    continue
+                loose = fallen - self._removed(on)
+                if self._neighbours.alone(loose, frame, fallen | self._robot):
+                    return FALLS  # there is nothing else near that could catch it
+                caught = not any(
+                    body in self._slipped(body, on, frame, push, loose) for push in PUSHES
+                )
+                return OPEN if caught else FALLS
+        return STANDS
 
     # ------------------------------------------------------------------ at one frame
 
@@ -179,6 +184,55 @@ class Dependence:
                 gone |= fallen
             self._falls[key] = frozenset(gone)
         return self._falls[key]
+
+    def _slipped(
+        self, body: int, removed: int, frame: int, push: Push, loose: frozenset[int] = NONE
+    ) -> frozenset[int]:
+        """Those that fall (``_collapse``), or do once contacts give and slip (``unbalanced``)."""
+        gone = self._collapse(body, removed, frame, push, loose)
+        if body in gone:
+            return gone
+        group, which = self._group(body, frame, removed, loose), PUSHES.index(push)
+        if self._slips(group, NONE, frame)[which].max() > LOST:
+            return gone  # what acts with nothing taken away is not known well enough
+        while True:
+            left, _ = self._left(group, gone)
+            moves = self._slips(group, gone, frame)[which]
+            more = {  # of those left
+                part
+                for head, m in zip(left, moves, strict=True)
+                if m > LOST
+                for part in self._parts(head)
+            }
+            if not more:
+                return gone
+            gone |= more
+
+    def _slips(self, group: Group, gone: frozenset[int], frame: int) -> F64:
+        """(P, B) how strongly those left start to move under each of ``PUSHES``, in g."""
+        if gone not in group.slips:
+            left, _ = self._left(group, gone)
+            at = [group.heads.index(head) for head in left]
+            bodies = Bodies(*(values[at] for values in group.bodies))
+            contacts = {p: patch for p, patch in group.contacts.items() if gone.isdisjoint(p)}
+            touches = self._touches(left, contacts)
+            force = self._forces(left, contacts, frame)
+            group.slips[gone] = np.array(
+                [unbalanced(bodies, touches, force, push) for push in PUSHES]
+            )
+        return group.slips[gone]
+
+    def _forces(self, heads: list[int], contacts: Contacts, frame: int) -> F64:
+        """(C, 3) N, world, that are recorded at the points of ``_touches``; 0 where none is."""
+        head = {part: k for k, h in enumerate(heads) for part in self._parts(h) & self._free}
+        found = [np.zeros((0, 3))]
+        for pair, patch in contacts.items():
+            if head.get(pair[0], -1) != head.get(pair[1], -1):
+                rows = self._arrangement.at(frame, [pair]).get(pair, np.zeros(0, np.intp))
+                force = np.zeros((len(patch.normal), 3))
+                force[: len(rows)] = self._episode.contacts.of_pair(pair, "force")[0][rows]
+                found.append(force)
+        return np.concatenate(found)
 
     def _fallen(self, group: Group, gone: set[int], push: Push) -> set[int]:
         """What moves, once ``gone`` is away, of that which touched it and hangs on that."""
@@ -241,7 +295,7 @@ class Dependence:
             }
             order = sorted(heads)
             bodies = self._bodies(order, frame)
-            group = Group(order, bodies, contacts, {}, {})
+            group = Group(order, bodies, contacts, {}, {}, {})
             known.update(dict.fromkeys(order, group))
         return known[head]
 
