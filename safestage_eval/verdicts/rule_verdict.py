@@ -15,7 +15,7 @@ from safestage_eval.states.band import Bool
 
 from .brief import is_brief
 from .evaluate import Evaluator
-from .explain import Finding, inconclusive, seconds, sentence
+from .explain import Finding, alike, inconclusive, seconds, sentence
 from .flicker import asks_for_absence, raw_frames, too_brief
 from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
 from .memory import at_hand
@@ -92,10 +92,8 @@ def judge_rule(
     tied = verdict == "pass" and _tied(worst, instances, witness)
     told["margin_normalised"] = bound if isfinite(bound) else None
     if tied:
-        return replace(
-            blank, **told, bodies=(), notes=_notes(evaluator, *brief),
-            explanation="Nothing came closer than the rest: several measurements kept the same distance from their limits.",
-        )  # fmt: skip
+        notes = _notes(evaluator, *brief)
+        return replace(blank, **told, bodies=(), notes=notes, explanation=alike(rule, witness))
     told |= {
         "signal": witness.signal,
         "bodies": tuple(dict.fromkeys((*worst.env.values(), *witness.bodies))),
@@ -173,7 +171,8 @@ def _vacuous(evaluator: Evaluator, blank: Verdict, *, judged: bool) -> Verdict:
         "no_scope": "nothing to judge: its scope never came about",
         "no_instance": "nothing to judge: its roles need different bodies, and there are too few",
     }[why]
-    return replace(blank, verdict="pass", vacuity=why, notes=_notes(evaluator, said))
+    notes, told = _notes(evaluator, said), f"N{said[1:]}."
+    return replace(blank, verdict="pass", vacuity=why, notes=notes, explanation=told)
 
 
 def _witness(
