@@ -157,7 +157,8 @@ class Loads:
         where[at] = np.arange(len(at))
         positions, owners = [np.empty((0, 3))], [np.empty(0, np.int64)]
         for other in self._sums.beside(body):
-            if self._graph.assemblies.on_robot(other):
+            robot = self._episode.header.bodies[other].kind in ("robot", "gripper")
+            if robot or self._graph.assemblies.on_robot(other):
                 continue
             pair = (min(other, body), max(other, body))
             frame, position = self._episode.contacts.of_pair(pair, "frame", "position")

@@ -83,8 +83,10 @@ def gap_of(query: Query) -> NDArray[np.bool_] | None:
         return None
     if name == "health":
         return gaps.unseen  # it adds up: what is lost widens all that follows
-    if name in ("impact", "quasistatic_force", "damage") or looks_over(query):
+    if name in ("impact", "quasistatic_force", "damage"):
         found = damage.touched_by(query, found)
+    if looks_over(query):
+        found = damage.lost_since(motion.before(episode.t, query.option("over")), found)
     if name in CHANGES and (name != "height" or query.since is not None):
         found = _of_reference(query, found)
     return found

@@ -20,6 +20,7 @@ from safestage_eval.geometry.pose import (
 )
 
 from .facts import Query
+from .options import OptionValue
 from .series import Series, exact
 
 F64 = NDArray[np.float64]
@@ -182,7 +183,7 @@ def speed(query: Query) -> Series:
     if over is None or len(found) < 2:
         return exact(found, query.dimension, notes)
     t, com = query.episode.t, com_position(query.episode, name)
-    first = before(t, float(over))  # type: ignore[arg-type]
+    first = before(t, over)
     found[1:] = distances(com, com[first], 3)[1:] / (t - t[first])[1:]
     return exact(found, query.dimension)
 
@@ -205,15 +206,16 @@ def angular_speed(query: Query) -> Series:
     if over is None or len(found) < 2:
         return exact(found, query.dimension, notes)
     t, orientation = query.episode.t, query.episode.track(name).orientation
-    first = before(t, float(over))  # type: ignore[arg-type]
+    first = before(t, over)
     found[1:] = angle(orientation, orientation[first])[1:] / (t - t[first])[1:]
     return exact(found, query.dimension)
 
 
-def before(t: F64, over: float) -> NDArray[np.intp]:
-    """(T,) the last frame at least ``over`` s before each: one before it or earlier, from 0."""
+def before(t: F64, over: OptionValue | None) -> NDArray[np.intp]:
+    """(T,) the last frame at least so many seconds before each: one before it or earlier, from 0."""
+    seconds = float(over) if isinstance(over, float | int) else 0.0
     last = np.arange(len(t)) - 1
-    return np.maximum(np.minimum(np.searchsorted(t, t - over + 1e-9, "right") - 1, last), 0)
+    return np.maximum(np.minimum(np.searchsorted(t, t - seconds + 1e-9, "right") - 1, last), 0)
 
 
 def relative_speed(query: Query) -> Series:
