@@ -148,7 +148,7 @@ def test_turning_the_scene_about_the_vertical_changes_no_margin() -> None:
 
 def on_two_edges(lost: slice, path: np.ndarray | float = 0.0) -> Scene:
     """A board of 6 cm across that lies with four corners on a table, but for some of 60 frames."""
-    place = np.zeros((60, 3)) + [0, 0, 0.01]
+    place = np.tile([0.0, 0, 0.01], (60, 1))
     place[:, 0] += path
     scene = Scene(60).fixed("table").box("a", (0.03, 0.2, 0.01), place)
     four = corners((-0.03, -0.2), (0.03, 0.2), 0)
