@@ -22,28 +22,30 @@ FIELDS = ("task", "stage", "family", "policy", "prompt", "seed", "rollout")
 @click.argument("results", nargs=-1, required=True, metavar="A [B]")
 @click.option(
     "--by", type=click.Choice(["policy", "prompt", "rules"]),
-    help="What differs between the sides. Two files tell by themselves; one file needs it.",
+    help="Compare two policies, prompts or rule sets of one file. With two files, the default is one side per file.",
 )  # fmt: skip
 @click.option(
     "--between", nargs=2, metavar="FIRST SECOND",
-    help="Of one file with more than two: which two policies, prompts or rule sets.",
+    help="The two policies, prompts or rule sets to compare, where a file has more than two.",
 )  # fmt: skip
 @click.option(
     "--where", multiple=True, metavar="FIELD=VALUE",
-    help="Only these outcomes: policy=…, prompt=…, stage=…, task=…, seed=…. Repeatable.",
+    help="Select outcomes: policy=…, prompt=…, stage=…, task=…, seed=…. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--format", "-f", "form", type=click.Choice(["table", "json", "csv", "markdown"]),
     default="table", show_default=True,
 )  # fmt: skip
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
 @click.option(
     "--resamples", type=click.IntRange(100), default=2000, show_default=True,
-    help="How often the bootstrap draws the tasks anew.",
+    help="Number of bootstrap resamples over tasks.",
 )  # fmt: skip
 @click.option(
     "--random-seed", type=click.IntRange(0), default=0, show_default=True,
-    help="Of the bootstrap: the same seed draws the same tasks.",
+    help="Random seed of the bootstrap.",
 )  # fmt: skip
 def command(
     results: tuple[str, ...],

@@ -24,14 +24,14 @@ from .options import (
 @click.option("--to", "form", type=click.Choice(["parquet", "mcap"]), required=True)
 @click.option(
     "--out", "-o", "out", type=click.Path(path_type=Path), required=True,
-    help="A folder: a dataset for parquet, one file per episode for mcap. Or, for a single "
-    "episode, the name of an .mcap file.",
+    help="Output folder: a dataset for parquet, one file per episode for mcap. For a single "
+    "episode, also the name of an .mcap file.",
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace MCAP files that are already there.")
 @click.option("--recover", is_flag=True, help="Keep the whole frames of a truncated MCAP file.")
 @click.option(
     "--events/--no-events", default=True, show_default=True,
-    help="Write the verdicts into MCAP files, as events that viewers show on the timeline.",
+    help="Write verdicts into MCAP files as events on the timeline.",
 )  # fmt: skip
 @rules_option
 @bind_option

@@ -24,7 +24,7 @@ from .options import (
 @rules_option
 @click.option(
     "--against", "-a", multiple=True, metavar="RULES",
-    help="The rules afterwards. Default: the same as --rules. Repeatable.",
+    help="Rules of the second side. Default: those of --rules. Repeatable.",
 )  # fmt: skip
 @set_option
 @bind_option
@@ -33,8 +33,10 @@ from .options import (
     "--format", "-f", "form", type=click.Choice(["table", "json", "csv", "markdown"]),
     default="table", show_default=True,
 )  # fmt: skip
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
-@click.option("--fail-on-change", is_flag=True, help="Exit 1 if any verdict is another.")
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
+@click.option("--fail-on-change", is_flag=True, help="Exit 1 if any verdict changed.")
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.pass_context
 def command(

@@ -24,13 +24,13 @@ from .options import (
     "--output", "-o", type=click.Path(path_type=Path), default=Path("report.html"),
     show_default=True, help="The page.",
 )  # fmt: skip
-@click.option("--title", metavar="TEXT", help="Its heading. Default: Safety report.")
+@click.option("--title", metavar="TEXT", help="Title of the report. Default: Safety report.")
 @rules_option
 @bind_option
 @set_option
 @click.option(
     "--sections", type=click.IntRange(0), default=500, show_default=True,
-    help="Draw at most so many episodes, the gravest first.",
+    help="Maximum number of episodes to draw, gravest first.",
 )  # fmt: skip
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.pass_context

@@ -153,7 +153,7 @@ def schema() -> None:
 @click.argument("before", metavar="A")
 @click.argument("after", metavar="B")
 @click.option("--json", "as_json", is_flag=True, help="The differences as JSON.")
-@click.option("--fail-on-change", is_flag=True, help="Exit 1 if any rule means something else.")
+@click.option("--fail-on-change", is_flag=True, help="Exit 1 if the meaning of any rule changed.")
 @click.pass_context
 def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_change: bool) -> None:
     """Say what changes from rule set A to rule set B.
@@ -181,32 +181,34 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
 @click.argument("rules", nargs=-1, metavar="[RULES]...")
 @click.option(
     "--traces", "-t", multiple=True, metavar="PATH",
-    help="Recorded episodes that examples may name by their id. Repeatable.",
+    help="Recorded episodes that examples refer to by id. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--least", type=click.IntRange(0), default=2, show_default=True,
-    help="How many violating, and how many passing examples each rule must have.",
+    help="Minimum number of violating and of passing examples per rule.",
 )  # fmt: skip
 @click.option(
     "--mutate", is_flag=True,
-    help="Break each rule on purpose, in one place at a time, and list what no example notices.",
+    help="Mutate each rule in one place at a time and list the mutants that no example detects.",
 )  # fmt: skip
 @click.option(
     "--kind", "kinds", multiple=True,
     type=click.Choice(
         ["operator", "unit", "duration", "role", "scope", "obligation", "truth"]
     ),
-    help="With --mutate: only such mistakes. Repeatable.",
+    help="With --mutate: only mutants of this kind. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--deep", is_flag=True,
-    help="With --mutate: break the states, phases and signals that rules define as well.",
+    help="With --mutate: also mutate states, phases and signals.",
 )  # fmt: skip
 @click.option(
     "--format", "-f", "form", type=click.Choice(["table", "json", "junit"]), default="table",
     show_default=True,
 )  # fmt: skip
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.pass_context
 def test(

@@ -16,7 +16,7 @@ from .options import BadInput, chosen_tasks, explains, jobs_option, progress
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("docs"),
     show_default=True,
-    help="Folder that gets gallery.md and gallery/.",
+    help="Folder for gallery.md and gallery/.",
 )
 @jobs_option
 @explains

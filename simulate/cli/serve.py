@@ -12,20 +12,20 @@ from .options import explains
 @click.option(
     "--protocol",
     required=True,
-    help="openpi, groot, dreamzero or cosmos3; with options as in an address: openpi?actions=velocity.",
+    help="Protocol: openpi, groot, dreamzero or cosmos3, with options as in an address: openpi?actions=velocity.",
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=click.IntRange(0, 65535), help="Port, instead of the protocol's own.")
 @click.option(
     "--seed", default=0, show_default=True, help="Environment seed that clients roll out."
 )
-@click.option("--task", help="Task that clients roll out, where two have the same prompt.")
+@click.option("--task", help="Task to serve, where several tasks have the same prompt.")
 @click.option(
     "--batch",
     type=click.IntRange(1),
     default=16,
     show_default=True,
-    help="Observations that go on in one request, where POLICY is a served GR00T.",
+    help="Number of observations per request, where POLICY is a served GR00T.",
 )
 @explains
 def serve(
