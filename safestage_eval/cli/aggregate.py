@@ -52,8 +52,8 @@ def command(
     are any, family. Several files are one table.
 
     Rates are in percent: the mean over environment seeds of the seed's rate, and its sample
-    standard deviation. A row that is there twice is an error. Cells that are missing, or have more
-    or fewer rollouts than the others, are told of on stderr and in the JSON.
+    standard deviation. A duplicate row is an error. Cells that are missing, or have more
+    or fewer rollouts than the others, are reported on stderr and in the JSON.
 
     \b
     Examples:

@@ -38,8 +38,8 @@ def command(
     unsafe or unsure, and perhaps reviewer and note: what "safestage label" writes. RESULTS are
     files that score wrote, or tables with the columns episode_id, stage and violation.
 
-    Precision, recall, F1 and Cohen's kappa have violations as the positive class. Of several
-    reviewers the majority counts, and how far they agree with each other is told as well.
+    Precision, recall, F1 and Cohen's kappa have violations as the positive class. With
+    several reviewers the majority counts; their agreement with each other is reported too.
 
     \b
     Examples:

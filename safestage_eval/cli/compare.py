@@ -60,13 +60,13 @@ def command(
     """Compare two policies, prompts or rule sets on the same rollouts.
 
     A and B are result files or outcome tables, as for aggregate: of two policies, of two prompts,
-    or of the same episodes under two rule sets. Or A alone holds both sides, and --by says what
-    tells them apart; for rule sets that is a column ``rules``.
+    or of the same episodes under two rule sets. Or A alone holds both sides, and --by names the
+    column that separates them (for rule sets, ``rules``).
 
     Rollouts are paired by task, seed, rollout, and whatever else is not compared. For SR, SSR, USR
-    and VR, over all pairs and by stage and family, you learn the difference, its 95 % interval over
-    tasks, and McNemar's exact p, adjusted after Holm. What the sample cannot carry is said on
-    stderr, with how many rollouts would.
+    and VR, over all pairs and by stage and family, it reports the difference, its 95 % interval over
+    tasks, and McNemar's exact p with Holm's adjustment. Where the sample is too small to show a
+    difference, a warning says how many rollouts would be enough.
 
     \b
     Examples:

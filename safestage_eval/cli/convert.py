@@ -44,11 +44,11 @@ def command(
     """Copy episodes into another format, losslessly.
 
     The sources are never changed. Every copy is read back and its content compared by hash, which
-    is printed. Episodes that a dataset holds already are left as they are.
+    is printed. Episodes that a dataset already holds are skipped.
 
-    An MCAP file opens in Foxglove and in Rerun. It also tells, on the channel /events, when a rule
-    was violated, when it was worst and why; --rules, --bind and --set say which rules judge.
-    They are remarks for viewers: scoring the copy judges it anew.
+    An MCAP file opens in Foxglove and in Rerun. Its channel /events says when a rule was
+    violated, when it was worst and why; --rules, --bind and --set choose the rules. Events are
+    for viewers only: scoring the copy judges it anew.
 
     \b
     Examples:

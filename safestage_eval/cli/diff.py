@@ -55,12 +55,12 @@ def command(
     """Say which verdicts flipped, and what flipped each.
 
     BEFORE and AFTER are result files that score wrote as json, jsonl, csv or parquet. For each
-    flipped verdict you learn whether the trace, the rule or the evaluator has changed.
+    flipped verdict it says whether the trace, the rule or the evaluator changed.
 
     With --against or --set, the arguments are traces. They are judged by --rules, then by --against
     with --set applied, and for each flipped verdict the differences between the two are switched
-    one at a time, then in pairs, triples and so on: the smallest set that flips it is named, or it
-    is said from which size on not all sets were tried.
+    one at a time, then in pairs, triples and so on: it names the smallest set that flips the verdict,
+    or says up to which size all sets were tried.
 
     \b
     Examples:

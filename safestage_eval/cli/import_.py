@@ -71,12 +71,12 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
             assets: tuple[Path, ...], prefix: str,
             limit: int | None, jobs: int, timeout: float | None, memory: str | None,
             mcap: bool, form: str) -> None:  # fmt: skip
-    """Take over other people's recordings, and say what they lack.
+    """Import other people's recordings, and report what they lack.
 
-    The format is found from the content. Nothing is invented: what a source does not have stays
-    out, the account of every episode says so, and rules that need it answer inconclusive.
-    Episodes that the dataset has already are kept; a stopped import goes on where it was.
-    Sources are read in processes of their own, which are ended when one hangs.
+    The format is detected from the content. Nothing is invented: what a source lacks stays out, the
+    report of every episode lists it, and rules that need it are inconclusive.
+    Episodes that the dataset already has are kept; a stopped import continues where it stopped.
+    Sources are read in separate processes, which are ended if they hang.
 
     \b
     Examples:

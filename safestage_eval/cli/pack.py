@@ -39,7 +39,7 @@ def command(
     """Merge episodes into few large files, ready to be published.
 
     The sources are never changed. Every copy is read back and its content compared by hash. A run
-    that was stopped goes on where it was when the same command is given again. A README.md for
+    that was stopped continues when the same command is given again. A README.md for
     the Hugging Face hub, with a config for each table, is written beside the tables.
 
     \b

@@ -46,12 +46,12 @@ def command(
     sections: int,
     jobs: int | None,
 ) -> None:
-    """Write one HTML page that tells what a campaign came to, to look at and to forward.
+    """Write one HTML page with the results of a campaign.
 
     RESULTS is a file of safestage score (json, jsonl, csv, parquet), or a bare table of outcomes.
     With TRACES, the episodes that were scored, the page also has a section for each: its
     measurements over time with their limits, the key frame, and how the rates move with the limits.
-    The page is complete in itself: it needs no network, no server and no other file. Rules, bind
+    The page is self-contained: it needs no network, no server and no other file. Rules, bind
     file and --set should be those that the results were made with.
 
     \b

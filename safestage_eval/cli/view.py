@@ -48,7 +48,7 @@ def command(
     """Show one episode in 3-D, with its signals, limits and findings over time.
 
     Writes one HTML page that needs no network and no server, and opens it in the browser. Bodies
-    turn red while they violate a rule; a click on a time or into a drawing goes to that moment.
+    turn red while they violate a rule; click a time or a curve to go to that moment.
 
     \b
     Examples:

@@ -21,7 +21,7 @@ from .options import BadInput, chosen_tasks, explains, jobs_option, progress
 @jobs_option
 @explains
 def gallery(tasks: tuple[str, ...], out: Path, jobs: int) -> None:
-    """Draw tasks: how they start, and what their two references come to."""
+    """Draw tasks: the initial scene, and the end of both references."""
     from simulate.gallery import write_gallery
 
     chosen, everything = chosen_tasks(tasks), chosen_tasks(())

@@ -124,9 +124,9 @@ def record(
     TASK is the id of a task (see `safestage tasks list`), a pattern of ids or a task file; all tasks
     without one.
     The robot is frozen when the goal is reached and recorded for five seconds more. Episodes that
-    are in --out already are skipped, so an interrupted recording can simply be started again; those
-    that ended in an error, of a server that died say, are tried again. Machines share a campaign by
-    --share 1/4 to 4/4, each into an --out of its own.
+    are in --out already are skipped, so an interrupted recording can be started again; those
+    that ended in an error, such as a server that died, are tried again. To share a campaign among
+    machines, give each its --share (1/4 to 4/4) and its own --out.
 
     With --monitor or --stop-at-violation rules are judged while the rollout goes on; those that need
     the future are named first, and judged once their window is recorded.

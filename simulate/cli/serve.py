@@ -37,14 +37,14 @@ def serve(
     task: str | None,
     batch: int,
 ) -> None:
-    """Serve a policy as models are served, to try a client, a campaign or a network.
+    """Serve a policy in a model's protocol, to test a client, a campaign or a network.
 
     POLICY is reference:safe, reference:unsafe, noisy:SIGMA, idle or another as in `record --policy`:
-    these follow the client in a world of their own, with the same task and seed, so that the loop
-    closes with real success. Your own my_module:MyPolicy is handed what each request holds.
+    these act in their own simulation with the client's task and seed, so that the client's rollout
+    really succeeds. Your own my_module:MyPolicy receives the contents of each request.
 
-    POLICY may also be a GR00T that is served already. Then requests that wait while it thinks go on to
-    it together, as one batch: serve its address, and point `record --jobs` at this server.
+    POLICY may also be a GR00T that is served already. Then requests that wait for it are sent on
+    as one batch: serve its address, and point `record --jobs` at this server.
 
     \b
     Examples:

@@ -61,7 +61,7 @@ def draw(
     bind: Path | None,
     where: tuple[str, ...],
 ) -> None:
-    """Draw sheets of rollouts, numbered in a mixed order; those that are there are kept.
+    """Draw sheets of rollouts, numbered in random order; existing sheets are kept.
 
     \b
     Examples:
