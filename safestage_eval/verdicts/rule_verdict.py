@@ -22,6 +22,7 @@ from .memory import at_hand
 from .order import first_broken, in_turn, is_ordering, ordering, speaking
 from .players import combinations
 from .undecided import cause_of
+from .values import Env
 from .verdict import Vacuity, Verdict, VerdictName
 from .witness import Search, Witness
 
@@ -109,7 +110,8 @@ def judge_rule(
     if verdict == "inconclusive":
         open_ = f"{witness.signal} is not known at {seconds(told['worst_time'])}"
         return replace(blank, **told, explanation=_undecided(evaluator, rule, worst, open_))
-    found = Finding(verdict, told["time"], told["worst_time"], witness.margin)
+    began = _began(evaluator, rule, violated, worst.env, told["time"])
+    found = Finding(verdict, began, told["worst_time"], witness.margin)
     explanation = sentence(evaluator, rule, worst.env, witness, found)
     return replace(blank, **told, explanation=explanation)
 
@@ -214,9 +216,7 @@ def _times(
 ) -> dict[str, Any]:
     """When: the fields of a verdict that say so."""
     t, clock = evaluator.episode.t, evaluator.clock
-    bad: Bool = np.zeros(evaluator.frames, np.bool_)
-    for instance in violated:
-        bad |= violated_frames(evaluator, rule, instance)
+    bad = _broken(evaluator, rule, violated)
 
     def timed(frames: Bool) -> tuple[tuple[float, float], ...]:
         return tuple([(float(t[a]), clock.end_of(b)) for a, b in runs(frames).tolist()])
@@ -227,8 +227,7 @@ def _times(
         float(t[clock.recorded(witness.frame)]),
     )
     if violated:
-        at = int(bad.argmax()) if stretches else min(i.scope.first for i in violated)
-        time = float(t[min(at, len(t) - 1)])
+        time = _first_time(evaluator, bad, violated)
     return {
         "time": time,
         "worst_time": worst_time,
@@ -239,6 +238,38 @@ def _times(
         "exposure_time": sum([b - a for a, b in stretches]),
         "phase": _phase(evaluator, rule, time if violated else worst_time),
     }
+
+
+def _broken(evaluator: Evaluator, rule: ast.Rule, violated: Sequence[Instance]) -> Bool:
+    """(T,) the frames in which some of these instances certainly break the rule."""
+    bad: Bool = np.zeros(evaluator.frames, np.bool_)
+    for instance in violated:
+        bad |= violated_frames(evaluator, rule, instance)
+    return bad
+
+
+def _first_time(evaluator: Evaluator, bad: Bool, violated: Sequence[Instance]) -> float:
+    """S, of the first bad frame (T,); where none is, of the start of the first scope."""
+    t = evaluator.episode.t
+    at = int(bad.argmax()) if bad.any() else min(i.scope.first for i in violated)
+    return float(t[min(at, len(t) - 1)])
+
+
+def _began(
+    evaluator: Evaluator,
+    rule: ast.Rule,
+    violated: Sequence[Instance],
+    env: Env,
+    first: float | None,
+) -> float | None:
+    """S, when these bodies first broke the rule; ``first``: when any did, None in a pass.
+
+    The sentence names the bodies that broke it worst, and others may have done so before.
+    """
+    own = [i for i in violated if i.env == env]
+    if first is None or len(own) == len(violated):
+        return first
+    return _first_time(evaluator, _broken(evaluator, rule, own), own)
 
 
 def _breakable(rule: ast.Rule) -> tuple[object, ...]:
