@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -34,15 +33,15 @@ class Said(NamedTuple):
     Attributes:
         truth: (T,) ``STANDS``, ``FALLS`` or ``OPEN``.
         done: (T,) where it is known.
-        part: (T,) the stretch that a frame belongs to, −1 where nothing joins the two.
-        bounds: of each stretch the first frame, the end, and the frame to look at for all of it;
-            None where contact points touch that are equal, but may yet lie differently.
+        part: (T,) over each part the contact points that touch are equal, or nobody touches what
+            hangs together; −1 where nothing joins the two.
+        look: (T,) the frame to look at instead of this one; −1 where that is not known yet.
     """
 
     truth: NDArray[np.int8]
     done: Bool
     part: NDArray[np.int32]
-    bounds: list[tuple[int, int, int | None]]
+    look: Frames
 
 
 class Dependence:
@@ -105,24 +104,21 @@ class Dependence:
         return said.truth == FALLS, said.truth == OPEN
 
     def _find(self, body: int, on: int, said: Said, asked: Bool) -> None:
-        """Fill in the stretches that hold frames that are asked for (T,)."""
-        looked: list[int] = []
-        alike: list[Frames] = []
-        for k in np.unique(said.part[asked]).tolist():
-            begin, end, frame = said.bounds[k]
-            frames = begin + np.flatnonzero(said.part[begin:end] == k)
-            if frame is not None:
-                looked.append(frame)
-                alike.append(frames)
-                continue
-            for stretch in self._arrangement.stretches(self._chains.cluster(body), frames):
-                if asked[stretch].any():
-                    looked.append(int(stretch[0]))
-                    alike.append(stretch)
-        found = self._judge(body, on, np.array(looked, np.intp))
-        for frames, truth in zip(alike, found.tolist(), strict=True):
-            said.truth[frames] = truth
-            said.done[frames] = True
+        """Judge the frames that are to be looked at for those that are asked for (T,)."""
+        cut = np.flatnonzero(asked & (said.look < 0))
+        if len(cut):
+            last = np.full(said.part.max() + 1, -1)
+            last[said.part[cut]] = cut
+            frames = np.flatnonzero(said.part >= 0)
+            frames = frames[frames <= last[said.part[frames]]]
+            said.look[frames] = self._arrangement.stretches(
+                self._chains.cluster(body), frames, said.part[frames]
+            )
+        looked = np.unique(said.look[asked])
+        found = self._judge(body, on, looked)
+        alike = np.isin(said.look, looked)
+        said.truth[alike] = found[looked.searchsorted(said.look[alike])]
+        said.done[alike] = True
 
     def _removed(self, body: int) -> set[int]:
         return set(self._parts(body)) if body in self._free else set(self._hanging(body))
@@ -201,10 +197,10 @@ class Dependence:
         joined = self._chains.linked(body, on)
         quiet = joined & ~self._chains.handled(body)
         signature = self._chains.signature(body)
-        part, bounds = np.full(frames, -1, np.int32), []
+        part, look = np.full(frames, -1, np.int32), np.full(frames, -1, np.intp)
         joins, calms = np.flatnonzero(joined), np.flatnonzero(quiet)
         changes = signature[1:] != signature[:-1]
-        cursor = 0
+        cursor = parts = 0
         while (at := int(joins.searchsorted(cursor))) < len(joins):
             first = int(joins[at])
             if quiet[first]:
@@ -212,19 +208,16 @@ class Dependence:
                 _, place, many = np.unique(
                     signature[begin:cursor], return_index=True, return_counts=True
                 )
-                part[begin:cursor] = len(bounds)
-                bounds.append((begin, cursor, begin + int(place[many.argmax()])))
-                continue
-            calm = int(calms.searchsorted(first))
-            cursor = int(calms[calm]) if calm < len(calms) else frames
-            new = np.flatnonzero(changes[first : cursor - 1]) + 1
-            kind = np.zeros(cursor - first, np.int32)
-            kind[new] = 1
-            kind = len(bounds) + kind.cumsum(dtype=np.int32)
-            part[first:cursor] = np.where(joined[first:cursor], kind, -1)
-            cuts = [first, *(first + new).tolist(), cursor]
-            bounds += [(begin, end, None) for begin, end in pairwise(cuts)]
-        return Said(np.zeros(frames, np.int8), part < 0, part, bounds)
+                look[begin:cursor] = begin + place[many.argmax()]
+                part[begin:cursor] = parts
+                parts += 1
+            else:
+                calm = int(calms.searchsorted(first))
+                cursor = int(calms[calm]) if calm < len(calms) else frames
+                kind = parts + np.append(0, changes[first : cursor - 1].cumsum())
+                part[first:cursor] = np.where(joined[first:cursor], kind, -1)
+                parts = int(kind[-1]) + 1
+        return Said(np.zeros(frames, np.int8), part < 0, part, look)
 
     def _still(self, body: int, on: int, frame: int, earliest: int) -> tuple[int, int]:
         """Around a frame: from when and until when nobody touches what hangs together, nor moves it."""
