@@ -42,13 +42,16 @@ class Arrangement:
     def points(self, pair: Pair) -> Patch:
         """The pair's contact points with a force, by frame."""
         if pair not in self._points:
-            position, normal = self._episode.contacts.of_pair(pair, "position", "normal")
+            position, normal, force = self._episode.contacts.of_pair(
+                pair, "position", "normal", "force"
+            )
             rows = self._of(pair)
             rough = np.maximum(*(self._friction[geom] for geom in self._geoms(pair)))
             self._points[pair] = Patch(
                 position[rows].astype(np.float64),
                 normal[rows].astype(np.float64),
                 np.broadcast_to(rough, len(rows)),
+                force[rows].astype(np.float64),
             )
         return self._points[pair]
 
@@ -135,7 +138,7 @@ class Arrangement:
         for p, pair in enumerate(pairs):
             start[p] = sum(len(patch.normal) for patch in points) + self.starts(pair)
             points.append(self.points(pair))
-        position, normal, _ = map(np.concatenate, zip(*points, strict=True))
+        position, normal, *_ = map(np.concatenate, zip(*points, strict=True))
         both = np.array(sides, np.int64).reshape(-1, 2)
         return Layout(place, turn, centre, both, start, position, normal)
 

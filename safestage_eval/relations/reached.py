@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import helper, kernel
+from safestage_eval.compiled import allocating, helper, kernel
 
 from .statics import Bodies, Touches
 
@@ -66,6 +66,7 @@ class Springs(NamedTuple):
     moved: F64
 
 
+@allocating
 def room_for_springs(contacts: int, bodies: int) -> Springs:
     """Nothing is filled in yet."""
     return Springs(
