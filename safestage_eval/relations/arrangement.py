@@ -47,13 +47,16 @@ class Arrangement:
     def points(self, pair: Pair) -> Patch:
         """The pair's contact points with a force, by frame."""
         if pair not in self._points:
-            position, normal = self._episode.contacts.of_pair(pair, "position", "normal")
+            position, normal, force = self._episode.contacts.of_pair(
+                pair, "position", "normal", "force"
+            )
             rows = self._of(pair)
             rough = np.maximum(*(self._friction[geom] for geom in self._geoms(pair)))
             self._points[pair] = Patch(
                 position[rows].astype(np.float64),
                 normal[rows].astype(np.float64),
                 np.broadcast_to(rough, len(rows)),
+                force[rows].astype(np.float64),
             )
         return self._points[pair]
 
@@ -129,7 +132,7 @@ class Arrangement:
         points = [
             Patch(*(v[at] for v in self.points(p))) for p, at in zip(touching, spans, strict=True)
         ]
-        position, normal, _ = map(np.concatenate, zip(*points, NOTHING, strict=True))
+        position, normal, *_ = map(np.concatenate, zip(*points, NOTHING, strict=True))
         start, many = np.empty((len(touching), end - begin + 1), np.int64), 0
         for row, pair, span in zip(start, touching, spans, strict=True):
             row[:] = self.starts(pair)[begin : end + 1] + (many - span.start)

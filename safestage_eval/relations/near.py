@@ -45,14 +45,16 @@ class Patch(NamedTuple):
         position: (P, 3) m, world.
         normal: (P, 3) unit, from the first body to the second.
         friction: (P,) the greater of the two geoms'.
+        force: (P, 3) N, of the first body on the second, world; 0 where they are only near.
     """
 
     position: F64
     normal: F64
     friction: F64
+    force: F64
 
 
-NOTHING = Patch(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+NOTHING = Patch(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)))
 
 
 class Part(NamedTuple):
@@ -103,7 +105,8 @@ class Neighbours:
             play = np.stack([_play(p, normal, close) for p in (x, y)], 1)
             points, many = overlap(*sides, normal, play, NEAR / 5)
             rough = np.full(len(points), max(x.friction, y.friction))
-            found.append(Patch(points, np.repeat(normal, many, axis=0), rough))
+            normals = np.repeat(normal, many, axis=0)
+            found.append(Patch(points, normals, rough, np.zeros_like(normals)))
             at.append(np.repeat(close, many))
         return by_frame(found, np.concatenate(at), len(frames))
 
