@@ -157,6 +157,13 @@ class Dependence:
         caught = not any(body in self._collapse(body, on, frame, push, loose) for push in PUSHES)
         return OPEN if caught else FALLS
 
+    def told(self, body: int, on: int) -> Bool:
+        """(T,) where it is known already whether ``body`` falls when ``on`` is removed."""
+        nowhere = np.zeros(len(self._episode), np.bool_)
+        self.depends_on(body, on, nowhere)
+        known = self._said.get((body, on))
+        return ~nowhere if known is None else known[1]
+
     # ------------------------------------------------------------------ at one frame
 
     def _collapse(
