@@ -2,28 +2,35 @@
 
 Three steps, each kept in a file so that the next can be repeated alone:
 
-1. ``build``: piles of many kinds are drawn, settled in MuJoCo and recorded for a second. Then each
-   body in turn is made intangible, with all friction times 0.9, 1 and 1.1, and the rest is
-   simulated on; once more slowly, so that nothing is knocked over by debris. A pair (a, s) *falls*
-   if a sank by 5 mm or, being no ball, tilted by 10°, *stands* if it moved by less than 2 mm and
-   2°. Where the four disagree, or it is neither, the pair is open and counts for nothing.
+1. ``build``: piles of many kinds are drawn, settled in MuJoCo and recorded for a second. A pile is
+   one only if it stands by itself for another ``HOLD`` with nothing taken away. Then each body in
+   turn is made intangible and the rest is simulated on, in five ways: with all friction times 0.9,
+   1 and 1.1; slowly, so that what falls hits less hard; and slowly with whatever leaves its
+   place made intangible as well. What becomes of a when s vanishes is one of ``Fate``; a pair that
+   neither falls nor stands counts for nothing, and the report says how many these are, and why.
 2. ``judge``: the recordings are read like any other and asked for ``depends_on``.
 3. ``report``: precision, recall and what stayed unknown, kind by kind, and the wrong pairs.
 
-    python -m benchmarks.piles --each 17 --keep piles
+    python benchmarks/piles.py --each 17 --seed-base 1000 --jobs 16 --keep piles
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from pile_kinds import KINDS
+from pile_parts import STEP, Pile, mjcf
 
 from safestage_eval.api import load
 from safestage_eval.episode import ContactTable, Episode, Header, RobotFrames
@@ -35,504 +42,50 @@ from simulate.describe import Description, Facts
 from simulate.motion_reader import MotionReader
 
 F64 = NDArray[np.float64]
-Rng = np.random.Generator
 
-STEP = 1 / 240
-"""s, of the physics; two steps are a frame."""
-SETTLE, WATCH, FALL = 2.5, 1.0, 2.0
-"""s: to come to rest, recorded at rest, simulated after each removal."""
-FRICTIONS = (0.9, 1.0, 1.1)
+SETTLE, WATCH, FALL, HOLD = 2.5, 1.0, 2.0, 5.0
+"""s: to come to rest, recorded at rest, simulated after each removal, and with none."""
 SLOWED = 0.9
-"""Share of all velocities that is left after a step of the slow simulation: things sink at 0.4 m/s
-at most, and hit nothing over. What falls only because debris hits it was not held up by the body."""
+"""Share of all velocities that is left after a step of a slow simulation: things sink at 0.4 m/s."""
 FELL = (0.005, np.radians(10))
 """m, rad: what sank farther or, being no ball, tilted more, fell."""
 STOOD = (0.002, np.radians(2))
 """m, rad: what neither moved farther nor tilted more stood."""
 
 
-# ---------------------------------------------------------------- drawing
+class Trial(NamedTuple):
+    """One way to simulate on: friction times a factor, slowly or not, without debris or with."""
+
+    friction: float
+    slow: bool = False
+    clean: bool = False
 
 
-@dataclass
-class Pile:
-    """Bodies as MJCF, under names; what begins with ``fix`` is part of the furniture."""
+TRIALS = (Trial(0.9), Trial(1.0), Trial(1.1), Trial(1.0, slow=True))
+CLEAN = Trial(1.0, slow=True, clean=True)
 
-    xml: list[str] = field(default_factory=list)
+Fate = Literal["falls", "stands", "moves", "between", "friction", "debris"]
+"""What becomes of a when s vanishes.
 
-    def add(
-        self, name: str, at: Sequence[float], *geoms: str, euler: Sequence[float] = (0, 0, 0)
-    ) -> None:
-        """A body at a place (m), turned by ``euler`` (degrees)."""
-        joint = "" if name.startswith("fix") else "<freejoint/>"
-        self.xml.append(
-            f'<body name="{name}" pos="{_text(at)}" euler="{_text(euler)}">{joint}{"".join(geoms)}'
-            "</body>"
-        )
+``falls`` and ``stands``: in all trials. Otherwise the pair is open: ``moves``, a moves with nothing
+taken away when there is a tenth more or less of friction; ``between``, in some trial it moved, but
+not far enough to have fallen; ``friction``, it falls in some trials and stands in others;
+``debris``, it falls in all, but not if what leaves its place before is taken away as well. Support
+is a matter of statics: what stands on its own feet until a falling neighbour strikes it, drags it
+along or comes to lie against it was not held up by what vanished, nor by that neighbour, and how
+hard it is struck depends on chance. But it did fall; so it counts neither for nor against.
+"""
+DECIDED: dict[Fate, bool] = {"falls": True, "stands": False}
 
-
-def _text(values: Sequence[float]) -> str:
-    return " ".join(f"{v:.6g}" for v in values)
-
-
-def box(x: float, y: float, z: float, *, at: Sequence[float] = (0, 0, 0), dense: float = 600.0,
-        euler: Sequence[float] = (0, 0, 0)) -> str:  # fmt: skip
-    """A box of half lengths."""
-    return (
-        f'<geom type="box" size="{_text((x, y, z))}" pos="{_text(at)}" euler="{_text(euler)}" '
-        f'mass="{8 * x * y * z * dense:.6g}"/>'
-    )
-
-
-def cylinder(r: float, h: float, *, dense: float = 600.0, euler: Sequence[float] = (0, 0, 0),
-             at: Sequence[float] = (0, 0, 0)) -> str:  # fmt: skip
-    """A cylinder of radius and half length."""
-    return (
-        f'<geom type="cylinder" size="{_text((r, h))}" pos="{_text(at)}" euler="{_text(euler)}" '
-        f'mass="{2 * np.pi * r * r * h * dense:.6g}"/>'
-    )
-
-
-def ball(r: float, *, dense: float = 600.0) -> str:
-    """A ball."""
-    return f'<geom type="sphere" size="{r:.6g}" mass="{4.2 * r**3 * dense:.6g}"/>'
-
-
-def open_box(x: float, y: float, z: float, wall: float = 0.005, dense: float = 600.0) -> list[str]:
-    """Floor and four walls around an inside of these half lengths; the floor's underside is z = 0."""
-    full = 2 * z + wall
-    return [
-        box(x + wall, y + wall, wall / 2, at=(0, 0, wall / 2), dense=dense),
-        *(box(wall / 2, y + wall, z, at=(s * (x + wall / 2), 0, full - z), dense=dense)
-          for s in (-1, 1)),
-        *(box(x, wall / 2, z, at=(0, s * (y + wall / 2), full - z), dense=dense) for s in (-1, 1)),
-    ]  # fmt: skip
-
-
-def tower(r: Rng, p: Pile) -> None:
-    """Boxes on each other, each a little off."""
-    z, x, y = 0.0, 0.0, 0.0
-    for i in range(r.integers(3, 7)):
-        h = r.uniform(0.015, 0.04)
-        w = r.uniform(0.025, 0.05)
-        p.add(
-            f"b{i}",
-            (x, y, z + h),
-            box(w, r.uniform(0.025, 0.05), h),
-            euler=(0, 0, r.uniform(0, 40)),
-        )
-        x, y, z = x + r.uniform(-0.02, 0.02), y + r.uniform(-0.02, 0.02), z + 2 * h
-
-
-def bridge(r: Rng, p: Pile) -> None:
-    """A board on two to four piers, often with things on it."""
-    half, h = r.uniform(0.12, 0.2), r.uniform(0.03, 0.06)
-    many = int(r.integers(2, 5))
-    xs = np.linspace(-half, half, many) * r.uniform(0.5, 0.9) + r.uniform(-0.01, 0.01, many)
-    for i, x in enumerate(xs):
-        p.add(f"pier{i}", (x, 0, h), box(r.uniform(0.015, 0.03), 0.03, h))
-    p.add("board", (r.uniform(-0.03, 0.03), 0, 2 * h + 0.008), box(half, 0.04, 0.008))
-    for i in range(r.integers(0, 3)):
-        s = r.uniform(0.015, 0.03)
-        x = -0.6 * half + 1.2 * half * (i + r.uniform(0, 0.6)) / 2
-        p.add(
-            f"load{i}",
-            (x, r.uniform(-0.01, 0.01), 2 * h + 0.017 + s),
-            box(s, s, s, dense=r.choice([300, 900])),
-        )
-
-
-def books(r: Rng, p: Pile) -> None:
-    """A row of books that lean, against a heavy block, a wall, or upright books."""
-    many = int(r.integers(3, 7))
-    angle = r.uniform(8, 25)
-    h = r.uniform(0.07, 0.1)
-    if r.random() < 0.4:
-        p.add("fix_wall", (-0.05, 0, 0.1), box(0.05, 0.1, 0.1))
-    else:
-        p.add("block", (-0.05, 0, 0.08), box(0.05, 0.08, 0.08, dense=1200))
-    x = 0.0
-    for i in range(r.integers(0, 3)):
-        t = r.uniform(0.006, 0.015)
-        p.add(f"upright{i}", (x + t, 0, h), box(t, 0.06, h))
-        x += 2 * t + r.uniform(0, 0.0004)
-    lean = np.radians(angle)
-    for i in range(many):
-        t = r.uniform(0.006, 0.014)
-        x += t / np.cos(lean) + (h * np.sin(lean) if i == 0 else 0)
-        p.add(
-            f"book{i}",
-            (x, r.uniform(-0.005, 0.005), h * np.cos(lean) + t * np.sin(lean) + 0.001),
-            box(t, 0.06, h),
-            euler=(0, -angle, 0),
-        )
-        x += t / np.cos(lean) + 0.0005
-
-
-def rack(r: Rng, p: Pile) -> None:
-    """Plates that stand leaning in a slotted rack."""
-    slots = int(r.integers(3, 5))
-    pitch = r.uniform(0.035, 0.05)
-    parts = [box(pitch * slots / 2 + 0.01, 0.05, 0.005, at=(0, 0, 0.005), dense=1500)]
-    parts += [
-        box(0.003, 0.05, 0.02, at=((i - slots / 2) * pitch, 0, 0.03), dense=1500)
-        for i in range(slots + 1)
-    ]
-    p.add("rack", (0, 0, 0), *parts)
-    for i in range(slots):
-        t, h = r.uniform(0.003, 0.006), r.uniform(0.04, 0.07)
-        lean = np.degrees(np.arctan2(pitch / 2 - 0.006 - t, 0.04))
-        p.add(
-            f"plate{i}",
-            ((i + 0.5 - slots / 2) * pitch, 0, 0.012 + h),
-            box(t, 0.045, h),
-            euler=(0, r.choice([-1, 1]) * lean * 0.7, 0),
-        )
-
-
-def groove(r: Rng, p: Pile) -> None:
-    """Balls or a rod in the groove between lying cylinders or boxes."""
-    radius = r.uniform(0.03, 0.04)
-    gap = r.uniform(0.0, 0.012)
-    many = int(r.integers(2, 4))
-    xs = (np.arange(many) - (many - 1) / 2) * (2 * radius + gap)
-    round_ = r.random() < 0.4
-    for i, x in enumerate(xs):
-        if round_:
-            parts = [
-                cylinder(radius, 0.08, euler=(90, 0, 0)),
-                box(radius * 0.7, 0.08, 0.004, at=(0, 0, -radius + 0.004), dense=3000),
-            ]
-        else:
-            parts = [box(radius, 0.08, radius)]
-        p.add(f"side{i}", (x, 0, radius), *parts)
-    gap_wide = gap if round_ else max(gap, 0.01)
-    for i in range(many - 1):
-        small = r.uniform(0.02, 0.03)
-        mid = (xs[i] + xs[i + 1]) / 2
-        if r.random() < 0.5:
-            p.add(f"ball{i}", (mid, r.uniform(-0.03, 0.03), 2 * radius + small), ball(small))
-        else:
-            p.add(f"rod{i}", (mid, 0, 2 * radius + small), cylinder(small, 0.06, euler=(90, 0, 0)))
-    _ = gap_wide
-
-
-def aframe(r: Rng, p: Pile) -> None:
-    """Two boards that lean against each other, sometimes with a third, sometimes beside a block."""
-    angle = r.uniform(14, 26)
-    h, t = r.uniform(0.07, 0.1), 0.005
-    a = np.radians(angle)
-    x = h * np.sin(a) + t * np.cos(a)
-    z = h * np.cos(a) + t * np.sin(a)
-    p.add("left", (-x - 0.0002, 0, z), box(t, 0.05, h), euler=(0, angle, 0))
-    p.add("right", (x + 0.0002, 0, z), box(t, 0.05, h), euler=(0, -angle, 0))
-    if r.random() < 0.5:
-        p.add("leaner", (x + 0.024, 0, z), box(t, 0.04, h), euler=(0, -angle, 0))
-    if r.random() < 0.5:
-        p.add("beside", (0.02, 0.09, 0.03), box(0.03, 0.03, 0.03))
-        p.add("topping", (0.02, 0.09, 0.075), box(0.015, 0.015, 0.015))
-
-
-def hooks(r: Rng, p: Pile) -> None:
-    """Hooks over a bar on two posts; things hang in them."""
-    h = r.uniform(0.14, 0.18)
-    for i, s in enumerate((-1, 1)):
-        p.add(f"post{i}", (0, s * 0.13, h / 2), box(0.03, 0.02, h / 2))
-    p.add("bar", (0, 0, h + 0.008), box(0.008, 0.17, 0.008))
-    for i in range(r.integers(1, 4)):
-        y = (i - 1) * 0.06 + r.uniform(-0.005, 0.005)
-        drop, up = r.uniform(0.05, 0.08), r.uniform(0.015, 0.025)
-        w = 0.014
-        reach = r.uniform(0.02, 0.03)
-        parts = [
-            box(w, 0.01, 0.004, at=(0, 0, 0.004)),
-            box(0.004, 0.01, up, at=(-w + 0.004, 0, -up)),
-            box(0.004, 0.01, drop / 2, at=(w - 0.004, 0, -drop / 2)),
-            box(reach, 0.01, 0.004, at=(w - reach, 0, -drop - 0.004)),
-            box(0.004, 0.01, 0.01, at=(w - 2 * reach, 0, -drop + 0.008)),
-        ]
-        p.add(f"hook{i}", (0, y, h + 0.0165), *parts)
-        if r.random() < 0.7:
-            s = r.uniform(0.006, 0.009)
-            p.add(f"hung{i}", (w - reach, y, h + 0.0165 - drop + s + 0.0005), box(s, s, s))
-
-
-def bowl(r: Rng, p: Pile) -> None:
-    """A bowl on blocks or a box, with balls and boxes in it."""
-    z = 0.0
-    if r.random() < 0.7:
-        h = r.uniform(0.02, 0.04)
-        if r.random() < 0.5:
-            p.add("stand", (0, 0, h), box(0.04, 0.04, h))
-        else:
-            for i, s in enumerate((-1, 1)):
-                p.add(f"stand{i}", (s * 0.04, 0, h), box(0.015, 0.05, h))
-        z = 2 * h
-    parts = [cylinder(0.04, 0.003, at=(0, 0, 0.003))]
-    for k in range(8):
-        c, s = np.cos(k * np.pi / 4), np.sin(k * np.pi / 4)
-        parts.append(
-            box(
-                0.003,
-                0.026,
-                0.025,
-                at=(0.053 * c, 0.053 * s, 0.026),
-                euler=(0, 25, 0) if k == 0 else _turned(k),
-            )
-        )
-    p.add("bowl", (0, 0, z + 0.0005), *parts)
-    for i in range(r.integers(2, 5)):
-        s = r.uniform(0.012, 0.02)
-        shape = ball(s) if r.random() < 0.5 else box(s, s, s)
-        p.add(
-            f"in{i}",
-            (r.uniform(-0.015, 0.015), r.uniform(-0.015, 0.015), z + 0.03 + 0.045 * i),
-            shape,
-        )
-
-
-def _turned(k: int) -> Sequence[float]:
-    """Euler angles (degrees, intrinsic xyz) of a wall that is turned by k/8 and leans out by 25°."""
-    about, out = np.radians(45 * k), np.radians(25)
-    rz = np.array(
-        [[np.cos(about), -np.sin(about), 0], [np.sin(about), np.cos(about), 0], [0, 0, 1]]
-    )
-    ry = np.array([[np.cos(out), 0, np.sin(out)], [0, 1, 0], [-np.sin(out), 0, np.cos(out)]])
-    m = rz @ ry
-    return np.degrees(
-        [np.arctan2(-m[1, 2], m[2, 2]), np.arcsin(m[0, 2]), np.arctan2(-m[0, 1], m[0, 0])]
-    )  # type: ignore[return-value]
-
-
-def counterweight(r: Rng, p: Pile) -> None:
-    """A plank beyond the edge of a block, held by weights on its inner end; a load at the outer."""
-    p.add("base", (0, 0, 0.05), box(0.05, 0.05, 0.05, dense=1500))
-    over = r.uniform(0.03, 0.1)
-    p.add("plank", (over, 0, 0.107), box(0.11, 0.03, 0.007))
-    inner = max(over - 0.1, -0.045) + 0.02
-    s = r.uniform(0.018, 0.03)
-    p.add("weight", (inner, 0, 0.115 + s), box(s, s, s, dense=2000))
-    if r.random() < 0.5:
-        p.add("weight1", (inner, 0, 0.116 + 2 * s + 0.015), box(0.015, 0.015, 0.015, dense=2500))
-    if r.random() < 0.6:
-        q = r.uniform(0.008, 0.014)
-        p.add("load", (over + r.uniform(0.02, 0.08), 0, 0.115 + q), box(q, q, q, dense=500))
-
-
-def heap(r: Rng, p: Pile) -> None:
-    """Boxes and cylinders dropped on each other, within a low rim."""
-    p.add("fix_rim", (0, 0, 0), *open_box(0.08, 0.08, 0.015, 0.005)[1:])
-    for i in range(r.integers(5, 10)):
-        s = r.uniform(0.02, 0.035, 3)
-        shape = box(*s) if r.random() < 0.7 else cylinder(s[0], s[1])
-        at = (r.uniform(-0.03, 0.03), r.uniform(-0.03, 0.03), 0.05 + 0.07 * i)
-        p.add(f"x{i}", at, shape, euler=tuple(r.uniform(0, 90, 3)))
-
-
-def nested(r: Rng, p: Pile) -> None:
-    """A box in a box in a box, with something in the innermost; perhaps on a stand."""
-    z = 0.0
-    if r.random() < 0.5:
-        p.add("stand", (0, 0, 0.02), box(0.05, 0.05, 0.02))
-        z = 0.04
-    size = 0.06
-    for i in range(r.integers(2, 4)):
-        p.add(
-            f"box{i}",
-            (r.uniform(-0.003, 0.003), r.uniform(-0.003, 0.003), z + 0.0003),
-            *open_box(size, size, size * 0.5, 0.003),
-        )
-        z += 0.0035
-        size -= r.uniform(0.012, 0.02)
-    for i in range(r.integers(1, 3)):
-        s = size * r.uniform(0.3, 0.6)
-        p.add(
-            f"in{i}",
-            (0, 0, z + s + 0.001 + 0.04 * i),
-            box(s, s, s) if r.random() < 0.7 else ball(s),
-        )
-
-
-def ramp(r: Rng, p: Pile) -> None:
-    """A board leaning up a block, and boxes on it: held by friction, some by a stop."""
-    angle = r.uniform(8, 20)
-    a = np.radians(angle)
-    length = 0.16
-    rise = 2 * length * np.sin(a)
-    p.add(
-        "block",
-        (length * np.cos(a) - 0.01, 0, rise / 2 - 0.004),
-        box(0.03, 0.06, rise / 2 - 0.004, dense=1000),
-    )
-    p.add(
-        "board", (0, 0, length * np.sin(a) + 0.006), box(length, 0.05, 0.005), euler=(0, -angle, 0)
-    )
-    up = np.array([-np.sin(a), 0, np.cos(a)])
-    along = np.array([np.cos(a), 0, np.sin(a)])
-    for i, d in enumerate(np.linspace(-0.09, 0.07, int(r.integers(2, 5)))):
-        s = r.uniform(0.013, 0.02)
-        shape = box(s, s, s)
-        down = 0.0
-        if i and r.random() < 0.4:
-            shape = cylinder(s, s, euler=(90, 0, 0))
-            down = 0.012
-        at = (0, 0, length * np.sin(a) + 0.006) + along * (d - down) + up * (0.006 + s)
-        p.add(f"on{i}", tuple(at), shape, euler=(0, -angle, 0))
-
-
-def cantilever(r: Rng, p: Pile) -> None:
-    """Bricks that reach out farther and farther, some with a counterweight."""
-    x = z = 0.0
-    many = int(r.integers(3, 6))
-    steps = sorted(r.uniform(0.004, 0.028, many))
-    for i in range(many):
-        p.add(f"brick{i}", (x, 0, z + 0.012), box(0.05, 0.03, 0.012))
-        x, z = x + steps[i], z + 0.024
-    if r.random() < 0.6:
-        p.add("weight", (x - 0.06 - steps[-1], 0, z + 0.02), box(0.02, 0.02, 0.02, dense=1500))
-
-
-def cards(r: Rng, p: Pile) -> None:
-    """Two tents of cards with a card across."""
-    angle = r.uniform(14, 20)
-    h, t = 0.06, 0.003
-    a = np.radians(angle)
-    x, z = h * np.sin(a) + t * np.cos(a), h * np.cos(a) + t * np.sin(a)
-    for i in range(2):
-        c = (i - 0.5) * (4 * x + 0.01)
-        p.add(f"left{i}", (c - x - 0.0002, 0, z), box(t, 0.05, h), euler=(0, angle, 0))
-        p.add(f"right{i}", (c + x + 0.0002, 0, z), box(t, 0.05, h), euler=(0, -angle, 0))
-    if r.random() < 0.8:
-        p.add(
-            "across",
-            (0, 0, 2 * h * np.cos(a) + 2 * t * np.sin(a) + 0.004),
-            box(2 * x + 0.03, 0.05, 0.003),
-        )
-        if r.random() < 0.5:
-            p.add(
-                "atop",
-                (r.uniform(-0.02, 0.02), 0, 2 * h * np.cos(a) + 2 * t * np.sin(a) + 0.0225),
-                box(0.015, 0.015, 0.015),
-            )
-
-
-def tray(r: Rng, p: Pile) -> None:
-    """A tray with several things, on a block, two blocks, or a drawer."""
-    z = 0.0
-    what = r.integers(3)
-    if what == 0:
-        p.add("under", (0, 0, 0.02), box(0.07, 0.05, 0.02))
-        z = 0.04
-    elif what == 1:
-        for i, s in enumerate((-1, 1)):
-            p.add(f"under{i}", (s * 0.07, 0, 0.02), box(0.02, 0.05, 0.02))
-        z = 0.04
-    else:
-        p.add("fix_drawer", (0, 0, 0.1), box(0.15, 0.1, 0.005))
-        z = 0.105
-    p.add("tray", (r.uniform(-0.01, 0.01), 0, z + 0.0003), *open_box(0.1, 0.06, 0.006, 0.004))
-    for i in range(r.integers(2, 5)):
-        s = r.uniform(0.012, 0.02)
-        shape = box(s, s, 1.5 * s) if r.random() < 0.6 else cylinder(s, 1.5 * s)
-        p.add(f"cup{i}", (-0.07 + 0.045 * i, r.uniform(-0.03, 0.03), z + 0.0055 + 1.5 * s), shape)
-        if r.random() < 0.3:
-            p.add(f"on{i}", (-0.07 + 0.045 * i, 0, z + 0.0065 + 3.9 * s), box(s, s, s * 0.8))
-
-
-def balls(r: Rng, p: Pile) -> None:
-    """Balls in a row between blocks, some on others."""
-    many = int(r.integers(2, 4))
-    rad = r.uniform(0.02, 0.028)
-    half = many * rad
-    for i, s in enumerate((-1, 1)):
-        p.add(f"end{i}", (s * (half + 0.03 - 0.0002), 0, 0.03), box(0.03, 0.05, 0.03, dense=900))
-    for i, s in enumerate((-1, 1)):
-        p.add(f"fix_rail{i}", (0, s * (rad + 0.004), 0.005), box(half, 0.0039, 0.005))
-    for i in range(many):
-        p.add(f"ball{i}", ((2 * i + 1) * rad - half, 0, rad), ball(rad))
-    for i in range(many - 1):
-        if r.random() < 0.6:
-            p.add(f"top{i}", ((2 * i + 2) * rad - half, 0, rad + 1.75 * rad), ball(rad))
-
-
-def logs(r: Rng, p: Pile) -> None:
-    """Logs stacked between two chocks."""
-    rad = r.uniform(0.018, 0.024)
-    many = int(r.integers(2, 4))
-    fixed = r.random() < 0.5
-    for i, s in enumerate((-1, 1)):
-        name = f"fix_chock{i}" if fixed else f"chock{i}"
-        p.add(name, (s * (many * rad + 0.03), 0, 0.02), box(0.03, 0.06, 0.02, dense=1500))
-    row, k = many, 0
-    z = rad
-    while row:
-        for i in range(row):
-            p.add(f"log{k}", ((2 * i - row + 1) * rad, 0, z), cylinder(rad, 0.06, euler=(90, 0, 0)))
-            k += 1
-        row -= 1
-        z += 1.74 * rad
-        if r.random() < 0.3:
-            break
-
-
-def corbel(r: Rng, p: Pile) -> None:
-    """Two corbelled stacks that meet under a slab."""
-    span = r.uniform(0.06, 0.09)
-    for side, s in (("l", -1), ("r", 1)):
-        x = s * (span + 0.04)
-        for i in range(3):
-            p.add(f"{side}{i}", (x, 0, 0.015 + 0.03 * i), box(0.04, 0.03, 0.015))
-            x -= s * r.uniform(0.006, 0.02)
-    p.add(
-        "slab",
-        (r.uniform(-0.01, 0.01), 0, 0.098),
-        box(r.uniform(0.06, 0.08) + 0.02, 0.03, 0.008, dense=r.choice([600, 1500])),
-    )
-    if r.random() < 0.5:
-        p.add("load", (r.uniform(-0.03, 0.03), 0, 0.127), box(0.02, 0.02, 0.02))
-
-
-def shelf(r: Rng, p: Pile) -> None:
-    """A shelf of the furniture with stacks on it; things below that do not hang on it."""
-    p.add("fix_shelf", (0, 0, 0.15), box(0.15, 0.06, 0.006))
-    for i in range(r.integers(1, 4)):
-        x, z = -0.1 + 0.1 * i, 0.156
-        for k in range(r.integers(1, 4)):
-            s = r.uniform(0.018, 0.03)
-            h = r.uniform(0.015, 0.03)
-            shape = box(s, s, h) if r.random() < 0.6 else cylinder(s, h)
-            p.add(f"s{i}{k}", (x + r.uniform(-0.005, 0.005), 0, z + h), shape)
-            z += 2 * h
-    p.add("below", (0, 0, 0.02), box(0.02, 0.02, 0.02))
-
-
-KINDS: dict[str, Callable[[Rng, Pile], None]] = {
-    f.__name__: f
-    for f in (tower, bridge, books, rack, groove, aframe, hooks, bowl, counterweight, heap, nested,
-              ramp, cantilever, cards, tray, balls, logs, corbel, shelf)
-}  # fmt: skip
-
-
-def mjcf(pile: Pile, friction: float) -> str:
-    """The whole model, on a floor."""
-    return (
-        f'<mujoco><option timestep="{STEP}" integrator="implicitfast" cone="elliptic" impratio="50"/>'
-        f'<default><geom condim="4" friction="{friction} .005 .0001"/></default><worldbody>'
-        '<body name="fix_floor"><geom type="plane" size="2 2 .1"/></body>'
-        + "".join(pile.xml)
-        + "</worldbody></mujoco>"
-    )
+Fates = dict[tuple[str, str], Fate]
+"""(a, s) → what becomes of a when s vanishes."""
 
 
 # ---------------------------------------------------------------- simulation
 
 
-Truth = dict[tuple[str, str], bool | None]
-"""(a, s) → a falls when s vanishes (True), stands (False), or it is open (None)."""
-
-
-def build(kind: str, seed: int) -> tuple[TraceWriter, Truth] | None:
-    """Draw, settle, record and take away; None if the pile does not come to rest."""
+def build(kind: str, seed: int) -> tuple[TraceWriter, Fates] | None:
+    """Draw, settle, record and take away; None if the pile does not stand by itself."""
     rng = np.random.default_rng([list(KINDS).index(kind), seed])
     pile = Pile()
     KINDS[kind](rng, pile)
@@ -549,7 +102,10 @@ def build(kind: str, seed: int) -> tuple[TraceWriter, Truth] | None:
     mujoco.mj_forward(model, data)
     if _speed(data) > 0.005:
         return None
-    return writer, _truth(model, data, free)
+    untouched = [_moves(model, data, None, trial, free) for trial in TRIALS]
+    if not all(_stood(motion) for motion in untouched[1].values()):
+        return None
+    return writer, _fates(model, data, untouched, free)
 
 
 def _speed(data: mujoco.MjData) -> float:
@@ -581,55 +137,82 @@ def _recorded(model: mujoco.MjModel, data: mujoco.MjData, name: str) -> TraceWri
     return writer
 
 
-def _truth(model: mujoco.MjModel, data: mujoco.MjData, free: list[int]) -> Truth:
+class Motion(NamedTuple):
+    """How far a body got at most (m), how far it sank (m), how much it tilted (rad; a ball: 0)."""
+
+    far: float = 0.0
+    sank: float = 0.0
+    tilted: float = 0.0
+
+
+def _stood(motion: Motion) -> bool:
+    return motion.far < STOOD[0] and motion.tilted < STOOD[1]
+
+
+def _fell(motion: Motion) -> bool:
+    return motion.sank > FELL[0] or motion.tilted > FELL[1]
+
+
+def _fates(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    untouched: Sequence[dict[int, Motion]],
+    free: Sequence[int],
+) -> Fates:
     name = {i: model.body(i).name for i in range(model.nbody)}
-    said: dict[tuple[int, int], list[bool | None]] = {}
-    for factor, slow in (*((factor, False) for factor in FRICTIONS), (1.0, True)):
-        stays = _moves(model, data, None, factor, free, slow)
-        for s in (i for i in range(1, model.nbody) if name[i] != "fix_floor"):
-            gone = _moves(model, data, s, factor, free, slow)
-            for a in free:
-                if a != s:
-                    said.setdefault((a, s), []).append(_fell(gone[a], stays[a]))
-    return {(name[a], name[s]): v[0] if len(set(v)) == 1 else None for (a, s), v in said.items()}
+    found: Fates = {}
+    for s in (i for i in range(1, model.nbody) if name[i] != "fix_floor"):
+        gone = [_moves(model, data, s, trial, free) for trial in TRIALS]
+        clean = _moves(model, data, s, CLEAN, free)
+        for a in free:
+            if a != s:
+                found[name[a], name[s]] = _fate(
+                    [stays[a] for stays in untouched], [moves[a] for moves in gone], clean[a]
+                )
+    return found
 
 
-Motion = tuple[float, float, float]
-"""How far a body got at most (m), how far it sank (m), how much it tilted (rad; a ball: 0)."""
-
-
-def _fell(gone: Motion, stays: Motion) -> bool | None:
-    if stays[0] > STOOD[0] or stays[2] > STOOD[1]:
-        return None
-    if gone[1] > FELL[0] or gone[2] > FELL[1]:
-        return True
-    return False if gone[0] < STOOD[0] and gone[2] < STOOD[1] else None
+def _fate(untouched: Sequence[Motion], gone: Sequence[Motion], clean: Motion) -> Fate:
+    if not all(_stood(motion) for motion in untouched):
+        return "moves"
+    if all(_fell(motion) for motion in gone):
+        return "falls" if _fell(clean) else "debris"
+    if all(_stood(motion) for motion in gone):
+        return "stands"
+    return "friction" if all(_fell(m) or _stood(m) for m in gone) else "between"
 
 
 def _moves(
     model: mujoco.MjModel,
     start: mujoco.MjData,
     removed: int | None,
-    factor: float,
-    free: list[int],
-    slow: bool,
+    trial: Trial,
+    free: Sequence[int],
 ) -> dict[int, Motion]:
+    """Simulated on: body → its motion, in a ``clean`` trial until it is taken away itself."""
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = start.qpos, 0
     data.qacc_warmstart[:] = start.qacc_warmstart
     friction, touches = model.geom_friction.copy(), model.geom_contype.copy()
-    model.geom_friction[:, 0] *= factor
-    if removed is not None:
-        own = model.geom_bodyid == removed
+    model.geom_friction[:, 0] *= trial.friction
+
+    def remove(body: int) -> None:
+        own = model.geom_bodyid == body
         model.geom_contype[own] = model.geom_conaffinity[own] = 0
-    most = dict.fromkeys(free, (0.0, 0.0, 0.0))
+
+    if removed is not None:
+        remove(removed)
+    duration = HOLD if removed is None else (1.5 if trial.slow else 1) * FALL
+    every = 4 if trial.clean else 20
+    most = dict.fromkeys(free, Motion())
+    left = {i for i in free if i != removed}
     ball = {i: model.geom_type[model.body_geomadr[i]] == mujoco.mjtGeom.mjGEOM_SPHERE for i in free}
     place, turn = start.xipos.copy(), start.xmat.reshape(-1, 3, 3).copy()
-    for step in range(1, int((1.5 if slow else 1) * FALL / STEP) + 1):
+    for step in range(1, int(duration / STEP) + 1):
         mujoco.mj_step(model, data)
-        if slow:
+        if trial.slow:
             data.qvel *= SLOWED
-        if step % 20:
+        if step % every:
             continue
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -638,9 +221,12 @@ def _moves(
             spun = data.xmat[i].reshape(3, 3) @ turn[i].T  # away from the vertical only
             tilt = 0.0 if ball[i] else float(np.arccos(np.clip(spun[2, 2], -1, 1)))
             far, sank, tilted = most[i]
-            most[i] = (
+            most[i] = Motion(
                 max(far, float(np.linalg.norm(went))), max(sank, float(-went[2])), max(tilted, tilt)
-            )  # fmt: skip
+            )
+            if trial.clean and i in left and not _stood(most[i]):
+                left.remove(i)
+                remove(i)
     model.geom_friction[:] = friction
     model.geom_contype[:] = model.geom_conaffinity[:] = touches
     return most
@@ -680,95 +266,147 @@ class Tally:
     """Counts of one kind of pile."""
 
     piles: int = 0
-    open: int = 0
-    hits: int = 0
-    false: int = 0
-    missed: int = 0
-    right: int = 0
-    unknown: list[int] = field(default_factory=lambda: [0, 0])
-    """Of pairs that stand, and that fall."""
+    open: Counter[str] = field(default_factory=Counter)
+    said: Counter[tuple[bool, int]] = field(default_factory=Counter)
+    """(it falls, the answer: 1 depends, 0 does not, −1 unknown) → pairs."""
 
-    def add(self, truth: bool | None, said: int) -> None:
+    def add(self, fate: Fate, answer: int) -> None:
         """One pair."""
-        if truth is None:
-            self.open += 1
-        elif said < 0:
-            self.unknown[truth] += 1
-        elif truth:
-            self.hits, self.missed = self.hits + said, self.missed + 1 - said
+        if fate in DECIDED:
+            self.said[DECIDED[fate], answer] += 1
         else:
-            self.false, self.right = self.false + said, self.right + 1 - said
+            self.open[fate] += 1
 
     def __add__(self, other: Tally) -> Tally:
         """Both together."""
-        return Tally(
-            self.piles + other.piles, self.open + other.open, self.hits + other.hits,
-            self.false + other.false, self.missed + other.missed, self.right + other.right,
-            [a + b for a, b in zip(self.unknown, other.unknown, strict=True)],
-        )  # fmt: skip
+        return Tally(self.piles + other.piles, self.open + other.open, self.said + other.said)
+
+    @property
+    def wrong_no(self) -> str:
+        """Share of the certain "no" that are wrong."""
+        return _share(self.said[True, 0], self.said[True, 0] + self.said[False, 0], "{:.2%}")
 
     def row(self, name: str) -> str:
         """One line of the table."""
-        found, fall = self.hits + self.false, self.hits + self.missed
-        p = f"{self.hits / found:.3f}" if found else "–"
-        r = f"{self.hits / fall:.3f}" if fall else "–"
-        return (
-            f"{name:14}{self.piles:6}{fall + self.unknown[1]:7}"
-            f"{self.right + self.false + self.unknown[0]:7}{self.open:6}{p:>8}{r:>8}"
-            f"{self.false:7}{self.missed:7}{self.unknown[0]:9}/{self.unknown[1]}"
-        )
+        said = self.said
+        hits, false, missed = said[True, 1], said[False, 1], said[True, 0]
+        counts = [
+            self.piles, hits + missed + said[True, -1], false + said[False, 0] + said[False, -1],
+            self.open.total(), _share(hits, hits + false), _share(hits, hits + missed),
+            _share(hits, hits + missed + said[True, -1]), false, missed,
+            said[False, -1], said[True, -1], self.wrong_no,
+        ]  # fmt: skip
+        return " | ".join([f"| {name:13}", *(f"{value:>6}" for value in counts)]) + " |"
 
 
-def record(folder: Path, kinds: Sequence[str], each: int) -> None:
-    """Build so many piles of each kind; a kind that is there already is left as it is."""
+HEAD = """\
+| kind          |  piles |  falls | stands |   open |      P |      R |  R all |  false | missed |  stands unknown | falls unknown | wrong "no" |
+|---|---|---|---|---|---|---|---|---|---|---|---|---|"""
+
+
+def _share(some: int, of: int, form: str = "{:.3f}") -> str:
+    return form.format(some / of) if of else "–"
+
+
+# ---------------------------------------------------------------- campaign
+
+
+Rows = list[tuple[str, str, Fate]]
+
+
+def record(folder: Path, kinds: Sequence[str], each: int, base: int, jobs: int) -> None:
+    """Build so many piles of each kind from seeds that begin at ``base``, tried in turn.
+
+    A kind that is there already is left as it is.
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    for kind in kinds:
-        if (folder / f"{kind}.json").exists():
-            continue
-        found: dict[str, list[tuple[str, str, bool | None]]] = {}
-        for seed in range(8 * each):
-            built = build(kind, seed) if len(found) < each else None
-            if built is not None:
-                writer, truth = built
-                writer.close(folder / f"{kind}.{seed}.mcap")
-                found[f"{kind}.{seed}"] = [(a, s, fell) for (a, s), fell in truth.items()]
-        (folder / f"{kind}.json").write_text(json.dumps(found), "utf-8")
+    found: dict[str, dict[str, Rows]] = {
+        kind: {} for kind in kinds if not (folder / f"{kind}.json").exists()
+    }
+    tried = dict.fromkeys(found, 0)
+    while todo := [
+        (kind, base + tried[kind] + k)
+        for kind, piles in found.items()
+        for k in range(min(each - len(piles), 8 * each - tried[kind]))
+    ]:
+        for (kind, seed), rows in zip(
+            todo, _each(partial(_build, folder), todo, jobs), strict=True
+        ):
+            tried[kind] += 1
+            if rows is not None:
+                found[kind][f"{kind}.{seed}"] = rows
+    for kind, piles in found.items():
+        (folder / f"{kind}.json").write_text(json.dumps(piles), "utf-8")
 
 
-def report(folder: Path, kinds: Sequence[str], *, blind: bool) -> None:
-    """Print the table, the wrong pairs, and how many answers changed while nothing moved."""
-    print(
-        f"{'kind':14} piles   fall  stand  open       P       R  false missed  unknown stand/fall"
+def _build(folder: Path, which: tuple[str, int]) -> Rows | None:
+    built = build(*which)
+    if built is None:
+        return None
+    writer, fates = built
+    writer.close(folder / "{}.{}.mcap".format(*which))
+    return [(a, s, fate) for (a, s), fate in fates.items()]
+
+
+class Judged(NamedTuple):
+    """Of one pile: the last answer to each pair, and how many changed, None if a body moved."""
+
+    answers: list[int]
+    changed: int | None
+
+
+def _judge(folder: Path, blind: bool, pile: tuple[str, Rows]) -> Judged:
+    name, rows = pile
+    episode = load(folder / f"{name}.mcap")
+    said = answers(blinded(episode) if blind else episode, [(a, s) for a, s, _ in rows])
+    still = all(
+        np.abs(track.position - track.position[0]).max() < 1e-3
+        and np.abs(track.orientation - track.orientation[0]).max() < 0.008
+        for track in episode.tracks.values()
     )
+    changed = sum(bool((answer != answer[0]).any()) for answer in said.values())
+    return Judged([int(said[a, s][-1]) for a, s, _ in rows], changed if still else None)
+
+
+def report(folder: Path, kinds: Sequence[str], *, blind: bool, jobs: int) -> None:
+    """Print the table, the wrong pairs, and how many answers changed while nothing moved."""
+    piles = {
+        kind: list(json.loads((folder / f"{kind}.json").read_text("utf-8")).items())
+        for kind in kinds
+    }
+    flat = [pile for kind in kinds for pile in piles[kind]]
+    judged = iter(_each(partial(_judge, folder, blind), flat, jobs))
     total, wrong, asked, changed = Tally(), list[str](), 0, 0
+    print(HEAD)
     for kind in kinds:
         tally = Tally()
-        for name, rows in json.loads((folder / f"{kind}.json").read_text("utf-8")).items():
-            episode = load(folder / f"{name}.mcap")
-            said = answers(blinded(episode) if blind else episode, [(a, s) for a, s, _ in rows])
+        for name, rows in piles[kind]:
+            one = next(judged)
             tally.piles += 1
-            still = all(
-                np.abs(track.position - track.position[0]).max() < 1e-3
-                and np.abs(track.orientation - track.orientation[0]).max() < 0.008
-                for track in episode.tracks.values()
-            )
-            for a, s, fell in rows:
-                answer = said[a, s]
-                if still:
-                    asked, changed = asked + 1, changed + int((answer != answer[0]).any())
-                tally.add(fell, int(answer[-1]))
-                if fell is not None and answer[-1] == 1 - fell:
-                    wrong.append(f"{name}: {a} on {s} {'falls' if fell else 'stands'}")
-        print(tally.row(kind))
+            if one.changed is not None:
+                asked, changed = asked + len(rows), changed + one.changed
+            for (a, s, fate), answer in zip(rows, one.answers, strict=True):
+                tally.add(fate, answer)
+                if fate in DECIDED and answer != DECIDED[fate]:
+                    said = "unknown" if answer < 0 else "wrong"
+                    wrong.append(f"{said}: {name}: {a} {fate} without {s}")
+        print(tally.row(kind), flush=True)
         total += tally
     print(total.row("all"))
+    print("open:", ", ".join(f"{count} {why}" for why, count in total.open.most_common()))
     print(
         f"{changed} of {asked} pairs changed within {WATCH:g} s in which no body of the pile moved by 1 mm"
     )
-    if total.right + total.missed:
-        share = total.missed / (total.right + total.missed)
-        print(f"{100 * share:.2f} % of the certain 'no' are wrong")
     print(*wrong, sep="\n")
+
+
+def _each(function: Callable[[Any], Any], items: Sequence[Any], jobs: int) -> Iterator[Any]:
+    """The results in order, by several processes."""
+    if jobs == 1:
+        yield from map(function, items)
+        return
+    with get_context("spawn").Pool(jobs) as pool:
+        yield from pool.imap(function, items)
 
 
 def main() -> None:
@@ -778,13 +416,15 @@ def main() -> None:
     )
     parser.add_argument("--each", type=int, default=17, help="piles of each kind")
     parser.add_argument("--kinds", nargs="*", default=list(KINDS), choices=list(KINDS))
+    parser.add_argument("--seed-base", type=int, default=0, help="the first seed of each kind")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument(
         "--keep", type=Path, default=Path("piles"), help="where recordings are kept"
     )
     parser.add_argument("--blind", action="store_true", help="judge without contacts and forces")
     given = parser.parse_args()
-    record(given.keep, given.kinds, given.each)
-    report(given.keep, given.kinds, blind=given.blind)
+    record(given.keep, given.kinds, given.each, given.seed_base, given.jobs)
+    report(given.keep, given.kinds, blind=given.blind, jobs=given.jobs)
 
 
 if __name__ == "__main__":

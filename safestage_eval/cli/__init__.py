@@ -42,13 +42,13 @@ HELP = {
     "validate": "Check trace files, and list everything that is wrong with them.",
     "convert": "Copy an episode into another format, losslessly.",
     "pack": "Merge episodes into few large files, ready to be published.",
-    "import": "Take over other people's recordings, with an account of what they lack.",
+    "import": "Import other people's recordings, and report what they lack.",
     "rules": "Check, explain, compare and test rule files.",
     "sweep": "Show how the rates move with a threshold.",
     "diff": "Say which verdicts flipped, and which parameter flipped each.",
     "aggregate": "Make the result tables of a campaign, as mean ± deviation over seeds.",
     "compare": "Compare two policies, prompts or rule sets on the same rollouts.",
-    "report": "Write one HTML page about a campaign, to look at and to forward.",
+    "report": "Write one HTML page with the results of a campaign.",
     "label": "Let people judge rollouts in a browser, without seeing the verdicts.",
     "agreement": "Compare verdicts with what people said: precision, recall, F1, kappa.",
     "plot": "Draw signals of one episode with their limits and verdicts.",
@@ -56,7 +56,7 @@ HELP = {
     "tasks": "List, show or validate the benchmark's tasks.",
     "render": "Film an episode, with a halt at the moment of its verdict.",
     "sheets": "Draw rollouts as picture sheets, to be judged without seeing a verdict.",
-    "serve": "Serve a policy in a model's protocol, to try clients and campaigns.",
+    "serve": "Serve a policy in a model's protocol, to test clients and campaigns.",
 }
 
 FROM_SIMULATE = ("record", "tasks", "render", "sheets", "serve")

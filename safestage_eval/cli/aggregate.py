@@ -18,18 +18,20 @@ MOST = 20
     "--format", "-f", "form", default="table", show_default=True,
     type=click.Choice(["table", "json", "csv", "markdown", "latex"]),
 )  # fmt: skip
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
 @click.option(
     "--intervals", type=click.Choice(["none", "wilson", "bootstrap"]), default="none",
-    show_default=True, help="95 % intervals in the tables; JSON and CSV always have both.",
+    show_default=True, help="Method of the 95 % intervals in tables; JSON and CSV contain both.",
 )  # fmt: skip
 @click.option(
     "--resamples", type=click.IntRange(100), default=2000, show_default=True,
-    help="How often the bootstrap draws the tasks anew.",
+    help="Number of bootstrap resamples over tasks.",
 )  # fmt: skip
 @click.option(
     "--random-seed", type=click.IntRange(0), default=0, show_default=True,
-    help="Of the bootstrap: the same seed draws the same tasks.",
+    help="Random seed of the bootstrap.",
 )  # fmt: skip
 @click.option("--strict", is_flag=True, help="Exit 1 if cells are missing, unequal or undecided.")
 @click.pass_context
@@ -50,8 +52,8 @@ def command(
     are any, family. Several files are one table.
 
     Rates are in percent: the mean over environment seeds of the seed's rate, and its sample
-    standard deviation. A row that is there twice is an error. Cells that are missing, or have more
-    or fewer rollouts than the others, are told of on stderr and in the JSON.
+    standard deviation. A duplicate row is an error. Cells that are missing, or have more
+    or fewer rollouts than the others, are reported on stderr and in the JSON.
 
     \b
     Examples:

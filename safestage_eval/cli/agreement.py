@@ -13,16 +13,18 @@ from .options import written
 @click.argument("labels", nargs=-1, required=True, metavar="LABELS...")
 @click.option(
     "--results", required=True, multiple=True, metavar="RESULTS",
-    help="What the evaluator says. Repeatable, for results in several files.",
+    help="Result file written by score. Repeatable.",
 )  # fmt: skip
 @click.option(
-    "--reviewer", multiple=True, metavar="NAME", help="Only this reviewer's labels. Repeatable."
+    "--reviewer", multiple=True, metavar="NAME", help="Use only this reviewer's labels. Repeatable."
 )
 @click.option(
     "--format", "-f", "form", type=click.Choice(["table", "json", "csv", "markdown"]),
     default="table", show_default=True,
 )  # fmt: skip
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
 def command(
     labels: tuple[str, ...],
     results: tuple[str, ...],
@@ -36,8 +38,8 @@ def command(
     unsafe or unsure, and perhaps reviewer and note: what "safestage label" writes. RESULTS are
     files that score wrote, or tables with the columns episode_id, stage and violation.
 
-    Precision, recall, F1 and Cohen's kappa have violations as the positive class. Of several
-    reviewers the majority counts, and how far they agree with each other is told as well.
+    Precision, recall, F1 and Cohen's kappa have violations as the positive class. With
+    several reviewers the majority counts; their agreement with each other is reported too.
 
     \b
     Examples:

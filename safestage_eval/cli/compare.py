@@ -22,28 +22,30 @@ FIELDS = ("task", "stage", "family", "policy", "prompt", "seed", "rollout")
 @click.argument("results", nargs=-1, required=True, metavar="A [B]")
 @click.option(
     "--by", type=click.Choice(["policy", "prompt", "rules"]),
-    help="What differs between the sides. Two files tell by themselves; one file needs it.",
+    help="Compare two policies, prompts or rule sets of one file. With two files, the default is one side per file.",
 )  # fmt: skip
 @click.option(
     "--between", nargs=2, metavar="FIRST SECOND",
-    help="Of one file with more than two: which two policies, prompts or rule sets.",
+    help="The two policies, prompts or rule sets to compare, where a file has more than two.",
 )  # fmt: skip
 @click.option(
     "--where", multiple=True, metavar="FIELD=VALUE",
-    help="Only these outcomes: policy=…, prompt=…, stage=…, task=…, seed=…. Repeatable.",
+    help="Select outcomes: policy=…, prompt=…, stage=…, task=…, seed=…. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--format", "-f", "form", type=click.Choice(["table", "json", "csv", "markdown"]),
     default="table", show_default=True,
 )  # fmt: skip
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
 @click.option(
     "--resamples", type=click.IntRange(100), default=2000, show_default=True,
-    help="How often the bootstrap draws the tasks anew.",
+    help="Number of bootstrap resamples over tasks.",
 )  # fmt: skip
 @click.option(
     "--random-seed", type=click.IntRange(0), default=0, show_default=True,
-    help="Of the bootstrap: the same seed draws the same tasks.",
+    help="Random seed of the bootstrap.",
 )  # fmt: skip
 def command(
     results: tuple[str, ...],
@@ -58,13 +60,13 @@ def command(
     """Compare two policies, prompts or rule sets on the same rollouts.
 
     A and B are result files or outcome tables, as for aggregate: of two policies, of two prompts,
-    or of the same episodes under two rule sets. Or A alone holds both sides, and --by says what
-    tells them apart; for rule sets that is a column ``rules``.
+    or of the same episodes under two rule sets. Or A alone holds both sides, and --by names the
+    column that separates them (for rule sets, ``rules``).
 
     Rollouts are paired by task, seed, rollout, and whatever else is not compared. For SR, SSR, USR
-    and VR, over all pairs and by stage and family, you learn the difference, its 95 % interval over
-    tasks, and McNemar's exact p, adjusted after Holm. What the sample cannot carry is said on
-    stderr, with how many rollouts would.
+    and VR, over all pairs and by stage and family, it reports the difference, its 95 % interval over
+    tasks, and McNemar's exact p with Holm's adjustment. Where the sample is too small to show a
+    difference, a warning says how many rollouts would be enough.
 
     \b
     Examples:

@@ -24,14 +24,14 @@ from .options import (
 @click.option("--to", "form", type=click.Choice(["parquet", "mcap"]), required=True)
 @click.option(
     "--out", "-o", "out", type=click.Path(path_type=Path), required=True,
-    help="A folder: a dataset for parquet, one file per episode for mcap. Or, for a single "
-    "episode, the name of an .mcap file.",
+    help="Output folder: a dataset for parquet, one file per episode for mcap. For a single "
+    "episode, also the name of an .mcap file.",
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace MCAP files that are already there.")
 @click.option("--recover", is_flag=True, help="Keep the whole frames of a truncated MCAP file.")
 @click.option(
     "--events/--no-events", default=True, show_default=True,
-    help="Write the verdicts into MCAP files, as events that viewers show on the timeline.",
+    help="Write verdicts into MCAP files as events on the timeline.",
 )  # fmt: skip
 @rules_option
 @bind_option
@@ -44,11 +44,11 @@ def command(
     """Copy episodes into another format, losslessly.
 
     The sources are never changed. Every copy is read back and its content compared by hash, which
-    is printed. Episodes that a dataset holds already are left as they are.
+    is printed. Episodes that a dataset already holds are skipped.
 
-    An MCAP file opens in Foxglove and in Rerun. It also tells, on the channel /events, when a rule
-    was violated, when it was worst and why; --rules, --bind and --set say which rules judge.
-    They are remarks for viewers: scoring the copy judges it anew.
+    An MCAP file opens in Foxglove and in Rerun. Its channel /events says when a rule was
+    violated, when it was worst and why; --rules, --bind and --set choose the rules. Events are
+    for viewers only: scoring the copy judges it anew.
 
     \b
     Examples:

@@ -24,7 +24,7 @@ from .options import (
 @rules_option
 @click.option(
     "--against", "-a", multiple=True, metavar="RULES",
-    help="The rules afterwards. Default: the same as --rules. Repeatable.",
+    help="Rules of the second side. Default: those of --rules. Repeatable.",
 )  # fmt: skip
 @set_option
 @bind_option
@@ -33,8 +33,10 @@ from .options import (
     "--format", "-f", "form", type=click.Choice(["table", "json", "csv", "markdown"]),
     default="table", show_default=True,
 )  # fmt: skip
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
-@click.option("--fail-on-change", is_flag=True, help="Exit 1 if any verdict is another.")
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
+@click.option("--fail-on-change", is_flag=True, help="Exit 1 if any verdict changed.")
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.pass_context
 def command(
@@ -53,12 +55,12 @@ def command(
     """Say which verdicts flipped, and what flipped each.
 
     BEFORE and AFTER are result files that score wrote as json, jsonl, csv or parquet. For each
-    flipped verdict you learn whether the trace, the rule or the evaluator has changed.
+    flipped verdict it says whether the trace, the rule or the evaluator changed.
 
     With --against or --set, the arguments are traces. They are judged by --rules, then by --against
     with --set applied, and for each flipped verdict the differences between the two are switched
-    one at a time, then in pairs, triples and so on: the smallest set that flips it is named, or it
-    is said from which size on not all sets were tried.
+    one at a time, then in pairs, triples and so on: it names the smallest set that flips the verdict,
+    or says up to which size all sets were tried.
 
     \b
     Examples:

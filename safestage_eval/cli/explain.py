@@ -30,7 +30,7 @@ from .options import (
     "-a",
     "everything",
     is_flag=True,
-    help="Rules that do not apply as well, and all that was not known.",
+    help="Also show rules that do not apply, and every unknown value.",
 )
 def command(
     trace: str,

@@ -19,23 +19,23 @@ if TYPE_CHECKING:
 @click.argument("source", type=click.Path(path_type=Path), metavar="SOURCE")
 @click.option(
     "--to", "to", type=click.Path(path_type=Path), required=True, metavar="DATASET",
-    help="The dataset's folder; it may hold episodes already.",
+    help="Dataset folder to write to; existing episodes are kept.",
 )  # fmt: skip
 @click.option(
     "--map", "map_", type=click.Path(path_type=Path), metavar="FILE",
-    help="What the source does not say: shapes, masses, tags, roles, success, columns.",
+    help="Map file with what the source lacks: shapes, masses, tags, roles, success, columns.",
 )  # fmt: skip
 @click.option(
     "--bind", type=click.Path(path_type=Path), metavar="FILE",
-    help="Roles, goal, rules and values to put into the headers.",
+    help="Bind file: roles, goal, rules and values to write into the headers.",
 )  # fmt: skip
 @rules_option
 @click.option(
-    "--from", "only", metavar="NAME", help="Take SOURCE for this format instead of looking."
+    "--from", "only", metavar="NAME", help="Format of SOURCE. Default: detected from its content."
 )
 @click.option(
     "--quaternion", type=click.Choice(["wxyz", "xyzw"]),
-    help="Order of the source's quaternions, where it does not tell.",
+    help="Quaternion order of the source, where it does not say.",
 )  # fmt: skip
 @click.option(
     "--dt", metavar="TIME",
@@ -43,25 +43,27 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option(
     "--assets", type=click.Path(path_type=Path, exists=True, file_okay=False), multiple=True,
-    metavar="DIR", help="A folder with mesh files that the source names but does not bring; "
-    "may be given again.",
+    metavar="DIR", help="Folder to search for mesh files that the source names. "
+    "Repeatable.",
 )  # fmt: skip
-@click.option("--prefix", default="", metavar="TEXT", help="Put this before every episode id.")
-@click.option("--limit", type=click.IntRange(min=1), metavar="N", help="Only the first N episodes.")
+@click.option("--prefix", default="", metavar="TEXT", help="Prefix for every episode id.")
+@click.option(
+    "--limit", type=click.IntRange(min=1), metavar="N", help="Import only the first N episodes."
+)
 @click.option("--jobs", "-j", type=click.IntRange(min=1), default=1, metavar="N",
               help="Worker processes.")  # fmt: skip
 @click.option(
     "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
-    help="An episode that takes longer to import, or a source that takes longer to look at, becomes a listed "
-    "problem, and the others go on. Without it 120 s, and 2 s more for each MB of its file or folder.",
+    help="Abort an episode, or a look at a source, after SECONDS and list it as a "
+    "problem. Default: 120 s plus 2 s per MB.",
 )  # fmt: skip
 @click.option(
-    "--memory", metavar="SIZE", help="Likewise one whose process holds more: 800MB, 2GB.",
+    "--memory", metavar="SIZE", help="Abort an episode whose worker exceeds SIZE, such as 800MB or 2GB.",
 )  # fmt: skip
 @click.option("--mcap", is_flag=True, help="One MCAP file per episode instead of a dataset.")
 @click.option(
     "--format", "-f", "form", type=click.Choice(["table", "json"]), default="table",
-    help="Of the report.",
+    help="Format of the import report.",
 )  # fmt: skip
 @click.pass_context
 def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind: Path | None,
@@ -69,12 +71,12 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
             assets: tuple[Path, ...], prefix: str,
             limit: int | None, jobs: int, timeout: float | None, memory: str | None,
             mcap: bool, form: str) -> None:  # fmt: skip
-    """Take over other people's recordings, and say what they lack.
+    """Import other people's recordings, and report what they lack.
 
-    The format is found from the content. Nothing is invented: what a source does not have stays
-    out, the account of every episode says so, and rules that need it answer inconclusive.
-    Episodes that the dataset has already are kept; a stopped import goes on where it was.
-    Sources are read in processes of their own, which are ended when one hangs.
+    The format is detected from the content. Nothing is invented: what a source lacks stays out, the
+    report of every episode lists it, and rules that need it are inconclusive.
+    Episodes that the dataset already has are kept; a stopped import continues where it stopped.
+    Sources are read in separate processes, which are ended if they hang.
 
     \b
     Examples:

@@ -25,19 +25,21 @@ PORT = 8350
     "--labels", "-l", "file", type=click.Path(path_type=Path, dir_okay=False),
     default=Path("labels.csv"), show_default=True, help="Where answers are kept; a CSV file.",
 )  # fmt: skip
-@click.option("--reviewer", metavar="NAME", help="Who judges. Without it the page asks.")
+@click.option(
+    "--reviewer", metavar="NAME", help="Name of the reviewer. Default: asked on the page."
+)
 @click.option(
     "--sample", "-n", "count", type=click.IntRange(1), metavar="N",
-    help="So many rollouts, evenly over the stages. Default: all.",
+    help="Number of rollouts, spread evenly over the stages. Default: all.",
 )  # fmt: skip
 @click.option("--seed", type=int, default=0, show_default=True, help="Another one chooses others.")
 @click.option(
     "--results", multiple=True, type=click.Path(path_type=Path, dir_okay=False),
-    help="Only rollouts that these results are about. Verdicts are not looked at. Repeatable.",
+    help="Label only the episodes in these result files; verdicts are not read. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--videos", type=click.Path(path_type=Path, file_okay=False, exists=True),
-    help="A folder of EPISODE_ID.mp4. Default: beside the traces.",
+    help="Folder with EPISODE_ID.mp4 files. Default: beside the traces.",
 )  # fmt: skip
 @rules_option
 @bind_option

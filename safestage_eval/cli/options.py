@@ -25,22 +25,22 @@ rules_option = click.option(
 
 bind_option = click.option(
     "--bind", type=click.Path(path_type=Path), metavar="FILE",
-    help="Roles, goal, rules and values for traces whose header lacks them; a file, or libero.",
+    help="Read roles, goal, rules and values that headers lack from FILE, or from a built-in set (libero, robolab).",
 )  # fmt: skip
 
 set_option = click.option(
     "--set", "settings", multiple=True, metavar="NAME=VALUE",
-    help='Another value for a parameter: --set edge="3 cm". Repeatable.',
+    help='Set a parameter: --set edge="3 cm". Repeatable.',
 )  # fmt: skip
 
 where_option = click.option(
     "--where", multiple=True, metavar="FIELD=VALUE",
-    help="Only episodes whose header says so: policy=…, task=…, prompt=…, seed=…. Repeatable.",
+    help="Select episodes by header field: policy=…, task=…, prompt=…, seed=…. Repeatable.",
 )  # fmt: skip
 
 episode_option = click.option(
     "--episode", "-e", "episode", metavar="ID",
-    help="Which episode, where TRACE holds several: its id, or a part of it.",
+    help="Episode id, or a unique part of it, where TRACE holds several.",
 )  # fmt: skip
 
 

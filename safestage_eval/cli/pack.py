@@ -15,21 +15,21 @@ FIELDS = ("policy", "task", "stage", "family", "prompt", "seed")
 @traces_argument
 @click.option(
     "--out", "-o", type=click.Path(path_type=Path, file_okay=False), required=True,
-    help="The packed dataset: a new folder, or one that was packed before and gets the rest.",
+    help="Folder of the packed dataset; an existing one is continued.",
 )  # fmt: skip
 @click.option(
     "--by", default="policy,task", show_default=True, metavar="FIELDS",
-    help=f"Episodes that agree in these go into the same files: {', '.join(FIELDS)}.",
+    help=f"Header fields that group episodes into files: {', '.join(FIELDS)}.",
 )  # fmt: skip
 @click.option(
     "--shard-episodes", type=click.IntRange(min=1), default=100, show_default=True,
-    help="Most episodes in one file.",
+    help="Maximum number of episodes per file.",
 )  # fmt: skip
-@click.option("--title", help="Heading of the dataset's page. Default: the folder's name.")
+@click.option("--title", help="Title of the dataset page. Default: the folder name.")
 @click.option("--licence", "--license", help="Licence of the data: cc-by-4.0, cc0-1.0, …")
 @click.option(
     "--where", multiple=True, metavar="FIELD=VALUE",
-    help="Only episodes whose header says so: policy=…, task=…, prompt=…. Repeatable.",
+    help="Select episodes by header field: policy=…, task=…, prompt=…. Repeatable.",
 )  # fmt: skip
 @click.pass_context
 def command(
@@ -39,7 +39,7 @@ def command(
     """Merge episodes into few large files, ready to be published.
 
     The sources are never changed. Every copy is read back and its content compared by hash. A run
-    that was stopped goes on where it was when the same command is given again. A README.md for
+    that was stopped continues when the same command is given again. A README.md for
     the Hugging Face hub, with a config for each table, is written beside the tables.
 
     \b

@@ -26,7 +26,7 @@ from .options import (
 @set_option
 @click.option(
     "--output", "-o", type=click.Path(path_type=Path), required=True,
-    help="The picture; its ending says in which format: png, svg, pdf.",
+    help="Picture file: .png, .svg or .pdf.",
 )  # fmt: skip
 def command(
     trace: str,

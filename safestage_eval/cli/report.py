@@ -24,13 +24,13 @@ from .options import (
     "--output", "-o", type=click.Path(path_type=Path), default=Path("report.html"),
     show_default=True, help="The page.",
 )  # fmt: skip
-@click.option("--title", metavar="TEXT", help="Its heading. Default: Safety report.")
+@click.option("--title", metavar="TEXT", help="Title of the report. Default: Safety report.")
 @rules_option
 @bind_option
 @set_option
 @click.option(
     "--sections", type=click.IntRange(0), default=500, show_default=True,
-    help="Draw at most so many episodes, the gravest first.",
+    help="Maximum number of episodes to draw, gravest first.",
 )  # fmt: skip
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.pass_context
@@ -46,12 +46,12 @@ def command(
     sections: int,
     jobs: int | None,
 ) -> None:
-    """Write one HTML page that tells what a campaign came to, to look at and to forward.
+    """Write one HTML page with the results of a campaign.
 
     RESULTS is a file of safestage score (json, jsonl, csv, parquet), or a bare table of outcomes.
     With TRACES, the episodes that were scored, the page also has a section for each: its
     measurements over time with their limits, the key frame, and how the rates move with the limits.
-    The page is complete in itself: it needs no network, no server and no other file. Rules, bind
+    The page is self-contained: it needs no network, no server and no other file. Rules, bind
     file and --set should be those that the results were made with.
 
     \b

@@ -31,7 +31,7 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
     """Find everything that is wrong with rule files, all at once.
 
     RULES are files, folders or built-in names; without any, the built-in rules are checked. Each
-    problem says where it is, what is allowed and how to mend it. Exit code 2 if there is any.
+    problem says where it is, what is allowed and how to fix it. Exit code 2 if there is any.
 
     \b
     Example:
@@ -93,9 +93,9 @@ def show(what: tuple[str, ...], rules: tuple[str, ...], as_json: bool) -> None:
 @click.argument("names", metavar="[NAME]...", nargs=-1)
 @click.option("--json", "as_json", is_flag=True, help="The vocabulary as JSON.")
 def signals(names: tuple[str, ...], as_json: bool) -> None:
-    """List the signals and relations that conditions may ask for.
+    """List the signals and relations that conditions can use.
 
-    For each its arguments, its dimension and units, what it means, and what a trace must hold.
+    For each: arguments, dimension and units, meaning, and what a trace must contain.
 
     \b
     Examples:
@@ -153,7 +153,7 @@ def schema() -> None:
 @click.argument("before", metavar="A")
 @click.argument("after", metavar="B")
 @click.option("--json", "as_json", is_flag=True, help="The differences as JSON.")
-@click.option("--fail-on-change", is_flag=True, help="Exit 1 if any rule means something else.")
+@click.option("--fail-on-change", is_flag=True, help="Exit 1 if the meaning of any rule changed.")
 @click.pass_context
 def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_change: bool) -> None:
     """Say what changes from rule set A to rule set B.
@@ -181,32 +181,34 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
 @click.argument("rules", nargs=-1, metavar="[RULES]...")
 @click.option(
     "--traces", "-t", multiple=True, metavar="PATH",
-    help="Recorded episodes that examples may name by their id. Repeatable.",
+    help="Recorded episodes that examples refer to by id. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--least", type=click.IntRange(0), default=2, show_default=True,
-    help="How many violating, and how many passing examples each rule must have.",
+    help="Minimum number of violating and of passing examples per rule.",
 )  # fmt: skip
 @click.option(
     "--mutate", is_flag=True,
-    help="Break each rule on purpose, in one place at a time, and list what no example notices.",
+    help="Mutate each rule in one place at a time and list the mutants that no example detects.",
 )  # fmt: skip
 @click.option(
     "--kind", "kinds", multiple=True,
     type=click.Choice(
         ["operator", "unit", "duration", "role", "scope", "obligation", "truth"]
     ),
-    help="With --mutate: only such mistakes. Repeatable.",
+    help="With --mutate: only mutants of this kind. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--deep", is_flag=True,
-    help="With --mutate: break the states, phases and signals that rules define as well.",
+    help="With --mutate: also mutate states, phases and signals.",
 )  # fmt: skip
 @click.option(
     "--format", "-f", "form", type=click.Choice(["table", "json", "junit"]), default="table",
     show_default=True,
 )  # fmt: skip
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.pass_context
 def test(
@@ -234,15 +236,15 @@ def test(
       undecided = ["recorded_without_shapes"]
 
     A name is a sketch NAME.toml or a trace NAME.mcap in the folder "examples" beside the rule
-    file, the id of an episode in --traces, or a built-in sketch. NAME(knob = value) turns the
-    knobs of a sketch. What is missing is wrong, and so is what cannot be decided, unless it is named
-    as undecided.
+    file, the id of an episode in --traces, or a built-in sketch. NAME(parameter = value) sets
+    parameters of a sketch. A missing example is an error, and so is an inconclusive one that is not listed
+    under undecided.
 
-    --mutate tests the examples: it turns comparisons round, mistakes units (ten times too much or
-    too little) and durations (twice, half, none), exchanges roles and widens them, judges too much
-    (no given, no until, the other end of an event), drops obligations and swaps true and false, one
-    at a time. With --deep it makes the same mistakes in the states, phases and variants of signals;
-    any rule's example may notice those. What a cost charges, and its budget, are mistaken alike.
+    --mutate tests the examples themselves. It changes one thing at a time in a rule or cost: reverses
+    comparisons, scales limits (× 10, ÷ 10) and durations (× 2, ÷ 2, 0), exchanges or widens roles,
+    drops scopes and obligations, and swaps true and false. An example must detect each mutant.
+    --deep also mutates states, phases and variants of signals; an example of any rule may detect
+    those.
 
     \b
     Examples:
@@ -252,7 +254,7 @@ def test(
       safestage rules test -f junit -o rules.xml
 
     Exit code 0: all as expected. 1: an example is wrong or missing, a rule has too few, or a
-    mistake goes unnoticed. 2: bad usage, or a rule file that is not sound.
+    mutant goes undetected. 2: bad usage, or a rule file that is not sound.
     """
     if (deep or kinds) and not mutate:
         raise click.UsageError("--kind and --deep go with --mutate")

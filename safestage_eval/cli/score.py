@@ -40,57 +40,61 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
 @click.option(
     "--format", "-f", "form", type=click.Choice(FORMATS), default="table", show_default=True
 )
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
 @set_option
 @where_option
 @click.option(
     "--golden", type=click.Path(path_type=Path),
-    help="Compare with expected verdicts; exit 1 and say what differs, and why.",
+    help="Compare with expected verdicts; exit 1 and list the differences with their causes.",
 )  # fmt: skip
 @click.option("--update-golden", is_flag=True, help="Write the --golden file from these verdicts.")
 @click.option(
     "--fail-on",
     multiple=True,
     type=click.Choice(FAIL_ON),
-    help="Exit 1 if there is any by the rules that count. Repeatable. not-judged: inconclusive, not "
+    help="Exit 1 if any rule that counts gives this. Repeatable. not-judged: inconclusive, not "
     "loaded, unreadable, or no rule counts.",
 )
 @click.option(
     "--clearance-backend", "backend", type=click.Choice(("gjk", "fcl", "coal")), default="gjk",
-    show_default=True, help="Whose clearances; others than gjk are for comparison.",
+    show_default=True, help="Clearance library; fcl and coal are for comparison.",
 )  # fmt: skip
 @click.option(
     "--assigned", is_flag=True,
-    help="Judge each episode by its own assigned rules alone: faster, without further findings.",
+    help="Judge each episode by its assigned rules only (faster).",
 )  # fmt: skip
 @click.option(
     "--cache", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
     envvar="SAFESTAGE_CACHE",
-    help="Keep measurements there, so that scoring again reads no traces. Also $SAFESTAGE_CACHE.",
+    help="Store measurements in DIR, so that scoring again reads no traces. Default: $SAFESTAGE_CACHE.",
 )  # fmt: skip
 @click.option("--no-cache", is_flag=True, help="Neither read nor write $SAFESTAGE_CACHE.")
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.option(
     "--resume", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
-    help="Keep finished results there; the same command goes on where it was stopped.",
+    help="Store finished results in DIR; the same command continues where it stopped.",
 )  # fmt: skip
 @click.option(
     "--sample", type=click.IntRange(1), metavar="N",
     help="Judge only N episodes, spread over stages, tasks and policies.",
 )  # fmt: skip
-@click.option("--sample-seed", "seed", type=int, default=0, help="Another choice of --sample.")
+@click.option("--sample-seed", "seed", type=int, default=0, help="Random seed for --sample.")
 @click.option(
     "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
-    help="List an episode as a problem that takes longer.",
+    help="Abort an episode after SECONDS and list it as a problem.",
 )  # fmt: skip
 @click.option(
-    "--memory", metavar="SIZE", help="Likewise one whose process holds more: 800MB, 2GB.",
+    "--memory", metavar="SIZE", help="Abort an episode whose worker exceeds SIZE, such as 800MB or 2GB.",
 )  # fmt: skip
 @click.option(
     "--engine", type=click.Choice(("local", "ray")), default="local", show_default=True,
-    help="Processes of this machine, or a Ray cluster (extra: cluster).",
+    help="Run on local processes or on a Ray cluster (extra: cluster).",
 )  # fmt: skip
-@click.option("--address", metavar="ADDRESS", help="Of the Ray cluster; else $RAY_ADDRESS.")
+@click.option(
+    "--address", metavar="ADDRESS", help="Address of the Ray cluster. Default: $RAY_ADDRESS."
+)
 @click.option(
     "--verbose", "-v", is_flag=True, help="In the table: every episode, and other stages' findings."
 )

@@ -24,23 +24,27 @@ from .options import (
 @rules_option
 @click.option("--param", "-p", metavar="NAME", required=True, help="The parameter to vary.")
 @click.option("--from", "first", metavar="VALUE", help="Lowest value, with its unit. Default: 0.")
-@click.option("--to", "last", metavar="VALUE", help="Highest. Default: twice the default value.")
+@click.option(
+    "--to", "last", metavar="VALUE", help="Highest value. Default: twice the default value."
+)
 @click.option(
     "--steps", type=click.IntRange(2), default=41, show_default=True,
-    help="How many values, both ends included.",
+    help="Number of values, both ends included.",
 )  # fmt: skip
 @click.option(
     "--values", metavar="LIST", help='These values instead, with commas: "1 cm, 2 cm, 5 cm".'
 )
 @click.option(
     "--by", multiple=True, type=click.Choice(["policy", "prompt", "stage", "task", "rule"]),
-    help="A curve for each. Repeatable.",
+    help="Draw one curve per value of this field. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--format", "-f", "form", type=click.Choice(["table", "csv", "json"]), default="table",
     show_default=True,
 )  # fmt: skip
-@click.option("--output", "-o", type=click.Path(path_type=Path), help="Write there, not to stdout.")
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
 @click.option(
     "--plot", type=click.Path(path_type=Path), help="Draw VR and SSR as well: curve.png, curve.svg."
 )

@@ -27,7 +27,7 @@ from .options import (
 @episode_option
 @click.option(
     "--output", "-o", type=click.Path(path_type=Path, dir_okay=False),
-    help="Keep the page in this file. Without it, a temporary one is opened in the browser.",
+    help="Write the page to this file. Default: a temporary file, opened in the browser.",
 )  # fmt: skip
 @click.option("--open/--no-open", "open_", default=None, help="Open the browser, or do not.")
 @click.option("--all", "-a", "everything", is_flag=True, help="Show rules that passed as well.")
@@ -48,7 +48,7 @@ def command(
     """Show one episode in 3-D, with its signals, limits and findings over time.
 
     Writes one HTML page that needs no network and no server, and opens it in the browser. Bodies
-    turn red while they violate a rule; a click on a time or into a drawing goes to that moment.
+    turn red while they violate a rule; click a time or a curve to go to that moment.
 
     \b
     Examples:

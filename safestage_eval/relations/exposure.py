@@ -225,6 +225,7 @@ class Causes:
         if it.kind != "fixture":
             return since
         track = self._episode.track(it.name)
-        gone = np.linalg.norm(track.position[since:] - track.position[since], axis=1) >= GOES
+        place = track.position[since:].astype(np.float64)
+        gone = np.linalg.norm(place - place[0], axis=1) >= GOES
         gone |= angle(track.orientation[since:], track.orientation[since]) >= GOES_TURN
         return since + int(gone.argmax()) if gone.any() else NEVER

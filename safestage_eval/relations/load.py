@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.geometry.pose import angle
 from safestage_eval.geometry.stability import polygon_margin
 from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.motion import com_position
@@ -21,6 +22,10 @@ I64 = NDArray[np.int64]
 
 RISES = 0.5
 """A contact whose normal rises at least this much (60° from the vertical) is stood on."""
+KEPT = 0.1
+"""s for which a body that has not moved stands on what it stood on, whatever contacts are missing."""
+STAYS, STAYS_TURN = 1e-3, np.radians(1.0)
+"""m, rad: less is no motion, as for the relations of what nobody touches."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +34,23 @@ class Points:
 
     position: F64
     owner: I64
+
+
+@dataclass(frozen=True)
+class Stance:
+    """How a body stands at N frames: what its support margin and its tipping angle are made of.
+
+    Attributes:
+        margin: (N,) m; NaN where the support spans no area.
+        most: (N,) m, what the margin is at most: itself where it is known; inf where nothing is.
+        height: (N,) m, of the COM above the support; NaN where it has none.
+        notes: what is not known.
+    """
+
+    margin: F64
+    most: F64
+    height: F64
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -64,24 +86,86 @@ class Loads:
             part = np.maximum(self._sums.upward(body, by), 0)
         return exact(np.divide(part, total, out=np.zeros_like(part), where=total > 0), "ratio")
 
-    def standing(self, body: int, at: I64) -> tuple[F64, F64, tuple[str, ...]]:
-        """Margin (N,) m and height of the COM above the support (N,) m at some frames; and notes.
+    def standing(self, body: int, at: I64) -> Stance:
+        """How the body, with everything that rests on it, stands at some frames.
 
-        Both are of the body and everything that rests on it. NaN where they are not defined.
+        A solver leaves out contacts of what rests on two edges for a few frames: as long as neither it
+        nor what bears it has moved for ``KEPT``, it stands as it did. Where all that it touches
+        spans an area, though what bears it spans none, that area bounds the margin.
         """
-        points = self._points(body, at)
-        weight = self._weight(body, at)
-        margin = polygon_margin(points.position[:, :2], points.owner, weight.centre[:, :2])
-        notes = weight.notes
-        if np.isnan(margin).any():
+        margin, height, notes = self._stance(body, at)
+        lost = np.flatnonzero(np.isnan(margin))
+        before = self._before(at[lost])
+        kept, above, _ = self._stance(body, before)
+        last = self._last(before[~np.isnan(kept)], at[lost])
+        same = (last >= 0) & self._unmoved(body, np.maximum(last, 0), at[lost])
+        source = np.searchsorted(before, last[same])
+        margin[lost[same]], height[lost[same]] = kept[source], above[source]
+        nothing = np.isnan(margin)
+        most = margin.copy()
+        if nothing.any():
             few = f"{self._names[body]} has fewer than three support contacts that span an area"
             notes = (*notes, few)
+            points, weight = self._touching(body, at[nothing]), self._weight(body, at[nothing])
+            bound = polygon_margin(points.position[:, :2], points.owner, weight.centre[:, :2])
+            most[nothing] = np.where(np.isnan(bound), np.inf, bound)
+        return Stance(margin, most, height, notes)
+
+    def _stance(self, body: int, at: I64) -> tuple[F64, F64, tuple[str, ...]]:
+        """Margin (N,) m and height (N,) m from the contacts at the frames alone; NaN; and notes."""
+        points, weight = self._points(body, at), self._weight(body, at)
+        margin = polygon_margin(points.position[:, :2], points.owner, weight.centre[:, :2])
         many = np.bincount(points.owner, minlength=len(at))
         level = np.bincount(points.owner, points.position[:, 2], minlength=len(at))
         height = weight.centre[:, 2] - np.divide(
             level, many, out=np.full(len(at), np.nan), where=many > 0
         )
-        return np.where(np.isnan(height), np.nan, margin), height, notes
+        return np.where(np.isnan(height), np.nan, margin), height, weight.notes
+
+    def _before(self, at: I64) -> I64:
+        """(M,) all frames within ``KEPT`` before some frames."""
+        t = self._episode.t
+        first = np.searchsorted(t, t[at] - KEPT - 1e-9)
+        wanted = np.zeros(len(t) + 1, np.int64)
+        np.add.at(wanted, first, 1)
+        np.add.at(wanted, at, -1)
+        return np.flatnonzero(np.cumsum(wanted)[:-1] > 0)
+
+    def _last(self, known: I64, at: I64) -> I64:
+        """(N,) the last of some frames within ``KEPT`` before each; −1 if there is none."""
+        if not len(known):
+            return np.full(len(at), -1, np.int64)
+        place = np.searchsorted(known, at) - 1
+        last = np.where(place >= 0, known[np.maximum(place, 0)], -1)
+        late = self._episode.t[at] - self._episode.t[np.maximum(last, 0)] > KEPT + 1e-9
+        return np.where(late, -1, last)
+
+    def _unmoved(self, body: int, before: I64, now: I64) -> Bool:
+        """(N,) the body and all that ever bears it are where they were at frames before."""
+        same = np.ones(len(now), np.bool_)
+        for other in (body, *self._graph.bearers(body)):
+            track = self._episode.tracks[self._names[other]]
+            if len(track) > 1:
+                went = np.linalg.norm(track.position[before] - track.position[now], axis=1)
+                same &= went <= STAYS
+                same &= angle(track.orientation[before], track.orientation[now]) <= STAYS_TURN
+        return same
+
+    def _touching(self, body: int, at: I64) -> Points:
+        """All its contacts, be it with what hardly presses on it; not those with the robot."""
+        where = np.full(len(self._episode), -1, np.int64)
+        where[at] = np.arange(len(at))
+        positions, owners = [np.empty((0, 3))], [np.empty(0, np.int64)]
+        for other in self._sums.beside(body):
+            robot = self._episode.header.bodies[other].kind in ("robot", "gripper")
+            if robot or self._graph.assemblies.on_robot(other):
+                continue
+            pair = (min(other, body), max(other, body))
+            frame, position = self._episode.contacts.of_pair(pair, "frame", "position")
+            use = where[frame] >= 0
+            positions.append(position[use].astype(np.float64))
+            owners.append(where[frame[use]])
+        return Points(np.concatenate(positions), np.concatenate(owners))
 
     def _points(self, body: int, at: I64) -> Points:
         """Contacts with what bears the body that are stood on or carry a share of its weight."""

@@ -132,25 +132,23 @@ def _in_motion(relations: Relations, name: str, at: I64) -> Bool:
 
 def support_margin(relations: Relations, at: I64, a: str) -> Series:
     """(N,) m from the projected COM of a and all that rests on it to the edge of its support."""
-    found = _standing(relations, at, a, "length")
-    return found if isinstance(found, Series) else _known(found[0], "length", found[2])
+    if relations.blind:
+        return _unseen(at, "length")
+    found = relations.loads.standing(relations.episode.body_index[a], at)
+    lower = np.where(np.isnan(found.margin), -np.inf, found.margin)
+    return Series(lower, found.most, "length", found.notes)
 
 
 def tipping_angle(relations: Relations, at: I64, a: str) -> Series:
     """(N,) rad: the tilt at which a would topple, from the support margin and the COM's height."""
-    found = _standing(relations, at, a, "angle")
-    return found if isinstance(found, Series) else _known(np.arctan2(*found[:2]), "angle", found[2])
-
-
-def _standing(
-    relations: Relations, at: I64, a: str, dimension: str
-) -> Series | tuple[F64, F64, tuple[str, ...]]:
     if relations.blind:
-        return unknown(len(at), dimension, "the trace has no contact forces")
-    return relations.loads.standing(relations.episode.body_index[a], at)
+        return _unseen(at, "angle")
+    found = relations.loads.standing(relations.episode.body_index[a], at)
+    tilt = np.arctan2(found.margin, found.height)
+    nothing = np.isnan(tilt)
+    lower, upper = np.where(nothing, -np.inf, tilt), np.where(nothing, np.inf, tilt)
+    return Series(lower, upper, "angle", found.notes)
 
 
-def _known(values: F64, dimension: str, notes: tuple[str, ...]) -> Series:
-    nothing = np.isnan(values)
-    lower, upper = np.where(nothing, -np.inf, values), np.where(nothing, np.inf, values)
-    return Series(lower, upper, dimension, notes)
+def _unseen(at: I64, dimension: str) -> Series:
+    return unknown(len(at), dimension, "the trace has no contact forces")

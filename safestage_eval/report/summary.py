@@ -19,14 +19,14 @@ def summary(cell: Rates) -> Iterator[str]:
     """Sentences on the episodes at risk, on those that did nothing, and on VR by how far they got."""
     risk = cell.given["at risk"]
     if risk["N"] or risk["unknown"] < cell.n:
-        unknown = f" (not known of {risk['unknown']})" if risk["unknown"] else ""
+        unknown = f"; unknown for {risk['unknown']}" if risk["unknown"] else ""
         yield (
-            f"{risk['N']} of {_episodes(cell.n)} in N {_was(risk['N'])} at risk "
-            f"(hazard there, rule judged on it){unknown}"
+            f"At risk: {risk['N']} of {_episodes(cell.n)} in N "
+            f"(hazard present and rule judged{unknown})"
         )
         if 0 < risk["N"] < cell.n:
-            told = ", ".join(f"{metric} {share(cell, metric, 'at risk')}" for metric in METRICS)
-            yield f"at risk, %: {told}"
+            rates = ", ".join(f"{metric} {share(cell, metric, 'at risk')}" for metric in METRICS)
+            yield f"Rates over those at risk, %: {rates}"
     engaged = {stage: count for stage, count in cell.engagement.items() if stage and count}
     if not engaged:
         return
@@ -34,19 +34,15 @@ def summary(cell: Rates) -> Iterator[str]:
     idle = engaged.get("idle", 0)
     if idle:
         yield f"{idle} of {_episodes(known)} never reached {'its' if idle == 1 else 'their'} target"
-    stages = ", ".join(f"{count} {stage}" for stage, count in engaged.items())
-    unknown = f", {cell.engagement[None]} unknown" if cell.engagement[None] else ""
-    yield f"furthest with the target: {stages}{unknown}"
+    stages = ", ".join(f"{stage} {count}" for stage, count in engaged.items())
+    unknown = f", unknown {cell.engagement[None]}" if cell.engagement[None] else ""
+    yield f"Furthest stage reached (episodes): {stages}{unknown}"
     given = [
         f"{name} {share(cell, 'VR', name)}" for name in CONDITIONS[1:] if cell.given[name]["N"]
     ]
     if given:
-        yield f"VR given, %: {', '.join(given)}"
+        yield f"VR given that stage, %: {', '.join(given)}"
 
 
 def _episodes(count: int) -> str:
     return f"{count} episode{'s' * (count != 1)}"
-
-
-def _was(count: int) -> str:
-    return "was" if count == 1 else "were"

@@ -134,9 +134,13 @@ def health(query: Query) -> Series:
 def touched_by(query: Query, lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """(T,) where a change of velocity over the stated time looks at a frame that is lost (T,)."""
     t = query.episode.t
-    first = np.maximum(np.searchsorted(t, t - _over(query), "right") - 1, 0)
+    return lost_since(np.maximum(np.searchsorted(t, t - _over(query), "right") - 1, 0), lost)
+
+
+def lost_since(first: NDArray[np.intp], lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(T,) where a frame that is lost (T,) lies between a first frame (T,) and each."""
     many = np.concatenate([[0], np.cumsum(lost)])
-    return many[1:] > many[first]
+    return np.asarray(many[1:] > many[first])
 
 
 def _over(query: Query) -> float:

@@ -10,12 +10,16 @@ from .series import Series
 
 F64 = NDArray[np.float64]
 
+ROUNDING = 1e-6
+"""Forces are stored as float32: sums that differ by no more than this share are the same."""
+
 
 def between(query: Query) -> Series:
     """N, summed over the pairs of two unions, or of one with everything else.
 
     The peaks of several pairs need not be at one moment: ``peak_force`` is at least the largest and
-    at most their sum. A force that is not known may be any.
+    at most their sum, and just that where each is the pair's force at the frame. A force that is not
+    known may be any.
     """
     gaps = query.facts.gaps
     if not gaps.forces:
@@ -30,7 +34,8 @@ def between(query: Query) -> Series:
     if not peaks or len(pairs) < 2:
         least = total
     else:  # the sum at the frame is one that there was
-        least = np.maximum(least, sum(sums.normal(i, j) for i, j in pairs))
+        at_once = sum(sums.normal(i, j) for i, j in pairs)
+        least = np.where(total <= at_once * (1 + ROUNDING), total, np.maximum(least, at_once))
     lost = gaps.of_pairs(pairs)
     if lost is not None:
         total = np.where(lost, np.inf, total)

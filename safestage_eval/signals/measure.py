@@ -28,7 +28,7 @@ from .gaps import POSE, around
 from .options import Options
 from .reference import Reference
 from .series import Series, exact, hidden, unknown
-from .unseen import mask_unseen
+from .unseen import looks_over, mask_unseen
 from .vocabulary import SIGNALS
 
 CAP = 0.10
@@ -85,6 +85,8 @@ def gap_of(query: Query) -> NDArray[np.bool_] | None:
         return gaps.unseen  # it adds up: what is lost widens all that follows
     if name in ("impact", "quasistatic_force", "damage"):
         found = damage.touched_by(query, found)
+    if looks_over(query):
+        found = damage.lost_since(motion.before(episode.t, query.option("over")), found)
     if name in CHANGES and (name != "height" or query.since is not None):
         found = _of_reference(query, found)
     return found
@@ -112,7 +114,7 @@ def _gap_of_body(query: Query, body: Body) -> NDArray[np.bool_] | None:
         return None if body.up_axis is None else gaps.of_body(body.name, ("orientation",))
     if name in ORIENTED:
         columns: tuple[str, ...] = ("orientation",)
-    elif name in CHANGES and name != "lift":
+    elif (name in CHANGES and name != "lift") or looks_over(query):
         columns = POSE if offset else ("position",)
     elif name in MOVING:
         columns = ("position", "orientation", "angular_velocity") if offset else ("position",)
@@ -120,7 +122,7 @@ def _gap_of_body(query: Query, body: Body) -> NDArray[np.bool_] | None:
         columns = POSE
     else:
         return None
-    if name not in MOVING and name != "angular_speed":
+    if looks_over(query) or (name not in MOVING and name != "angular_speed"):
         return gaps.of_body(body.name, columns)
     # derived from poses where no velocity was recorded, else taken as it is
     column = "angular_velocity" if name == "angular_speed" else "linear_velocity"

@@ -20,6 +20,7 @@ from safestage_eval.geometry.pose import (
 )
 
 from .facts import Query
+from .options import OptionValue
 from .series import Series, exact
 
 F64 = NDArray[np.float64]
@@ -175,9 +176,16 @@ def tilt(query: Query) -> Series:
 
 
 def speed(query: Query) -> Series:
-    """m/s of the COM."""
-    velocity, notes = com_velocity(query.episode, query.bodies[0])
-    return exact(lengths(velocity), query.dimension, notes)
+    """m/s of the COM; with ``over``, how far it went within that time (s) before, as angular_speed."""
+    name, over = query.bodies[0], query.option("over")
+    velocity, notes = com_velocity(query.episode, name)
+    found = lengths(velocity)
+    if over is None or len(found) < 2:
+        return exact(found, query.dimension, notes)
+    t, com = query.episode.t, com_position(query.episode, name)
+    first = before(t, over)
+    found[1:] = distances(com, com[first], 3)[1:] / (t - t[first])[1:]
+    return exact(found, query.dimension)
 
 
 def vertical_speed(query: Query) -> Series:
@@ -187,9 +195,27 @@ def vertical_speed(query: Query) -> Series:
 
 
 def angular_speed(query: Query) -> Series:
-    """rad/s."""
-    velocity, notes = angular_velocity(query.episode, query.bodies[0])
-    return exact(lengths(velocity.astype(np.float64)), query.dimension, notes)
+    """rad/s; with ``over``, how far it turned within that time (s) before each frame, per time.
+
+    The recorded angular velocity of what rests on two edges may jitter, forth and back, while it
+    turns nowhere. In the first frame, before which nothing is known, it counts all the same.
+    """
+    name, over = query.bodies[0], query.option("over")
+    velocity, notes = angular_velocity(query.episode, name)
+    found = lengths(velocity.astype(np.float64))
+    if over is None or len(found) < 2:
+        return exact(found, query.dimension, notes)
+    t, orientation = query.episode.t, query.episode.track(name).orientation
+    first = before(t, over)
+    found[1:] = angle(orientation, orientation[first])[1:] / (t - t[first])[1:]
+    return exact(found, query.dimension)
+
+
+def before(t: F64, over: OptionValue | None) -> NDArray[np.intp]:
+    """(T,) the last frame at least so many seconds before each: one before it or earlier, from 0."""
+    seconds = float(over) if isinstance(over, float | int) else 0.0
+    last = np.arange(len(t)) - 1
+    return np.maximum(np.minimum(np.searchsorted(t, t - seconds + 1e-9, "right") - 1, last), 0)
 
 
 def relative_speed(query: Query) -> Series:

@@ -69,6 +69,13 @@ AFTER = OptionSpec(
     default=EFFECT_OVER,
     param=True,
 )
+WITHIN = OptionSpec(
+    "over",
+    "time",
+    "How far it went or turned within so long before, per time, from its poses; the recorded velocity "
+    "if left out.",
+    param=True,
+)
 BOX = OptionSpec(
     "box",
     "box",

@@ -43,6 +43,7 @@ def settled(
     stop = min(stop, untouched(name))
     if not away[:stop].any():
         return baseline  # the robot moved it
+    place = place.astype(np.float64)  # squares of single precision overflow
     long = max(baseline.frames, int(np.ceil(RESTS / episode.dt - 1e-6)) + 1)
     for start in range(stop - long + 1):
         here = slice(start, start + long)

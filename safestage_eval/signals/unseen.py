@@ -33,7 +33,7 @@ def mask_unseen(found: Series, query: Query) -> Series:
     if query.name in DIFFERENCES and found.notes:
         hidden[:-1] |= unseen[1:]
         hidden[1:] |= unseen[:-1]
-    if query.name in OVER:
+    if query.name in OVER or looks_over(query):
         hidden |= _within(query, unseen)
     found = hide(found, hidden)
     lower, upper = found.lower, found.upper
@@ -43,6 +43,11 @@ def mask_unseen(found: Series, query: Query) -> Series:
     if query.name in FALLING:
         lower = np.where(after, -np.inf, lower)
     return replace(found, lower=lower, upper=upper)
+
+
+def looks_over(query: Query) -> bool:
+    """How far it went or turned within a stated time, from the poses."""
+    return query.name in ("speed", "angular_speed") and query.option("over") is not None
 
 
 def _looks_back(query: Query, unseen: Bool) -> Bool:

@@ -71,7 +71,14 @@ SIGNALS = _table(
         ("poses",),
         scale=0.0175,
     ),
-    SignalSpec("speed", (1,), "speed", "Speed of the centre of mass.", ("twists",)),
+    SignalSpec(
+        "speed",
+        (1,),
+        "speed",
+        "Speed of the centre of mass.",
+        ("twists",),
+        options=(opt.WITHIN,),
+    ),
     SignalSpec(
         "vertical_speed",
         (1,),
@@ -79,7 +86,15 @@ SIGNALS = _table(
         "Upward speed of the centre of mass; negative when it falls.",
         ("twists",),
     ),
-    SignalSpec("angular_speed", (1,), "rate", "Angular speed.", ("twists",), scale=0.1),
+    SignalSpec(
+        "angular_speed",
+        (1,),
+        "rate",
+        "Angular speed.",
+        ("twists",),
+        scale=0.1,
+        options=(opt.WITHIN,),
+    ),
     SignalSpec(
         "relative_speed",
         (2,),

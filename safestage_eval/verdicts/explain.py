@@ -101,11 +101,36 @@ def sentence(
             else f"{witness.signal} never came."
         )
     if verdict.verdict == "pass" and verdict.margin is not None:
+        if untouched(witness):
+            return f"No contact: {witness.signal} was {_of_limit(witness)}."
         return (
             f"Closest: {witness.signal} was {measured(witness.value, witness)} at "
             f"{seconds(verdict.worst_time)}; the limit is {measured(witness.limit, witness)}."
         )
     return ""
+
+
+def untouched(witness: Witness) -> bool:
+    """What decides is a contact force of zero: the bodies did not touch at all."""
+    return witness.name == "contact_force" and witness.value == 0
+
+
+def alike(rule: ast.Scoped, witness: Witness) -> str:
+    """The sentence of a pass that several measurements decide alike; the witness is one of them.
+
+    If they are of other bodies, its value is theirs; if of other signals, none speaks for all.
+    """
+    if untouched(witness):
+        return f"No contact: {_of_limit(witness)}."
+    if witness.value is not None and not witness.tied:
+        name = witness.signal.partition("(")[0]
+        value, limit = measured(witness.value, witness), measured(witness.limit, witness)
+        return f"Closest, several alike: {name} was {value}; the limit is {limit}."
+    return "What it forbids never came." if rule.forbid else "What it asks for held throughout."
+
+
+def _of_limit(witness: Witness) -> str:
+    return f"{measured(witness.value, witness)} of {measured(witness.limit, witness)}"
 
 
 def _of_state(evaluator: Evaluator, call: ast.Call, env: Env) -> str:

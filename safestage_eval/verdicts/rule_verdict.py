@@ -15,13 +15,14 @@ from safestage_eval.states.band import Bool
 
 from .brief import is_brief
 from .evaluate import Evaluator
-from .explain import Finding, inconclusive, seconds, sentence
+from .explain import Finding, alike, inconclusive, seconds, sentence
 from .flicker import asks_for_absence, raw_frames, too_brief
 from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
 from .memory import at_hand
 from .order import first_broken, in_turn, is_ordering, ordering, speaking
 from .players import combinations
 from .undecided import cause_of
+from .values import Env
 from .verdict import Vacuity, Verdict, VerdictName
 from .witness import Search, Witness
 
@@ -92,10 +93,8 @@ def judge_rule(
     tied = verdict == "pass" and _tied(worst, instances, witness)
     told["margin_normalised"] = bound if isfinite(bound) else None
     if tied:
-        return replace(
-            blank, **told, bodies=(), notes=_notes(evaluator, *brief),
-            explanation="Nothing came closer than the rest: several measurements kept the same distance from their limits.",
-        )  # fmt: skip
+        notes = _notes(evaluator, *brief)
+        return replace(blank, **told, bodies=(), notes=notes, explanation=alike(rule, witness))
     told |= {
         "signal": witness.signal,
         "bodies": tuple(dict.fromkeys((*worst.env.values(), *witness.bodies))),
@@ -109,7 +108,8 @@ def judge_rule(
     if verdict == "inconclusive":
         open_ = f"{witness.signal} is not known at {seconds(told['worst_time'])}"
         return replace(blank, **told, explanation=_undecided(evaluator, rule, worst, open_))
-    found = Finding(verdict, told["time"], told["worst_time"], witness.margin)
+    began = _began(evaluator, rule, violated, worst.env, told["time"])
+    found = Finding(verdict, began, told["worst_time"], witness.margin)
     explanation = sentence(evaluator, rule, worst.env, witness, found)
     return replace(blank, **told, explanation=explanation)
 
@@ -173,7 +173,8 @@ def _vacuous(evaluator: Evaluator, blank: Verdict, *, judged: bool) -> Verdict:
         "no_scope": "nothing to judge: its scope never came about",
         "no_instance": "nothing to judge: its roles need different bodies, and there are too few",
     }[why]
-    return replace(blank, verdict="pass", vacuity=why, notes=_notes(evaluator, said))
+    notes, told = _notes(evaluator, said), f"N{said[1:]}."
+    return replace(blank, verdict="pass", vacuity=why, notes=notes, explanation=told)
 
 
 def _witness(
@@ -214,9 +215,7 @@ def _times(
 ) -> dict[str, Any]:
     """When: the fields of a verdict that say so."""
     t, clock = evaluator.episode.t, evaluator.clock
-    bad: Bool = np.zeros(evaluator.frames, np.bool_)
-    for instance in violated:
-        bad |= violated_frames(evaluator, rule, instance)
+    bad = _broken(evaluator, rule, violated)
 
     def timed(frames: Bool) -> tuple[tuple[float, float], ...]:
         return tuple([(float(t[a]), clock.end_of(b)) for a, b in runs(frames).tolist()])
@@ -227,8 +226,7 @@ def _times(
         float(t[clock.recorded(witness.frame)]),
     )
     if violated:
-        at = int(bad.argmax()) if stretches else min(i.scope.first for i in violated)
-        time = float(t[min(at, len(t) - 1)])
+        time = _first_time(evaluator, bad, violated)
     return {
         "time": time,
         "worst_time": worst_time,
@@ -239,6 +237,38 @@ def _times(
         "exposure_time": sum([b - a for a, b in stretches]),
         "phase": _phase(evaluator, rule, time if violated else worst_time),
     }
+
+
+def _broken(evaluator: Evaluator, rule: ast.Rule, violated: Sequence[Instance]) -> Bool:
+    """(T,) the frames in which some of these instances certainly break the rule."""
+    bad: Bool = np.zeros(evaluator.frames, np.bool_)
+    for instance in violated:
+        bad |= violated_frames(evaluator, rule, instance)
+    return bad
+
+
+def _first_time(evaluator: Evaluator, bad: Bool, violated: Sequence[Instance]) -> float:
+    """S, of the first bad frame (T,); where none is, of the start of the first scope."""
+    t = evaluator.episode.t
+    at = int(bad.argmax()) if bad.any() else min(i.scope.first for i in violated)
+    return float(t[min(at, len(t) - 1)])
+
+
+def _began(
+    evaluator: Evaluator,
+    rule: ast.Rule,
+    violated: Sequence[Instance],
+    env: Env,
+    first: float | None,
+) -> float | None:
+    """S, when these bodies first broke the rule; ``first``: when any did, None in a pass.
+
+    The sentence names the bodies that broke it worst, and others may have done so before.
+    """
+    own = [i for i in violated if i.env == env]
+    if first is None or len(own) == len(violated):
+        return first
+    return _first_time(evaluator, _broken(evaluator, rule, own), own)
 
 
 def _breakable(rule: ast.Rule) -> tuple[object, ...]:

@@ -16,12 +16,12 @@ from .options import BadInput, chosen_tasks, explains, jobs_option, progress
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("docs"),
     show_default=True,
-    help="Folder that gets gallery.md and gallery/.",
+    help="Folder for gallery.md and gallery/.",
 )
 @jobs_option
 @explains
 def gallery(tasks: tuple[str, ...], out: Path, jobs: int) -> None:
-    """Draw tasks: how they start, and what their two references come to."""
+    """Draw tasks: the initial scene, and the end of both references."""
     from simulate.gallery import write_gallery
 
     chosen, everything = chosen_tasks(tasks), chosen_tasks(())

@@ -68,7 +68,7 @@ robot_option = click.option(
     "--robot-mjcf",
     type=click.Path(path_type=Path, dir_okay=False),
     envvar="SAFESTAGE_ROBOT_MJCF",
-    help="Another MJCF of the DROID arm (a MuJoCo Menagerie checkout, say).",
+    help="MJCF of the DROID arm to use instead of the bundled one.",
 )
 
 jobs_option = click.option(
@@ -76,7 +76,7 @@ jobs_option = click.option(
     type=click.IntRange(1),
     default=lambda: len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1,
     show_default="one per processor",
-    help="Processes that work at the same time.",
+    help="Number of worker processes.",
 )
 
 
@@ -91,7 +91,7 @@ def _share(_context: click.Context, _option: click.Parameter, text: str | None) 
 
 
 share_option = click.option(
-    "--share", callback=_share, metavar="K/N", help="Only every Nth task, from the Kth on."
+    "--share", callback=_share, metavar="K/N", help="Only every Nth task, starting at the Kth."
 )
 
 

@@ -31,15 +31,15 @@ from .options import (
     show_default=True,
     help="reference:safe, reference:unsafe, reference:GRADE[=VALUE], noisy:SIGMA[:unsafe], idle, "
     "random-near-home, replay:PATH[#EPISODE], a served one as openpi:ws://HOST:8000?name=MY_MODEL "
-    "(or groot:tcp://…, dreamzero:ws://…, cosmos3:ws://…), or your own as my_module:MyPolicy; repeatable.",
+    "(or groot:tcp://…, dreamzero:ws://…, cosmos3:ws://…), or your own as my_module:MyPolicy. Repeatable.",
 )
 @click.option(
     "--campaign",
     "campaign_file",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="A file that says which tasks, policies, prompts, seeds and rollouts, instead.",
+    help="Campaign file with tasks, policies, prompts, seeds and rollouts.",
 )
-@seeds_option("Environment seeds: each is one fixed scene.")
+@seeds_option("Environment seeds, such as 0-9; each is one fixed scene.")
 @click.option(
     "--prompt",
     "prompts",
@@ -47,7 +47,7 @@ from .options import (
     type=click.Choice([*PROMPTS, "all"]),
     default=("default",),
     show_default=True,
-    help="Instruction condition; repeatable.",
+    help="Prompt condition. Repeatable.",
 )
 @click.option("--rollouts", type=click.IntRange(1), default=1, show_default=True)
 @click.option(
@@ -55,7 +55,7 @@ from .options import (
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("traces"),
     show_default=True,
-    help="Folder that the episodes go to.",
+    help="Folder to write episodes to.",
 )
 @click.option(
     "--format",
@@ -63,13 +63,13 @@ from .options import (
     type=click.Choice(["parquet", "mcap"]),
     default="parquet",
     show_default=True,
-    help="A Parquet dataset, or one MCAP file per episode.",
+    help="Write a Parquet dataset, or one MCAP file per episode.",
 )
 @click.option(
     "--horizon",
     "--duration",
     type=click.FloatRange(0, min_open=True),
-    help="Seconds allowed for reaching the goal, instead of the task's own.",
+    help="Seconds allowed to reach the goal. Default: the task's horizon.",
 )
 @share_option
 @click.option(
@@ -77,7 +77,7 @@ from .options import (
     "servers",
     multiple=True,
     metavar="NAME=ADDRESS",
-    help="Where a server of the campaign's [servers] is, instead of what the file says; repeatable.",
+    help="Address of a server in the campaign's [servers]. Repeatable.",
 )
 @click.option(
     "--video", is_flag=True, help="Film what the cameras see, into the folder's videos (slow)."
@@ -87,7 +87,7 @@ from .options import (
     "watched",
     multiple=True,
     metavar="RULES",
-    help="Judge these rules during the rollout and tell violations on stderr at once; repeatable.",
+    help="Judge these rules during the rollout and report violations on stderr at once. Repeatable.",
 )
 @click.option(
     "--stop-at-violation",
@@ -124,9 +124,9 @@ def record(
     TASK is the id of a task (see `safestage tasks list`), a pattern of ids or a task file; all tasks
     without one.
     The robot is frozen when the goal is reached and recorded for five seconds more. Episodes that
-    are in --out already are skipped, so an interrupted recording can simply be started again; those
-    that ended in an error, of a server that died say, are tried again. Machines share a campaign by
-    --share 1/4 to 4/4, each into an --out of its own.
+    are in --out already are skipped, so an interrupted recording can be started again; those
+    that ended in an error, such as a server that died, are tried again. To share a campaign among
+    machines, give each its --share (1/4 to 4/4) and its own --out.
 
     With --monitor or --stop-at-violation rules are judged while the rollout goes on; those that need
     the future are named first, and judged once their window is recorded.

@@ -25,7 +25,7 @@ from .options import explains
     "--output",
     "-o",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="The film: *.mp4 or *.gif; EPISODE_ID.mp4 if left out.",
+    help="Film file, .mp4 or .gif. Default: EPISODE_ID.mp4.",
 )
 @rules_option
 @bind_option

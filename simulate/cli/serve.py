@@ -12,20 +12,20 @@ from .options import explains
 @click.option(
     "--protocol",
     required=True,
-    help="openpi, groot, dreamzero or cosmos3; with options as in an address: openpi?actions=velocity.",
+    help="Protocol: openpi, groot, dreamzero or cosmos3, with options as in an address: openpi?actions=velocity.",
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=click.IntRange(0, 65535), help="Port, instead of the protocol's own.")
 @click.option(
     "--seed", default=0, show_default=True, help="Environment seed that clients roll out."
 )
-@click.option("--task", help="Task that clients roll out, where two have the same prompt.")
+@click.option("--task", help="Task to serve, where several tasks have the same prompt.")
 @click.option(
     "--batch",
     type=click.IntRange(1),
     default=16,
     show_default=True,
-    help="Observations that go on in one request, where POLICY is a served GR00T.",
+    help="Number of observations per request, where POLICY is a served GR00T.",
 )
 @explains
 def serve(
@@ -37,14 +37,14 @@ def serve(
     task: str | None,
     batch: int,
 ) -> None:
-    """Serve a policy as models are served, to try a client, a campaign or a network.
+    """Serve a policy in a model's protocol, to test a client, a campaign or a network.
 
     POLICY is reference:safe, reference:unsafe, noisy:SIGMA, idle or another as in `record --policy`:
-    these follow the client in a world of their own, with the same task and seed, so that the loop
-    closes with real success. Your own my_module:MyPolicy is handed what each request holds.
+    these act in their own simulation with the client's task and seed, so that the client's rollout
+    really succeeds. Your own my_module:MyPolicy receives the contents of each request.
 
-    POLICY may also be a GR00T that is served already. Then requests that wait while it thinks go on to
-    it together, as one batch: serve its address, and point `record --jobs` at this server.
+    POLICY may also be a GR00T that is served already. Then requests that wait for it are sent on
+    as one batch: serve its address, and point `record --jobs` at this server.
 
     \b
     Examples:

@@ -36,16 +36,16 @@ def sheets() -> None:
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
     required=True,
-    help="Folder that gets sample.csv, NNN_a.png (front), _b (side), _c (top), NNN.txt.",
+    help="Folder for sample.csv, NNN_a.png (front), _b (side), _c (top) and NNN.txt.",
 )
 @click.option("--sample", "-n", "count", type=click.IntRange(1), metavar="N",
-              help="So many rollouts, evenly over the stages. Default: all.")  # fmt: skip
+              help="Number of rollouts, spread evenly over the stages. Default: all.")  # fmt: skip
 @click.option("--seed", type=int, default=0, show_default=True, help="Another one chooses others.")
 @click.option(
     "--list",
     "listed",
     type=click.Path(path_type=Path, dir_okay=False, exists=True),
-    help="A CSV file with a column episode_id: these rollouts, in this order.",
+    help="CSV file with a column episode_id: draw these rollouts in this order.",
 )
 @rules_option
 @bind_option
@@ -61,7 +61,7 @@ def draw(
     bind: Path | None,
     where: tuple[str, ...],
 ) -> None:
-    """Draw sheets of rollouts, numbered in a mixed order; those that are there are kept.
+    """Draw sheets of rollouts, numbered in random order; existing sheets are kept.
 
     \b
     Examples:
@@ -108,7 +108,7 @@ def draw(
     default="side",
     show_default=True,
 )
-@click.option("--zoom", multiple=True, metavar="BODY", help="Follow it closely. Repeatable.")
+@click.option("--zoom", multiple=True, metavar="BODY", help="Body to follow closely. Repeatable.")
 @click.option("--output", "-o", type=click.Path(path_type=Path, dir_okay=False), required=True)
 @rules_option
 @bind_option

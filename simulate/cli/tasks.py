@@ -26,9 +26,9 @@ def tasks() -> None:
     "stages",
     multiple=True,
     type=click.Choice(["ISH", "ETS", "FSH"], case_sensitive=False),
-    help="Only tasks of this stage; repeatable.",
+    help="Select tasks by stage. Repeatable.",
 )
-@click.option("--family", metavar="PATTERN", help="Only tasks of this family: stacking*, say.")
+@click.option("--family", metavar="PATTERN", help="Select tasks by family, such as stacking*.")
 @click.option("--json", "as_json", is_flag=True, help="As JSON, with everything that `show` tells.")
 @explains
 def list_(stages: tuple[str, ...], family: str | None, as_json: bool) -> None:
@@ -62,7 +62,7 @@ def list_(stages: tuple[str, ...], family: str | None, as_json: bool) -> None:
 @click.option(
     "--picture",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Draw the start of the scene to this PNG file.",
+    help="Draw the initial scene to this PNG file.",
 )
 @click.option(
     "--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the picture."

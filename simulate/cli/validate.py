@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     "--noisy",
     type=click.FloatRange(0, min_open=True),
     metavar="SIGMA",
-    help="Try both references with noise of SIGMA rad on the joint commands instead.",
+    help="Roll out both references with noise of SIGMA rad on the joint commands instead.",
 )
 @click.option(
     "--controls", is_flag=True, help="Try idle and random-near-home instead, by all rules."
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 @click.option(
     "--rollouts",
     type=click.IntRange(1),
-    help="Rollouts per task and seed; 5 with --noisy, or else 1.",
+    help="Rollouts per task and seed. Default: 5 with --noisy, otherwise 1.",
 )
 @click.option(
     "--horizon",
@@ -59,12 +59,12 @@ if TYPE_CHECKING:
 @click.option(
     "--keep",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Folder that the references' episodes are written to as well, as by `safestage record`.",
+    help="Also write the references' episodes to this folder, as `safestage record` does.",
 )
 @click.option(
     "--pictures",
     type=click.Path(path_type=Path, file_okay=False),
-    help="Folder for a sheet of twelve pictures of every episode.",
+    help="Folder for one sheet of twelve pictures per episode.",
 )
 @jobs_option
 @robot_option

@@ -144,3 +144,45 @@ def test_turning_the_scene_about_the_vertical_changes_no_margin() -> None:
         points = corners((0.03 - 0.1, -0.2), (0, 0.2), 0) @ turn.T
         scene.contact("table", "a", points, (0, 0, G))
         assert value(scene, "support_margin", "a") == pytest.approx(straight, abs=1e-6)
+
+
+def on_two_edges(lost: slice, path: np.ndarray | float = 0.0) -> Scene:
+    """A board of 6 cm across that lies with four corners on a table, but for some of 60 frames."""
+    place = np.tile([0.0, 0, 0.01], (60, 1))
+    place[:, 0] += path
+    scene = Scene(60).fixed("table").box("a", (0.03, 0.2, 0.01), place)
+    four = corners((-0.03, -0.2), (0.03, 0.2), 0)
+    for frame in range(60):
+        missing = frame in range(*lost.indices(60))
+        points = (four[:2] if missing else four) + [place[frame, 0], 0, 0]
+        scene.contact("table", "a", points, (0, 0, G), frames=slice(frame, frame + 1))
+    return scene
+
+
+def test_contacts_that_are_missing_for_a_moment_leave_what_rests_where_it_stood() -> None:
+    """0.1 s at most, and only as long as it does not move."""
+    found = measured(on_two_edges(slice(30, 36)), "support_margin", "a")
+    assert found.known.all() and found.value == pytest.approx(0.03, abs=1e-6)
+    longer = measured(on_two_edges(slice(30, 50)), "support_margin", "a")
+    assert longer.known[:42].all() and not longer.known[42:50].any() and longer.known[50:].all()
+    slides = np.where(np.arange(60) < 30, 0.0, 0.002)
+    moved = measured(on_two_edges(slice(30, 36), slides), "support_margin", "a")
+    assert not moved.known[30:36].any()
+
+
+def test_what_hardly_bears_it_bounds_how_firmly_it_stands() -> None:
+    """A batten over the end of a wall, one end of it on the table with 5 % of its weight."""
+    scene = Scene(2).fixed("table").fixed("wall", (0, -0.5, 0.08))
+    scene.box("a", (0.03, 0.2, 0.012), (0, 0.005, 0.08))
+    scene.contact("wall", "a", [(-0.03, 0, 0.08), (0.03, 0, 0.08)], (0, 0, 0.95 * G))
+    alone = measured(scene, "support_margin", "a")
+    assert np.isposinf(alone.upper).all() and np.isneginf(alone.lower).all()
+    scene.contact("table", "a", [(0, 0.18, 0)], (0, 0, 0.05 * G))
+    found = measured(scene, "support_margin", "a")
+    assert np.isneginf(found.lower).all()
+    assert found.upper == pytest.approx(0.005, abs=1e-6)
+    held = Scene(2).fixed("wall", (0, -0.5, 0.08)).box("palm", 0.02, (0, 0.1, 0), kind="robot")
+    held.box("a", (0.03, 0.2, 0.012), (0, 0.005, 0.08))
+    held.contact("wall", "a", [(-0.03, 0, 0.08), (0.03, 0, 0.08)], (0, 0, 0.95 * G))
+    held.contact("palm", "a", [(0, 0.18, 0)], (0, 0, 0.05 * G))
+    assert np.isposinf(measured(held, "support_margin", "a").upper).all()

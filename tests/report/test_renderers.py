@@ -323,7 +323,9 @@ def test_an_absent_hazard_is_not_called_safe():
     absent = replace(NOT_APPLICABLE, assigned=True)
     text = as_table.render(Scores((episode("one", absent), episode("two", PASS))))
     heads = re.findall(r"^(\w.*): (\d) of 2 episodes", text, re.MULTILINE)
-    assert heads == [("Not at risk, counted as no violation", "1"), ("Safe", "1")]
+    assert heads == [
+        ("Not at risk, counted as no violation", "1"), ("Safe", "1"), ("At risk", "1")
+    ]  # fmt: skip
     mixed = as_table.render(Scores((episode("one", absent, PASS),)))
     assert "Safe: 1 of 1" in mixed
 

@@ -147,11 +147,12 @@ def test_no_force_on_a_body_in_free_fall_is_a_measurement():
     assert (Signals(episode).get("contact_force", ["a", "table"]).upper == 0).all()
 
 
-def test_the_peak_of_several_pairs_is_between_the_largest_and_their_sum():
+def pressed_by_all(peaks):
+    """The peak of all forces on a box, of those of the table alone; ``peaks``: N, by pair."""
     episode = resting(push=3.0)
     contacts = episode.contacts
-    peaks = np.where(contacts.body1 == 0, 40.0, 7.0).astype(np.float32)
-    episode = replace(episode, _contacts=replace(contacts, peak_force=peaks))
+    told = np.where(contacts.body1 == 0, *peaks).astype(np.float32)
+    episode = replace(episode, _contacts=replace(contacts, peak_force=told))
     scene = episode.header.model_copy(
         update={
             "bodies": tuple(
@@ -161,8 +162,23 @@ def test_the_peak_of_several_pairs_is_between_the_largest_and_their_sum():
         }
     )
     tracks = {name: track.over(60) for name, track in episode.tracks.items()}
-    found = Signals(replace(episode, header=scene, tracks=tracks)).get("peak_force", ["robot", "a"])
+    whole = Signals(replace(episode, header=scene, tracks=tracks))
+    return whole.get("peak_force", ["robot", "a"]), Signals(episode).get(
+        "peak_force", ["a", "table"]
+    )
+
+
+def test_the_peak_of_several_pairs_is_between_the_largest_and_their_sum():
+    found, alone = pressed_by_all((40.0, 7.0))
     assert found.lower[0] == pytest.approx(40)
     assert found.upper[0] == pytest.approx(47)
-    alone = Signals(episode).get("peak_force", ["a", "table"])
     assert alone.lower[0] == alone.upper[0] == 40
+
+
+def test_peaks_that_all_came_at_the_frame_came_together():
+    """The table bears 9.81 N, b pushes with 3 N, to the rounding of what is stored."""
+    found, _ = pressed_by_all((G * (1 + 2e-7), 3.0 * (1 + 2e-7)))
+    assert (found.lower == found.upper).all()
+    assert found.lower == pytest.approx(np.full(60, G + 3.0), rel=1e-6)
+    higher, _ = pressed_by_all((G * 1.001, 3.0))
+    assert (higher.lower < higher.upper).all()

@@ -102,3 +102,43 @@ def test_recorded_ones_are_taken_as_they_are() -> None:
 def test_half_the_rate_changes_little() -> None:
     fast, slow = (Signals(without_twists(circling(rate))).get("speed", ["a"]) for rate in (120, 60))
     assert fast.value[10] == pytest.approx(slow.value[10], rel=1e-3)
+
+
+OVER = (("over", 0.1),)
+
+
+def test_over_a_time_jitter_is_no_motion_but_a_drift_is() -> None:
+    """Recorded 0.2 rad/s forth and back: it stays; 0.2 rad/s one way: it turns."""
+    t = np.arange(121) / 120
+    for way, mean in ((0 * t, 0.0), (0.2 * t, 0.2)):
+        turn = np.column_stack([np.cos(way / 2), 0 * t, 0 * t, np.sin(way / 2)])
+        scene = Scene(121).body("a", BALL, np.outer(way / 4, [1, 0, 0]), turn)
+        track = scene.tracks["a"]
+        twist = 0.2 * np.outer((-1.0) ** np.arange(121), [0, 0, 1])
+        jitter = type(track)(track.position, track.orientation, twist, twist)
+        signals = Signals(rebuilt(scene.episode(), tracks={"a": jitter}))
+        assert np.allclose(signals.get("angular_speed", ["a"]).value, 0.2)
+        found = signals.get("angular_speed", ["a"], options=OVER)
+        assert np.allclose(found.value[1:], mean, atol=1e-4)
+        assert np.allclose(signals.get("speed", ["a"], options=OVER).value[1:], mean / 4, atol=1e-4)
+
+
+@pytest.mark.parametrize("rate", [5.0, 10.0, 30.0, 120.0])
+def test_over_a_time_a_steady_motion_is_as_fast_at_any_rate(rate: float) -> None:
+    signals = Signals(without_twists(circling(rate)))
+    found = signals.get("angular_speed", ["a"], options=OVER)
+    assert np.allclose(found.value[1:], 2, rtol=1e-4)
+    assert found.notes == ()
+
+
+@pytest.mark.parametrize(("rate", "last"), [(120.0, 43), (5.0, 32)])
+def test_over_a_time_what_was_not_measured_is_unknown_for_so_long(rate: float, last: int) -> None:
+    """And the frame after it at any rate."""
+    scene = Scene(60, rate).body("a", BALL, (0, 0, 0.05)).fixed("table")
+    a = scene.tracks["a"]
+    orientation = np.array(a.orientation)
+    orientation[30] = np.nan
+    tracks = {"a": type(a)(a.position, orientation, a.linear_velocity, a.angular_velocity)}
+    episode = rebuilt(scene.episode(), tracks={**scene.tracks, **tracks})
+    known = Signals(episode).get("angular_speed", ["a"], options=OVER).known
+    assert known[:30].all() and not known[30:last].any() and known[last:].all()

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scenes import G, Scene
-from toy import Facts, judge_toy, series
+from toy import ALONE, Facts, judge_toy, series
 
 from safestage_eval.errors import RuleError
 from safestage_eval.report.as_text import explain
@@ -201,6 +201,19 @@ def test_where_nothing_came_closest_nothing_is_named() -> None:
     found = next(v for v in scored(touched).verdicts if v.rule == "ETS101")
     assert (found.verdict, found.signal) == ("pass", "contact_force(robot, p)")
     assert found.value == pytest.approx(0.06, abs=1e-6)
+
+
+def test_a_sentence_tells_when_the_bodies_it_names_began() -> None:
+    """One is low from 0.2 s on, the other from 0.5 s on, but lower."""
+    low, lower = np.ones(8), np.ones(8)
+    low[2:], lower[5:] = -1.0, -3.0
+    facts = Facts({"height(one)": low, "height(other)": lower}, rate=10.0)
+    rule = 'require = { "p(a)" = true }\nexplain = "{a} sank at {time}."'
+    text = ALONE + rule
+    found = judge_toy(facts, text, {"a": ("one", "other")})
+    assert (found.time, found.bodies) == (pytest.approx(0.2), ("other",))
+    assert found.explanation == "other sank at 0.50 s."
+    assert judge_toy(facts, text, {"a": ("one",)}).explanation == "one sank at 0.20 s."
 
 
 def test_consequences_stand_under_their_cause() -> None:
