@@ -112,7 +112,7 @@ class Memory:
             ),
             path=self._ref.path,
         )
-        vars(known)["_vouched"] = lambda: str(about["trace_hash"])
+        vars(known)["_vouched"] = lambda _: str(about["trace_hash"])
         return known
 
     def relations(self, baseline_frames: int, backend: str = "gjk") -> Relations:

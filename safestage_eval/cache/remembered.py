@@ -106,24 +106,43 @@ class RememberedRelations(Relations):
         key = self.signals.key("relation", name, tuple(bodies))
         everywhere = np.ones(len(self.episode), np.bool_)
         asked = everywhere if wanted is None or name not in COSTLY else wanted
-        known = self._at_hand.get(key)
-        if known is None:
-            stored = self._memory.recall(key)
-            if stored is not None:
-                known = stored["truth"], stored["done"]
+        known = self._remembered(key)
         if known is not None and not (asked & ~known[1]).any():
-            self._at_hand[key] = known
-            remembered: Bool = known[0]
-            return remembered
+            return known[0]
         found = super().get(name, bodies, wanted)
         if found is None:
             return None
-        truth, done = np.array(found), np.array(asked)
+        if name in COSTLY:
+            asked = asked | super().told(*bodies)
+        return self._found(key, np.array(found), asked, known)
+
+    def _remembered(self, key: str) -> tuple[Bool, Bool] | None:
+        """(T,) truth, and where that was found out; None where nothing was."""
+        if key not in self._at_hand:
+            stored = self._memory.recall(key)
+            if stored is None:
+                return None
+            self._at_hand[key] = stored["truth"], stored["done"]
+        return self._at_hand[key]
+
+    def _found(self, key: str, truth: Bool, asked: Bool, known: tuple[Bool, Bool] | None) -> Bool:
+        """The truth (T,) of the asked frames, kept with what was ``known`` of others."""
+        done = asked
         if known is not None:
-            truth, done = np.where(done, truth, known[0]), done | known[1]
+            truth, done = np.where(asked, truth, known[0]), asked | known[1]
         self._at_hand[key] = truth, done
         self._memory.keep(key, {"truth": truth, "done": done})
         return truth
+
+    def told(self, body: str, on: str) -> Bool:
+        """As in the base class; or where it is remembered."""
+        if self.blind:
+            return super().told(body, on)
+        done: Bool = np.ones(len(self.episode), np.bool_)
+        for name in ("depends_on", "caught"):
+            known = self._remembered(self.signals.key("relation", name, (body, on)))
+            done = done & known[1] if known is not None else np.zeros(len(done), np.bool_)
+        return done
 
     def unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
         """As in the base class."""
@@ -140,19 +159,11 @@ class RememberedRelations(Relations):
         """As in the base class, and remembered likewise."""
         key = self.signals.key("relation", "caught", (body, on))
         asked = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
-        known = self._at_hand.get(key)
-        if known is None:
-            stored = self._memory.recall(key)
-            if stored is not None:
-                known = stored["truth"], stored["done"]
-        if known is None or (asked & ~known[1]).any():
-            open_, done = np.array(super().caught(body, on, wanted)), np.array(asked)
-            if known is not None:
-                open_, done = np.where(done, open_, known[0]), done | known[1]
-            known = open_, done
-            self._memory.keep(key, {"truth": open_, "done": done})
-        self._at_hand[key] = known
-        return known[0]
+        known = self._remembered(key)
+        if known is not None and not (asked & ~known[1]).any():
+            return known[0]
+        open_ = np.array(super().caught(body, on, wanted))
+        return self._found(key, open_, asked | super().told(body, on), known)
 
     def signal(
         self,

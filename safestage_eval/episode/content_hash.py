@@ -30,19 +30,18 @@ def content_hash(episode: Episode) -> str:
 
     def feed(name: str, array: NDArray[np.generic], dtype: str) -> None:
         digest.update(f"{name}{array.shape}".encode())
-        digest.update(np.ascontiguousarray(array, dtype).tobytes())
+        digest.update(np.ascontiguousarray(array, dtype))
 
     feed("t", episode.t, "<f8")
     for body in episode.header.bodies:
-        track = episode.tracks[body.name]
-        for column in fields(track):
-            feed(f"{body.name}.{column.name}", getattr(track, column.name), "<f4")
+        for name, column in episode.tracks[body.name].columns.items():
+            feed(f"{body.name}.{name}", column, "<f4")
     contacts, frames = episode.contacts, episode.frames
-    for column in fields(contacts):
-        array = getattr(contacts, column.name)
-        feed(column.name, array, array.dtype.newbyteorder("<").str)
-    for column in fields(frames):
-        feed(column.name, getattr(frames, column.name), "<f4")
+    for part in fields(contacts):
+        array = getattr(contacts, part.name)
+        feed(part.name, array, array.dtype.newbyteorder("<").str)
+    for part in fields(frames):
+        feed(part.name, getattr(frames, part.name), "<f4")
     for key in sorted(episode.channels):
         feed(f"channel {key}", episode.channels[key], "<f4")
     return digest.hexdigest()

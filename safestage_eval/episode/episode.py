@@ -136,5 +136,5 @@ class Episode:
         """
         if self.recorded is not None:
             return self.recorded.trace_hash
-        vouched: Callable[[], str] | None = vars(self).get("_vouched")
-        return self.content_hash if vouched is None else vouched()
+        vouched: Callable[[Episode], str] | None = vars(self).get("_vouched")
+        return self.content_hash if vouched is None else vouched(self)

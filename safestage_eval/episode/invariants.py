@@ -125,10 +125,8 @@ def check_track(track: Track, body: str, frames: int, where: str) -> list[TraceE
     """Row count, finite values, unit quaternions."""
     return [
         error
-        for column in fields(track)
-        for error in check_track_column(
-            column.name, getattr(track, column.name), body, frames, where
-        )
+        for name, column in track.columns.items()
+        for error in check_track_column(name, column, body, frames, where)
     ]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,11 @@ class Track:
     def __len__(self) -> int:
         """T."""
         return len(self.position)
+
+    @property
+    def columns(self) -> dict[str, F32]:
+        """All of them, by name, in this order."""
+        return {column.name: getattr(self, column.name) for column in fields(self)}
 
     def over(self, frames: int) -> Track:
         """This track with T = frames; a fixed body's single row is repeated as a view."""

@@ -153,23 +153,26 @@ class Seal:
             return
         found = self._recompute()
         if found != self.stated:
-            raise TraceError(
-                self._where,
-                f"{what} is not what was written with this header: the content hash is "
-                f"{found[:12]}…, stated is {(self.stated or 'none')[:12]}…",
-                fix="restore the file, or record again",
-            )
+            raise self._differs(what, found)
         self._full = found
 
-    def content_hash(self) -> str:
+    def _differs(self, what: str, found: str) -> TraceError:
+        return TraceError(
+            self._where,
+            f"{what} is not what was written with this header: the content hash is "
+            f"{found[:12]}…, stated is {(self.stated or 'none')[:12]}…",
+            fix="restore the file, or record again",
+        )
+
+    def content_hash(self, episode: Episode) -> str:
         """As stated and compared as far as columns were read, or computed in full.
 
-        Raises TraceError where they differ.
+        ``episode``: as it was read. Raises TraceError where they differ.
         """
         if self._full is None and self.told is None:
-            found = self._recompute()
+            found = computed(episode)
             if self.stated is not None and found != self.stated:
-                self.differs("the content")
+                raise self._differs("the content", found)
             self._full = found
         return self._full or self.stated or ""
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.compiled import kernel
 from safestage_eval.episode.runs import runs
 from safestage_eval.geometry.pose import rotate
 from safestage_eval.signals.motion import com_position
@@ -46,6 +47,11 @@ class Way(NamedTuple):
         up, then = self.up[first:stop], self.up[start]
         turned = np.arctan2(np.linalg.norm(np.cross(up, then), axis=1), up @ then)
         return moved, turned
+
+    def stirs(self, start: int, first: int, stop: int) -> bool:
+        """In [first, stop) it was away from where it was at ``start``, or had tipped."""
+        up = np.zeros((0, 3)) if self.up is None else self.up
+        return _stirs(self.place, up, start, first, stop)
 
 
 def measure(
@@ -109,12 +115,12 @@ def _done(
     for begin, end in runs(touching).tolist():
         start = max(begin - 1, 0)
         before = min(int(t.searchsorted(t[start] - PROMPT - 1e-9)), max(start - 1, 0))
-        if _stirred(way.gone(start, before, start + 1)):
+        if way.stirs(start, before, start + 1):
             continue  # on its way already
         soon = max(int(t.searchsorted(t[end - 1] + PROMPT + 1e-9)), end + 1)
         last = int(t.searchsorted(t[end - 1] + over + 1e-9))
         cut = broken_off and last >= len(t)
-        if not _stirred(way.gone(start, start, min(soon, len(t)))):
+        if not way.stirs(start, start, min(soon, len(t))):
             if cut and soon >= len(t):
                 upper[begin:end] = np.inf
             continue
@@ -123,5 +129,21 @@ def _done(
     return lower, upper
 
 
-def _stirred(gone: tuple[F64, F64]) -> bool:
-    return bool(gone[0].max() >= STIRS or gone[1].max() >= STIRS_TURN)
+@kernel
+def _stirs(place: F64, up: F64, start: int, first: int, stop: int) -> bool:
+    """Whether a body, or its up axis (0, 3 if it has none), is away in [first, stop) from ``start``."""
+    for frame in range(first, stop):
+        moved, cross, dot = 0.0, 0.0, 0.0
+        for i in range(3):
+            moved += (place[frame, i] - place[start, i]) ** 2
+        if moved >= STIRS**2:
+            return True
+        if not len(up):
+            continue
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            cross += (up[frame, j] * up[start, k] - up[frame, k] * up[start, j]) ** 2
+            dot += up[frame, i] * up[start, i]
+        if np.arctan2(np.sqrt(cross), dot) >= STIRS_TURN:
+            return True
+    return False

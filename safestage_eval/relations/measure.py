@@ -46,6 +46,9 @@ COSTLY = (*MEASURES, "depends_on")
 class Relations:
     """Relations of an episode by name and bodies: (T,) true or false, or unknown throughout."""
 
+    found_out = 0
+    """How often something ``COSTLY`` was found out."""
+
     def __init__(self, signals: Signals) -> None:
         """Shares the signals' cache of contact sums and shapes."""
         self.signals = signals
@@ -110,6 +113,13 @@ class Relations:
         index = self.episode.body_index
         return self.dependence.depends_on(index[body], index[on], wanted)[1]
 
+    def told(self, body: str, on: str) -> Bool:
+        """(T,) where it is known already whether ``body`` falls when ``on`` is taken away."""
+        if self.blind:
+            return np.ones(len(self.episode), np.bool_)
+        index = self.episode.body_index
+        return self.dependence.told(index[body], index[on])
+
     @cached_property
     def exposure(self) -> Exposure:
         """Who has touched whom, directly or not."""
@@ -141,6 +151,8 @@ class Relations:
             return None
         if name == "depends_on" and not self.blind:
             ids = [self.episode.body_index[body] for body in bodies]
+            told = self.dependence.told(*ids)
+            self.found_out += not bool((told if wanted is None else told | ~wanted).all())
             return self.dependence.depends_on(ids[0], ids[1], wanted)[0]
         key = (name, tuple(bodies))
         if key not in self._known:
@@ -274,6 +286,7 @@ class Relations:
         todo = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
         missing = partial.missing(todo)
         if len(missing):
+            self.found_out += 1
             partial.add(missing, self.measure(name, missing, bodies, options))
         return self._known_part(name, bodies, partial.series(todo, SIGNALS[name].dimension))
 

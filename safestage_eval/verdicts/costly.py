@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TypeGuard
+from collections.abc import Sequence
+from typing import TypeGuard, TypeVar
 
 from safestage_eval.relations.measure import COSTLY
 from safestage_eval.relations.vocabulary import GATES
 from safestage_eval.rules import syntax as ast
 
+Part = ast.Atom | ast.Alternative
+AnyPart = TypeVar("AnyPart", ast.Atom, ast.Alternative)
+
 _MANY = 4096
-"""Conditions that are remembered at once; goals in headers are new with every episode."""
+"""Parts that are remembered at once; goals in headers are new with every episode."""
 
 
 class Costly:
@@ -18,46 +22,42 @@ class Costly:
     def __init__(self, rules: ast.RuleSet) -> None:
         """What was found out before is kept with the rules."""
         self._rules = rules
-        # by identity: the condition is kept beside the answer, and so stays what it is
-        self._known: dict[int, tuple[ast.Condition, bool]] = rules.known.setdefault("costly", {})
+        # by identity: the part is kept beside the answer, and so stays what it is
+        self._known: dict[int, tuple[Part, int]] = rules.known.setdefault("costly", {})
         if len(self._known) > _MANY:
             self._known.clear()
 
-    def within(self, condition: ast.Condition) -> bool:
+    def asked(self, part: Part) -> bool:
         """It asks for something costly, itself or through states."""
-        known = self._known.get(id(condition))
-        if known is None or known[0] is not condition:
-            known = self._known[id(condition)] = condition, any(map(self.asked, condition.atoms))
+        return self.depth(part) > 0
+
+    def depth(self, part: Part) -> int:
+        """How many states lie between it and what is costly: what is asked for last; 0 if nothing."""
+        known = self._known.get(id(part))
+        if known is None or known[0] is not part:
+            known = self._known[id(part)] = part, self._depth(part)
         return known[1]
 
-    def asked(self, part: ast.Atom | ast.Alternative) -> bool:
-        """As ``within``, of an atom or an alternative."""
+    def _depth(self, part: Part) -> int:
         if isinstance(part, ast.Condition):
-            return self.within(part)
+            return max(map(self.depth, part.atoms), default=0)
         if isinstance(part, ast.AnyOf):
-            return any(map(self.asked, part.alternatives))
+            return max(map(self.depth, part.alternatives), default=0)
         if part.call is None:
-            return False
+            return 0
         name = part.call.name
         if name in self._rules.signals:
             name = self._rules.signals[name].base
         declared = self._rules.states.get(name)
         if declared is None:
-            return name in COSTLY
-        return self.state(declared)
-
-    def depth(self, part: ast.Atom | ast.Alternative) -> int:
-        """How many states lie between it and what is costly: what is asked for last; 0 if nothing."""
-        if not self.asked(part):
+            return int(name in COSTLY)
+        if not self.state(declared):
             return 0
-        if isinstance(part, ast.Condition):
-            return max(map(self.depth, part.atoms))
-        if isinstance(part, ast.AnyOf):
-            return max(map(self.depth, part.alternatives))
-        declared = None if part.call is None else self._rules.states.get(part.call.name)
-        if declared is None:
-            return 1
         return 1 + self.depth(declared.when) + (declared.until is not None)
+
+    def sorted(self, parts: Sequence[AnyPart]) -> list[AnyPart]:
+        """What is costly last."""
+        return sorted(parts, key=self.depth)
 
     def named(self, state: ast.StateDef) -> bool:
         """It merely names a condition: no frame of it depends on another."""
@@ -66,7 +66,14 @@ class Costly:
 
     def state(self, state: ast.StateDef) -> bool:
         """It asks for something costly, now or at other frames, and has no other source."""
-        return state.fallback is None and state.also is None and self.within(state.when)
+        return state.fallback is None and state.also is None and self.asked(state.when)
+
+
+def is_for_good(state: ast.StateDef) -> bool:
+    """Once it holds it holds to the end, and at once."""
+    others = (state.for_, state.gap, state.fallback, state.also)
+    for_good = state.until is not None and state.until.kind == "end"
+    return for_good and all(part is None for part in others)
 
 
 def is_costly(atom: ast.Atom) -> bool:

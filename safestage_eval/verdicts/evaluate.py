@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from safestage_eval.episode.runs import runs
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.reference import Reference, latest
@@ -19,7 +21,7 @@ from safestage_eval.states.scope import Scope
 
 from . import between_samples
 from .answers import Answers, Found
-from .costly import Costly, Gates
+from .costly import Costly, Gates, is_for_good
 from .memory import Memory
 from .values import Asked, Env, ends_early, ends_with_success, lasting, limit_margin
 
@@ -74,7 +76,7 @@ class Evaluator(Answers):
         self._obligation: str | None = None
         self._signs = False
         """Only whether something holds matters, not by what margin."""
-        self._costly, self.gates = Costly(rules), Gates(rules)
+        self.costly, self.gates = Costly(rules), Gates(rules)
         self._cheap: dict[int, ast.Condition] = {}
         """Conditions that ask for nothing costly, by identity; each is kept, and so stays itself."""
 
@@ -149,7 +151,7 @@ class Evaluator(Answers):
         plain, gates = self.gates.of(condition)
         if gates:
             return self._gated(self.condition(plain, env, wanted), gates, env, wanted)
-        if id(condition) not in self._cheap and not self._costly.within(condition):
+        if id(condition) not in self._cheap and not self.costly.asked(condition):
             self._cheap[id(condition)] = condition
         if id(condition) in self._cheap:
             if len(condition.atoms) == 1:
@@ -158,8 +160,8 @@ class Evaluator(Answers):
         mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
         bands: list[Band] = []
         decided = 0  # how many of them the mask knows of
-        for atom in sorted(condition.atoms, key=self._costly.depth):
-            if self._costly.asked(atom):
+        for atom in self.costly.sorted(condition.atoms):
+            if self.costly.asked(atom):
                 for found in bands[decided:]:
                     mask = mask & (~found.false if self._signs else found.upper != -np.inf)
                 decided = len(bands)
@@ -193,7 +195,7 @@ class Evaluator(Answers):
 
     def asks_costly(self, what: ast.Atom | ast.Alternative) -> bool:
         """Where it is asked for makes a difference: something in it is costly."""
-        return self._costly.asked(what)
+        return self.costly.asked(what)
 
     def alternative(
         self, alternative: ast.Alternative, env: Env, wanted: Bool | None = None
@@ -217,7 +219,7 @@ class Evaluator(Answers):
     def atom(self, atom: ast.Atom, env: Env, wanted: Bool | None = None) -> Band:
         """One entry of a condition; ``wanted`` as in ``condition``."""
         if type(atom) is ast.SignalAtom:
-            if wanted is not None and self._costly.asked(atom):
+            if wanted is not None and self.costly.asked(atom):
                 return self._limited(atom, env, wanted)
             key = (id(atom), self._obligation, *env.items())
             return self.once(atom, key, self._limited, atom, env, None)
@@ -247,13 +249,13 @@ class Evaluator(Answers):
 
         ``once``: what held with certainty is not asked for again later.
         """
-        if not any(map(self._costly.asked, alternatives)):
+        if not any(map(self.costly.asked, alternatives)):
             return band.either(
                 [self.alternative(a, env, wanted) for a in alternatives], self.frames
             )
         mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
         bands: list[Band] = []
-        for one in sorted(alternatives, key=self._costly.depth):
+        for one in self.costly.sorted(alternatives):
             bands.append(self.alternative(one, env, mask))
             holds = bands[-1].true if self._signs else bands[-1].lower == np.inf
             mask = mask & ~(np.logical_or.accumulate(holds) if once else holds)
@@ -336,9 +338,7 @@ class Evaluator(Answers):
                 if declared is None:
                     if call.name in COSTLY:
                         return self._relation(call.name, bodies, wanted)
-                elif (
-                    self._costly.state(declared) and ("state", call.name, bodies) not in self._told
-                ):
+                elif self.costly.state(declared) and ("state", call.name, bodies) not in self._told:
                     return self._partly(declared, call, bodies, wanted)
             self._signs = False
             find = self._relation if declared is None else self._declared
@@ -350,26 +350,43 @@ class Evaluator(Answers):
         self, state: ast.StateDef, call: ast.Call, bodies: tuple[str, ...], wanted: Bool
     ) -> Band:
         """A state that asks for something costly, at the wanted frames; unknown at others."""
-        if self._costly.named(state):
-            return self.condition(state.when, dict(zip(state.of, bodies, strict=True)), wanted)
+        env = dict(zip(state.of, bodies, strict=True))
+        if self.costly.named(state):
+            return self.condition(state.when, env, wanted)
         over = None
-        if (
-            state.until is not None
-            and state.until.call is not None
-            and self._deep(state.until.call)
-        ):
-            over = self._resets(state.until, dict(zip(state.of, bodies, strict=True)), wanted).sure
+        if state.until is not None and self._deep(state.until.call):
+            if self._signs:
+                since = ("since", call.name, bodies, *self._where(wanted))
+                return self.once(state, since, self._since_reset, state, env, wanted)
+            over = self._resets(state.until, env, wanted).sure
             wanted = wanted & ~over  # there it is over, whatever it was before
             if not wanted.any():
                 return Band(np.full(self.frames, -np.inf), np.where(over, -np.inf, np.inf))
         if self._signs and state.until is not None:
             found = self.signs(call.name, bodies, last_of(wanted))
         else:
-            key = ("at", call.name, bodies, self._signs, wanted.tobytes())
+            key = ("at", call.name, bodies, self._signs, *self._where(wanted))
             found = self.once(state, key, self._at, state, call.name, bodies, wanted)
         if over is None or not over.any():
             return found
         return Band(*(np.where(over, -np.inf, end) for end in found))
+
+    def _where(self, wanted: Bool) -> tuple[bytes, int]:
+        """What an answer at the wanted frames depends on; at none of them on what is known by now."""
+        return wanted.tobytes(), -1 if wanted.any() else self.relations.found_out
+
+    def _since_reset(self, state: ast.StateDef, env: Env, wanted: Bool) -> Band:
+        """Whether a latched state holds at the wanted frames: since its last end before them."""
+        assert state.until is not None
+        stretches = runs(wanted).tolist()
+        starts = np.zeros(self.frames, np.bool_)
+        starts[[first for first, _ in stretches]] = True
+        over = self._resets(state.until, env, starts).sure
+        among = np.zeros(self.frames, np.bool_)
+        for first, stop in stretches:
+            among[last_of(over[: first + 1]) : stop] = True
+        found = self._sparsely(state, env, among)
+        return self._latched_signs(found, state.until, env, among, starts)
 
     def signs(self, name: str, bodies: tuple[str, ...], stop: int | None = None) -> Band:
         """(T,) where a state that asks for something costly holds; its margins mean nothing else.
@@ -386,74 +403,112 @@ class Evaluator(Answers):
         finally:
             self._signs, self._obligation = outer
 
-    def _momentary_signs(
-        self, state: ast.StateDef, name: str, bodies: tuple[str, ...], stop: int
-    ) -> Band:
-        outer, self._signs = self._signs, True
-        reach = self._reach(state)
-        try:
-            env = dict(zip(state.of, bodies, strict=True))
-            wanted = np.arange(self.frames) < (self.frames if reach is None else stop + reach)
-            key = ("momentary signs", name, bodies, stop)
-            return self.once(state, key, self._made_of, state, env, wanted)
-        finally:
-            self._signs = outer
-
     def _made_of(self, state: ast.StateDef, env: Env, wanted: Bool) -> Band:
         """Its condition; of what holds for good once it does, as far as that matters."""
         atom = state.when.atoms[0]
-        for_good = state.until is not None and state.until.kind == "end"
-        brief = state.for_ is None and state.gap is None and len(state.when.atoms) == 1
-        if for_good and brief and type(atom) is ast.AnyOf:
+        if len(state.when.atoms) == 1 and isinstance(atom, ast.AnyOf) and is_for_good(state):
             return self._any(atom.alternatives, env, wanted, once=True)
         return self.condition(state.when, env, wanted)
 
     def _signs_of(self, state: ast.StateDef, name: str, bodies: tuple[str, ...], stop: int) -> Band:
-        env = dict(zip(state.of, bodies, strict=True))
-        found = self._lasting(state, self._momentary_signs(state, name, bodies, stop))
-        may = np.logical_or.accumulate(~found.false)
-        may[stop:] = False
-        if state.until is None or not may.any():
+        found = self._lasting_signs(state, name, bodies, stop)
+        if state.until is None:
             return found
-        return persistence.latched(found, *self._resets(state.until, env, may))
+        among = np.arange(self.frames) < stop
+        return self._latched_signs(
+            found, state.until, dict(zip(state.of, bodies, strict=True)), among
+        )
+
+    def _lasting_signs(
+        self, state: ast.StateDef, name: str, bodies: tuple[str, ...], stop: int
+    ) -> Band:
+        """(T,) whether it holds before ``stop``, but for its ``until``."""
+        outer, self._signs = self._signs, True
+        try:
+            env, wanted = dict(zip(state.of, bodies, strict=True)), np.arange(self.frames) < stop
+            key = ("lasting signs", name, bodies, stop)
+            return self.once(state, key, self._sparsely, state, env, wanted)
+        finally:
+            self._signs = outer
+
+    def _sparsely(self, state: ast.StateDef, env: Env, wanted: Bool) -> Band:
+        """Whether a state lasts at the wanted frames, asked at as few frames as that takes.
+
+        What must last for 12 frames is ruled out by one frame in 12 at which it does not hold.
+        """
+        lasts, gap = self.window(state.for_), self.open_gap(state.gap)
+        if self._reach(state) is None or (gap.frames > 1 and lasts.frames > 1):
+            return self._lasting(state, self._made_of(state, env, self.around(state, wanted)))
+        some = partial(sample, every=lasts.frames if gap.frames <= 1 else 1)
+        ahead = partial(followed, by=max(lasts.frames, gap.frames) - 1)
+        asked = np.zeros(self.frames, np.bool_)
+        for more in (some, ahead, partial(self.around, state), None):
+            found = self._lasting(state, self._made_of(state, env, asked))
+            open_ = wanted & found.unknown
+            if more is None or not open_.any():
+                break
+            asked |= more(open_)
+        return found
+
+    def _latched_signs(
+        self, found: Band, until: ast.Event, env: Env, among: Bool, first: Bool | None = None
+    ) -> Band:
+        """Whether a latched state holds at some frames; its end is asked for only where it decides.
+
+        ``first``: (T,) where it is asked for anyway.
+        """
+        if until.edge is not None or not self._deep(until.call):
+            return persistence.latched(found, *self.truth(until, env))
+        asked, step = np.zeros(self.frames, np.bool_) if first is None else first.copy(), 8
+        while True:
+            latched = persistence.latched(found, *self._resets(until, env, asked))
+            open_ = latched.unknown & among & ~asked
+            if not open_.any():
+                return latched
+            asked[open_.nonzero()[0][:step]] = True
+            step *= 8
 
     def _at(self, state: ast.StateDef, name: str, bodies: tuple[str, ...], wanted: Bool) -> Band:
         env, exact, stop = dict(zip(state.of, bodies, strict=True)), wanted, last_of(wanted)
+        if self._signs and state.until is None:
+            return self._sparsely(state, env, wanted)
         if state.until is not None:  # its margin is the best since it began to hold
             may = ~self.signs(name, bodies, stop).false
             may[stop:] = False
             exact = wanted | may
-        around = self.around(state, exact)
-        found = self._made_of(state, env, around)
+        found = self._lasting(state, self._made_of(state, env, self.around(state, exact)))
         if state.until is None:
-            return self._lasting(state, found)
-        signs = self._momentary_signs(state, name, bodies, stop)
-        lower = np.where(around, found.lower, signs.lower)
-        found = self._lasting(state, Band(lower, np.where(around, found.upper, signs.upper)))
+            return found
+        signs = self._lasting_signs(state, name, bodies, stop)
+        lower = np.where(exact, found.lower, signs.lower)
+        found = Band(lower, np.where(exact, found.upper, signs.upper))
         where = np.logical_or.accumulate(~found.false) | wanted
         where[stop:] = False
         return persistence.latched(found, *self._resets(state.until, env, where))
 
     def _resets(self, event: ast.Event, env: Env, wanted: Bool) -> Truth:
-        """When a latched state ends, at the wanted frames; open at others."""
+        """When a latched state ends, at the wanted frames; at others as far as it is known."""
         call = event.call
         if call is None or event.edge is not None or not self._deep(call):
             return self.truth(event, env)
         return self._signs_at(call, env, wanted)
 
-    def _deep(self, call: ast.Call) -> bool:
+    def _deep(self, call: ast.Call | None) -> bool:
         """A declared state that asks for something costly."""
-        state = self.rules.states.get(call.name)
-        return state is not None and self._costly.state(state)
+        state = None if call is None else self.rules.states.get(call.name)
+        return state is not None and self.costly.state(state)
 
     def _signs_at(self, call: ast.Call, env: Env, wanted: Bool) -> Truth:
-        """Whether such a state holds at the wanted frames; open at others."""
+        """Whether such a state holds at the wanted frames; at others as far as it is known."""
+        return truth_of(self.only_signs(self.state, call, env, wanted))
+
+    def only_signs(self, find: Callable[..., Found], *asked: Any) -> Found:
+        """What ``find`` says where only matters whether something holds, not by what margin."""
         outer, self._signs = self._signs, True
         try:
-            found = self.state(call, env, wanted)
+            return find(*asked)
         finally:
             self._signs = outer
-        return Truth(wanted & found.true, ~wanted | ~found.false)
 
     def around(self, state: ast.StateDef, frames: Bool) -> Bool:
         """(T,) some frames, and those at which a state looks to make it last there."""
@@ -484,13 +539,15 @@ class Evaluator(Answers):
             nothing = np.zeros(self.frames, np.bool_)
             return band.crisp(nothing, nothing)
         self.notes.update(dict.fromkeys(self.relations.caveat(name)))
-        doubtful = self.relations.doubtful(name, bodies, wanted)
+        doubtful, known = self.relations.doubtful(name, bodies, wanted), wanted
+        if wanted is not None and name in COSTLY:
+            known = wanted | self.relations.told(*bodies)
         if doubtful is not None:
             where, why = doubtful
-            wanted = ~where if wanted is None else wanted & ~where
-            if why:
+            known = ~where if known is None else known & ~where
+            if why and wanted is None:  # else it hangs on what was asked for
                 self.notes[why] = None
-        return band.crisp(truth, wanted)
+        return band.crisp(truth, known)
 
     def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:
         """What a declared state is made of, before it is made to last; its fallback if need be."""
@@ -559,8 +616,10 @@ class Evaluator(Answers):
             at[self.success] = True
         return Truth(at, at)
 
-    def holds(self, call: ast.Call, env: Env) -> Bool:
-        """(T,) where a state or relation certainly holds."""
+    def holds(self, call: ast.Call, env: Env, since: int = 0) -> Bool:
+        """(T,) where a state or relation certainly holds; found out for the frames from ``since`` on."""
+        if since and self._deep(call):
+            return self._signs_at(call, env, np.arange(self.frames) >= since).sure
         return self._truth_of(call, env).sure
 
     def _truth_of(self, call: ast.Call, env: Env) -> Truth:
@@ -597,6 +656,26 @@ def widened(frames: Bool, by: int) -> Bool:
     before = np.concatenate([[0], np.cumsum(frames)])
     at = np.arange(total)
     return np.asarray(before[np.minimum(at + by + 1, total)] > before[np.maximum(at - by, 0)])
+
+
+def followed(frames: Bool, by: int) -> Bool:
+    """(T,) true there and up to so many frames after."""
+    before = np.concatenate([[0], np.cumsum(frames)])
+    at = np.arange(len(frames))
+    return np.asarray(before[at + 1] > before[np.maximum(at - by, 0)])
+
+
+def sample(frames: Bool, every: int) -> Bool:
+    """(T,) so many of the frames that every run of ``every`` frames with one of them has one of these."""
+    if every <= 2:
+        return frames
+    at = frames.nonzero()[0]
+    out = np.zeros(len(frames), np.bool_)
+    starts = np.concatenate([[True], np.diff(at) > 1]) if len(at) else np.zeros(0, np.bool_)
+    since = at - at[np.maximum.accumulate(np.where(starts, np.arange(len(at)), 0))]
+    last = np.append(starts[1:], True)
+    out[at[(since % every == 0) | last]] = True
+    return out
 
 
 def last_of(frames: Bool) -> int:

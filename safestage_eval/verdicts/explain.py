@@ -152,7 +152,11 @@ def onset(
     """
     t = evaluator.episode.t
     earliest = 0 if after is None else int(np.searchsorted(t, after))
-    begun = [first for call in calls for first, _ in runs(evaluator.holds(call, env))]
+    begun = [
+        first
+        for call in calls
+        for first, _ in runs(evaluator.holds(call, env, max(earliest - 1, 0)))
+    ]
     frames = [int(first) for first in begun if first >= earliest]
     return float(t[min(frames)]) if frames else None
 

@@ -112,8 +112,10 @@ def _raw(evaluator: Evaluator, breach: _Breach, instance: Instance) -> Bool:
     kind, what = breach
     wanted = _judged(evaluator, instance) if evaluator.asks_costly(what) else None
     if not any(_filtered(evaluator, kind, what)):
-        return evaluator.alternative(what, instance.env, wanted).lower >= 0
-    found = evaluator.obliged(kind, _unfiltered, evaluator, kind, what, instance.env, wanted)
+        return evaluator.only_signs(evaluator.alternative, what, instance.env, wanted).lower >= 0
+    found: Band = evaluator.only_signs(
+        evaluator.obliged, kind, _unfiltered, evaluator, kind, what, instance.env, wanted
+    )
     return found.lower >= 0 if kind == "forbid" else found.upper < 0
 
 

@@ -15,6 +15,7 @@ from safestage_eval.states.scope import Scope
 
 from .brief import condition_within, is_brief
 from .evaluate import Evaluator
+from .greatest import greatest
 from .memory import Stretch, at_hand, plain_stretches, remembered, stretches_of
 from .players import where_it_counts
 from .spans import may_recur, spans
@@ -151,7 +152,7 @@ def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) ->
     sure = instance.scope.certain
     lasting = evaluator.window(rule.for_).within(first, stop)
     for clause in rule.clauses:
-        found = _inside(evaluator, clause, instance.env, instance.scope)
+        found = evaluator.only_signs(_inside, evaluator, clause, instance.env, instance.scope)
         if clause.kind == "require":
             out[first:stop] |= found.false & sure
         elif clause.kind == "forbid":
@@ -250,6 +251,10 @@ def _decided(
 def _decide(
     evaluator: Evaluator, rule: ast.Rule, clause: ast.Clause, env: Env, scope: Scope
 ) -> tuple[float, float, int]:
+    costly = clause.kind == "forbid" and evaluator.asks_costly(clause.what)
+    if costly and rule.for_ is None and scope.stop > scope.first:
+        low, high, frame = greatest(evaluator, clause.what, env, scope)
+        return negated_margin(high), negated_margin(low), frame
     lasting = evaluator.window(rule.for_).within(scope.first, scope.stop)
     inside = _inside(evaluator, clause, env, scope)
     return _obligation(clause.kind, inside, scope.sure, lasting)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.persistence import without_short_runs
@@ -65,7 +67,12 @@ def first_broken(
     first, stop = instance.scope.first, instance.scope.stop
     found = []
     for what in rule.forbid:
-        lower = evaluator.obliged("forbid", evaluator.alternative, what, instance.env).lower
+        wanted = np.arange(evaluator.frames) >= first if evaluator.asks_costly(what) else None
+        if wanted is not None and not beyond:
+            wanted[stop:] = False
+        lower = evaluator.only_signs(
+            evaluator.obliged, "forbid", evaluator.alternative, what, instance.env, wanted
+        ).lower
         true = without_short_runs(lower, lasting)[first : None if beyond else stop] >= 0
         if true.any():
             found.append(Broken(first + int(true.argmax()), what))
@@ -114,11 +121,10 @@ def _waited(
     if first is None:
         came = evaluator.truth(guard.event, env).sure.nonzero()[0]
         this = int(came[0]) if len(came) else None
-    that = None
-    for begin, end in runs(evaluator.holds(guard.state, env)).tolist():
-        if this is None or this < end:
-            that = begin
-            break
+    held = evaluator.holds(guard.state, env, this or 0)
+    if this and held[this]:
+        held = evaluator.holds(guard.state, env)
+    that = next((begin for begin, end in runs(held).tolist() if end > (this or 0)), None)
     return _between(evaluator, instance, call, this, that)
 
 
