@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.contacts import Pair
+from safestage_eval.geometry.pose import transform
 from safestage_eval.signals.contact_kernels import rows_by_frame
-from safestage_eval.signals.motion import com_position
 
 from .near import NOTHING, Patch
 from .shifts import Layout, stays_for, stretch_starts
@@ -19,6 +20,8 @@ Bool = NDArray[np.bool_]
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
+
+At = NDArray[np.intp] | slice
 
 STAYS = (1e-3, float(np.radians(1.0)))
 """m, rad: what nobody touches and what has moved by less since hangs together as it did."""
@@ -40,28 +43,26 @@ class Arrangement:
         self._friction = np.array([g.friction[0] for body in bodies for g in body.geoms])
         self._rows: dict[Pair, NDArray[np.intp]] = {}
         self._starts: dict[Pair, NDArray[np.intp]] = {}
-        self._points: dict[Pair, Patch] = {}
-        self._com: dict[int, F64] = {}
+        self._sides: dict[Pair, list[NDArray[np.int64]]] = {}
+        self._columns: dict[Pair, tuple[NDArray[Any], ...]] = {}
         self._stacked: dict[tuple[int, ...], tuple[F32, F32]] = {}
 
-    def points(self, pair: Pair) -> Patch:
-        """The pair's contact points with a force, by frame."""
-        if pair not in self._points:
-            position, normal, force = self._episode.contacts.of_pair(
+    def points(self, pair: Pair, some: At) -> Patch:
+        """Some of the pair's contact points with a force, by their number in the order of frames."""
+        if pair not in self._columns:
+            self._columns[pair] = self._episode.contacts.of_pair(
                 pair, "position", "normal", "force"
             )
-            rows = self._of(pair)
-            rough = np.maximum(*(self._friction[geom] for geom in self._geoms(pair)))
-            self._points[pair] = Patch(
-                position[rows].astype(np.float64),
-                normal[rows].astype(np.float64),
-                np.broadcast_to(rough, len(rows)),
-                force[rows].astype(np.float64),
-            )
-        return self._points[pair]
+        rows = self._of(pair)[some]
+        position, normal, force = (
+            column[rows].astype(np.float64) for column in self._columns[pair]
+        )
+        geoms = (geom[some] if len(geom) > 1 else geom for geom in self._geoms(pair))
+        rough = np.maximum(*(self._friction[geom] for geom in geoms))
+        return Patch(position, normal, np.broadcast_to(rough, len(rows)), force)
 
     def starts(self, pair: Pair) -> NDArray[np.intp]:
-        """(T + 1,) the points of frame t are ``points[starts[t] : starts[t + 1]]``."""
+        """(T + 1,) the points of frame t are those from starts[t] to starts[t + 1]."""
         self._of(pair)
         return self._starts[pair]
 
@@ -77,15 +78,16 @@ class Arrangement:
 
     def _geoms(self, pair: Pair) -> list[NDArray[np.int64]]:
         """On each side, of which geom each point is: (N,), or (1,) where the body has but one."""
-        found = []
-        for body, column in zip(pair, ("geom1", "geom2"), strict=True):
-            first, end = self._first_geom[body : body + 2]
-            if end - first == 1:
-                found.append(np.array([first], np.int64))
-            else:
-                (geoms,) = self._episode.contacts.of_pair(pair, column)
-                found.append(geoms[self._of(pair)].astype(np.int64))
-        return found
+        if pair not in self._sides:
+            found = self._sides[pair] = []
+            for body, column in zip(pair, ("geom1", "geom2"), strict=True):
+                first, end = self._first_geom[body : body + 2]
+                if end - first == 1:
+                    found.append(np.array([first], np.int64))
+                else:
+                    (geoms,) = self._episode.contacts.of_pair(pair, column)
+                    found.append(geoms[self._of(pair)].astype(np.int64))
+        return self._sides[pair]
 
     def touching(self, pair: Pair) -> Bool:
         """(T,) true where the pair has a row with a force."""
@@ -112,7 +114,10 @@ class Arrangement:
         ``joined``: body → (T,) where it hangs together with the others; ``loose`` (T,) where the
         robot touches none of that. What has moved by less than ``STAYS`` has not.
         """
-        place, turn = self._poses(tuple(joined))
+        key = tuple(joined)
+        if key not in self._stacked:
+            self._stacked[key] = self._poses(key, slice(None))
+        place, turn = self._stacked[key]
         there = np.array(list(joined.values()))
         # half the angle is the arc between two quaternions
         return stays_for(place, turn, there, loose, frame, earliest, STAYS[0], STAYS[1] / 2)
@@ -126,20 +131,20 @@ class Arrangement:
         bodies come to lie otherwise (``stretch_starts``).
         """
         begin, end = int(frames[0]), int(frames[-1]) + 1
-        touching = [pair for pair in pairs if np.diff(self.starts(pair)[[begin, end]])]
-        bodies = tuple(sorted({body for pair in touching for body in pair}))
-        spans = [slice(*self.starts(pair)[[begin, end]]) for pair in touching]
-        points = [
-            Patch(*(v[at] for v in self.points(p))) for p, at in zip(touching, spans, strict=True)
-        ]
-        position, normal, *_ = map(np.concatenate, zip(*points, NOTHING, strict=True))
-        start, many = np.empty((len(touching), end - begin + 1), np.int64), 0
-        for row, pair, span in zip(start, touching, spans, strict=True):
-            row[:] = self.starts(pair)[begin : end + 1] + (many - span.start)
-            many += span.stop - span.start
+        spans = {pair: self.starts(pair)[[begin, end]] for pair in pairs}
+        touching = [pair for pair, (low, high) in spans.items() if low < high]
+        bodies = sorted({body for pair in touching for body in pair})
+        start, points = np.empty((len(touching), end - begin + 1), np.int64), [NOTHING]
+        many = 0
+        for row, pair in zip(start, touching, strict=True):
+            low, high = spans[pair]
+            points.append(self.points(pair, slice(low, high)))
+            row[:] = self.starts(pair)[begin : end + 1] + (many - low)
+            many += high - low
+        position, normal, *_ = map(np.concatenate, zip(*points, strict=True))
         layout = Layout(
-            *(np.ascontiguousarray(v[:, begin:end]) for v in self._poses(bodies)),
-            np.array([self.centre(body)[begin:end] for body in bodies]),
+            *self._poses(bodies, slice(begin, end)),
+            np.array([self.centre(body, slice(begin, end)) for body in bodies]),
             np.array([[bodies.index(body) for body in pair] for pair in touching]),
             start,
             position,
@@ -149,22 +154,18 @@ class Arrangement:
         stretch_starts(layout, frames - begin, part, first)
         return first + begin
 
-    def _poses(self, bodies: tuple[int, ...]) -> tuple[F32, F32]:
-        """(K, T, 3) m and (K, T, 4), as they are stored."""
-        if bodies not in self._stacked:
-            size = (len(bodies), len(self._episode))
-            place, turn = np.empty((*size, 3), np.float32), np.empty((*size, 4), np.float32)
-            for k, body in enumerate(bodies):
-                track = self._episode.tracks[self._names[body]]
-                place[k], turn[k] = track.position, track.orientation
-            self._stacked[bodies] = place, turn
-        return self._stacked[bodies]
+    def _poses(self, bodies: Sequence[int], frames: slice) -> tuple[F32, F32]:
+        """(K, F, 3) m and (K, F, 4), as they are stored."""
+        tracks = [self._episode.track(self._names[body]) for body in bodies]
+        place = np.array([track.position[frames] for track in tracks])
+        return place, np.array([track.orientation[frames] for track in tracks])
 
-    def centre(self, body: int) -> F64:
-        """(T, 3) m, the body's centre of mass, world."""
-        if body not in self._com:
-            self._com[body] = com_position(self._episode, self._names[body])
-        return self._com[body]
+    def centre(self, body: int, frames: At) -> F64:
+        """(F, 3) m, the body's centre of mass at some frames, world."""
+        track = self._episode.track(self._names[body])
+        offset = np.asarray(self._episode.header.bodies[body].com, np.float64)
+        place = track.position[frames].astype(np.float64)
+        return transform(place, track.orientation[frames], offset) if offset.any() else place
 
 
 def _mixed(first: NDArray[np.int64], second: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -54,7 +54,7 @@ class Gathering:
             stop = np.cumsum(many)
             if stop[-1]:
                 at = np.arange(stop[-1]) + np.repeat(first - stop + many, many)
-                found[pair] = Patch(*(v[at] for v in self._arrangement.points(pair))), many
+                found[pair] = self._arrangement.points(pair, at), many
         return found
 
     @staticmethod
@@ -96,7 +96,7 @@ class Gathering:
         parts = sorted(self._assemblies.of(head) & self._assemblies.free)
         masses = [max(self._episode.header.bodies[p].mass or 0.0, 1e-9) for p in parts]
         inertias = [self._inertia(p, m, frames) for p, m in zip(parts, masses, strict=True)]
-        at = np.stack([self._arrangement.centre(p)[frames] for p in parts])
+        at = np.stack([self._arrangement.centre(p, frames) for p in parts])
         if len(parts) == 1:
             return masses[0], at[0], inertias[0]
         m = np.array(masses)
