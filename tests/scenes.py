@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -103,7 +104,9 @@ class Scene:
         """The episode; ``header`` overrides its header's fields."""
         index = {body.name: i for i, body in enumerate(self.bodies)}
         first_geom = np.cumsum([0] + [len(body.geoms) for body in self.bodies])
-        rows = self._rows
+        rows, totals = self._rows, Counter[Any]()
+        for frame, by, on, _, normal, force in rows:  # of the pair, not of the row
+            totals[frame, by, on] += abs(float(np.dot(force, normal)))
         contacts = ContactTable.build(
             [r[0] for r in rows],
             [index[r[1]] for r in rows],
@@ -113,7 +116,7 @@ class Scene:
             np.array([r[3] for r in rows]).reshape(-1, 3),
             np.array([r[4] for r in rows]).reshape(-1, 3),
             np.array([r[5] for r in rows]).reshape(-1, 3),
-            [np.linalg.norm(r[5]) for r in rows],
+            [max(np.linalg.norm(r[5]), totals[r[:3]]) for r in rows],
             [0.0] * len(rows),
         )
         fields: dict[str, Any] = {

@@ -42,7 +42,7 @@ def command(
     first: dict[str, Any] = {}
     with progress("checking") as tell:
         for done, ref in enumerate(refs, 1):
-            found = [str(error) for error in validate_episode(ref)]
+            found = [str(error) for error in validate_episode(ref, compare=True)]
             same = first.setdefault(ref.episode_id or ref.shown, ref)
             if same is not ref and same.content_hash != ref.content_hash:
                 found.append(f"{ref.shown}: another episode has this id as well: {same.shown}")

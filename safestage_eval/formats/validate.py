@@ -7,23 +7,29 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from safestage_eval.episode import check
+from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import TraceError
 
 from .discover import discover
 from .episode_ref import EpisodeRef
 
 
-def validate(paths: str | Path | Iterable[str | Path]) -> list[TraceError]:
+def validate(
+    paths: str | Path | Iterable[str | Path], *, compare: bool = False
+) -> list[TraceError]:
     """Read every episode under the paths whole and list what is broken; empty when all are sound.
 
     Beyond the checks made on loading, all columns are read, the content is compared with the
     stored hash, and episode ids must not repeat.
+
+    ``compare``: also list where what a trace says of bodies, motion and contacts cannot all be true
+    (``contradictions``).
     """
     try:
         refs = discover(paths)
     except TraceError as error:
         return [error]
-    found = [error for ref in refs for error in validate_episode(ref)]
+    found = [error for ref in refs for error in validate_episode(ref, compare=compare)]
     ids = Counter(ref.episode_id for ref in refs if ref.episode_id)
     return found + [
         TraceError(name, f"{count} episodes have this id", fix="give each episode its own id")
@@ -32,11 +38,13 @@ def validate(paths: str | Path | Iterable[str | Path]) -> list[TraceError]:
     ]
 
 
-def validate_episode(ref: EpisodeRef) -> list[TraceError]:
-    """What is wrong with one stored episode."""
+def validate_episode(ref: EpisodeRef, *, compare: bool = False) -> list[TraceError]:
+    """What is wrong with one stored episode; ``compare`` as in ``validate``."""
     try:
         episode = ref.open(checked=False)
         found = check(episode)
+        if compare and not found:
+            found = [*contradictions(episode)]
         if not found and ref.content_hash not in (None, episode.content_hash):
             found.append(
                 TraceError(

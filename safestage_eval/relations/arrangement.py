@@ -38,6 +38,7 @@ class Arrangement:
         self._names = [body.name for body in episode.header.bodies]
         self._rows: dict[Pair, NDArray[np.intp]] = {}
         self._frames: dict[Pair, NDArray[np.int32]] = {}
+        self._starts: dict[Pair, NDArray[np.intp]] = {}
         self._com: dict[int, F64] = {}
         self._layout: dict[Pair, F64] = {}
 
@@ -54,20 +55,18 @@ class Arrangement:
         self.rows(pair)
         return self._frames[pair]
 
-    def at(self, frame: int, pairs: Iterable[Pair]) -> dict[Pair, NDArray[np.intp]]:
-        """Pair → its rows with a force at one frame; only pairs that have some."""
-        found = {}
-        for pair in pairs:
-            first, stop = self.frames(pair).searchsorted((frame, frame + 1))
-            if first < stop:
-                found[pair] = self.rows(pair)[first:stop]
-        return found
+    def starts(self, pair: Pair) -> NDArray[np.intp]:
+        """(T + 1,) the rows of frame t are ``rows[starts[t] : starts[t + 1]]``."""
+        if pair not in self._starts:
+            frames = len(self._episode)
+            starts = self._starts[pair] = np.zeros(frames + 1, np.intp)
+            np.cumsum(np.bincount(self.frames(pair), minlength=frames), out=starts[1:])
+        return self._starts[pair]
 
     def touching(self, pair: Pair) -> Bool:
         """(T,) true where the pair has a row with a force."""
-        present = np.zeros(len(self._episode), np.bool_)
-        present[self.frames(pair)] = True
-        return present
+        starts = self.starts(pair)
+        return np.asarray(starts[1:] > starts[:-1])
 
     def signature(self, pairs: Iterable[Pair]) -> NDArray[np.int64]:
         """(T,) equal where equal sets of contact points of the pairs carry something."""
@@ -78,8 +77,7 @@ class Arrangement:
             if not len(geom1):
                 continue
             if (geom1 == geom1[0]).all() and (geom2 == geom2[0]).all():  # one geom on each side
-                points = np.bincount(self.frames(pair), minlength=frames)
-                signature += _mixed(geom1[0], geom2[0]) * points
+                signature += _mixed(geom1[0], geom2[0]) * np.diff(self.starts(pair))
                 continue
             # whole numbers below 2⁵³ add up exactly in float64
             weights = _mixed(geom1, geom2)[self.rows(pair)]
@@ -104,7 +102,8 @@ class Arrangement:
         against each other, and contact points or normals moved with them: points alone jump about
         under what stands still, and bodies alone slide along what is flat.
         """
-        touching = list(self.at(int(frames[0]), pairs))
+        first = int(frames[0])
+        touching = [p for p in pairs if self.starts(p)[first] < self.starts(p)[first + 1]]
         while len(frames):
             alike = self._alike(touching, frames)
             yield frames[:alike]

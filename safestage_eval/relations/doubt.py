@@ -8,10 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.episode.runs import runs
+from safestage_eval.geometry.pose import angle
+
 from .near import NEAR
 
 if TYPE_CHECKING:
     from .measure import Relations
+
+STAYS = (1e-3, np.radians(1.0))
+"""m, rad: what has moved by less still stands where it stood, also in a hand."""
+LEAVES = 0.2
+"""s. What is lifted is off what it stood on sooner; what takes longer may hang or stand all the while."""
 
 Bool = NDArray[np.bool_]
 Doubt = tuple[Bool, str]
@@ -25,6 +33,8 @@ def by_nature(
         return may_have_been_touched(relations, *bodies)
     if relations.blind and name in ("held", "carried"):
         return may_be_in_the_grip(relations, name, bodies)
+    if relations.blind and name in ("supports", "supported"):
+        return may_hang_from_the_grip(relations, name, bodies)
     if name == "depends_on" and relations.blind:
         return may_lean(relations, *bodies)
     if name == "depends_on" and not relations.lacking(name, bodies):
@@ -99,12 +109,59 @@ def may_be_in_the_grip(relations: Relations, name: str, bodies: Sequence[str]) -
     truth = relations.get(name, bodies)
     may_be = relations.may_be_grasped if name == "held" else relations.may_be_held
     most = relations.decide(name, list(bodies), held=may_be)
-    if truth is None or most is None or not (most & ~truth).any():
+    if truth is None or most is None:
+        return None
+    if name == "carried":
+        most = most | _taken_along(relations, relations.episode.body_index[bodies[0]])
+    if not (most & ~truth).any():
         return None
     return (
         most & ~truth,
         f"without contact forces it is not known when {bodies[0]} is grasped and let go",
     )
+
+
+def may_hang_from_the_grip(
+    relations: Relations, name: str, bodies: Sequence[str]
+) -> Doubt | None:
+    """What a hand may hold may hang from it, however near it is to what it seems to rest on."""
+    truth = relations.get(name, bodies)
+    if truth is None or not truth.any():
+        return None
+    index, graph = relations.episode.body_index, relations.graph
+
+    def taken_along(body: int) -> Bool:
+        return _taken_along(relations, body)
+
+    if name == "supports":
+        open_ = truth & taken_along(index[bodies[1]])
+    else:
+        open_ = truth & ~graph.supported(index[bodies[0]], taken_along)
+    if not open_.any():
+        return None
+    return open_, f"without contact forces it is not known whether {bodies[-1]} hangs from the hand"
+
+
+def _taken_along(relations: Relations, body: int) -> Bool:
+    """(T,) a hand may be taking it away, and it still touches what it stood on.
+
+    From when it is no longer where it stood before the hand can have had it, until it is off,
+    unless that is soon.
+    """
+    held = relations.may_be_held(body)
+    track = relations.episode.track(relations.episode.header.bodies[body].name)
+    borne = relations.graph.supported(body)
+    out = np.zeros(len(held), np.bool_)
+    for start, end in runs(held) if len(track) == len(held) else ():
+        stop = start + int(np.append(borne[start:end], False).argmin())
+        before = max(start - 1, 0)
+        position, orientation = track.position[start:stop], track.orientation[start:stop]
+        gone = np.linalg.norm(position - track.position[before], axis=1) > STAYS[0]
+        gone |= angle(orientation, track.orientation[before]) > STAYS[1]
+        first = start + int(np.append(gone, True).argmax())
+        if relations.episode.clock.seconds(first, stop) >= LEAVES:
+            out[first:stop] = True
+    return out
 
 
 def may_have_been_touched(relations: Relations, body: str) -> Doubt | None:

@@ -154,12 +154,18 @@ class SupportGraph:
         below = self._below(body)
         if on not in below or body == on:
             return np.zeros(self._frames, np.bool_)
-        taken = {i: held(i) for i in below if i not in self._fixed and i != on}
-        open_ = {
+        open_ = self._let_go(below, lambda i: held(i) if i != on else np.zeros(self._frames, np.bool_))
+        return self._spread(open_, {on: np.ones(self._frames, np.bool_)})[body]
+
+    def _let_go(
+        self, below: Mapping[int, Mapping[int, Bool]], held: Callable[[int], Bool]
+    ) -> dict[int, Mapping[int, Bool]]:
+        """Edges without those that bear a body while it is held."""
+        taken = {i: held(i) for i in below if i not in self._fixed}
+        return {
             i: {s: bears & ~taken[i] for s, bears in bearers.items()} if i in taken else bearers
             for i, bearers in below.items()
         }
-        return self._spread(open_, {on: np.ones(self._frames, np.bool_)})[body]
 
     def supported_without(self, body: int, gone: int) -> Bool:
         """(T,) true where a path of edges leads to a fixture past ``gone``."""
@@ -169,10 +175,12 @@ class SupportGraph:
         sources = {i: np.ones(self._frames, np.bool_) for i in below if i in self._fixed - {gone}}
         return self._spread(below, sources)[body]
 
-    def supported(self, body: int) -> Bool:
-        """(T,) true where a path of edges leads from the body to a fixture."""
+    def supported(self, body: int, held: Callable[[int], Bool] | None = None) -> Bool:
+        """(T,) true where a path of edges leads from the body to a fixture, past no ``held`` body."""
         below = self._below(body)
         sources = {i: np.ones(self._frames, np.bool_) for i in below if i in self._fixed}
+        if held is not None:
+            below = self._let_go(below, held)
         return self._spread(below, sources)[body]
 
     def carried(self, body: int, held: Callable[[int], Bool]) -> Bool:

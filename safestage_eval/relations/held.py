@@ -25,10 +25,16 @@ STAYS_TURN = 0.1
 """rad. … and its orientation within this."""
 CARRIED_OFF = 0.02
 """m. The gripper moves by at least this meanwhile: what merely lies near a still hand is not held."""
+TURNED_ALONG = 0.15
+"""rad. What turns with the gripper by as much may be held, too."""
 HOVERS = 0.1
 """s. What stays so long beside the gripper and rests on nothing may be held: it does not fall."""
+FALLS = 0.0245
+"""m. What goes down by so much more within ``HOVERS`` than in as long before may fall: half of g t²/2."""
 MOVES = 1e-4
-"""m. A gripper that goes less than this in one frame rests."""
+"""m. A gripper that goes less than this in one frame rests …"""
+TURNS = 1e-3
+"""rad. … if it turns by less than this, too."""
 
 
 class Grip(NamedTuple):
@@ -150,9 +156,9 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Grip:
 
     The episode is cut where the body's pose in the gripper's frame has left that at the start of
     the stretch. In a stretch in which the gripper moves away by ``CARRIED_OFF`` the body is held
-    as long as nothing else bears it; while it rests on something it may be pushed. After that a
-    hand that stays may still have it in its grip or not; so may one that has not gone far yet, with
-    what nothing else bears.
+    as long as nothing else bears it and it does not go down as what falls; while it rests on something
+    it may be pushed. After that a hand that stays may still have it in its grip or not; so may one
+    that merely turns with it, and one that has not gone far yet, with what nothing else bears.
 
     Args:
         episode: where both move.
@@ -165,6 +171,8 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Grip:
     place, turn = relative(grip.position, grip.orientation, track.position, track.orientation)
     path = grip.position.astype(np.float64)
     goes = np.linalg.norm(np.diff(path, axis=0), axis=1) > MOVES
+    goes |= angle(grip.orientation[1:], grip.orientation[:-1]) > TURNS
+    kept = ~supported & ~falling(episode.t, track.position[:, 2])
     held, perhaps, grasped = (np.zeros(frames, np.bool_) for _ in range(3))
     start = 0
     while start < frames:
@@ -172,12 +180,14 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Grip:
         left |= angle(turn[start:], turn[start]) > STAYS_TURN
         stop = start + int(left.argmax()) if left.any() else frames
         away = np.linalg.norm(path[start:stop] - path[start], axis=1).max()
+        turned = angle(grip.orientation[start:stop], grip.orientation[start]).max()
         moves = np.flatnonzero(goes[start : max(stop - 1, start)])
-        if away >= CARRIED_OFF and len(moves):
+        if (away >= CARRIED_OFF or turned >= TURNED_ALONG) and len(moves):
             first, last = start + int(moves[0]), start + int(moves[-1]) + 2
-            held[start:stop] = ~supported[start:stop]  # what still rests on something may be pushed
+            if away >= CARRIED_OFF:
+                held[start:stop] = kept[start:stop]  # what still rests on something may be pushed
             perhaps[first:last] = True
-            perhaps[start:stop] |= held[start:stop]
+            perhaps[start:stop] |= ~supported[start:stop]
             perhaps[first:stop] = True
             grasped[start:stop] = True
         elif episode.clock.seconds(start, stop) >= HOVERS and not supported[start:stop].all():
@@ -185,3 +195,21 @@ def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Grip:
             grasped[start:stop] = True
         start = stop
     return Grip(held, perhaps, grasped)
+
+
+def falling(t: F64, height: NDArray[np.floating]) -> Bool:
+    """(T,) where a body goes down as what falls: by ``FALLS`` more than it did before.
+
+    Args:
+        t: s, (T,).
+        height: m, (T,) or (1,) of a body that stays.
+    """
+    z = np.broadcast_to(np.asarray(height, np.float64), len(t))
+    out = np.zeros(len(t), np.bool_)
+    if len(t) < 2 or np.ptp(z) < FALLS:
+        return out
+    lag = np.maximum(HOVERS, np.diff(t, prepend=t[0]))
+    then, before = np.interp(t - lag, t, z), np.interp(t - 2 * lag, t, z)
+    for now in np.flatnonzero((then - z) - np.maximum(before - then, 0.0) >= FALLS):
+        out[np.searchsorted(t, t[now] - lag[now]) : now + 1] = True
+    return out

@@ -9,21 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.compiled import allocating, helper, kernel
+from safestage_eval.geometry.arrays import owned
 
+from .cones import CONE_SIDES, COS, SIN, Cones, balance, room_for_cones, room_for_forces
+
+Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-CONE_SIDES = 16
-"""Edges of the pyramid that stands for a friction cone: within 2 % of its friction."""
 LOST = 0.02
 """Share of g: what starts to move by less is kept in its place by what no recording tells."""
 ARM = 0.05
 """m: the lever by which torques are compared with forces; radius of gyration where none is told."""
-
-TOLERANCE = 1e-7
-"""Of the total weight: a force that would better the balance by less is not looked for."""
-COMPLIANCE = 1e-9
-"""A spring in series with each force, so that of many forces that balance one set is found."""
 
 
 class Bodies(NamedTuple):
@@ -57,213 +54,133 @@ class Touches(NamedTuple):
     friction: F64
 
 
-class Balance:
-    """Bodies and where they touch, prepared to be asked what moves under several pushes."""
+def motion(bodies: Bodies, touches: Touches, push: tuple[float, float] = (0.0, 0.0)) -> F64:
+    """(B,) how strongly each body starts to move, in g; 0 where the forces balance.
 
-    def __init__(self, bodies: Bodies, touches: Touches) -> None:
-        """Nothing is solved yet."""
-        self._heavy = np.sqrt(bodies.mass)
-        self._owner = np.repeat(np.stack([touches.first, touches.second], 1), CONE_SIDES, axis=0)
-        if len(touches.first):
-            effect = _effects(bodies, touches)
-            self._effect = effect / np.sqrt((effect**2).sum((1, 2)))[:, None, None]
+    On each acts its weight, and ``push`` (shares of the weight along x and y) sideways.
 
-    def motion(self, push: tuple[float, float] = (0.0, 0.0)) -> F64:
-        """(B,) how strongly each body starts to move, in g; 0 where the forces balance.
-
-        On each acts its weight, and ``push`` (shares of the weight along x and y) sideways.
-
-        Forces within the friction cones, equal and opposite on both bodies, are chosen such that
-        what stays unbalanced moves all bodies together as little as can be (Gauss's principle of
-        least constraint; non-negative least squares by active sets, Lawson & Hanson 1974, "Solving
-        least squares problems", ch. 23). If some forces balance all bodies, those are found and
-        nothing moves: whether they exist is the linear program of Baraff 1991, "Coping with
-        friction for non-penetrating rigid body simulation". If not, the motion is the only one of
-        least constraint, and tells which bodies fall. A body's motion is the root of the mean
-        square acceleration of its mass.
-        """
-        weight = np.zeros((len(self._heavy), 6))
-        weight[:, :3] = self._heavy[:, None] * np.array([*push, 1.0])
-        rest = weight.copy()
-        if len(self._owner):
-            least_constraint(self._effect, self._owner, weight, rest)
-        return np.asarray(np.sqrt((rest**2).sum(1)) / self._heavy)
-
-
-def motion(bodies: Bodies, touches: Touches) -> F64:
-    """(B,) how strongly each body starts to move of itself, in g: see ``Balance``."""
-    return Balance(bodies, touches).motion()
-
-
-def _effects(bodies: Bodies, touches: Touches) -> F64:
-    """(C × CONE_SIDES, 2, 6) what each edge of each cone does to both bodies, by root of mass."""
-    normal = touches.normal
-    helper_ = np.where(np.abs(normal[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-    first = _cross(normal, helper_)
-    first /= np.sqrt((first**2).sum(1, keepdims=True))
-    second = _cross(normal, first)
-    angles = np.arange(CONE_SIDES) * (2 * np.pi / CONE_SIDES)
-    sideways = (
-        np.cos(angles)[None, :, None] * first[:, None]
-        + np.sin(angles)[None, :, None] * second[:, None]
-    )
-    edges = normal[:, None] + touches.friction[:, None, None] * sideways
-    whiten = np.linalg.inv(np.linalg.cholesky(bodies.inertia))
-    out = np.zeros((len(normal), CONE_SIDES, 2, 6))
-    for side, (body, sign) in enumerate(((touches.first, -1.0), (touches.second, 1.0))):
-        on = np.flatnonzero(body >= 0)
-        b = body[on]
-        force = sign * edges[on]
-        torque = _cross((touches.position[on] - bodies.centre[b])[:, None], force)
-        out[on, :, side, :3] = force / np.sqrt(bodies.mass[b])[:, None, None]
-        out[on, :, side, 3:] = np.einsum("cij,csj->csi", whiten[b], torque)
-    return out.reshape(-1, 2, 6)
-
-
-def _cross(a: F64, b: F64) -> F64:
-    """As ``np.cross`` over the last axis, which takes several times as long for few vectors."""
-    (ax, ay, az), (bx, by, bz) = ((v[..., 0], v[..., 1], v[..., 2]) for v in (a, b))
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], -1)
+    Forces within the friction cones, equal and opposite on both bodies, are chosen such that what
+    stays unbalanced moves all bodies together as little as can be (Gauss's principle of least
+    constraint; non-negative least squares by active sets, Lawson & Hanson 1974, "Solving least
+    squares problems", ch. 23). If some forces balance all bodies, those are found and nothing
+    moves: whether they exist is the linear program of Baraff 1991, "Coping with friction for
+    non-penetrating rigid body simulation". If not, the motion is the only one of least constraint,
+    and tells which bodies fall. A body's motion is the root of the mean square acceleration of its
+    mass.
+    """
+    out = np.empty(len(bodies.mass))
+    first, second = (np.array(b, np.int64) for b in touches[:2])
+    plain = Touches(first, second, *map(owned, touches[2:]))
+    _motion(Bodies(*map(owned, bodies)), plain, np.array(push), out)
+    return out
 
 
 @allocating
-def least_constraint(effect: F64, owner: I64, weight: F64, rest: F64) -> int:
-    """Least squares of ``weight`` (B, 6) by non-negative shares of M effects; fills ``rest``.
+def _motion(bodies: Bodies, touches: Touches, push: F64, out: F64) -> None:
+    many, count = len(touches.first), len(bodies.mass)
+    weight, rest = np.empty((count, 6)), np.empty((count, 6))
+    cones, forces = room_for_cones(many, count), room_for_forces(many, count)
+    spread(bodies, touches, many, cones)
+    weigh(bodies.mass, push, np.ones(count, np.bool_), weight)
+    balance(cones, np.ones(many, np.bool_), many, forces, weight, rest)
+    speeds(bodies.mass, rest, out)
 
-    ``effect`` (M, 2, 6), each of length one, on the bodies ``owner`` (M, 2), −1 for none. Returns
-    the number of rounds.
-    """
-    many, most = effect.shape[0], min(effect.shape[0], 6 * weight.shape[0] + 1)
-    used = np.empty(most, np.int64)
-    active = np.zeros(many, np.bool_)
-    share, trial = np.zeros(most), np.zeros(most)
-    wanted, half = np.zeros(most), np.zeros(most)
-    gram, root = np.zeros((most, most)), np.zeros((most, most))
-    total = 0.0
-    for b in range(weight.shape[0]):
-        for i in range(6):
-            total += weight[b, i] * weight[b, i]
-            rest[b, i] = weight[b, i]
-    enough = TOLERANCE * math.sqrt(total)
-    n, barred, rounds = 0, -1, 0
-    while rounds < 20 * most:
-        rounds += 1
-        best, gain = -1, enough
-        for j in range(many):
-            if not active[j] and j != barred:
-                g = _along(effect, owner, j, rest)
-                if g > gain:
-                    best, gain = j, g
-        if best < 0 or n == most:
-            break
-        # one more force
-        for k in range(n):
-            gram[n, k] = gram[k, n] = _between(effect, owner, best, used[k])
-        gram[n, n] = 1.0 + COMPLIANCE
-        used[n], share[n], active[best] = best, 0.0, True
-        wanted[n] = _along(effect, owner, best, weight)
-        n += 1
-        if not _factor(gram, root, n - 1, n):
-            n -= 1
-            active[best] = False
-            barred = best
-            continue
-        barred = -1
-        while True:
-            _solve(root, wanted, half, trial, n)
-            step, worst = 1.0, -1
-            for k in range(n):
-                if trial[k] <= 0.0:
-                    s = 0.0 if share[k] <= 0.0 else share[k] / (share[k] - trial[k])
-                    if s < step:
-                        step, worst = s, k
-            if worst < 0:
-                for k in range(n):
-                    share[k] = trial[k]
-                break
-            if worst == n - 1 and share[n - 1] == 0.0 and step == 0.0:
-                barred = used[n - 1]  # rounding alone made it look useful
-            first, kept = n, 0
-            for k in range(n):
-                share[k] += step * (trial[k] - share[k])
-            share[worst] = 0.0
-            for k in range(n):
-                if share[k] > 1e-14 * total or (k != worst and trial[k] > 0.0):
-                    if kept != k:
-                        used[kept], share[kept], wanted[kept] = used[k], share[k], wanted[k]
-                        for m in range(n):
-                            gram[kept, m] = gram[k, m]
-                        for m in range(n):
-                            gram[m, kept] = gram[m, k]
-                    kept += 1
-                else:
-                    active[used[k]] = False
-                    first = min(first, k)
-            n = kept
-            if n == 0:
-                break
-            if not _factor(gram, root, first, n):
-                return -1
-        for b in range(weight.shape[0]):
-            for i in range(6):
-                rest[b, i] = weight[b, i]
-        for k in range(n):
-            for side in range(2):
-                b = owner[used[k], side]
-                if b >= 0:
-                    for i in range(6):
-                        rest[b, i] -= share[k] * effect[used[k], side, i]
-    return rounds
+
+@kernel
+def spread(bodies: Bodies, touches: Touches, count: int, cones: Cones) -> None:
+    """Fill in the cones of the first ``count`` contacts."""
+    for b in range(bodies.mass.shape[0]):
+        _whiten(bodies.inertia[b], cones.whiten[b])
+    for c in range(count):
+        cones.first[c], cones.second[c] = touches.first[c], touches.second[c]
+        nx, ny, nz = touches.normal[c, 0], touches.normal[c, 1], touches.normal[c, 2]
+        # u = n × x, or n × y where x is nearly n; v = n × u
+        ux, uy, uz = (0.0, nz, -ny) if abs(nx) < 0.9 else (-nz, 0.0, nx)
+        size = math.sqrt(ux * ux + uy * uy + uz * uz)
+        ux, uy, uz = ux / size, uy / size, uz / size
+        vx, vy, vz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
+        rough = touches.friction[c]
+        _act(bodies, touches, cones, c, 0, nx, ny, nz)
+        _act(bodies, touches, cones, c, 1, rough * ux, rough * uy, rough * uz)
+        _act(bodies, touches, cones, c, 2, rough * vx, rough * vy, rough * vz)
+        effect = cones.effect[c]
+        nn, nu, nv = (
+            _dot(effect[0], effect[0]),
+            _dot(effect[0], effect[1]),
+            _dot(effect[0], effect[2]),
+        )
+        uu, uv, vv = (
+            _dot(effect[1], effect[1]),
+            _dot(effect[1], effect[2]),
+            _dot(effect[2], effect[2]),
+        )
+        for k in range(CONE_SIDES):
+            x, y = COS[k], SIN[k]
+            square = nn + 2 * (x * nu + y * nv + x * y * uv) + x * x * uu + y * y * vv
+            cones.scale[c, k] = 1.0 / math.sqrt(square)
 
 
 @helper
-def _along(effect: F64, owner: I64, j: int, vector: F64) -> float:
+def _act(
+    bodies: Bodies, touches: Touches, cones: Cones, c: int, axis: int, x: float, y: float, z: float
+) -> None:
+    """What a force (x, y, z) of the second on the first body, and the other way round, does."""
+    for side in range(2):
+        b, sign = (touches.second[c], 1.0) if side else (touches.first[c], -1.0)
+        out = cones.effect[c, axis, side]
+        for i in range(6):
+            out[i] = 0.0
+        if b < 0:
+            continue
+        rx = touches.position[c, 0] - bodies.centre[b, 0]
+        ry = touches.position[c, 1] - bodies.centre[b, 1]
+        rz = touches.position[c, 2] - bodies.centre[b, 2]
+        one = sign / math.sqrt(bodies.mass[b])
+        out[0], out[1], out[2] = one * x, one * y, one * z
+        tx, ty, tz = sign * (ry * z - rz * y), sign * (rz * x - rx * z), sign * (rx * y - ry * x)
+        for i in range(3):
+            row = cones.whiten[b, i]
+            out[3 + i] = row[0] * tx + row[1] * ty + row[2] * tz
+
+
+@helper
+def _dot(a: F64, b: F64) -> float:
     found = 0.0
     for side in range(2):
-        b = owner[j, side]
-        if b >= 0:
-            for i in range(6):
-                found += effect[j, side, i] * vector[b, i]
-    return found
-
-
-@helper
-def _between(effect: F64, owner: I64, j: int, k: int) -> float:
-    found = 0.0
-    for one in range(2):
-        for other in range(2):
-            if owner[j, one] >= 0 and owner[j, one] == owner[k, other]:
-                for i in range(6):
-                    found += effect[j, one, i] * effect[k, other, i]
+        for i in range(6):
+            found += a[side, i] * b[side, i]
     return found
 
 
 @kernel
-def _factor(gram: F64, root: F64, first: int, n: int) -> bool:
-    """Rows of the Cholesky factor from ``first`` on; False where the matrix is singular."""
-    for i in range(first, n):
-        for j in range(i + 1):
-            s = gram[i, j]
-            for k in range(j):
-                s -= root[i, k] * root[j, k]
-            if i == j:
-                if s <= 0.1 * COMPLIANCE:
-                    return False
-                root[i, i] = math.sqrt(s)
-            else:
-                root[i, j] = s / root[j, j]
-    return True
+def _whiten(inertia: F64, out: F64) -> None:
+    """The inverse of the Cholesky factor (3, 3)."""
+    a = math.sqrt(inertia[0, 0])
+    b, d = inertia[1, 0] / a, inertia[2, 0] / a
+    c = math.sqrt(inertia[1, 1] - b * b)
+    e = (inertia[2, 1] - d * b) / c
+    f = math.sqrt(inertia[2, 2] - d * d - e * e)
+    out[0, 0], out[0, 1], out[0, 2] = 1.0 / a, 0.0, 0.0
+    out[1, 0], out[1, 1], out[1, 2] = -b / (a * c), 1.0 / c, 0.0
+    out[2, 0] = (b * e - c * d) / (a * c * f)
+    out[2, 1], out[2, 2] = -e / (c * f), 1.0 / f
 
 
 @kernel
-def _solve(root: F64, wanted: F64, half: F64, trial: F64, n: int) -> None:
-    for i in range(n):
-        s = wanted[i]
-        for k in range(i):
-            s -= root[i, k] * half[k]
-        half[i] = s / root[i, i]
-    for i in range(n - 1, -1, -1):
-        s = half[i]
-        for k in range(i + 1, n):
-            s -= root[k, i] * trial[k]
-        trial[i] = s / root[i, i]
+def weigh(mass: F64, push: F64, which: Bool, weight: F64) -> None:
+    """Weights (B, 6) in units of g, with the push, by root of mass; 0 of the others."""
+    weight[:] = 0.0
+    for b in range(mass.shape[0]):
+        if which[b]:
+            heavy = math.sqrt(mass[b])
+            weight[b, 0], weight[b, 1], weight[b, 2] = heavy * push[0], heavy * push[1], heavy
+
+
+@kernel
+def speeds(mass: F64, rest: F64, out: F64) -> None:
+    """(B,) how strongly each body moves, in g, of what is left of its weight."""
+    for b in range(mass.shape[0]):
+        square = 0.0
+        for i in range(6):
+            square += rest[b, i] * rest[b, i]
+        out[b] = math.sqrt(square / mass[b])

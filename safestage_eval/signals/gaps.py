@@ -32,13 +32,15 @@ class Gaps:
 
     def __init__(self, episode: Episode) -> None:
         """Nothing is read; a column is looked at when it is first loaded."""
-        self._given = episode
+        self.given = episode
         self.frames = len(episode)
         self._tracks: dict[str, dict[str, Bool | None]] = {}
         self._pairs: dict[Pair, Bool] = {}
         self._why: dict[Pair, str] = {}
         self.read: set[Pair] = set()
         """Pairs of which forces or normals were read."""
+        self.asked: dict[Pair, set[str]] = {}
+        """Pair → columns of its contacts that were read."""
         self.whole = True
         """Set to false for a part of an episode, which does not tell whether forces were recorded."""
         self.unseen = None if episode.unseen is None or not episode.unseen.any() else episode.unseen
@@ -46,7 +48,7 @@ class Gaps:
     @cached_property
     def episode(self) -> Episode:
         """The episode, with the last measured value in place of NaN; columns are loaded as before."""
-        given, clean = self._given, object.__new__(type(self._given))
+        given, clean = self.given, object.__new__(type(self.given))
         vars(clean).update(vars(given))
         vars(clean)["tracks"] = _CleanTracks(given.tracks, self._clean)
         vars(clean)["_contacts"] = lambda: _CleanContacts(given.contacts, self)
@@ -109,6 +111,11 @@ class Gaps:
                     found = lost if found is None else found | lost
         return found
 
+    def knows(self, body: str, column: str | None = None) -> bool:
+        """Whether a column of a body's track was looked at; or any."""
+        known = self._tracks.get(body, {})
+        return bool(known) if column is None else column in known
+
     # ---- contacts
 
     def mark(self, pair: Pair, frames: NDArray[np.integer], why: str) -> None:
@@ -140,7 +147,7 @@ class Gaps:
 
     def told(self, pairs: Iterable[Pair]) -> tuple[str, ...]:
         """A note on each of the pairs that has such frames."""
-        names = [body.name for body in self._given.header.bodies]
+        names = [body.name for body in self.given.header.bodies]
         found = []
         for pair in dict.fromkeys((min(pair), max(pair)) for pair in pairs):
             lost = self._pairs.get(pair)
@@ -148,7 +155,7 @@ class Gaps:
                 at, many = int(lost.argmax()), int(lost.sum())
                 found.append(
                     f"the force between {names[pair[0]]} and {names[pair[1]]} is not known in "
-                    f"{many} frames from {self._given.t[at]:.3f} s on: {self._why[pair]}"
+                    f"{many} frames from {self.given.t[at]:.3f} s on: {self._why[pair]}"
                 )
         return tuple(found)
 
@@ -181,7 +188,7 @@ class Gaps:
         return not any(self._stays(i) for i in free)
 
     def _stays(self, body: int) -> bool:
-        record = self._given.header.bodies[body]
+        record = self.given.header.bodies[body]
         if record.mass == 0 or not record.geoms:
             return False
         place = self.episode.track(record.name).position
@@ -196,7 +203,7 @@ class Gaps:
         """Why there are no contact forces; empty where they were recorded."""
         if self.forces:
             return ""
-        if self._given.header.force_source == "none":
+        if self.given.header.force_source == "none":
             return "the trace has no contact forces"
         return "the trace has no contact forces: all are zero, though bodies rest on others"
 
@@ -307,6 +314,7 @@ class _CleanContacts(ContactTable):
         """As in the base class."""
         table, gaps, clean = (vars(self)[name] for name in ("_table", "_gaps", "_clean"))
         found = list(table.of_pair(pair, *columns))
+        gaps.asked.setdefault(pair, set()).update(columns)
         if "normal" in columns or "force" in columns:
             gaps.read.add(pair)
         for i, values in enumerate(found):

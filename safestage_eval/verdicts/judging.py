@@ -9,12 +9,14 @@ import numpy as np
 
 from safestage_eval import __version__
 from safestage_eval.episode import Episode, as_judged, describe_holes, with_holes
+from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import RuleError, readable
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import BACKEND, parameters_read, rule_digest
 from safestage_eval.rules.resolve import Binding, bind_episode
+from safestage_eval.signals.at_hand import ReadSoFar
 from safestage_eval.signals.measure import Signals
 from safestage_eval.units import format_quantity
 
@@ -61,7 +63,8 @@ def judge(
 
     Raises:
         InputError: a backend that does not exist, or is not installed.
-        TraceError: a column that a rule needs is broken, or the header contradicts the time stamps.
+        TraceError: a column that a rule needs is broken, or what it rests on contradicts itself:
+            header and time stamps, poses and velocities, contacts and shapes, …
         RuleError: an override that does not fit its parameter.
     """
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
@@ -70,6 +73,7 @@ def judge(
         relations = memory.relations(baseline_frames(rules, episode), backend)
     judge_ = Judge(episode, rules, binding, relations, backend=backend, memory=memory)
     found = judge_.result(trace_hash, assigned_only=assigned_only)
+    judge_.demand_sound()
     if memory is not None:
         values = binding
         if overrides:
@@ -163,6 +167,13 @@ class Judge:
                 if code not in self._rules.rules.keys() | self._rules.costs.keys()
             ),
         )
+
+    def demand_sound(self) -> None:
+        """Raises TraceError where columns that were read from a file cannot all be true."""
+        if self._episode.path is None:  # made in memory, mostly of what a rule asks for alone
+            return
+        for error in contradictions(self._episode, ReadSoFar(self._relations.signals.gaps)):
+            raise error
 
     @property
     def engagement(self) -> Engagement | None:

@@ -120,7 +120,8 @@ def test_fail_on(traces, name, what, code):
 
 
 def test_an_unsafe_failure_is_no_unsafe_success(tmp_path):
-    save(block("failed", room=0.005, success=False, success_time=None), tmp_path / "a.mcap")
+    failed = {"success": False, "success_time": None, "termination": "horizon"}
+    save(block("failed", room=0.005, **failed), tmp_path / "a.mcap")
     assert run("score", tmp_path, "-r", "fsh", "--fail-on", "unsafe-success").code == 0
 
 

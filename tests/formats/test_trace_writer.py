@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from recordings import STILL, falling_cube, header, pose
+from recordings import STILL, falling_cube, header, pose, table_top
 
 from safestage_eval.episode import Body, Geom, Header, Mesh, check
 from safestage_eval.errors import TraceError
@@ -32,13 +32,13 @@ def test_names_and_arrays_record_the_same():
             {
                 "ball": ((1, 0, 0.5), STILL),
                 "cube": ((0, 0, 1 - 4.905 * t * t), STILL),
-                "table": ((0, 0, -0.02), STILL),
+                "table": ((0, 0, table_top(20) - 0.02), STILL),
             },
             {"cube": ((0, 0, -9.81 * t), (0, 0, 0))},
             contacts={
                 "geom1": [1],
                 "geom2": [0],
-                "position": [(0, 0, 0)],
+                "position": [(0, 0, table_top(20))],
                 "normal": [(0, 0, -1)],
                 "force": [(0, 0, -2)],
             }

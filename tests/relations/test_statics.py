@@ -8,8 +8,9 @@ from scenes import G, Scene, moves
 from scipy.optimize import linprog
 
 from safestage_eval.episode import Geom
+from safestage_eval.relations.cones import CONE_SIDES
 from safestage_eval.relations.measure import Relations
-from safestage_eval.relations.statics import ARM, CONE_SIDES, LOST, Bodies, Touches, motion
+from safestage_eval.relations.statics import ARM, LOST, Bodies, Touches, motion
 from safestage_eval.signals.measure import Signals
 
 

@@ -189,13 +189,15 @@ def test_goals_ask_for_letting_go() -> None:
 
 
 def test_within_counts_what_lies_between_and_on_does_not() -> None:
-    def on_a_book(x: float, borne: bool) -> tuple[bool, bool]:
+    def on_a_book(x: float, borne: bool, grip: float = 0.0) -> tuple[bool, bool]:
         out = scene(30, path(30, (0, x, 0.02))).fixed("floor", (0, 0, -1))
         mat = Geom(kind="box", size=(0.1, 0.1, 0.002), position=(0, 0, -0.002))
         out.fixed("mat", geoms=(mat,)).box("book", (0.2, 0.05, 0.01), (0, 0, 0.01))
         out.rests("book", "mat", 0.05, (0, 0, 0), 2 * G)
         if borne:
             out.rests("a", "book", HALF, (x, 0, 0.02), G)
+        for side, y in (("left", 1), ("right", -1)):
+            out.contact(side, "book", (0, 0, 0.01), (0, grip * y, 0), (0, y, 0))
         found = evaluator(out)
         return true(found, "within", "a", "mat")[-1], true(found, "on", "a", "mat")[-1]
 
@@ -203,6 +205,7 @@ def test_within_counts_what_lies_between_and_on_does_not() -> None:
     assert on_a_book(0.09, borne=True) == (True, False)  # two thirds of it over the mat
     assert on_a_book(0.12, borne=True) == (False, False)  # a sixth
     assert on_a_book(0.0, borne=False) == (False, False)  # in the air above it
+    assert on_a_book(0.0, borne=True, grip=5.0) == (False, False)  # the hand still has the book
 
 
 def test_success_latches() -> None:

@@ -1,0 +1,203 @@
+"""What contacts must satisfy: they lie where the bodies are, and bear what rests on them.
+
+One function per check; each returns what it found, none of it twice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.errors import TraceError
+
+from .scene_shapes import BodyShapes
+
+F32 = NDArray[np.float32]
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+
+LOOKED_AT = 64
+"""Contacts of a pair that are compared with poses, evenly spread over its rows."""
+
+NEAR = 0.03
+"""m; a contact point lies so near to the surface of both bodies. In recorded episodes it is 3 mm;
+engines that report a contact before the bodies meet do so at 2 cm."""
+
+APART = 0.05
+"""m; the balls around two bodies that touch are no further apart."""
+
+DEEPEST = 0.1
+"""m; no solver lets bodies overlap by that much: recorded episodes have 1.4 cm, in a crash."""
+
+STILL, STILL_FOR = 5e-4, 0.1
+"""m and s: a body at rest is nowhere else that much before and after each moment of its rest. A
+thrown one is there, at the top of its way, for 2 cm of falling at the least."""
+
+EVERY = 8
+"""Frames of which one is looked at where forces are added up."""
+
+RESTED = 0.2
+"""s of rest at the least before forces are compared with the weight."""
+
+TOO_MUCH, TOO_LITTLE = 2.0, 0.2
+"""Share of its weight that the upward forces on a body at rest may come to; and that all of them,
+added up as they are strong, must come to: friction of 2 by the walls of a gap holds with 0.25. In
+recorded episodes the first is 0.999 to 1.001."""
+
+
+def _every(rows: int) -> int:
+    return max(1, rows // LOOKED_AT)
+
+
+def check_touching_bodies(
+    frame: I32 | None, position: F32, other: F32, reach: float, names: tuple[str, str], t: F64,
+    where: str,
+) -> list[TraceError]:  # fmt: skip
+    """Two bodies that touch are near each other.
+
+    Args:
+        frame: (N,) of their contacts; None if it is only known that there are some.
+        position: (T, 3) m of the one, or (1, 3).
+        other: likewise of the other.
+        reach: m, how far their shapes reach from their origins, together.
+        names: of the two.
+        t: (T,) s.
+        where: for messages.
+    """
+    from .invariant_kernels import farthest_pair, nearest_pair
+
+    out = np.empty(2)
+    if (frame is not None and not len(frame)) or not reach < np.inf:
+        return []
+    if frame is None:
+        nearest_pair(position, other, out)
+    else:
+        farthest_pair(frame, position, other, _every(len(frame)), out)
+    if not (out[1] >= 0 and out[0] > reach + APART):
+        return []
+    when, there = "", "at the nearest"
+    if frame is not None:
+        when, there = f" at {t[frame[int(out[1])]]:.3f} s", "there"
+    return [
+        TraceError(
+            where,
+            f"{names[0]!r} and {names[1]!r} touch{when}, but are {out[0]:.3g} m apart {there}; "
+            f"their shapes reach {reach:.3g} m.",
+            "contacts of bodies that are at the same place",
+            "look for another unit (cm, mm) of one body's poses or shape, exchanged bodies, or "
+            "contacts counted from another frame",
+        )
+    ]
+
+
+def check_contact_points(
+    frame: I32, point: F32, position: F32, orientation: F32, shapes: BodyShapes,
+    names: tuple[str, str, str], t: F64, where: str,
+) -> list[TraceError]:  # fmt: skip
+    """(N, 3) m: contact points lie on the surface of a body.
+
+    ``names``: of the body whose poses and shapes are given, and of both that touch.
+    """
+    from .invariant_kernels import farthest_point
+
+    if not len(frame):
+        return []
+    out = np.empty(2)
+    farthest_point(frame, point, position, orientation, *shapes[:4], _every(len(frame)), out)
+    if not (out[1] >= 0 and out[0] > NEAR):
+        return []
+    at, (body, *pair) = t[frame[int(out[1])]], names
+    return [
+        TraceError(
+            where,
+            f"the contact of {pair[0]!r} and {pair[1]!r} at {at:.3f} s lies {out[0]:.3g} m from the "
+            f"surface of {body!r}.",
+            f"contact points (m, world) within {NEAR} m of both surfaces",
+            "look for other units, quaternions as xyzw, a shape of another size, exchanged bodies, "
+            "or contacts counted from another frame",
+        )
+    ]
+
+
+def check_depths(depth: F32, names: Sequence[str], where: str) -> list[TraceError]:
+    """(N,) m: bodies that touch neither overlap deeply nor are far apart."""
+    if not len(depth) or not float(np.nanmax(np.abs(depth), initial=0)) > DEEPEST:
+        return []
+    return [
+        TraceError(
+            where,
+            f"{names[0]!r} and {names[1]!r} overlap by {np.nanmax(np.abs(depth)):.3g} m.",
+            f"depths (m) up to {DEEPEST}",
+            "look for another unit of the depth, or of a shape",
+        )
+    ]
+
+
+def check_peaks(
+    frame: I32, force: F32, normal: F32, peak: F32, names: Sequence[str], where: str
+) -> list[TraceError]:
+    """(N,) N: a pair's peak within a frame is at least its force at the frame."""
+    rows = np.flatnonzero(frame % EVERY == 0)
+    if not len(rows):
+        return []
+    frame, force, normal, peak = frame[rows], force[rows], normal[rows], peak[rows]
+    along = np.abs(np.einsum("ij,ij->i", force.astype(np.float64), normal.astype(np.float64)))
+    total = np.bincount(frame, along, minlength=int(frame.max()) + 1)[frame]
+    less = peak < 0.99 * total - 1e-2  # false of NaN
+    if not less.any():
+        return []
+    n = int(less.argmax())
+    return [
+        TraceError(
+            where,
+            f"the peak force of {names[0]!r} and {names[1]!r} at frame {frame[n]} is {peak[n]:.3g} N, "
+            f"less than their force at that frame, {total[n]:.3g} N.",
+            "the greatest sum of a pair's normal forces within the frame",
+            "look for another unit; or write NaN where no peak was recorded",
+        )
+    ]
+
+
+def check_weight(
+    t: F64, position: F32, weight: float, sums: F64, body: str, where: str
+) -> list[TraceError]:
+    """Contacts bear a free body that rests.
+
+    Args:
+        t: (T,) s.
+        position: (T, 3) m.
+        weight: N.
+        sums: (T, 2) N, from all of its contacts: the upward part, and how strong they are; at each
+            ``EVERY`` frames.
+        body: for messages.
+        where: likewise.
+    """
+    from .invariant_kernels import while_at_rest
+
+    dt = float(t[-1] - t[0]) / max(len(t) - 1, 1)
+    if len(position) != len(t) or not (0 < dt <= LONGEST_STEP) or not weight > 0:
+        return []
+    reach, out = max(1, round(STILL_FOR / dt)), np.empty(3)
+    while_at_rest(position, sums, reach, STILL, EVERY, out)
+    upward, strength, frames = out[0], out[1], out[2] * EVERY
+    if frames * dt < RESTED:
+        return []
+    told = f"{body!r} rests for {frames * dt:.2f} s, and weighs {weight:.3g} N"
+    fix = (
+        "look for another unit of mass or forces, a lost support, or poses in another unit or axis"
+    )
+    if upward > TOO_MUCH * weight:
+        what = f"{told}, but contacts press it up with {upward:.3g} N (mean)."
+        return [TraceError(where, what, "forces in N that bear the weight", fix)]
+    if upward < -0.5 * weight or strength < TOO_LITTLE * weight:
+        what = (
+            f"{told}, but contacts bear it with {upward:.3g} N (mean of {strength:.3g} N in all)."
+        )
+        return [TraceError(where, what, "forces in N, on body 2 by body 1", fix)]
+    return []
+
+
+LONGEST_STEP = STILL_FOR / 2
+"""s; at lower rates nobody can tell whether a body rests."""

@@ -1,0 +1,246 @@
+"""What falls when a body is taken away: the rest of a pile balanced anew until nothing more falls."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.compiled import allocating, kernel
+
+from .cones import Cones, Forces, balance, clear, room_for_cones, room_for_forces
+from .statics import LOST, Bodies, Touches, speeds, spread, weigh
+
+Bool = NDArray[np.bool_]
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+PUSHES = np.array([[0.0, 0.0], [0.02, 0.0], [-0.02, 0.0], [0.0, 0.02], [0.0, -0.02]])
+"""Shares of g along x and y: what falls as soon as the ground tilts by 1.1° falls. An equilibrium
+that needs every contact to give its utmost exists on paper only."""
+
+
+class Pile(NamedTuple):
+    """B objects and P pairs of bodies that touch, at F frames.
+
+    Attributes:
+        mass: (B,) kg.
+        centre: (F, B, 3) m, centres of mass, world.
+        inertia: (F, B, 3, 3) kg m², about the centre of mass, world axes.
+        owner: (P, 2) the object that each side of the pair is, −1 for what holds still.
+        part: (P, 2) the object that it goes with when that is taken away, −1 for none.
+        start: (P, F + 1) the pair's contact points at frame f are start[f] … start[f + 1].
+        position, normal: (N, 3) m and unit, from the pair's first body to its second, world.
+        friction: (N,)
+    """
+
+    mass: F64
+    centre: F64
+    inertia: F64
+    owner: I64
+    part: I64
+    start: I64
+    position: F64
+    normal: F64
+    friction: F64
+
+
+def collapse(pile: Pile, body: int, removed: int, off: Bool) -> tuple[I64, Bool]:
+    """(F,) the first of ``PUSHES`` under which a body falls, −1 if none; (F, B) what falls then.
+
+    ``removed`` is taken away, −1 if it is no object of the pile, and with it the contacts of the
+    pairs ``off`` (P,).
+    """
+    fallen = np.zeros(pile.centre.shape[:2], np.bool_)
+    push = np.empty(len(fallen), np.int64)
+    _collapse(pile, body, removed, off, PUSHES, push, fallen)
+    return push, fallen
+
+
+class _Group(NamedTuple):
+    """Bodies that hang together at one frame, and room to see what falls.
+
+    Attributes:
+        joined: (B,) the bodies.
+        gone, left: (B,) taken away or fallen; what touched such, and what hangs together with that.
+        pair: (C,) the pair of each contact.
+        present, kept: (P,) pairs that touch, and those of them that bear what is left.
+        some, before: (C,) the contacts of these, and those of the balance before.
+        weight, rest: (B, 6) see ``balance``.
+        moved, unrest: (B,) how strongly each moves, in g; and with nothing taken away.
+    """
+
+    joined: Bool
+    gone: Bool
+    left: Bool
+    pair: I64
+    present: Bool
+    kept: Bool
+    some: Bool
+    before: Bool
+    weight: F64
+    rest: F64
+    moved: F64
+    unrest: F64
+
+
+@allocating
+def _collapse(
+    pile: Pile, body: int, removed: int, off: Bool, pushes: F64, push: I64, fallen: Bool
+) -> None:
+    bodies, pairs, most = len(pile.mass), len(pile.owner), 0
+    for f in range(len(push)):
+        points = 0
+        for p in range(pairs):
+            points += pile.start[p, f + 1] - pile.start[p, f]
+        most = max(most, points)
+    flags, numbers = np.zeros((3, bodies), np.bool_), np.zeros((2, bodies))
+    group = _Group(
+        flags[0], flags[1], flags[2], np.empty(most, np.int64),
+        np.empty(pairs, np.bool_), np.empty(pairs, np.bool_),
+        np.zeros(most, np.bool_), np.zeros(most, np.bool_),
+        np.empty((bodies, 6)), np.empty((bodies, 6)), numbers[0], numbers[1],
+    )  # fmt: skip
+    touches = Touches(
+        np.empty(most, np.int64), np.empty(most, np.int64),
+        np.empty((most, 3)), np.empty((most, 3)), np.empty(most),
+    )  # fmt: skip
+    cones, forces = room_for_cones(most, bodies), room_for_forces(most, bodies)
+    for f in range(len(push)):
+        _join(pile, body, f, group)
+        count = _gather(pile, f, group, touches)
+        spread(Bodies(pile.mass, pile.centre[f], pile.inertia[f]), touches, count, cones)
+        clear(forces)
+        push[f] = -1
+        for k in range(len(pushes)):
+            _fall(pile, group, cones, forces, count, removed, off, pushes[k])
+            if group.gone[body]:
+                push[f] = k
+                for b in range(bodies):
+                    fallen[f, b] = group.gone[b]
+                break
+
+
+@kernel
+def _join(pile: Pile, body: int, f: int, group: _Group) -> None:
+    """The bodies that contacts at a frame join to this one, and the pairs that touch them."""
+    group.left[:] = False
+    group.left[body] = True
+    for p in range(len(pile.owner)):
+        group.kept[p] = pile.start[p, f] < pile.start[p, f + 1]
+    _spread_left(pile, group)
+    for b in range(len(group.left)):
+        group.joined[b] = group.left[b]
+    for p in range(len(pile.owner)):
+        i, j = pile.owner[p, 0], pile.owner[p, 1]
+        near = (i >= 0 and group.joined[i]) or (j >= 0 and group.joined[j])
+        group.present[p] = group.kept[p] and near
+
+
+@kernel
+def _spread_left(pile: Pile, group: _Group) -> None:
+    """Add to what is left what contacts that are kept join to it."""
+    more = True
+    while more:
+        more = False
+        for p in range(len(pile.owner)):
+            i, j = pile.owner[p, 0], pile.owner[p, 1]
+            if group.kept[p] and i >= 0 and j >= 0 and group.left[i] != group.left[j]:
+                group.left[i] = group.left[j] = more = True
+
+
+@kernel
+def _gather(pile: Pile, f: int, group: _Group, touches: Touches) -> int:
+    """The contacts of what hangs together; how many there are."""
+    count = 0
+    for p in range(len(pile.owner)):
+        if group.present[p]:
+            for n in range(pile.start[p, f], pile.start[p, f + 1]):
+                group.pair[count] = p
+                touches.first[count], touches.second[count] = pile.owner[p, 0], pile.owner[p, 1]
+                for a in range(3):
+                    touches.position[count, a] = pile.position[n, a]
+                    touches.normal[count, a] = pile.normal[n, a]
+                touches.friction[count] = pile.friction[n]
+                count += 1
+    return count
+
+
+@kernel
+def _fall(
+    pile: Pile, group: _Group, cones: Cones, forces: Forces, count: int, removed: int, off: Bool,
+    push: F64,
+) -> None:  # fmt: skip
+    """Take a body away, and what moves then, until nothing more does: ``group.gone``."""
+    weighed, bodies = False, len(group.gone)
+    group.gone[:] = False
+    if removed >= 0:
+        group.gone[removed] = True
+    while _leave(pile, group, off):
+        _balance(pile, group, cones, forces, count, push, group.moved)
+        moves = False
+        for b in range(bodies):
+            moves |= group.left[b] and group.moved[b] > LOST
+        if not moves:
+            return
+        if not weighed:
+            weighed = True
+            _weigh_all(pile, group, cones, forces, count, push)
+            _leave(pile, group, off)
+        moves = False
+        for b in range(bodies):
+            if group.left[b] and group.moved[b] > LOST + group.unrest[b]:
+                group.gone[b] = moves = True
+        if not moves:
+            return
+
+
+@kernel
+def _weigh_all(
+    pile: Pile, group: _Group, cones: Cones, forces: Forces, count: int, push: F64
+) -> None:
+    """What is out of balance before anything is taken away."""
+    for b in range(len(group.left)):
+        group.left[b] = group.joined[b]
+    for p in range(len(group.kept)):
+        group.kept[p] = group.present[p]
+    _balance(pile, group, cones, forces, count, push, group.unrest)
+
+
+@kernel
+def _leave(pile: Pile, group: _Group, off: Bool) -> bool:
+    """What touched those that are gone, and what hangs together with that; False if nothing."""
+    group.left[:] = False
+    some = False
+    for p in range(len(group.kept)):
+        i, j = pile.part[p, 0], pile.part[p, 1]
+        away = off[p] or (i >= 0 and group.gone[i]) or (j >= 0 and group.gone[j])
+        group.kept[p] = group.present[p] and not away
+        if group.present[p] and away:
+            for side in range(2):
+                b = pile.owner[p, side]
+                if b >= 0 and not group.gone[b]:
+                    group.left[b] = some = True
+    _spread_left(pile, group)
+    return some
+
+
+@kernel
+def _balance(
+    pile: Pile, group: _Group, cones: Cones, forces: Forces, count: int, push: F64, moved: F64
+) -> None:
+    """How strongly each moves of what is left, in g."""
+    same = True
+    for c in range(count):
+        p = group.pair[c]
+        i, j = pile.owner[p, 0], pile.owner[p, 1]
+        bears = i != j and ((i >= 0 and group.left[i]) or (j >= 0 and group.left[j]))
+        group.some[c] = group.kept[p] and bears
+        same &= group.some[c] == group.before[c]
+        group.before[c] = group.some[c]
+    if not same:
+        clear(forces)
+    weigh(pile.mass, push, group.left, group.weight)
+    balance(cones, group.some, count, forces, group.weight, group.rest)
+    speeds(pile.mass, group.rest, moved)
