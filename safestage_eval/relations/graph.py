@@ -154,7 +154,9 @@ class SupportGraph:
         below = self._below(body)
         if on not in below or body == on:
             return np.zeros(self._frames, np.bool_)
-        open_ = self._let_go(below, lambda i: held(i) if i != on else np.zeros(self._frames, np.bool_))
+        open_ = self._let_go(
+            below, lambda i: held(i) if i != on else np.zeros(self._frames, np.bool_)
+        )
         return self._spread(open_, {on: np.ones(self._frames, np.bool_)})[body]
 
     def _let_go(
