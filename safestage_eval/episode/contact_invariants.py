@@ -182,8 +182,10 @@ def check_peaks(
     rows = np.flatnonzero(frame % EVERY == 0)
     if not len(rows):
         return []
-    frame, force, normal, peak = frame[rows], force[rows], normal[rows], peak[rows]
-    along = np.abs(np.einsum("ij,ij->i", force.astype(np.float64), normal.astype(np.float64)))
+    frame, peak = frame[rows], peak[rows]
+    force, normal = (values[rows].astype(np.float64) for values in (force, normal))
+    unit = np.abs(np.einsum("ij,ij->i", normal, normal) - 1) < 0.01  # any other is unknown anyway
+    along = np.where(unit, np.abs(np.einsum("ij,ij->i", force, normal)), 0)
     total = np.bincount(frame, along, minlength=int(frame.max()) + 1)[frame]
     less = peak < 0.99 * total - 1e-2  # false of NaN
     if not less.any():

@@ -216,8 +216,9 @@ class _Looked:
         from .invariant_kernels import add_forces
 
         header = self.episode.header
-        if header.force_source == "none":
-            return
+        forces = [found["force"] for found in self.pairs.values() if "force" in found]
+        if header.force_source == "none" or not any(force.any() for force in forces):
+            return  # zero throughout: not recorded
         for i in _free(header.bodies, (joint.body for joint in header.joints)):
             body = header.bodies[i]
             place = self.at_hand.track(body.name, "position")

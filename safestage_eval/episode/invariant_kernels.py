@@ -152,6 +152,8 @@ def farthest_point(
         px = x - 2 * w * cx + 2 * (b * cz - c * cy)
         py = y - 2 * w * cy + 2 * (c * cx - a * cz)
         pz = z - 2 * w * cz + 2 * (a * cy - b * cx)
+        if not abs(px) + abs(py) + abs(pz) < np.inf:
+            continue
         least = np.inf
         for g in range(len(kind)):
             dx, dy, dz = px - place[g, 0], py - place[g, 1], pz - place[g, 2]
@@ -202,7 +204,7 @@ def farthest_pair(frame: I32, first: F32, second: F32, every: int, out: F64) -> 
         y = np.float64(first[i, 1]) - second[j, 1]
         z = np.float64(first[i, 2]) - second[j, 2]
         far = np.sqrt(x * x + y * y + z * z)
-        if out[1] < 0 or far > out[0]:
+        if far > out[0] or (out[1] < 0 and far < np.inf):
             out[0], out[1] = far, n
 
 
