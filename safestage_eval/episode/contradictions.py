@@ -36,7 +36,7 @@ PAIRS = (("position", "linear_velocity"), ("orientation", "angular_velocity"))
 """Poses, and velocities that say how they change."""
 
 
-CONTACTS = ("frame", "position", "normal", "force", "peak_force", "depth")
+CONTACTS = ("frame", "position", "normal", "force", "force.z", "peak_force", "depth")
 """Columns of contacts that are looked at."""
 
 
@@ -216,7 +216,12 @@ class _Looked:
         from .invariant_kernels import add_forces
 
         header = self.episode.header
-        forces = [found["force"] for found in self.pairs.values() if "force" in found]
+        forces = (
+            told[name]
+            for told in self.pairs.values()
+            for name in ("force", "force.z")
+            if name in told
+        )
         if header.force_source == "none" or not any(force.any() for force in forces):
             return  # zero throughout: not recorded
         for i in _free(header.bodies, (joint.body for joint in header.joints)):
