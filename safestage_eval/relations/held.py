@@ -113,15 +113,16 @@ def gripper_of(episode: Episode, finger: int) -> str:
     is jointed to. Where no parent is told: the only gripper, or the name but for its side.
     """
     bodies, about = episode.bodies, episode.header.bodies[finger]
-    line = [about]
-    while line[-1].parent in bodies and bodies[str(line[-1].parent)] not in line:
-        line.append(bodies[str(line[-1].parent)])
+    names = [about.name]
+    while (above := bodies[names[-1]].parent) in bodies and above not in names:
+        names.append(above)
+    line = [bodies[name] for name in names]
     hands = [b.name for b in line if b.kind == "gripper" and b.finger is None]
     if hands:
         return hands[-1]
-    above = next((b.name for b in line if b.finger is None), None)
-    if above is not None:
-        return above
+    palm = next((b.name for b in line if b.finger is None), None)
+    if palm is not None:
+        return palm
     fingers = [b for b in episode.header.bodies if b.finger is not None]
     if all(sum(b.finger == side for b in fingers) <= 1 for side in ("left", "right")):
         return ""
