@@ -153,3 +153,20 @@ def test_what_turns_along_with_a_hand_on_the_table_may_hang_from_it() -> None:
             doubt = found.doubtful(name, ("box",))
             assert (doubt is not None and bool(doubt[0][90:].any())) == open_, name
             assert name == "held" or doubt is None or not doubt[0][:20].any()
+
+
+@pytest.mark.parametrize(("left", "right", "held"), [
+    ((-0.06, 0, 0.05), (0.06, 0, 0.05), True),
+    ((-0.06, -0.02, 0.05), (-0.06, 0.02, 0.05), False),  # a fist that pushes
+    ((-0.02, 0, 0.11), (0.02, 0, 0.11), False),  # … or presses down
+])  # fmt: skip
+def test_without_forces_fingers_hold_what_is_between_them(
+    left: tuple[float, ...], right: tuple[float, ...], held: bool
+) -> None:
+    scene = Scene(4).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    for side, at in (("left", left), ("right", right)):
+        scene.box(side, 0.01, at, kind="gripper", finger=side)
+    found = relations(scene, force_source="none")
+    doubt = found.doubtful("held", ("a",))
+    assert found.get("held", ("a",)).all() == held
+    assert (doubt is None) == held
