@@ -309,21 +309,18 @@ def joints_untold(episode: Episode, rng: np.random.Generator) -> tuple[str, Epis
 def body_removed(episode: Episode, rng: np.random.Generator) -> tuple[str, Episode]:
     """A body is not in the header any more, nor are its poses and contacts.
 
-    It shows where a role, a joint or another body names it, or where it bore what rests. Its roles
-    are unbound, or name it still.
+    It shows where a joint or another body names it, or where it bore what rests: its roles are unbound
+    then. Otherwise a role must name it still.
     """
     told = episode.header
     name = str(rng.choice([b.name for b in told.bodies]))
     roles = {role: who for role, who in told.roles.items() if name not in who}
-    named = len(roles) < len(told.roles) or any(
-        name == other for b in told.bodies for other in (b.parent, *b.excluded)
-    )
-    named |= name in {joint.body for joint in told.joints}
-    if not named and name not in bearers(episode):
-        raise ValueError("nobody could see that it is gone")
     found = without(episode, name)
-    if rng.random() < 0.8:
-        found = header(found, roles=roles)
+    named = {b.parent for b in told.bodies} | {joint.body for joint in told.joints}
+    if name in named or name in bearers(episode):
+        return name, header(found, roles=roles)
+    if len(roles) == len(told.roles):
+        raise ValueError("nobody could see that it is gone")
     return name, found
 
 

@@ -240,3 +240,38 @@ def check_weight(
             )
         ]
     return []
+
+
+def check_free_fall(
+    t: F64, position: F32, gravity: float, touched: NDArray[np.bool_], body: str, where: str
+) -> list[TraceError]:
+    """What nothing touches falls.
+
+    Args:
+        t: (T,) s.
+        position: (T, 3) m, of a free body.
+        gravity: m/s².
+        touched: (T,) something may touch it.
+        body: for messages.
+        where: likewise.
+    """
+    from .invariant_kernels import while_untouched
+
+    dt = float(t[-1] - t[0]) / max(len(t) - 1, 1)
+    if len(position) != len(t) or not 0 < dt <= STILL_FOR / 2:
+        return []
+    reach, out = max(1, round(STILL_FOR / dt)), np.empty(2)
+    # at the middle of 2 reaches it is g (reach dt)² / 2 above the line; half of that is asked for
+    while_untouched(position, touched, reach, 0.25 * gravity * (reach * dt) ** 2, out)
+    if out[0] * dt < RESTED:
+        return []
+    return [
+        TraceError(
+            where,
+            f"{body!r} does not fall at {t[int(out[1])]:.3f} s, though nothing touches it for "
+            f"{out[0] * dt:.2f} s in all.",
+            "contacts of all that bears or carries a body",
+            "look for contacts that are not recorded, or counted from another frame, and for other "
+            "units; a body that gravity does not act on is not movable, or has no mass",
+        )
+    ]

@@ -213,8 +213,6 @@ class _Looked:
 
     def weights(self) -> Iterator[TraceError]:
         """Forces against the weights of free bodies at rest."""
-        from .invariant_kernels import add_forces
-
         header = self.episode.header
         forces = (
             told[name]
@@ -229,25 +227,37 @@ class _Looked:
             place = self.at_hand.track(body.name, "position")
             if place is None:
                 continue
-            own = [pair for pair in self.pairs if i in pair]
-            missing = [p for p in own if not self.pairs[p].keys() >= {"frame", "force"}]
-            others = (header.bodies[sum(p) - i].kind for p in missing)
-            if any(kind not in ("robot", "gripper") for kind in others):
+            found = self._borne(i, place, exact=False)
+            if found:  # contacts that no rule asked for may explain it
+                found = self._borne(i, place, exact=True)
+            yield from found
+
+    def _borne(self, i: int, place: Array, *, exact: bool) -> list[TraceError]:
+        """What is wrong with how a body (index) is borne; ``exact``: with all of its contacts."""
+        from .invariant_kernels import add_forces
+
+        t, header, body = self.episode.t, self.episode.header, self.episode.header.bodies[i]
+        sums, touched = np.zeros((len(t), 4)), np.zeros(len(t), np.bool_)
+        for pair, told in self.pairs.items():
+            if i not in pair:
                 continue
-            sums, sign = np.zeros((len(self.episode), 4)), [1.0, -1.0]
-            told = self.episode.t, place, (body.mass or 0.0) * -header.gravity[2], sums, body.name
-            for pair in own:
-                if pair not in missing:
-                    found = self.pairs[pair]
-                    first = sign[pair[0] == i]
-                    add_forces(found["frame"], found["force"], first, touch.EVERY, sums)
-            if missing and touch.check_weight(*told, self.where):
-                # the robot's own forces, which no rule asked for, may explain it
-                for pair in missing:
-                    found = self.at_hand.contacts(pair, "frame", "force")
-                    first = sign[pair[0] == i]
-                    add_forces(found["frame"], found["force"], first, touch.EVERY, sums)
-            yield from touch.check_weight(*told, self.where)
+            if told.keys() >= {"frame", "force"}:
+                sign = -1.0 if pair[0] == i else 1.0
+                add_forces(told["frame"], told["force"], sign, touch.EVERY, sums, touched)
+            elif exact:
+                frame = self.at_hand.contacts(pair, "frame")["frame"]
+                sums[frame], touched[frame] = np.nan, True
+        if self.episode.unseen is not None:
+            sums[self.episode.unseen], touched[self.episode.unseen] = np.nan, True
+        gravity = -header.gravity[2]
+        found = touch.check_weight(
+            t, place, (body.mass or 0.0) * gravity, sums, body.name, self.where
+        )
+        return found or (
+            touch.check_free_fall(t, place, gravity, touched, body.name, self.where)
+            if body.mass
+            else []
+        )
 
     def joints(self) -> Iterator[TraceError]:
         """Joints against their limits and velocities."""

@@ -223,12 +223,15 @@ def nearest_pair(first: F32, second: F32, out: F64) -> None:
 
 
 @kernel
-def add_forces(frame: I32, force: F32, sign: float, every: int, sums: F64) -> None:
+def add_forces(
+    frame: I32, force: F32, sign: float, every: int, sums: F64, touched: NDArray[np.bool_]
+) -> None:
     """Add the forces (N, 3) of contacts to the ``sums`` (T, 4): x, y, z, and how strong they are.
 
-    Only at each so many frames (``every``).
+    Only at each so many frames (``every``); ``touched`` (T,) becomes true at all of theirs.
     """
     for n in range(len(frame)):
+        touched[frame[n]] = True
         if frame[n] % every:
             continue
         x, y, z = np.float64(force[n, 0]), np.float64(force[n, 1]), np.float64(force[n, 2])
@@ -254,7 +257,7 @@ def while_at_rest(
 
     Args:
         position: (T, 3) m.
-        sums: (T, 4) N, as ``add_forces``.
+        sums: (T, 4) N, as ``add_forces``; NaN where they are not known.
         reach: frames before and after a moment of rest.
         still: m; further apart is no rest.
         every: as in ``add_forces``.
@@ -272,17 +275,45 @@ def while_at_rest(
             there &= abs(position[i + reach, k] - here) < still
         if not there:
             continue
-        up = sums[i, 2]
-        side = np.sqrt(sums[i, 0] ** 2 + sums[i, 1] ** 2)
-        for k in range(3):
-            wrong = (
-                (sums[i, 3] < least or up < -least)
-                if k == 0
-                else up > most
-                if k == 1
-                else side > aside and up < 0.5 * aside
-            )
-            if wrong:
-                out[k] += 1
-                if out[3 + k] < 0:
-                    out[3 + k] = i
+        up, side = sums[i, 2], np.sqrt(sums[i, 0] ** 2 + sums[i, 1] ** 2)
+        if sums[i, 3] < least or up < -least:
+            _count(0, i, out)
+        if up > most:
+            _count(1, i, out)
+        if side > aside and up < 0.5 * aside:
+            _count(2, i, out)
+
+
+@helper
+def _count(k: int, i: int, out: F64) -> None:
+    out[k] += 1
+    if out[3 + k] < 0:
+        out[3 + k] = i
+
+
+@kernel
+def while_untouched(
+    position: F32, touched: NDArray[np.bool_], reach: int, least: float, out: F64
+) -> None:
+    """How often a body does not fall though nothing touches it.
+
+    Args:
+        position: (T, 3) m.
+        touched: (T,) something may touch it.
+        reach: frames before and after a moment.
+        least: m that it falls at the least, from the line between its places then, in free fall.
+        out: (2,) in how many frames that is so, and the first.
+    """
+    out[0], out[1], last = 0.0, -1.0, -1
+    for i in range(len(position)):
+        if touched[i]:
+            last = i
+        c = i - reach
+        if last >= c - reach or c < reach:
+            continue
+        z = np.float64(position[c, 2])
+        sag = z - 0.5 * (np.float64(position[i, 2]) + position[c - reach, 2])
+        if sag < least:
+            out[0] += 1
+            if out[1] < 0:
+                out[1] = c
