@@ -30,7 +30,9 @@ def between(query: Query) -> Series:
     least = total
     for i, j in pairs:
         force = (sums.peak if peaks else sums.normal)(i, j)
-        total, least = total + force, np.maximum(least, force)
+        total = total + force
+        if peaks:
+            least = np.maximum(least, force)
     if not peaks or len(pairs) < 2:
         least = total
     else:  # the sum at the frame is one that there was

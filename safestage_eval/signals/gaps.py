@@ -288,7 +288,7 @@ class _CleanContacts(ContactTable):
     """Contacts pair by pair, with 0 in place of NaN; whole columns are as they were recorded."""
 
     def __init__(self, table: ContactTable, gaps: Gaps) -> None:
-        vars(self).update(_table=table, _gaps=gaps, _clean={})
+        vars(self).update(_table=table, _gaps=gaps, _clean={}, _whole=set())
 
     def __getattr__(self, name: str) -> Any:
         """Whole columns."""
@@ -313,12 +313,13 @@ class _CleanContacts(ContactTable):
     def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
         """As in the base class."""
         table, gaps, clean = (vars(self)[name] for name in ("_table", "_gaps", "_clean"))
+        whole: set[tuple[Pair, str]] = vars(self)["_whole"]
         found = list(table.of_pair(pair, *columns))
         gaps.asked.setdefault(pair, set()).update(columns)
         if "normal" in columns or "force" in columns:
             gaps.read.add(pair)
         for i, values in enumerate(found):
-            if values.dtype.kind != "f":
+            if values.dtype.kind != "f" or (pair, columns[i]) in whole:
                 continue
             known = clean.get((pair, columns[i]))
             if known is not None:
@@ -326,7 +327,9 @@ class _CleanContacts(ContactTable):
                 continue
             with np.errstate(all="ignore"):
                 sound = np.isfinite(values.sum())
-            if not sound:
+            if sound:
+                whole.add((pair, columns[i]))
+            else:
                 bad = ~np.isfinite(values)
                 rows = bad.reshape(len(values), -1).any(axis=1)
                 if rows.any() and not columns[i].startswith("depth"):

@@ -82,7 +82,8 @@ def slowly(pile: Pile, frame: int, body: int, removed: int, off: np.ndarray) -> 
         if body in gone:
             return k, gone, clear
         balanced.append(gone)
-    for k, (push, gone) in enumerate(zip(PUSHES, balanced, strict=True)):
+    for k, (push, kept) in enumerate(zip(PUSHES, balanced, strict=True)):
+        gone = set(kept)
         before = given(pile, frame, group, pairs, push)
         while True:
             away = [p for p in pairs if off[p] or gone & set(pile.part[p])]
@@ -98,7 +99,7 @@ def slowly(pile: Pile, frame: int, body: int, removed: int, off: np.ndarray) -> 
             clear &= all(abs(before[b] - LOST) > 1e-4 for b in group)
             if max(before.values()) > LOST:
                 break
-            gone = gone | fallen
+            gone |= fallen
         if body in gone:
             return k, gone, clear
     return -1, set(), clear
@@ -113,14 +114,14 @@ def given(pile: Pile, frame: int, bodies: set[int], pairs, push) -> dict[int, fl
     which = [n for p in pairs for n in range(pile.start[p, frame], pile.start[p, frame + 1])]
     many = [pile.start[p, frame + 1] - pile.start[p, frame] for p in pairs]
     owner = np.repeat(number[pile.owner[pairs]].reshape(-1, 2), many, axis=0)
-    bodies_ = Bodies(pile.mass[order], pile.centre[frame][order], pile.inertia[frame][order])
+    there = Bodies(pile.mass[order], pile.centre[frame][order], pile.inertia[frame][order])
     touches = Touches(
         *np.ascontiguousarray(owner.T),
         pile.position[which].reshape(-1, 3),
         pile.normal[which].reshape(-1, 3),
         pile.friction[which],
     )
-    moved = unbalanced(bodies_, touches, pile.force[which].reshape(-1, 3), tuple(push))
+    moved = unbalanced(there, touches, pile.force[which].reshape(-1, 3), tuple(push))
     return dict(zip(order, moved.tolist(), strict=True))
 
 
