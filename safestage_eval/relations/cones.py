@@ -54,7 +54,7 @@ class Forces(NamedTuple):
     """Up to M forces along edges of cones, and room to find them: least squares by active sets.
 
     Attributes:
-        count: (1,) how many there are.
+        size: (1,) how many there are.
         used: (M,) the edge of each, counted over all cones.
         share: (M,) how strong each is.
         owner, column: (M, 2) and (M, 2, 6) the bodies it acts on and what it does, of length one.
@@ -63,7 +63,7 @@ class Forces(NamedTuple):
         wanted, half, trial: (M,) right-hand side, and what is solved for.
     """
 
-    count: I64
+    size: I64
     used: I64
     share: F64
     owner: I64
@@ -115,7 +115,7 @@ def balance(cones: Cones, some: Bool, count: int, forces: Forces, weight: F64, r
     bodies at the same contacts. Returns the number of rounds.
     """
     gram, root, share, trial = forces.gram, forces.root, forces.share, forces.trial
-    most, n = len(forces.used), forces.count[0]
+    most, n = len(forces.used), forces.size[0]
     total = 0.0
     for b in range(weight.shape[0]):
         for i in range(6):
@@ -169,7 +169,7 @@ def balance(cones: Cones, some: Bool, count: int, forces: Forces, weight: F64, r
             if n == 0:
                 break
             if not _factor(gram, root, first, n):
-                forces.count[0] = n
+                forces.size[0] = n
                 clear(forces)
                 return -1
         for b in range(weight.shape[0]):
@@ -181,16 +181,16 @@ def balance(cones: Cones, some: Bool, count: int, forces: Forces, weight: F64, r
                 if b >= 0:
                     for i in range(6):
                         rest[b, i] -= share[k] * forces.column[k, side, i]
-    forces.count[0] = n
+    forces.size[0] = n
     return rounds
 
 
 @kernel
 def clear(forces: Forces) -> None:
     """Begin without forces."""
-    for k in range(forces.count[0]):
+    for k in range(forces.size[0]):
         forces.active[forces.used[k]] = False
-    forces.count[0] = 0
+    forces.size[0] = 0
 
 
 @kernel

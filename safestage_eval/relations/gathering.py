@@ -72,10 +72,10 @@ class Gathering:
             parts = self._assemblies.of(head)
             part.update(dict.fromkeys(parts, k))
             owner.update(dict.fromkeys(parts & self._assemblies.free, k))
-        sides = [
+        owners, parts_of = (
             np.array([at.get(b, -1) for pair in contacts for b in pair], np.int64).reshape(-1, 2)
             for at in (owner, part)
-        ]
+        )
         many = np.zeros((len(contacts), 1 + len(frames)), np.int64)
         for row, (_, count) in zip(many, contacts.values(), strict=True):
             row[1:] = count
@@ -86,7 +86,8 @@ class Gathering:
             np.array(mass),
             np.stack(centre, 1),
             np.stack(inertia, 1),
-            *sides,
+            owners,
+            parts_of,
             start,
             *map(np.concatenate, zip(*points, strict=True)),
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from functools import cached_property
 from itertools import product
 from typing import NamedTuple
@@ -93,24 +93,24 @@ class Neighbours:
         found = [NOTHING]
         at = [np.zeros(0, np.intp)]
         for x, y in product(self._placed(first, frames), self._placed(second, frames)):
-            close = ((x.low <= y.high + NEAR) & (y.low <= x.high + NEAR)).all(axis=1)
-            close = np.flatnonzero(np.broadcast_to(close, len(frames)))
+            meets = np.logical_and(x.low <= y.high + NEAR, y.low <= x.high + NEAR).all(axis=1)
+            close = np.flatnonzero(np.broadcast_to(meets, len(frames)))
             if not len(close):
                 continue
             normal, near = self._normals(first, second, x, y, frames[close])
             if not near.any():
                 continue
             close, normal = close[near], normal[near]
-            sides = [p.corners[close if len(p.corners) > 1 else slice(1)] for p in (x, y)]
+            one, other = (p.corners[close if len(p.corners) > 1 else slice(1)] for p in (x, y))
             play = np.stack([_play(p, normal, close) for p in (x, y)], 1)
-            points, many = overlap(*sides, normal, play, NEAR / 5)
+            points, many = overlap(one, other, normal, play, NEAR / 5)
             rough = np.full(len(points), max(x.friction, y.friction))
             normals = np.repeat(normal, many, axis=0)
             found.append(Patch(points, normals, rough, np.zeros_like(normals)))
             at.append(np.repeat(close, many))
         return by_frame(found, np.concatenate(at), len(frames))
 
-    def about(self, bodies: Sequence[int], frames: NDArray[np.intp]) -> Bool:
+    def about(self, bodies: NDArray[np.intp], frames: NDArray[np.intp]) -> Bool:
         """(F, B, N) bodies whose shapes' boxes come within ``NEAR`` of those of some (B,)."""
         low, high = self._boxes(frames)
         near = np.ones((len(frames), len(bodies), low.shape[1]), np.bool_)

@@ -85,7 +85,7 @@ def stays_for(
 
 
 @allocating
-def stretch_starts(layout: Layout, frames: I64, part: I64, first: I64) -> None:
+def stretch_starts(layout: Layout, frames: I64, part: NDArray[np.int32], first: I64) -> None:
     """Write for each of the frames (N,) the frame that its stretch begins with.
 
     A stretch ends where the ``part`` (N,) of the frames does, or where bodies turned, or moved
