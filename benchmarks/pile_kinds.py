@@ -339,18 +339,18 @@ def tray(r: Rng, p: Pile) -> None:
 
 
 def balls(r: Rng, p: Pile) -> None:
-    """Balls in a row between blocks, some on others."""
+    """Balls in a row between blocks and rails, some on two others."""
     many = int(r.integers(2, 4))
     rad = r.uniform(0.02, 0.028)
     half = many * rad
     for i, s in enumerate((-1, 1)):
         p.add(f"end{i}", (s * (half + 0.03 - 0.0002), 0, 0.03), box(0.03, 0.05, 0.03, dense=900))
     for i, s in enumerate((-1, 1)):
-        p.add(f"fix_rail{i}", (0, s * (rad + 0.004), 0.005), box(half, 0.0039, 0.005))
+        p.add(f"fix_rail{i}", (0, s * (rad + 0.0045), 0.04), box(half, 0.004, 0.04))
     for i in range(many):
         p.add(f"ball{i}", ((2 * i + 1) * rad - half, 0, rad), ball(rad))
     for i in range(many - 1):
-        if r.random() < 0.6:
+        if r.random() < 0.8:
             p.add(f"top{i}", ((2 * i + 2) * rad - half, 0, rad + 1.75 * rad), ball(rad))
 
 

@@ -3,7 +3,9 @@
 Three steps, each kept in a file so that the next can be repeated alone:
 
 1. ``build``: piles of many kinds are drawn, settled in MuJoCo and recorded for a second. A pile is
-   one only if it stands by itself for another ``HOLD`` with nothing taken away. Then each body in
+   one only if it stands by itself for another ``HOLD`` with nothing taken away, and does not come
+   down when the ground tilts by ``TILT``: nobody ever built what stands like a needle on its tip,
+   and whether it depends on anything has no answer, for the next breath fells it. Then each body in
    turn is made intangible and the rest is simulated on, in five ways: with all friction times 0.9,
    1 and 1.1; slowly, so that what falls hits less hard; and slowly with whatever leaves its
    place made intangible as well. What becomes of a when s vanishes is one of ``Fate``; a pair that
@@ -53,16 +55,29 @@ STOOD = (0.002, np.radians(2))
 """m, rad: what neither moved farther nor tilted more stood."""
 
 
+TILT, NUDGE = np.radians(0.3), 1.0
+"""rad, s: every pile bears the ground leaning by so much, each way in turn, for so long."""
+
+
 class Trial(NamedTuple):
-    """One way to simulate on: friction times a factor, slowly or not, without debris or with."""
+    """One way to simulate on.
+
+    Attributes:
+        friction: what all friction is multiplied by.
+        slow: at every step the velocities are cut.
+        clean: what leaves its place is taken away as well.
+        lean: rad, how much the ground leans along x and y.
+    """
 
     friction: float
     slow: bool = False
     clean: bool = False
+    lean: tuple[float, float] = (0.0, 0.0)
 
 
 TRIALS = (Trial(0.9), Trial(1.0), Trial(1.1), Trial(1.0, slow=True))
 CLEAN = Trial(1.0, slow=True, clean=True)
+LEANING = tuple(Trial(1.0, lean=lean) for lean in ((TILT, 0), (-TILT, 0), (0, TILT), (0, -TILT)))
 
 Fate = Literal["falls", "stands", "moves", "between", "friction", "debris"]
 """What becomes of a when s vanishes.
@@ -104,6 +119,9 @@ def build(kind: str, seed: int) -> tuple[TraceWriter, Fates] | None:
         return None
     untouched = [_moves(model, data, None, trial, free) for trial in TRIALS]
     if not all(_stood(motion) for motion in untouched[1].values()):
+        return None
+    leaning = [_moves(model, data, None, trial, free) for trial in LEANING]
+    if any(_fell(motion) for moves in leaning for motion in moves.values()):
         return None
     return writer, _fates(model, data, untouched, free)
 
@@ -195,6 +213,7 @@ def _moves(
     data.qacc_warmstart[:] = start.qacc_warmstart
     friction, touches = model.geom_friction.copy(), model.geom_contype.copy()
     model.geom_friction[:, 0] *= trial.friction
+    model.opt.gravity[:2] = 9.81 * np.sin(trial.lean)
 
     def remove(body: int) -> None:
         own = model.geom_bodyid == body
@@ -202,7 +221,9 @@ def _moves(
 
     if removed is not None:
         remove(removed)
-    duration = HOLD if removed is None else (1.5 if trial.slow else 1) * FALL
+    duration = (1.5 if trial.slow else 1) * FALL
+    if removed is None:
+        duration = NUDGE if any(trial.lean) else HOLD
     every = 4 if trial.clean else 20
     most = dict.fromkeys(free, Motion())
     left = {i for i in free if i != removed}
@@ -228,6 +249,7 @@ def _moves(
                 left.remove(i)
                 remove(i)
     model.geom_friction[:] = friction
+    model.opt.gravity[:2] = 0.0
     model.geom_contype[:] = model.geom_conaffinity[:] = touches
     return most
 

@@ -12,7 +12,8 @@ import evidence  # noqa: E402
 SEED = datetime.now(UTC).toordinal()
 MEASURED = [
     "pose_nan", "all_nan", "unseen", "contact_nan", "bad_normals", "no_forces", "robot_nan",
-    "header_unknown", "body_unknown", "body_removed", "early_end",
+    "header_unknown", "body_unknown", "body_removed", "early_end", "velocities_gone",
+    "contacts_gone", "joints_untold",
 ]  # fmt: skip
 """Kinds of edits of what was measured."""
 SHORTER = ["hole", "thinned", "late_start", "role_unbound", "role_misspelt"]

@@ -25,8 +25,12 @@ _MOST = 1 << 29
 class Keys:
     """The keys of episodes under the settings of a run.
 
-    A key holds wherever the episode is stored: its trace is in it by the content hash that the
-    file states, which ``safestage validate`` compares with the content.
+    A key holds wherever the episode is stored. The trace is in it by the content hash and the digests
+    of every column that the file states; it is not read again. That is sound as far as reading is: a
+    result is kept only if what was read for it had these digests (other data are a problem, and
+    problems are not kept), so a result that is used again is right for the data that the file states.
+    A file that was given other data since, under the same header, is found when it is next judged,
+    and by ``safestage validate``, which compares everything with the hash.
 
     Digests of headers are kept by the bytes of the file of ``meta/episodes`` that they come from, so
     that a file that was read before is understood no more.

@@ -36,7 +36,7 @@ PAIRS = (("position", "linear_velocity"), ("orientation", "angular_velocity"))
 """Poses, and velocities that say how they change."""
 
 
-CONTACTS = ("frame", "position", "normal", "force", "peak_force", "depth")
+CONTACTS = ("frame", "position", "normal", "force", "force.z", "peak_force", "depth")
 """Columns of contacts that are looked at."""
 
 
@@ -52,8 +52,11 @@ class AtHand(Protocol):
         The place of a fixture is one row, and may be read.
         """
 
-    def contacts(self, pair: Pair) -> Mapping[str, Array]:
-        """Columns of the contacts of a pair, as ``ContactTable.of_pair``, by name."""
+    def contacts(self, pair: Pair, *read: str) -> Mapping[str, Array]:
+        """Columns of the contacts of a pair, as ``ContactTable.of_pair``, by name.
+
+        ``read``: columns that are to be read if they are not at hand.
+        """
 
     def frames(self) -> RobotFrames | None:
         """Joints and gripper; None where they are not at hand."""
@@ -77,7 +80,7 @@ class Whole:
         found: Array = getattr(self._episode.tracks[body], column)
         return found
 
-    def contacts(self, pair: Pair) -> Mapping[str, Array]:
+    def contacts(self, pair: Pair, *_: str) -> Mapping[str, Array]:
         """As in ``AtHand``."""
         return dict(zip(CONTACTS, self._episode.contacts.of_pair(pair, *CONTACTS), strict=True))
 
@@ -182,17 +185,23 @@ class _Looked:
                 shapes, place = self.shapes(body), get.track(body.name, "position")
                 if shapes is None or place is None:
                     break
-                there.append((place, shapes.radius))
                 turn = get.track(body.name, "orientation")
+                there.append((shapes.radius, body.name, place, turn, shapes))
                 if frame is not None and point is not None and turn is not None:
                     yield from touch.check_contact_points(
                         frame, point, place, turn, shapes, (body.name, first, second), t, where
                     )
             if len(there) == 2:
-                (place, radius), (other, radius2) = there
-                yield from touch.check_touching_bodies(
-                    frame, place, other, radius + radius2, names, t, where
-                )
+                small, large = sorted(there, key=lambda one: one[0])
+                if frame is not None and large[3] is not None:
+                    yield from touch.check_reached_body(
+                        frame, small[2], small[0], large[2], large[3], large[4],
+                        (small[1], large[1]), t, where,
+                    )  # fmt: skip
+                else:
+                    yield from touch.check_touching_bodies(
+                        frame, small[2], large[2], small[0] + large[0], names, t, where
+                    )
             if frame is None:
                 continue
             if "depth" in told:
@@ -204,25 +213,51 @@ class _Looked:
 
     def weights(self) -> Iterator[TraceError]:
         """Forces against the weights of free bodies at rest."""
-        from .invariant_kernels import add_forces
-
         header = self.episode.header
-        if header.force_source == "none":
-            return
+        forces = (
+            told[name]
+            for told in self.pairs.values()
+            for name in ("force", "force.z")
+            if name in told
+        )
+        if header.force_source == "none" or not any(force.any() for force in forces):
+            return  # zero throughout: not recorded
         for i in _free(header.bodies, (joint.body for joint in header.joints)):
             body = header.bodies[i]
             place = self.at_hand.track(body.name, "position")
-            own = [pair for pair in self.pairs if i in pair] if place is not None else []
-            if place is None or any("force" not in self.pairs[pair] for pair in own):
+            if place is None:
                 continue
-            sums = np.zeros((len(self.episode), 2))
-            for pair in own:
-                frame, force = self.pairs[pair]["frame"], self.pairs[pair]["force"]
-                add_forces(frame, force, -1.0 if pair[0] == i else 1.0, touch.EVERY, sums)
-            weight = (body.mass or 0.0) * -header.gravity[2]
-            yield from touch.check_weight(
-                self.episode.t, place, weight, sums, body.name, self.where
-            )
+            found = self._borne(i, place, exact=False)
+            if found:  # contacts that no rule asked for may explain it
+                found = self._borne(i, place, exact=True)
+            yield from found
+
+    def _borne(self, i: int, place: Array, *, exact: bool) -> list[TraceError]:
+        """What is wrong with how a body (index) is borne; ``exact``: with all of its contacts."""
+        from .invariant_kernels import add_forces
+
+        t, header, body = self.episode.t, self.episode.header, self.episode.header.bodies[i]
+        sums, touched = np.zeros((len(t), 4)), np.zeros(len(t), np.bool_)
+        for pair, told in self.pairs.items():
+            if i not in pair:
+                continue
+            if told.keys() >= {"frame", "force"}:
+                sign = -1.0 if pair[0] == i else 1.0
+                add_forces(told["frame"], told["force"], sign, touch.EVERY, sums, touched)
+            elif exact:
+                frame = self.at_hand.contacts(pair, "frame")["frame"]
+                sums[frame], touched[frame] = np.nan, True
+        if self.episode.unseen is not None:
+            sums[self.episode.unseen], touched[self.episode.unseen] = np.nan, True
+        gravity = -header.gravity[2]
+        found = touch.check_weight(
+            t, place, (body.mass or 0.0) * gravity, sums, body.name, self.where
+        )
+        return found or (
+            touch.check_free_fall(t, place, gravity, touched, body.name, self.where)
+            if body.mass
+            else []
+        )
 
     def joints(self) -> Iterator[TraceError]:
         """Joints against their limits and velocities."""

@@ -152,6 +152,8 @@ def farthest_point(
         px = x - 2 * w * cx + 2 * (b * cz - c * cy)
         py = y - 2 * w * cy + 2 * (c * cx - a * cz)
         pz = z - 2 * w * cz + 2 * (a * cy - b * cx)
+        if not abs(px) + abs(py) + abs(pz) < np.inf:
+            continue
         least = np.inf
         for g in range(len(kind)):
             dx, dy, dz = px - place[g, 0], py - place[g, 1], pz - place[g, 2]
@@ -202,7 +204,7 @@ def farthest_pair(frame: I32, first: F32, second: F32, every: int, out: F64) -> 
         y = np.float64(first[i, 1]) - second[j, 1]
         z = np.float64(first[i, 2]) - second[j, 2]
         far = np.sqrt(x * x + y * y + z * z)
-        if out[1] < 0 or far > out[0]:
+        if far > out[0] or (out[1] < 0 and far < np.inf):
             out[0], out[1] = far, n
 
 
@@ -221,37 +223,97 @@ def nearest_pair(first: F32, second: F32, out: F64) -> None:
 
 
 @kernel
-def add_forces(frame: I32, force: F32, sign: float, every: int, sums: F64) -> None:
-    """Add the forces (N, 3) of contacts to the ``sums`` (T, 2): upward part, and how strong.
+def add_forces(
+    frame: I32, force: F32, sign: float, every: int, sums: F64, touched: NDArray[np.bool_]
+) -> None:
+    """Add the forces (N, 3) of contacts to the ``sums`` (T, 4): x, y, z, and how strong they are.
 
-    Only at each so many frames (``every``).
+    Only at each so many frames (``every``); ``touched`` (T,) becomes true at all of theirs.
     """
     for n in range(len(frame)):
+        touched[frame[n]] = True
         if frame[n] % every:
             continue
         x, y, z = np.float64(force[n, 0]), np.float64(force[n, 1]), np.float64(force[n, 2])
-        sums[frame[n], 0] += sign * z
-        sums[frame[n], 1] += np.sqrt(x * x + y * y + z * z)
+        sums[frame[n], 0] += sign * x
+        sums[frame[n], 1] += sign * y
+        sums[frame[n], 2] += sign * z
+        sums[frame[n], 3] += np.sqrt(x * x + y * y + z * z)
 
 
 @kernel
-def while_at_rest(position: F32, sums: F64, reach: int, still: float, every: int, out: F64) -> None:
-    """Means of the sums (T, 2) over the frames in whose neighbourhood a body does not move.
+def while_at_rest(
+    position: F32,
+    sums: F64,
+    reach: int,
+    still: float,
+    every: int,
+    least: float,
+    most: float,
+    aside: float,
+    out: F64,
+) -> None:
+    """How often forces cannot be those on a body that does not move for a while.
 
-    ``reach``: frames before and after; ``still``: m; ``every`` as in ``add_forces``; ``out`` (3,): both
-    means, and how many frames.
+    Args:
+        position: (T, 3) m.
+        sums: (T, 4) N, as ``add_forces``; NaN where they are not known.
+        reach: frames before and after a moment of rest.
+        still: m; further apart is no rest.
+        every: as in ``add_forces``.
+        least: N; weaker forces, added up, do not bear it; nor do such that pull it down.
+        most: N; it would rise under a greater one.
+        aside: N; it would slide under a greater one, unless half as much presses it up.
+        out: (6,) in how many of the frames looked at each of these is so, and the first of each.
     """
-    out[:3] = 0.0
+    out[:3], out[3:] = 0.0, -1.0
     for i in range(-(-reach // every) * every, len(position) - reach, every):
         there = True
         for k in range(3):
             here = position[i, k]
             there &= abs(position[i - reach, k] - here) < still
             there &= abs(position[i + reach, k] - here) < still
-        if there:
-            out[0] += sums[i, 0]
-            out[1] += sums[i, 1]
-            out[2] += 1
-    if out[2]:
-        out[0] /= out[2]
-        out[1] /= out[2]
+        if not there:
+            continue
+        up, side = sums[i, 2], np.sqrt(sums[i, 0] ** 2 + sums[i, 1] ** 2)
+        if sums[i, 3] < least or up < -least:
+            _count(0, i, out)
+        if up > most:
+            _count(1, i, out)
+        if side > aside and up < 0.5 * aside:
+            _count(2, i, out)
+
+
+@helper
+def _count(k: int, i: int, out: F64) -> None:
+    out[k] += 1
+    if out[3 + k] < 0:
+        out[3 + k] = i
+
+
+@kernel
+def while_untouched(
+    position: F32, touched: NDArray[np.bool_], reach: int, least: float, out: F64
+) -> None:
+    """How often a body does not fall though nothing touches it.
+
+    Args:
+        position: (T, 3) m.
+        touched: (T,) something may touch it.
+        reach: frames before and after a moment.
+        least: m that it falls at the least, from the line between its places then, in free fall.
+        out: (2,) in how many frames that is so, and the first.
+    """
+    out[0], out[1], last = 0.0, -1.0, -1
+    for i in range(len(position)):
+        if touched[i]:
+            last = i
+        c = i - reach
+        if last >= c - reach or c < reach:
+            continue
+        z = np.float64(position[c, 2])
+        sag = z - 0.5 * (np.float64(position[i, 2]) + position[c - reach, 2])
+        if sag < least:
+            out[0] += 1
+            if out[1] < 0:
+                out[1] = c

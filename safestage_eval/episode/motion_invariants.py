@@ -23,7 +23,7 @@ LONGEST = {"position": 0.1, "orientation": 0.02}
 at the rate of its controller (60 Hz in recorded episodes): sampled at 30 Hz, its angular velocity
 says nothing of its turns."""
 
-LEAST = {"position": 0.05, "orientation": 0.5}
+LEAST = {"position": 0.05, "orientation": 0.2}
 """m and rad (root of the sum of squares over windows): less motion is not compared."""
 
 DIFFERS = {"position": 0.45, "orientation": 0.6}

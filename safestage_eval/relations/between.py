@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from safestage_eval.geometry.clearance import motion_bound
 from safestage_eval.geometry.mover import Mover
+from safestage_eval.signals.gaps import TWIST
+from safestage_eval.signals.motion import derived
 
 if TYPE_CHECKING:
     from .measure import Relations
@@ -57,11 +59,18 @@ def _near(relations: Relations, a: str, b: str, where: Bool) -> Bool:
 
 
 def _travel(relations: Relations, name: str) -> F64:
-    """(T − 1,) m, how far any point goes between two samples at the faster of their velocities."""
+    """(T − 1,) m, how far any point goes between two samples at the faster of their velocities.
+
+    Where none was recorded, at the speed between these two samples, or the two before or behind them.
+    """
     episode = relations.episode
     if len(episode.tracks[name]) == 1:
         return np.zeros(len(episode) - 1)
     track, mover = episode.tracks[name], relations.signals.movers[name]
+    if any(derived(episode, name, column) for column in TWIST):
+        fast = mover.steps / np.diff(episode.t)
+        beside = np.pad(fast, 1)
+        return np.asarray(np.maximum.reduce([beside[:-2], fast, beside[2:]]) * np.diff(episode.t))
     speed = _length(track.linear_velocity) + _length(track.angular_velocity) * _size(mover)
     return np.asarray(np.maximum(speed[:-1], speed[1:]) * np.diff(episode.t))
 

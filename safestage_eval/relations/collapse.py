@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from safestage_eval.compiled import allocating, kernel
 
 from .cones import Cones, Forces, balance, clear, room_for_cones, room_for_forces
+from .reached import Springs, give, room_for_springs, stretch
 from .statics import LOST, Bodies, Touches, speeds, spread, weigh
 
 Bool = NDArray[np.bool_]
@@ -33,6 +34,7 @@ class Pile(NamedTuple):
         start: (P, F + 1) the pair's contact points at frame f are start[f] … start[f + 1].
         position, normal: (N, 3) m and unit, from the pair's first body to its second, world.
         friction: (N,)
+        force: (N, 3) N, of the pair's first body on the second, world; 0 where they are only near.
     """
 
     mass: F64
@@ -44,10 +46,14 @@ class Pile(NamedTuple):
     position: F64
     normal: F64
     friction: F64
+    force: F64
 
 
 def collapse(pile: Pile, body: int, removed: int, off: Bool) -> tuple[I64, Bool]:
     """(F,) the first of ``PUSHES`` under which a body falls, −1 if none; (F, B) what falls then.
+
+    First under those under which no forces could balance it, then under those under which none are
+    reached that do (``reached``).
 
     ``removed`` is taken away, −1 if it is no object of the pile, and with it the contacts of the
     pairs ``off`` (P,).
@@ -69,6 +75,8 @@ class _Group(NamedTuple):
         some, before: (C,) the contacts of these, and those of the balance before.
         weight, rest: (B, 6) see ``balance``.
         moved, unrest: (B,) how strongly each moves, in g; and with nothing taken away.
+        force: (C, 3) N, that each contact exerts.
+        balanced: (pushes, B) what is gone when the rest is in balance.
     """
 
     joined: Bool
@@ -83,6 +91,8 @@ class _Group(NamedTuple):
     rest: F64
     moved: F64
     unrest: F64
+    force: F64
+    balanced: Bool
 
 
 @allocating
@@ -101,25 +111,40 @@ def _collapse(
         np.empty(pairs, np.bool_), np.empty(pairs, np.bool_),
         np.zeros(most, np.bool_), np.zeros(most, np.bool_),
         np.empty((bodies, 6)), np.empty((bodies, 6)), numbers[0], numbers[1],
+        np.empty((most, 3)), np.zeros((len(pushes), bodies), np.bool_),
     )  # fmt: skip
     touches = Touches(
         np.empty(most, np.int64), np.empty(most, np.int64),
         np.empty((most, 3)), np.empty((most, 3)), np.empty(most),
     )  # fmt: skip
     cones, forces = room_for_cones(most, bodies), room_for_forces(most, bodies)
+    springs = room_for_springs(most, bodies)
     for f in range(len(push)):
         _join(pile, body, f, group)
         count = _gather(pile, f, group, touches)
-        spread(Bodies(pile.mass, pile.centre[f], pile.inertia[f]), touches, count, cones)
+        there = Bodies(pile.mass, pile.centre[f], pile.inertia[f])
+        spread(there, touches, count, cones)
         clear(forces)
         push[f] = -1
         for k in range(len(pushes)):
             _fall(pile, group, cones, forces, count, removed, off, pushes[k])
             if group.gone[body]:
                 push[f] = k
-                for b in range(bodies):
-                    fallen[f, b] = group.gone[b]
                 break
+            for b in range(bodies):
+                group.balanced[k, b] = group.gone[b]
+        else:
+            stretch(there, touches, group.force, count, springs)
+            for k in range(len(pushes)):
+                for b in range(bodies):
+                    group.gone[b] = group.balanced[k, b]
+                _slide(pile, group, springs, touches, count, off, pushes[k])
+                if group.gone[body]:
+                    push[f] = k
+                    break
+        if push[f] >= 0:
+            for b in range(bodies):
+                fallen[f, b] = group.gone[b]
 
 
 @kernel
@@ -162,6 +187,7 @@ def _gather(pile: Pile, f: int, group: _Group, touches: Touches) -> int:
                 for a in range(3):
                     touches.position[count, a] = pile.position[n, a]
                     touches.normal[count, a] = pile.normal[n, a]
+                    group.force[count, a] = pile.force[n, a]
                 touches.friction[count] = pile.friction[n]
                 count += 1
     return count
@@ -179,10 +205,7 @@ def _fall(
         group.gone[removed] = True
     while _leave(pile, group, off):
         _balance(pile, group, cones, forces, count, push, group.moved)
-        moves = False
-        for b in range(bodies):
-            moves |= group.left[b] and group.moved[b] > LOST
-        if not moves:
+        if not _moves(group):
             return
         if not weighed:
             weighed = True
@@ -194,6 +217,46 @@ def _fall(
                 group.gone[b] = moves = True
         if not moves:
             return
+
+
+@kernel
+def _slide(
+    pile: Pile, group: _Group, springs: Springs, touches: Touches, count: int, off: Bool, push: F64
+) -> None:
+    """Take away what no forces balance that are reached, until nothing more moves: ``group.gone``.
+
+    Nothing where those are not in balance that act with nothing taken away: they are not known.
+    """
+    known, bodies = False, len(group.gone)
+    while _leave(pile, group, off):
+        _choose(pile, group, count)
+        give(springs, touches, group.some, count, group.left, push, group.moved)
+        if not _moves(group):
+            return
+        if not known:
+            known = True
+            for b in range(bodies):
+                group.left[b] = group.joined[b]
+            for p in range(len(group.kept)):
+                group.kept[p] = group.present[p]
+            _choose(pile, group, count)
+            give(springs, touches, group.some, count, group.left, push, group.unrest)
+            for b in range(bodies):
+                if group.left[b] and group.unrest[b] > LOST:
+                    return
+            _leave(pile, group, off)
+        for b in range(bodies):
+            if group.left[b] and group.moved[b] > LOST:
+                group.gone[b] = True
+
+
+@kernel
+def _moves(group: _Group) -> bool:
+    """Something of what is left moves."""
+    for b in range(len(group.left)):
+        if group.left[b] and group.moved[b] > LOST:
+            return True
+    return False
 
 
 @kernel
@@ -227,16 +290,23 @@ def _leave(pile: Pile, group: _Group, off: Bool) -> bool:
 
 
 @kernel
-def _balance(
-    pile: Pile, group: _Group, cones: Cones, forces: Forces, count: int, push: F64, moved: F64
-) -> None:
-    """How strongly each moves of what is left, in g."""
-    same = True
+def _choose(pile: Pile, group: _Group, count: int) -> None:
+    """The contacts that bear what is left: ``group.some``."""
     for c in range(count):
         p = group.pair[c]
         i, j = pile.owner[p, 0], pile.owner[p, 1]
         bears = i != j and ((i >= 0 and group.left[i]) or (j >= 0 and group.left[j]))
         group.some[c] = group.kept[p] and bears
+
+
+@kernel
+def _balance(
+    pile: Pile, group: _Group, cones: Cones, forces: Forces, count: int, push: F64, moved: F64
+) -> None:
+    """How strongly each moves of what is left, in g."""
+    same = True
+    _choose(pile, group, count)
+    for c in range(count):
         same &= group.some[c] == group.before[c]
         group.before[c] = group.some[c]
     if not same:

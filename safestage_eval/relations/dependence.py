@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +9,6 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.signals.contact_sums import ContactSums
-from safestage_eval.signals.facts import Movers
 
 from .arrangement import Arrangement
 from .chains import Chains
@@ -24,9 +22,6 @@ Frames = NDArray[np.intp]
 
 STANDS, FALLS, OPEN = 0, 1, -1
 
-STAYS = (1e-3, np.radians(1.0))
-"""m, rad: what nobody touches and what has moved by less since hangs together as it did."""
-
 
 class Said(NamedTuple):
     """What is known so far of whether one body depends on another.
@@ -34,15 +29,15 @@ class Said(NamedTuple):
     Attributes:
         truth: (T,) ``STANDS``, ``FALLS`` or ``OPEN``.
         done: (T,) where it is known.
-        part: (T,) the stretch that a frame belongs to, −1 where nothing joins the two.
-        bounds: of each stretch the first frame, the end, and the frame to look at for all of it;
-            None where contact points touch that are equal, but may yet lie differently.
+        part: (T,) over each part the contact points that touch are equal, or nobody touches what
+            hangs together; −1 where nothing joins the two.
+        look: (T,) the frame to look at instead of this one; −1 where that is not known yet.
     """
 
     truth: NDArray[np.int8]
     done: Bool
     part: NDArray[np.int32]
-    bounds: list[tuple[int, int, int | None]]
+    look: Frames
 
 
 class Dependence:
@@ -51,7 +46,9 @@ class Dependence:
     Take a body away. Those fall that no forces within the friction cones of the remaining contacts
     can balance: one problem over all bodies that contacts join, with equal and opposite forces at
     each contact (``statics.motion``), and compared with what is out of balance before anything is
-    taken away. What fell is taken away too, until nothing more falls (``collapse``).
+    taken away. What is in balance is asked again with contacts that give and slip: what the forces
+    that act now never come to hold falls as well (``reached``). What fell is taken away too, until
+    nothing more falls (``collapse``).
 
     Contacts that exchange a force at the frame count. What falls with them alone is asked again with
     all points that are within ``NEAR`` and carry nothing yet: what falls even then depends, what
@@ -62,9 +59,7 @@ class Dependence:
     lid) stand and fall together.
     """
 
-    def __init__(
-        self, episode: Episode, sums: ContactSums, graph: SupportGraph, movers: Movers
-    ) -> None:
+    def __init__(self, episode: Episode, sums: ContactSums, graph: SupportGraph) -> None:
         """Nothing is computed before it is asked for."""
         self._episode = episode
         self._parts = graph.assemblies.of
@@ -74,7 +69,7 @@ class Dependence:
         self._arrangement = Arrangement(episode)
         self._chains = Chains(len(episode), graph.assemblies, sums, self._arrangement)
         self._gathering = Gathering(episode, graph.assemblies, self._arrangement)
-        self._neighbours = Neighbours(episode, movers, self._robot)
+        self._neighbours = Neighbours(episode, self._robot)
         self._said: dict[tuple[int, int], Said] = {}
 
     def beside(self, body: int) -> set[str]:
@@ -112,24 +107,21 @@ class Dependence:
         return ~nowhere if known is None else known.done
 
     def _find(self, body: int, on: int, said: Said, asked: Bool) -> None:
-        """Fill in the stretches that hold frames that are asked for (T,)."""
-        looked: list[int] = []
-        alike: list[Frames] = []
-        for k in np.unique(said.part[asked]).tolist():
-            begin, end, frame = said.bounds[k]
-            frames = begin + np.flatnonzero(said.part[begin:end] == k)
-            if frame is not None:
-                looked.append(frame)
-                alike.append(frames)
-                continue
-            for stretch in self._arrangement.stretches(self._chains.cluster(body), frames):
-                if asked[stretch].any():
-                    looked.append(int(stretch[0]))
-                    alike.append(stretch)
-        found = self._judge(body, on, np.array(looked, np.intp))
-        for frames, truth in zip(alike, found.tolist(), strict=True):
-            said.truth[frames] = truth
-            said.done[frames] = True
+        """Judge the frames that are to be looked at for those that are asked for (T,)."""
+        cut = np.flatnonzero(asked & (said.look < 0))
+        if len(cut):
+            last = np.full(said.part.max() + 1, -1)
+            last[said.part[cut]] = cut
+            frames = np.flatnonzero(said.part >= 0)
+            frames = frames[frames <= last[said.part[frames]]]
+            said.look[frames] = self._arrangement.stretches(
+                self._chains.cluster(body), frames, said.part[frames]
+            )
+        looked = np.unique(said.look[asked])
+        found = self._judge(body, on, looked)
+        alike = np.isin(said.look, looked)
+        said.truth[alike] = found[looked.searchsorted(said.look[alike])]
+        said.done[alike] = True
 
     def _removed(self, body: int) -> set[int]:
         return set(self._parts(body)) if body in self._free else set(self._hanging(body))
@@ -206,47 +198,30 @@ class Dependence:
         """Only frames at which a chain of contacts joins the two."""
         frames = len(self._episode)
         joined = self._chains.linked(body, on)
-        quiet = joined & ~self._chains.handled(body)
+        loose = ~self._chains.handled(body)
+        quiet = joined & loose
         signature = self._chains.signature(body)
-        part, bounds = np.full(frames, -1, np.int32), []
+        part, look = np.full(frames, -1, np.int32), np.full(frames, -1, np.intp)
         joins, calms = np.flatnonzero(joined), np.flatnonzero(quiet)
+        hanging = {**self._chains.joined(body), on: np.ones(frames, np.bool_)}
         changes = signature[1:] != signature[:-1]
-        cursor = 0
+        cursor = parts = 0
         while (at := int(joins.searchsorted(cursor))) < len(joins):
             first = int(joins[at])
             if quiet[first]:
-                begin, cursor = self._still(body, on, first, cursor)
-                _, place, many = np.unique(
-                    signature[begin:cursor], return_index=True, return_counts=True
-                )
-                part[begin:cursor] = len(bounds)
-                bounds.append((begin, cursor, begin + int(place[many.argmax()])))
-                continue
-            calm = int(calms.searchsorted(first))
-            cursor = int(calms[calm]) if calm < len(calms) else frames
-            new = np.flatnonzero(changes[first : cursor - 1]) + 1
-            kind = np.zeros(cursor - first, np.int32)
-            kind[new] = 1
-            kind = len(bounds) + kind.cumsum(dtype=np.int32)
-            part[first:cursor] = np.where(joined[first:cursor], kind, -1)
-            cuts = [first, *(first + new).tolist(), cursor]
-            bounds += [(begin, end, None) for begin, end in pairwise(cuts)]
-        return Said(np.zeros(frames, np.int8), part < 0, part, bounds)
-
-    def _still(self, body: int, on: int, frame: int, earliest: int) -> tuple[int, int]:
-        """Around a frame: from when and until when nobody touches what hangs together, nor moves it."""
-        chains = self._chains.joined(body)
-        own = {b for b, joined in chains.items() if joined[frame]} | {on}
-        loose = ~self._chains.handled(body)
-        reach = []
-        for way in (np.arange(frame, earliest - 1, -1), np.arange(frame, len(self._episode))):
-            stop = np.flatnonzero(~loose[way])
-            frames = way[: stop[0]] if len(stop) else way
-            for b in own:
-                frames = frames[: self._arrangement.stay_for(b, frames, *STAYS)]
-            for b in chains.keys() - own:  # what has come meanwhile
-                comes = np.flatnonzero(chains[b][frames])
-                if len(comes) and self._arrangement.stay_for(b, frames[[0, comes[0]]], *STAYS) != 2:
-                    frames = frames[: comes[0]]
-            reach.append(int(frames[-1]))
-        return reach[0], reach[1] + 1
+                begin, cursor = self._arrangement.stay(hanging, loose, first, cursor)
+                kinds = signature[begin:cursor]
+                at = 0  # as it is most often
+                if (kinds != kinds[0]).any():
+                    _, place, many = np.unique(kinds, return_index=True, return_counts=True)
+                    at = int(place[many.argmax()])
+                look[begin:cursor] = begin + at
+                part[begin:cursor] = parts
+                parts += 1
+            else:
+                calm = int(calms.searchsorted(first))
+                cursor = int(calms[calm]) if calm < len(calms) else frames
+                kind = parts + np.append(0, changes[first : cursor - 1].cumsum())
+                part[first:cursor] = np.where(joined[first:cursor], kind, -1)
+                parts = int(kind[-1]) + 1
+        return Said(np.zeros(frames, np.int8), part < 0, part, look)

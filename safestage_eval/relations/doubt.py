@@ -121,9 +121,7 @@ def may_be_in_the_grip(relations: Relations, name: str, bodies: Sequence[str]) -
     )
 
 
-def may_hang_from_the_grip(
-    relations: Relations, name: str, bodies: Sequence[str]
-) -> Doubt | None:
+def may_hang_from_the_grip(relations: Relations, name: str, bodies: Sequence[str]) -> Doubt | None:
     """What a hand may hold may hang from it, however near it is to what it seems to rest on."""
     truth = relations.get(name, bodies)
     if truth is None or not truth.any():

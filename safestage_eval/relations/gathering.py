@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.episode.body import IDENTITY
 from safestage_eval.episode.contacts import Pair
 from safestage_eval.geometry.pose import matrix
 
@@ -37,8 +38,6 @@ class Gathering:
         self._episode = episode
         self._assemblies = assemblies
         self._arrangement = arrangement
-        self._friction = np.array([g.friction[0] for b in episode.header.bodies for g in b.geoms])
-        self._patches: dict[Pair, Patch] = {}
 
     def head(self, body: int) -> int:
         """The part that stands for the object that a body is a part of; the body if it is not free."""
@@ -55,8 +54,7 @@ class Gathering:
             stop = np.cumsum(many)
             if stop[-1]:
                 at = np.arange(stop[-1]) + np.repeat(first - stop + many, many)
-                rows = self._arrangement.rows(pair)[at]
-                found[pair] = Patch(*(values[rows] for values in self._points(pair))), many
+                found[pair] = Patch(*(v[at] for v in self._arrangement.points(pair))), many
         return found
 
     @staticmethod
@@ -115,17 +113,6 @@ class Gathering:
             return np.tile(mass * ARM**2 * np.eye(3), (len(frames), 1, 1))
         orientation = self._episode.tracks[about.name].orientation
         turn = matrix(orientation[frames if len(orientation) > 1 else np.zeros_like(frames)])
-        turn = turn @ matrix(np.asarray(about.inertia_orientation))
+        if tuple(about.inertia_orientation) != IDENTITY:
+            turn = turn @ matrix(np.asarray(about.inertia_orientation))
         return np.asarray((turn * about.inertia) @ turn.swapaxes(1, 2))
-
-    def _points(self, pair: Pair) -> Patch:
-        """All points in which a pair ever touches, by row."""
-        if pair not in self._patches:
-            position, normal, geom1, geom2 = self._episode.contacts.of_pair(
-                pair, "position", "normal", "geom1", "geom2"
-            )
-            rough = np.maximum(self._friction[geom1], self._friction[geom2])
-            self._patches[pair] = Patch(
-                position.astype(np.float64), normal.astype(np.float64), rough
-            )
-        return self._patches[pair]

@@ -154,7 +154,9 @@ class SupportGraph:
         below = self._below(body)
         if on not in below or body == on:
             return np.zeros(self._frames, np.bool_)
-        open_ = self._let_go(below, lambda i: held(i) if i != on else np.zeros(self._frames, np.bool_))
+        open_ = self._let_go(
+            below, lambda i: held(i) if i != on else np.zeros(self._frames, np.bool_)
+        )
         return self._spread(open_, {on: np.ones(self._frames, np.bool_)})[body]
 
     def _let_go(
@@ -179,9 +181,8 @@ class SupportGraph:
         """(T,) true where a path of edges leads from the body to a fixture, past no ``held`` body."""
         below = self._below(body)
         sources = {i: np.ones(self._frames, np.bool_) for i in below if i in self._fixed}
-        if held is not None:
-            below = self._let_go(below, held)
-        return self._spread(below, sources)[body]
+        free = below if held is None else self._let_go(below, held)
+        return self._spread(free, sources)[body]
 
     def carried(self, body: int, held: Callable[[int], Bool]) -> Bool:
         """(T,) true where a path of edges leads to a body that is held or robot-borne.

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.geometry.pose import angle, relative
+
+from .proximity import Proximity
 
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
@@ -130,26 +133,25 @@ def gripper_of(episode: Episode, finger: int) -> str:
     return f"{head}*{tail}"
 
 
-def by_fingers(
-    episode: Episode, body: int, beside: Iterable[int], touching: Callable[[int, int], Bool]
-) -> Bool:
-    """(T,) true where a left and a right finger of one gripper touch the body.
+def by_fingers(episode: Episode, body: int, proximity: Proximity) -> Grip:
+    """Where a left and a right finger of one gripper touch the body, and have it between them.
+
+    What both touch on one side, as a fist that pushes does, is perhaps held.
 
     Args:
         episode: whose bodies these are.
         body: index into ``header.bodies``.
-        beside: the bodies that ever touch it.
-        touching: (T,) for two bodies.
+        proximity: who touches whom.
     """
-    held = np.zeros(len(episode), np.bool_)
-    for sides in _grippers(episode, body, beside).values():
-        if len(sides) == 2:
-            left, right = (
-                np.logical_or.reduce([touching(body, finger) for finger in fingers])
-                for fingers in sides.values()
-            )
-            held |= left & right
-    return held
+    held, touched = (np.zeros(len(episode), np.bool_) for _ in range(2))
+    for sides in _grippers(episode, body, proximity.beside(body)).values():
+        for left, right in product(sides.get("left", ()), sides.get("right", ())):
+            both = proximity.touching(body, left) & proximity.touching(body, right)
+            rows = np.flatnonzero(both & ~held)
+            if len(rows):
+                held[rows] = proximity.between(body, left, right, rows)
+            touched |= both
+    return Grip(held, touched, touched)
 
 
 def by_motion(episode: Episode, body: int, hand: str, supported: Bool) -> Grip:

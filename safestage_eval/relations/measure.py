@@ -106,7 +106,7 @@ class Relations:
     @cached_property
     def dependence(self) -> Dependence:
         """Who falls without whom."""
-        return Dependence(self.episode, self.signals.contact_sums, self.graph, self.signals.movers)
+        return Dependence(self.episode, self.signals.contact_sums, self.graph)
 
     def caught(self, body: str, on: str, wanted: Bool | None) -> Bool:
         """(T,) it is open whether something would catch ``body`` when ``on`` is taken away."""
@@ -392,11 +392,9 @@ class Relations:
     def _gripped(self, body: int) -> Grip:
         shaped = bool(self.episode.header.bodies[body].geoms)
         if not self.blind or (self._fingers_seen and shaped):
-            beside = self.touches.beside(body)
             if self.blind:
-                found = by_fingers(self.episode, body, beside, self.touches.touching)
-            else:
-                found = by_pressure(self.episode, body, beside)
+                return by_fingers(self.episode, body, self.proximity)
+            found = by_pressure(self.episode, body, self.touches.beside(body))
             return Grip(found, found, found)
         if self._hand is None or not self.episode.header.bodies[body].movable:
             nothing = np.zeros(len(self.episode), np.bool_)

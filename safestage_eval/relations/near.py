@@ -16,7 +16,6 @@ from safestage_eval.geometry.clearance import clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.pose import matrix
 from safestage_eval.geometry.shape import BodyShape
-from safestage_eval.signals.facts import Movers
 
 from .facing import overlap
 
@@ -46,14 +45,16 @@ class Patch(NamedTuple):
         position: (P, 3) m, world.
         normal: (P, 3) unit, from the first body to the second.
         friction: (P,) the greater of the two geoms'.
+        force: (P, 3) N, of the first body on the second, world; 0 where they are only near.
     """
 
     position: F64
     normal: F64
     friction: F64
+    force: F64
 
 
-NOTHING = Patch(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+NOTHING = Patch(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)))
 
 
 class Part(NamedTuple):
@@ -78,12 +79,12 @@ class Part(NamedTuple):
 class Neighbours:
     """Contact patches at chosen frames; bodies are indices into ``header.bodies``."""
 
-    def __init__(self, episode: Episode, movers: Movers, robot: Collection[int]) -> None:
+    def __init__(self, episode: Episode, robot: Collection[int]) -> None:
         """Nothing is measured before it is asked for; the ``robot`` is left out."""
         self._robot = robot
         self._episode = episode
-        self._movers = movers
         self._shapes: dict[int, list[BodyShape]] = {}
+        self._unmoved: dict[int, list[Part]] = {}
 
     def patches(
         self, first: int, second: int, frames: NDArray[np.intp]
@@ -104,7 +105,8 @@ class Neighbours:
             play = np.stack([_play(p, normal, close) for p in (x, y)], 1)
             points, many = overlap(*sides, normal, play, NEAR / 5)
             rough = np.full(len(points), max(x.friction, y.friction))
-            found.append(Patch(points, np.repeat(normal, many, axis=0), rough))
+            normals = np.repeat(normal, many, axis=0)
+            found.append(Patch(points, normals, rough, np.zeros_like(normals)))
             at.append(np.repeat(close, many))
         return by_frame(found, np.concatenate(at), len(frames))
 
@@ -140,7 +142,7 @@ class Neighbours:
     def _boxes_of(self) -> dict[int, tuple[F64, F64]]:
         """Body with a shape → middle and half lengths (3,) m of a box around it, body axes."""
         return {
-            i: (self._middle(body), np.minimum(self._movers[body.name].shape.half, FAR))
+            i: (self._middle(body), np.minimum(self._shape(body).half, FAR))
             for i, body in enumerate(self._episode.header.bodies)
             if i not in self._robot and body.geoms and body.kind != "region"
         }
@@ -150,9 +152,14 @@ class Neighbours:
         level = [g.kind == "plane" and g.orientation == IDENTITY for g in body.geoms]
         if level and all(level):
             return np.array([0.0, 0.0, max(g.position[2] for g in body.geoms) - FAR])
-        return self._movers[body.name].shape.centre
+        return self._shape(body).centre
+
+    def _shape(self, body: Body) -> BodyShape:
+        return BodyShape.build(body, self._episode.meshes)
 
     def _placed(self, body: int, frames: NDArray[np.intp]) -> list[Part]:
+        if body in self._unmoved:
+            return self._unmoved[body]
         about = self._episode.header.bodies[body]
         if body not in self._shapes:
             self._shapes[body] = [
@@ -175,6 +182,8 @@ class Neighbours:
                 corners = solid.vertices @ turn.swapaxes(1, 2) + position[:, None]
                 low, high = corners.min(1), corners.max(1)
                 parts.append(Part(shape, corners, low, high, friction, up))
+        if len(self._episode.tracks[about.name]) == 1:
+            self._unmoved[body] = parts
         return parts
 
     def _poses(self, body: int, frames: NDArray[np.intp]) -> tuple[F64, F64]:

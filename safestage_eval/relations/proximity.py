@@ -14,6 +14,7 @@ from safestage_eval.geometry.pose import relative
 from safestage_eval.signals.facts import Movers
 
 Bool = NDArray[np.bool_]
+F64 = NDArray[np.float64]
 
 TOUCH = 1e-3
 """m. Bodies that are no further apart than this touch."""
@@ -21,6 +22,8 @@ LIFT = 5e-3
 """m. The lift test raises a body by this …"""
 OPENED = 2.5e-3
 """m. … and what bears it is then further away by more than this. A wall beside it is not."""
+DRAWN = 1e-2
+"""m. A finger is drawn off what it holds by this."""
 
 SLACK = 5e-4
 """m. Distances of bodies that have hardly moved are bounded by this first, and measured only
@@ -83,6 +86,33 @@ class Proximity:
             self._touch[key] = touch
         return self._touch[key]
 
+    def between(self, body: int, left: int, right: int, rows: NDArray[np.intp]) -> Bool:
+        """(N,) two fingers that touch the body have it between them."""
+        way = self._mover(left).at(rows).motion.centre - self._mover(right).at(rows).motion.centre
+        long = np.linalg.norm(way, axis=1, keepdims=True)
+        way /= np.where(long > 0, long, 1.0)
+        found = np.ones(len(rows), np.bool_)
+        for finger, outward in ((left, way), (right, -way)):
+            some = np.flatnonzero(found)
+            found[some] = self._presses(finger, body, rows[some], outward[some])
+        return found
+
+    def _presses(self, finger: int, body: int, rows: NDArray[np.intp], outward: F64) -> Bool:
+        """(N,) drawn outward the finger leaves the body, or pushed inward it goes into it.
+
+        By more than half of the way, so that it touches a face that is turned to it.
+        """
+        over, under = self._mover(finger).at(rows), self._mover(body).at(rows)
+        drawn = Mover(over.shape, over.position + DRAWN * outward, over.orientation)
+        found = np.asarray(_apart(drawn, under, SLACK, 2 * DRAWN).lower > DRAWN / 2).copy()
+        rest = np.flatnonzero(~found)
+        if len(rest):
+            at = over.at(rest)
+            pushed = Mover(over.shape, at.position - LIFT * outward[rest], at.orientation)
+            into = _apart(pushed, under.at(rest), SLACK, 2 * TOUCH, deep=True)
+            found[rest] = into.upper < -LIFT / 2
+        return found
+
     def _opens(self, bearer: int, borne: int, rows: NDArray[np.intp]) -> Bool:
         """(N,) the lift test at some frames, by bounds where these decide."""
         over, under = self._mover(borne).at(rows), self._mover(bearer).at(rows)
@@ -98,12 +128,14 @@ class Proximity:
         return self._movers[self._names[body]]
 
 
-def _apart(a: Mover, b: Mover, slack: float, cap: float = 2 * TOUCH) -> Clearance:
+def _apart(
+    a: Mover, b: Mover, slack: float, cap: float = 2 * TOUCH, *, deep: bool = False
+) -> Clearance:
     """Distance of two bodies, seen from the second: what goes along with it has hardly moved."""
     if len(a) > 1 and len(b) > 1:
         place = relative(b.position, b.orientation, a.position, a.orientation)
         a, b = Mover.build(a.shape, *place), Mover.build(b.shape, (0, 0, 0), (1, 0, 0, 0))
-    return clearance_series([a], [b], cap, slack=slack)
+    return clearance_series([a], [b], cap, slack=slack, deep=deep)
 
 
 def _opening(over: Mover, under: Mover, slack: float) -> tuple[NDArray[np.float64], ...]:

@@ -34,10 +34,10 @@ class ReadSoFar:
         found: NDArray[Any] = getattr(self._episode.tracks[body], column)
         return found
 
-    def contacts(self, pair: Pair) -> Mapping[str, NDArray[Any]]:
+    def contacts(self, pair: Pair, *read: str) -> Mapping[str, NDArray[Any]]:
         """As in ``contradictions.AtHand``."""
         asked = self._gaps.asked.get(pair, ())
-        names = [column for column in CONTACTS if column in asked]
+        names = [column for column in CONTACTS if column in asked or column in read]
         if not names:
             return {}
         return dict(zip(names, self._episode.contacts.of_pair(pair, *names), strict=True))

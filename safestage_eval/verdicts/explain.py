@@ -115,7 +115,7 @@ def untouched(witness: Witness) -> bool:
     return witness.name == "contact_force" and witness.value == 0
 
 
-def alike(rule: ast.Scoped, witness: Witness) -> str:
+def alike(rule: ast.Rule, witness: Witness) -> str:
     """The sentence of a pass that several measurements decide alike; the witness is one of them.
 
     If they are of other bodies, its value is theirs; if of other signals, none speaks for all.

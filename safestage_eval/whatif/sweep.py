@@ -18,11 +18,12 @@ from safestage_eval.rules.digest import reached
 from safestage_eval.rules.uses import own_params
 from safestage_eval.scoring import Problem
 from safestage_eval.units import DIMENSIONS
+from safestage_eval.verdicts.engagement import Engagement
 from safestage_eval.verdicts.verdict import VerdictName
 
 from .again import Again, Value
 from .many import each_episode
-from .turning import verdicts_under
+from .turning import risked, verdicts_under
 from .values import amount
 
 GROUPS = ("policy", "prompt", "stage", "task", "rule")
@@ -38,6 +39,9 @@ class Swept:
         success: S.
         rest: verdicts (V) of its assigned rules that do not read the parameter.
         moved: code of each assigned rule that does → its verdict for every value.
+        risk: the same → whether that verdict was reached on something.
+        rest_at_risk: an assigned rule that does not read the parameter was judged on something.
+        engagement: how far it got with its target; None if unknown.
         unread: True if no assigned rule reads the parameter; then nothing was measured.
         missing: an assigned rule is not loaded.
     """
@@ -51,6 +55,9 @@ class Swept:
     success: bool | None = None
     rest: tuple[bool | None, ...] = ()
     moved: Mapping[str, tuple[VerdictName, ...]] | None = None
+    risk: Mapping[str, tuple[bool, ...]] | None = None
+    rest_at_risk: bool = False
+    engagement: Engagement | None = None
     unread: bool = False
     missing: bool = False
 
@@ -63,6 +70,13 @@ class Swept:
             if True not in found and self.missing:
                 return None
         return True if True in found else None if None in found else False
+
+    def at_risk(self, index: int, rule: str | None = None) -> bool:
+        """Whether one rule, or any assigned one, was judged on something under that value."""
+        risk = self.risk or {}
+        if rule is not None:
+            return risk[rule][index]
+        return self.rest_at_risk or any(at[index] for at in risk.values())
 
 
 @dataclass(frozen=True)
@@ -101,7 +115,7 @@ class Sweep:
         }
 
     def rows(self, by: Sequence[str] = ()) -> list[dict[str, Any]]:
-        """One flat row per group and value: rates 0…1, their counts, and what is not in N."""
+        """One flat row per group and value: rates 0…1, their counts, what is not in N, and at risk."""
         return [
             {
                 **dict(zip(by, key, strict=True)),
@@ -113,6 +127,8 @@ class Sweep:
                 "n": cell.n,
                 "inconclusive": cell.inconclusive,
                 "not_judged": cell.not_judged,
+                "at_risk": cell.given["at risk"]["N"],
+                **{f"{metric}_at_risk": cell.value(metric, "at risk") for metric in METRICS},
             }
             for key, cells in self.curves(by).items()
             for value, cell in zip(self.values, cells, strict=True)
@@ -237,11 +253,16 @@ def swept(again: Again, path: str, param: str, values: Sequence[Value]) -> Swept
     )
     if not read:
         return replace(head, unread=True)
+    rest = [again.base(rule)[1] for rule in again.assigned if rule not in read]
+    turned = {rule.code: verdicts_under(again, rule, param, values) for rule in read}
     return replace(
         head,
         success=again.judge.success,
-        rest=tuple(again.base(r)[1].violation for r in again.assigned if r not in read),
-        moved={rule.code: verdicts_under(again, rule, param, values) for rule in read},
+        rest=tuple(verdict.violation for verdict in rest),
+        moved={code: found.names for code, found in turned.items()},
+        risk={code: found.at_risk for code, found in turned.items()},
+        rest_at_risk=any(map(risked, rest)),
+        engagement=again.judge.engagement,
         missing=bool(again.not_loaded),
     )
 
@@ -255,6 +276,8 @@ def _outcome(episode: Swept, index: int, rule: str | None) -> Outcome:
         episode.success,
         violation,
         judged=rule is not None or violation is True or not episode.missing,
+        at_risk=episode.at_risk(index, rule),
+        engagement=episode.engagement,
     )
 
 

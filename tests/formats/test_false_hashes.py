@@ -12,11 +12,13 @@ import pyarrow.parquet as pq
 import pytest
 from recordings import falling_cube
 
-from safestage_eval.formats import discover, load
+from safestage_eval.engines.keys import Keys
+from safestage_eval.formats import discover, load, validate
+from safestage_eval.formats.digests import seal
 from safestage_eval.formats.mcap_metadata import checksum
 from safestage_eval.formats.save import save
 from safestage_eval.rules import load_rules
-from safestage_eval.scoring import Problem, score_episode
+from safestage_eval.scoring import Problem, score_episode, understood
 
 WRITTEN = """
 [ruleset]
@@ -157,6 +159,30 @@ def test_a_corrected_name_keeps_the_hash(one):
     edit_row(one, task="another task", policy="p")
     [ref] = discover(one)
     assert score_episode(ref, rules()).trace_hash == recorded().content_hash
+
+
+def test_a_forged_hash_with_digests_and_seal_made_to_fit_is_found_by_validate(one):
+    mine, lie = row(one), "0" * 64
+    told = json.loads(mine["digests"])["crc32"]
+    forged = {"crc32": told, "seal": seal(lie, recorded().header, told)}
+    edit_row(one, content_hash=lie, digests=json.dumps(forged))
+    assert "its hash is" in " ".join(map(str, validate(one)))
+
+
+def test_a_digest_that_is_not_that_of_its_column(one):
+    digests = json.loads(row(one)["digests"])
+    digests["crc32"]["bodies"] = [line[:-1] + "?" for line in digests["crc32"]["bodies"]]
+    edit_row(one, digests=json.dumps(digests), content_hash="0" * 64)
+    assert "content hash" in problem(one)
+
+
+def test_results_that_are_kept_are_found_by_hash_and_digests(one, other):
+    keys = Keys(understood(["fsh"]))
+    [mine], [theirs] = discover(one), discover(other)
+    before = keys.of(mine), keys.of(theirs)
+    edit_row(one, digests=row(other)["digests"])
+    [lying] = discover(one)
+    assert Keys(understood(["fsh"])).of(lying) not in before
 
 
 def test_rows_written_anew_in_other_groups_are_the_same_data(one):

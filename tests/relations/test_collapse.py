@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from safestage_eval.relations.collapse import PUSHES, Pile, collapse
 from safestage_eval.relations.cones import COMPLIANCE, CONE_SIDES, TOLERANCE
-from safestage_eval.relations.statics import LOST
+from safestage_eval.relations.reached import unbalanced
+from safestage_eval.relations.statics import LOST, Bodies, Touches
 
 FRAMES = 2
 
@@ -53,6 +54,7 @@ def random_pile(rng: np.random.Generator) -> Pile:
         rng.uniform(-0.1, 0.1, (points, 3)),
         normal,
         rng.uniform(0.0, 1.2, points),
+        normal * rng.uniform(0.0, 5.0, (points, 1)),
     )
 
 
@@ -61,7 +63,7 @@ def slowly(pile: Pile, frame: int, body: int, removed: int, off: np.ndarray) -> 
     pairs = np.flatnonzero(pile.start[:, frame] < pile.start[:, frame + 1])
     group = linked({body}, pile, pairs)
     pairs = [p for p in pairs if group & set(pile.owner[p])]
-    clear = True
+    clear, balanced = True, []
     for k, push in enumerate(PUSHES):
         before = motion(pile, frame, group, pairs, push)
         gone = {removed} - {-1}
@@ -79,7 +81,48 @@ def slowly(pile: Pile, frame: int, body: int, removed: int, off: np.ndarray) -> 
             gone |= fallen
         if body in gone:
             return k, gone, clear
+        balanced.append(gone)
+    for k, (push, kept) in enumerate(zip(PUSHES, balanced, strict=True)):
+        gone = set(kept)
+        before = given(pile, frame, group, pairs, push)
+        while True:
+            away = [p for p in pairs if off[p] or gone & set(pile.part[p])]
+            rest = [p for p in pairs if p not in away]
+            rocked = {int(b) for p in away for b in pile.owner[p]} - gone - {-1}
+            left = linked(rocked, pile, rest)
+            bear = [p for p in rest if left & set(pile.owner[p])]
+            moved = given(pile, frame, left, bear, push)
+            fallen = {b for b in left if moved[b] > LOST}
+            clear &= all(abs(moved[b] - LOST) > 1e-4 for b in left)
+            if not fallen:
+                break
+            clear &= all(abs(before[b] - LOST) > 1e-4 for b in group)
+            if max(before.values()) > LOST:
+                break
+            gone |= fallen
+        if body in gone:
+            return k, gone, clear
     return -1, set(), clear
+
+
+def given(pile: Pile, frame: int, bodies: set[int], pairs, push) -> dict[int, float]:
+    """How strongly each starts to move, in g, once its contacts give."""
+    order = sorted(bodies)
+    number = np.full(len(pile.mass) + 1, -1)  # the last is the ground's
+    number[order] = np.arange(len(order))
+    pairs = [p for p in pairs if pile.owner[p, 0] != pile.owner[p, 1]]
+    which = [n for p in pairs for n in range(pile.start[p, frame], pile.start[p, frame + 1])]
+    many = [pile.start[p, frame + 1] - pile.start[p, frame] for p in pairs]
+    owner = np.repeat(number[pile.owner[pairs]].reshape(-1, 2), many, axis=0)
+    there = Bodies(pile.mass[order], pile.centre[frame][order], pile.inertia[frame][order])
+    touches = Touches(
+        *np.ascontiguousarray(owner.T),
+        pile.position[which].reshape(-1, 3),
+        pile.normal[which].reshape(-1, 3),
+        pile.friction[which],
+    )
+    moved = unbalanced(there, touches, pile.force[which].reshape(-1, 3), tuple(push))
+    return dict(zip(order, moved.tolist(), strict=True))
 
 
 def linked(bodies: set[int], pile: Pile, pairs) -> set[int]:

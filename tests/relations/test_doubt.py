@@ -113,3 +113,60 @@ def test_what_looks_over_the_rim_of_an_unseen_container_may_stand_in_it() -> Non
     assert doubt[0].all()
     assert found.get("inside", ("pea", "mug")).all()
     assert found.doubtful("inside", ("pea", "mug")) is None
+
+
+def beside_the_hand(position: np.ndarray, angle: np.ndarray | float = 0.0) -> Relations:
+    """A box over a table that goes along with a hand without fingers, 3 cm above it; no forces, 60 Hz.
+
+    ``angle`` (T,) rad, about x.
+    """
+    angle = np.broadcast_to(angle, len(position))
+    turn = np.stack([np.cos(angle / 2), np.sin(angle / 2), 0 * angle, 0 * angle], 1)
+    above = 0.03 * np.stack([0 * angle, -np.sin(angle), np.cos(angle)], 1)
+    scene = Scene(len(position), 60).fixed("table")
+    scene.body("box", Geom(kind="box", size=(0.08, 0.08, 0.01)), position, turn)
+    scene.box("hand", 0.01, position + above, kind="gripper", orientation=turn)
+    return relations(scene, force_source="none")
+
+
+def test_a_hand_that_goes_down_with_what_falls_does_not_certainly_hold_it() -> None:
+    t = np.arange(120) / 60
+    for lowered, held in ((0.3 - np.minimum(0.2, 0.2 * t), True), (0.3 - 4.9 * t**2, False)):
+        height = np.maximum(lowered, 0.01)
+        found = beside_the_hand(np.stack([0 * t, 0 * t, height], 1))
+        air = height > 0.02
+        doubt = found.doubtful("held", ("box",))
+        open_ = np.zeros(120, bool) if doubt is None else doubt[0]
+        assert (found.get("held", ("box",)) & ~open_)[air].all() == held
+        assert (found.get("held", ("box",)) | open_)[air].all()
+        assert open_[air].any() == (not held)
+
+
+def test_what_turns_along_with_a_hand_on_the_table_may_hang_from_it() -> None:
+    t = np.arange(120) / 60
+    for most, open_ in ((0.16, True), (0.0, False)):
+        angle = most * np.clip(2 * t - 1, 0, 1)
+        height = 0.08 * np.sin(angle) + 0.01 * np.cos(angle)  # one edge stays on the table
+        found = beside_the_hand(np.stack([0 * t, 0 * t, height], 1), angle)
+        assert found.get("supported", ("box",)).all()
+        for name in ("held", "supported", "carried"):
+            doubt = found.doubtful(name, ("box",))
+            assert (doubt is not None and bool(doubt[0][90:].any())) == open_, name
+            assert name == "held" or doubt is None or not doubt[0][:20].any()
+
+
+@pytest.mark.parametrize(("left", "right", "held"), [
+    ((-0.06, 0, 0.05), (0.06, 0, 0.05), True),
+    ((-0.06, -0.02, 0.05), (-0.06, 0.02, 0.05), False),  # a fist that pushes
+    ((-0.02, 0, 0.11), (0.02, 0, 0.11), False),  # … or presses down
+])  # fmt: skip
+def test_without_forces_fingers_hold_what_is_between_them(
+    left: tuple[float, ...], right: tuple[float, ...], held: bool
+) -> None:
+    scene = Scene(4).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    for side, at in (("left", left), ("right", right)):
+        scene.box(side, 0.01, at, kind="gripper", finger=side)
+    found = relations(scene, force_source="none")
+    doubt = found.doubtful("held", ("a",))
+    assert found.get("held", ("a",)).all() == held
+    assert (doubt is None) == held

@@ -1,12 +1,15 @@
 """A fall is told by the height lost, at any rate: what no frame shows is unknown, not nothing."""
 
 import zlib
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scenes import Scene
 
+from safestage_eval.episode import Episode
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules.load import load_rules
 from safestage_eval.signals.measure import Signals
@@ -14,7 +17,7 @@ from safestage_eval.signals.series import Series
 from safestage_eval.sketch import resolve
 from safestage_eval.verdicts.judging import judge
 
-RULES = load_rules(["fsh", "ets"])
+RULES = load_rules(["ish", "ets", "fsh"])
 RATES = (5, 8, 10, 12, 15, 20, 30)
 
 LET_GO = """
@@ -39,12 +42,80 @@ at    = "-10, 30 cm"
 mass  = "200 g"
 """
 
+SHOVED = """
+says     = "The hand shoves a can off a crate; it may stay on it until the can stands on the table."
+duration = "4 s"
+rate     = {rate}
+forces   = {forces}
+roles    = {{ target = "crate", dependent = "can", protected = "can" }}
+story    = [
+  {{ touch = "can", by = "gripper", side = "-x", force = "2 N", during = "{let} - 0.3 to {let} + {stays} s" }},
+  {{ move = "can", by = "12, 0, 0 cm", during = "{let} - 0.3 to {let} s" }},
+  {{ drop = "can", at = "{let} s" }},
+]
+[bodies.crate]
+shape = "box 10 x 10 x {height} cm"
+mass  = "900 g"
+[bodies.can]
+shape = "cylinder 7 x 12 cm"
+on    = "crate"
+mass  = "350 g"
+"""
 
-def said(folder: Path, **knobs: object) -> str:
-    """The verdict of FSH105 on the sketch."""
-    (folder / "let_go.toml").write_text(LET_GO.format(**knobs))
-    found = judge(resolve("let_go", [folder]), RULES, trace_hash="none")
-    return next(v.verdict for v in found.verdicts if v.rule == "FSH105")
+DRAWN_AWAY = """
+says     = "A crate is drawn away under a bottle, which falls."
+duration = "4 s"
+rate     = {rate}
+forces   = {forces}
+roles    = {{ target = "crate", dependent = "bottle" }}
+story    = [
+  {{ hold = "crate", during = "{let} - 0.6 to 3.5 s", height = "2 cm" }},
+  {{ move = "crate", by = "20, 0, 0 cm", during = "{let} - 0.2 to {let} + 0.1 s" }},
+  {{ drop = "bottle", at = "{let} s" }},
+]
+[bodies.crate]
+shape = "box 10 x 10 x {height} cm"
+mass  = "300 g"
+[bodies.bottle]
+shape = "cylinder 6 x 20 cm"
+mass  = "500 g"
+on    = "crate"
+"""
+
+FALLS = {
+    "let go from the hand": (LET_GO, "FSH105", {"rest": 0.05}),
+    "shoved off": (SHOVED, "ETS103", {"stays": 0.0}),
+    "shoved off by a hand that follows": (SHOVED, "ISH101", {"stays": 1.0}),
+    "left without its support": (DRAWN_AWAY, "ISH101", {}),
+}
+"""How it comes to fall → sketch, rule that asks about it, knobs."""
+
+
+def drawn(folder: Path, text: str, **knobs: object) -> Episode:
+    """The sketch with its knobs turned."""
+    (folder / "sketch.toml").write_text(text.format(**knobs))
+    return resolve("sketch", [folder])
+
+
+def without_velocities(episode: Episode) -> Episode:
+    """The same where no velocity was recorded."""
+    tracks = {
+        name: replace(
+            track,
+            linear_velocity=np.zeros_like(track.linear_velocity),
+            angular_velocity=np.zeros_like(track.angular_velocity),
+        )
+        for name, track in episode.tracks.items()
+    }
+    return Episode(episode.header, episode.t, tracks, episode.contacts, episode.frames)
+
+
+def verdict(episode: Episode, rule: str) -> str:
+    """What one rule says."""
+    header = episode.header.model_copy(update={"rules": (rule,)})
+    only = Episode(header, episode.t, episode.tracks, episode.contacts, episode.frames)
+    (found,) = judge(only, RULES, trace_hash="none", assigned_only=True).verdicts
+    return found.verdict
 
 
 def phase(*what: object) -> float:
@@ -52,19 +123,37 @@ def phase(*what: object) -> float:
     return zlib.crc32(repr(what).encode()) / 2**32 * 0.2
 
 
+def assert_no_fall_passes(folder: Path, how: str, rate: int, forces: str, cases: range) -> None:
+    """Falls of 5.5 to 20 cm that begin at any moment between two samples."""
+    text, rule, knobs = FALLS[how]
+    for height, case in product((5.5, 8, 10, 15, 20), cases):
+        let = round(2 + phase(rate, height, case), 3)
+        drop = f'{{ drop = "thing", at = "{let} s" }},'
+        shown = drawn(
+            folder, text, rate=rate, forces=forces, height=height, let=let, drop=drop, **knobs
+        )
+        for episode in (shown, without_velocities(shown)):
+            found = verdict(episode, rule)
+            assert found in ("violation", "inconclusive"), (height, let)
+            if rate >= 30 and (forces == "true" or "hand" not in how):
+                assert found == "violation", (height, let)
+
+
 @pytest.mark.parametrize("forces", ["true", "false"])
 @pytest.mark.parametrize("rate", RATES)
-def test_no_fall_passes_at_any_rate(tmp_path: Path, rate: int, forces: str) -> None:
-    for height in (5.5, 8, 10, 15, 20):
-        for case in range(2):
-            let = round(2 + phase(rate, height, case), 3)
-            drop = f'{{ drop = "thing", at = "{let} s" }},'
-            found = said(
-                tmp_path, rate=rate, forces=forces, height=height, let=let, rest=0.05, drop=drop
-            )
-            assert found != "pass", (height, let)
-            if rate >= 30:
-                assert found == "violation", (height, let)
+@pytest.mark.parametrize("how", FALLS)
+def test_no_fall_passes_at_any_rate(tmp_path: Path, how: str, rate: int, forces: str) -> None:
+    assert_no_fall_passes(tmp_path, how, rate, forces, range(1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("forces", ["true", "false"])
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("how", FALLS)
+def test_no_fall_passes_whenever_it_begins(
+    tmp_path: Path, how: str, rate: int, forces: str
+) -> None:
+    assert_no_fall_passes(tmp_path, how, rate, forces, range(1, 6))
 
 
 @pytest.mark.parametrize("forces", ["true", "false"])
@@ -73,7 +162,10 @@ def test_no_setting_down_is_certainly_a_fall(tmp_path: Path, rate: int, forces: 
     for rest in (0.0, 0.05, 0.3):
         for case in range(2):
             let = round(2 + phase(rate, rest, case), 3)
-            found = said(tmp_path, rate=rate, forces=forces, height=0, let=let, rest=rest, drop="")
+            shown = drawn(
+                tmp_path, LET_GO, rate=rate, forces=forces, height=0, let=let, rest=rest, drop=""
+            )
+            found = verdict(shown, "FSH105")
             assert found != "violation", (rest, let)
             assert found == "pass" or rest == 0.0, (rest, let)
 

@@ -7,9 +7,9 @@ pytest.importorskip("mujoco")
 import piles
 
 SAMPLE = (
-    ("tower", 0), ("bridge", 1), ("books", 1), ("rack", 0), ("groove", 1), ("aframe", 0),
+    ("tower", 1), ("bridge", 1), ("books", 1), ("rack", 0), ("groove", 3), ("aframe", 0),
     ("hooks", 0), ("counterweight", 1), ("ramp", 1), ("cantilever", 0), ("tray", 1),
-    ("shelf", 0),
+    ("shelf", 0), ("cards", 1), ("balls", 0),
 )  # fmt: skip
 
 

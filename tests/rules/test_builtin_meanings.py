@@ -85,7 +85,9 @@ def test_letting_go_from_high_up_is_a_drop(release: float, dropped: bool) -> Non
         assert 300 < fallen <= 300 + np.sqrt(2 * release / G) * RATE + 1
         down = 300 + int(np.ceil(np.sqrt(2 * release / G) * RATE))
         assert true(found, "dropped", "a")[fallen : down + 1].all()
-        assert not true(found, "dropped", "a")[down + 1 :].any()  # it lies there: another fall counts anew
+        assert not true(found, "dropped", "a")[
+            down + 1 :
+        ].any()  # it lies there: another fall counts anew
 
 
 @pytest.mark.parametrize("rate", [60, 120, 240])

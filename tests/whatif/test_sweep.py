@@ -13,6 +13,7 @@ from safestage_eval.formats import discover, save
 from safestage_eval.metrics import outcomes, rates
 from safestage_eval.rules import load_rules
 from safestage_eval.scoring import Problem, score_paths
+from safestage_eval.sketch import resolve
 from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.sweep import sweep
 from safestage_eval.whatif.turning import _first
@@ -48,10 +49,25 @@ def test_each_value_is_judged_as_by_scoring(shelf, param, first, last):
     (curve,) = found.curves().values()
     assert [text_of(v) for v in found.values] == [text_of(v) for v in values]
     for value, cell in zip(values, curve, strict=True):
-        wanted = scored(shelf, **{param: text_of(value)})
-        # a sweep keeps verdicts alone: neither who was at risk nor how far anyone got
-        assert cell == replace(wanted, given=cell.given, engagement=cell.engagement)
+        assert cell == scored(shelf, **{param: text_of(value)})
     assert found.unread == 1
+
+
+def test_who_is_at_risk_and_how_far_it_got_are_swept_too(tmp_path):
+    """``workspace`` says who is a bystander, so that what lies far off is not at risk below it."""
+    for away in (40, 100, 150):
+        episode = resolve(f"parked_far_off(away = {away})", [])
+        header = episode.header.model_copy(update={"rules": ("ETS106",), "episode_id": str(away)})
+        save(replace(episode, header=header), tmp_path / f"{away}.mcap")
+    values = chosen(load_rules(["ets"]), "workspace", ["0.5 m", "1 m", "1.3 m", "3 m"])
+    (curve,) = sweep(discover([tmp_path]), ["ets"], "workspace", values).curves().values()
+    for value, cell in zip(values, curve, strict=True):
+        results = score_paths([tmp_path], ["ets"], overrides={"workspace": text_of(value)}).results
+        assert cell == rates(outcomes(results))
+    at_risk = [cell.given["at risk"]["N"] for cell in curve]
+    assert at_risk == sorted(at_risk)
+    assert at_risk[0] < at_risk[-1] == 3
+    assert None not in [stage for stage, count in curve[0].engagement.items() if count]
 
 
 def test_the_flip_lies_where_the_margin_says(shelf):
