@@ -30,7 +30,7 @@ def content_hash(episode: Episode) -> str:
 
     def feed(name: str, array: NDArray[np.generic], dtype: str) -> None:
         digest.update(f"{name}{array.shape}".encode())
-        digest.update(np.ascontiguousarray(array, dtype))
+        digest.update(np.ascontiguousarray(array, dtype).data)
 
     feed("t", episode.t, "<f8")
     for body in episode.header.bodies:

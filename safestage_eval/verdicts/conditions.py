@@ -1,0 +1,275 @@
+"""Conditions of the rule language over one episode."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from safestage_eval.relations.measure import Relations
+from safestage_eval.rules import syntax as ast
+from safestage_eval.signals.reference import Reference, latest
+from safestage_eval.signals.series import Series
+from safestage_eval.states import band, moment
+from safestage_eval.states.band import Band, Bool
+from safestage_eval.states.masks import widened
+from safestage_eval.states.moment import Moment, Truth, truth_of
+
+from .answers import Answers, Found
+from .costly import Costly, Gates
+from .memory import Memory
+from .values import Asked, Env, limit_margin
+
+
+class Conditions(Answers, ABC):
+    """What conditions come to, as ``Band`` of normalised margins; states are told by who evaluates."""
+
+    def __init__(
+        self,
+        relations: Relations,
+        rules: ast.RuleSet,
+        params: Mapping[str, ast.Quantity | ast.Duration],
+        *,
+        causal: bool = False,
+        memory: Memory | None = None,
+    ) -> None:
+        """Arguments as in ``Evaluator``."""
+        super().__init__(relations, rules, params, memory)
+        self.causal = causal
+        self.frames = len(self.episode)
+        self._obligation: str | None = None
+        self._signs = False
+        """Only whether something holds matters, not by what margin."""
+        self.costly, self.gates = Costly(rules), Gates(rules)
+        self._cheap: dict[int, ast.Condition] = {}
+        """Conditions that ask for nothing costly, by identity; each is kept, and so stays itself."""
+
+    @abstractmethod
+    def state(self, call: ast.Call, env: Env, wanted: Bool | None = None) -> Band:
+        """A declared state or a built-in relation; ``wanted`` as in ``condition``."""
+
+    @abstractmethod
+    def must_not(
+        self, call: ast.Call, env: Env, kind: str | None = None, wanted: Bool | None = None
+    ) -> Band:
+        """A state, as an obligation that breaks where it holds has to see it."""
+
+    @abstractmethod
+    def truth(self, event: ast.Event, env: Env) -> Truth:
+        """The frames of an event; of a bare state, all frames where it holds."""
+
+    @abstractmethod
+    def moments(self, event: ast.Event, env: Env) -> list[Moment]:
+        """When an event happens; a bare state happens where it starts."""
+
+    def obliged(self, kind: str | None, find: Callable[..., Found], *asked: Any) -> Found:
+        """What ``find`` says where conditions are those of a ``require``, ``forbid`` or ``reach``.
+
+        A limit on a tilt that a body does not have is skipped there: it holds where it must, and
+        does not where it must not. A state (None) asks whether the body is tilted, and it never is.
+        """
+        outer, self._obligation = self._obligation, kind
+        try:
+            return find(*asked)
+        finally:
+            self._obligation = outer
+
+    def only_signs(self, find: Callable[..., Found], *asked: Any) -> Found:
+        """What ``find`` says where only matters whether something holds, not by what margin."""
+        outer, self._signs = self._signs, True
+        try:
+            return find(*asked)
+        finally:
+            self._signs = outer
+
+    def asks_costly(self, what: ast.Atom | ast.Alternative) -> bool:
+        """Where it is asked for makes a difference: something in it is costly."""
+        return self.costly.asked(what)
+
+    def series(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None = None) -> Series:
+        """The signal of an atom, up to where its limits need it exactly, at the wanted frames."""
+        return self._series(self.asked(atom, env), atom, env, wanted)
+
+    def _series(self, asked: Asked, atom: ast.SignalAtom, env: Env, wanted: Bool | None) -> Series:
+        reference = when = None
+        if atom.since is not None:
+            reference, when = self.since(atom.since, env)
+        found = self.relations.signal(
+            asked.name, asked.bodies, reference, asked.reach, wanted, asked.options, asked.limits
+        )
+        for note in found.notes:
+            self.notes[note] = None
+        if when is None:
+            return found
+        newest = np.maximum.accumulate(np.where(when.possible, np.arange(self.frames), -1))
+        open_ = (newest >= 0) & ~when.sure[newest]
+        lower, upper = np.where(open_, -np.inf, found.lower), np.where(open_, np.inf, found.upper)
+        return replace(found, lower=lower, upper=upper)
+
+    def since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
+        """What a change since an event is measured from; and the frames of that, if any is open."""
+        return self.once(event, ("since", id(event), *env.items()), self._since, event, env)
+
+    def _since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
+        when = moment.frames_of(self.moments(event, env), self.frames)
+        instants = when.possible.nonzero()[0]
+        reference = Reference(
+            self.relations.signals.baseline,
+            latest(instants, self.frames),
+            key=f"since {instants.tobytes().hex()}",
+        )
+        return reference, None if when.known else when
+
+    def condition(self, condition: ast.Condition, env: Env, wanted: Bool | None = None) -> Band:
+        """All atoms hold.
+
+        Only the ``wanted`` frames (T,) of the result mean anything; all of them if None. Costly
+        signals come last, and are measured only where no other atom has already decided.
+        """
+        plain, gates = self.gates.of(condition)
+        if gates:
+            return self._gated(self.condition(plain, env, wanted), gates, env, wanted)
+        if id(condition) not in self._cheap and not self.costly.asked(condition):
+            self._cheap[id(condition)] = condition
+        if id(condition) in self._cheap:
+            if len(condition.atoms) == 1:
+                return self.atom(condition.atoms[0], env)
+            return band.both([self.atom(atom, env) for atom in condition.atoms], self.frames)
+        mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
+        bands: list[Band] = []
+        decided = 0  # how many of them the mask knows of
+        for atom in self.costly.sorted(condition.atoms):
+            if self.costly.asked(atom):
+                for found in bands[decided:]:
+                    mask = mask & (~found.false if self._signs else found.upper != -np.inf)
+                decided = len(bands)
+            bands.append(self.atom(atom, env, mask))
+        return band.both(bands, self.frames)
+
+    def _gated(
+        self, found: Band, gates: Sequence[ast.StateAtom], env: Env, wanted: Bool | None
+    ) -> Band:
+        """What is left of a condition by its gates, asked only where the rest may hold.
+
+        Where it does not hold anyway, its margin stays: a gate does not say how close it came.
+        """
+        may = found.upper >= 0
+        if not (may if wanted is None else may & wanted).any():
+            return found
+        asked = [self.atom(gate, env) for gate in gates]
+        for gate, open_ in zip(gates, asked, strict=True):
+            held_back = (found.lower >= 0) & open_.false
+            if (
+                gate.call is not None
+                and (held_back if wanted is None else held_back & wanted).any()
+            ):
+                bodies = ", ".join(env.get(arg, arg) for arg in gate.call.args)
+                self.notes[f"not counted where {gate.call.name}({bodies}) is false"] = None
+        shut = band.both([found, *asked], self.frames)
+        lower = np.where(may, shut.lower, found.lower)
+        if found.exact and shut.exact:
+            return Band(lower, lower)
+        return Band(lower, np.where(may, shut.upper, found.upper))
+
+    def alternative(
+        self, alternative: ast.Alternative, env: Env, wanted: Bool | None = None
+    ) -> Band:
+        """A condition, or the frames of an event; ``wanted`` as in ``condition``."""
+        if type(alternative) is ast.Condition:
+            return self.condition(alternative, env, wanted)
+        assert type(alternative) is ast.Event
+        call, edge = alternative.call, alternative.edge
+        if call is not None and edge is None:
+            return self.must_not(call, env, "forbid", wanted)
+        if call is not None and edge == "start" and self._obligation == "forbid":
+            now = truth_of(self.must_not(call, env, "forbid"))
+            found = moment.edges(now, "start")
+        elif call is not None and edge is not None and wanted is not None and self._deep(call):
+            found = moment.edges(self._signs_at(call, env, widened(wanted, 1)), edge)
+        else:
+            found = self.truth(alternative, env)
+        return band.crisp(found.sure, found.sure == found.possible)
+
+    def atom(self, atom: ast.Atom, env: Env, wanted: Bool | None = None) -> Band:
+        """One entry of a condition; ``wanted`` as in ``condition``."""
+        if type(atom) is ast.SignalAtom:
+            if wanted is not None and self.costly.asked(atom):
+                return self._limited(atom, env, wanted)
+            key = (id(atom), self._obligation, *env.items())
+            return self.once(atom, key, self._limited, atom, env, None)
+        if type(atom) is ast.StateAtom:
+            found = self.must_not(atom.call, env, "forbid" if atom.want else "require", wanted)
+            return found if atom.want else band.opposite(found)
+        if type(atom) is ast.CountAtom:
+            each = [
+                self.state(atom.call, {**env, atom.role: body}, wanted)
+                for body in self.players.get(atom.role, ())
+            ]
+            if atom.bound == "least":
+                return band.at_least(atom.count, each, self.frames)
+            return band.opposite(band.at_least(atom.count + 1, each, self.frames))
+        assert type(atom) is ast.AnyOf
+        return self._any(atom.alternatives, env, wanted)
+
+    def _any(
+        self,
+        alternatives: Sequence[ast.Alternative],
+        env: Env,
+        wanted: Bool | None,
+        *,
+        once: bool = False,
+    ) -> Band:
+        """One of several; what is costly is asked for only where no other one holds already.
+
+        ``once``: what held with certainty is not asked for again later.
+        """
+        if not any(map(self.costly.asked, alternatives)):
+            return band.either(
+                [self.alternative(a, env, wanted) for a in alternatives], self.frames
+            )
+        mask = np.ones(self.frames, np.bool_) if wanted is None else wanted
+        bands: list[Band] = []
+        for one in self.costly.sorted(alternatives):
+            bands.append(self.alternative(one, env, mask))
+            holds = bands[-1].true if self._signs else bands[-1].lower == np.inf
+            mask = mask & ~(np.logical_or.accumulate(holds) if once else holds)
+        return band.either(bands, self.frames)
+
+    def _limited(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None) -> Band:
+        """Margins of a signal's limits; ``wanted`` as in ``condition``."""
+        asked = self.asked(atom, env)
+        series = self._series(asked, atom, env, wanted)
+        if self._obligation is not None and asked.name == "tilt" and self.untilted(asked.bodies[0]):
+            skipped = self._obligation != "forbid"
+            return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
+        return self.margins(series, atom, asked)
+
+    def margins(self, series: Series, atom: ast.SignalAtom, asked: Asked) -> Band:
+        """(N,) of what an atom asks for, from its signal at N frames."""
+        scale = self.scale(atom.call)
+        if len(atom.limits) == 1:
+            return limit_margin(series, atom.limits[0].op, asked.limits[0], scale)
+        return band.both(
+            [
+                limit_margin(series, limit.op, number, scale)
+                for limit, number in zip(atom.limits, asked.limits, strict=True)
+            ],
+            len(series),
+        )
+
+    def untilted(self, name: str) -> bool:
+        """A body that has no up axis, and so no tilt."""
+        body = self.episode.bodies.get(name)
+        return body is not None and body.up_axis is None and "up_axis" not in body.untold
+
+    def _deep(self, call: ast.Call | None) -> bool:
+        """A declared state that asks for something costly."""
+        state = None if call is None else self.rules.states.get(call.name)
+        return state is not None and self.costly.state(state)
+
+    def _signs_at(self, call: ast.Call, env: Env, wanted: Bool) -> Truth:
+        """Whether such a state holds at the wanted frames; at others as far as it is known."""
+        return truth_of(self.only_signs(self.state, call, env, wanted))
