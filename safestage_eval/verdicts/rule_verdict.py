@@ -93,8 +93,8 @@ def judge_rule(
     tied = verdict == "pass" and _tied(worst, instances, witness)
     told["margin_normalised"] = bound if isfinite(bound) else None
     if tied:
-        notes = _notes(evaluator, *brief)
-        return replace(blank, **told, bodies=(), notes=notes, explanation=alike(rule, witness))
+        told |= {"notes": _notes(evaluator, *brief), "explanation": alike(rule, witness)}
+        return replace(blank, **told, bodies=())
     told |= {
         "signal": witness.signal,
         "bodies": tuple(dict.fromkeys((*worst.env.values(), *witness.bodies))),
