@@ -253,10 +253,10 @@ def _slide(
 @kernel
 def _moves(group: _Group) -> bool:
     """Something of what is left moves."""
+    found = False
     for b in range(len(group.left)):
-        if group.left[b] and group.moved[b] > LOST:
-            return True
-    return False
+        found |= group.left[b] and group.moved[b] > LOST
+    return found
 
 
 @kernel
