@@ -253,10 +253,10 @@ def _slide(
 @kernel
 def _moves(group: _Group) -> bool:
     """Something of what is left moves."""
-    moves = False
+    found = False
     for b in range(len(group.left)):
-        moves |= group.left[b] and group.moved[b] > LOST
-    return moves
+        found |= group.left[b] and group.moved[b] > LOST
+    return found
 
 
 @kernel
