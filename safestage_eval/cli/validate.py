@@ -25,7 +25,8 @@ def command(
     """Check trace files, and list everything that is wrong with them.
 
     Reads every column: format, units that can be checked, unit quaternions, increasing time,
-    contacts that name bodies, stored hashes. Exit code 2 if anything is wrong. Warns where no header
+    contacts that name bodies, stored hashes; then what a trace says twice: velocities and poses,
+    contacts and shapes, forces and weights. Exit code 2 if anything is wrong. Warns where no header
     or bind file names the bodies that an assigned rule is about.
 
     \b

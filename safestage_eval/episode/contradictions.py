@@ -43,6 +43,9 @@ CONTACTS = ("frame", "position", "normal", "force", "force.z", "peak_force", "de
 class AtHand(Protocol):
     """Columns that may be looked at."""
 
+    def matters(self, body: str) -> bool:
+        """Whether contacts and forces of a body are to be looked at."""
+
     def some(self, body: str) -> bool:
         """Whether any column of a body's track is at hand."""
 
@@ -70,6 +73,10 @@ class Whole:
 
     def __init__(self, episode: Episode) -> None:
         self._episode = episode
+
+    def matters(self, body: str) -> bool:
+        """As in ``AtHand``."""
+        return body in self._episode.tracks
 
     def some(self, body: str) -> bool:
         """As in ``AtHand``."""
@@ -114,7 +121,12 @@ class _Looked:
         self.episode, self.at_hand = episode, at_hand
         self.where = str(episode.path or episode.header.episode_id)
         self.meshes = at_hand.meshes()
-        self.pairs = {pair: at_hand.contacts(pair) for pair in episode.contacts.pairs}
+        matters = [at_hand.matters(body.name) for body in episode.header.bodies]
+        self.pairs = {
+            (i, j): at_hand.contacts((i, j))
+            for i, j in episode.contacts.pairs
+            if matters[i] or matters[j]
+        }
 
     def shapes(self, body: Body) -> BodyShapes | None:
         return body_shapes(body, self.meshes)
@@ -214,18 +226,15 @@ class _Looked:
     def weights(self) -> Iterator[TraceError]:
         """Forces against the weights of free bodies at rest."""
         header = self.episode.header
-        forces = (
-            told[name]
-            for told in self.pairs.values()
-            for name in ("force", "force.z")
-            if name in told
-        )
+        every = dict.fromkeys((*self.pairs, *self.episode.contacts.pairs))
+        told = (self.pairs.get(p) or self.at_hand.contacts(p) for p in every)
+        forces = (found[c] for found in told for c in ("force", "force.z") if c in found)
         if header.force_source == "none" or not any(force.any() for force in forces):
             return  # zero throughout: not recorded
         for i in _free(header.bodies, (joint.body for joint in header.joints)):
             body = header.bodies[i]
             place = self.at_hand.track(body.name, "position")
-            if place is None:
+            if place is None or not self.at_hand.matters(body.name):
                 continue
             found = self._borne(i, place, exact=False)
             if found:  # contacts that no rule asked for may explain it

@@ -32,8 +32,8 @@ TURNED_ALONG = 0.15
 """rad. What turns with the gripper by as much may be held, too."""
 HOVERS = 0.1
 """s. What stays so long beside the gripper and rests on nothing may be held: it does not fall."""
-FALLS = 0.0245
-"""m. What goes down by so much more within ``HOVERS`` than in as long before may fall: half of g t²/2."""
+FALLS = 0.03
+"""m. What goes down by so much more within ``HOVERS`` than in as long before, faster and faster, may fall."""
 MOVES = 1e-4
 """m. A gripper that goes less than this in one frame rests …"""
 TURNS = 1e-3
@@ -213,6 +213,9 @@ def falling(t: F64, height: NDArray[np.floating]) -> Bool:
         return out
     lag = np.maximum(HOVERS, np.diff(t, prepend=t[0]))
     then, before = np.interp(t - lag, t, z), np.interp(t - 2 * lag, t, z)
-    for now in np.flatnonzero((then - z) - np.maximum(before - then, 0.0) >= FALLS):
+    gained = (then - z) - np.maximum(before - then, 0.0) >= FALLS
+    middle = np.interp(t - lag / 2, t, z)
+    gained &= (2 * middle - then - z >= FALLS / 2) | (2 * np.diff(t, prepend=t[0]) > HOVERS)
+    for now in np.flatnonzero(gained):
         out[np.searchsorted(t, t[now] - lag[now]) : now + 1] = True
     return out

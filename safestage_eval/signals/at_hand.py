@@ -20,6 +20,11 @@ class ReadSoFar:
     def __init__(self, gaps: Gaps) -> None:
         """``gaps``: of the episode's signals, which see all that is read."""
         self._gaps, self._episode = gaps, gaps.given
+        self._players = {name for names in gaps.given.header.roles.values() for name in names}
+
+    def matters(self, body: str) -> bool:
+        """Those that play a role; of an episode whose header binds none, all."""
+        return not self._players or body in self._players
 
     def some(self, body: str) -> bool:
         """As in ``contradictions.AtHand``."""

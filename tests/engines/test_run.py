@@ -96,7 +96,8 @@ def test_another_header_is_another_episode(tmp_path, counted):
     choice = Choice(resume=tmp_path / "kept")
     for success in (True, False):
         shutil.rmtree(tmp_path / "t", ignore_errors=True)
-        save(block("e", success=success, success_time=0.5 if success else None), tmp_path / "t")
+        ending = {"success_time": 0.5} if success else {"success_time": None, "termination": None}
+        save(block("e", success=success, **ending), tmp_path / "t")
         [found] = runs.run([tmp_path / "t"], understood(["fsh"]), choice).results
         assert found.success is success
     assert counted == ["e", "e"]

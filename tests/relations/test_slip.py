@@ -90,11 +90,11 @@ def test_without_forces_it_needs_the_shapes_of_the_fingers() -> None:
     assert not found.known.any()
     assert found.notes
     scene = grasped(drift, [slice(10, 35)])
-    hand = scene.tracks["hand"]
-    there = hand.position + rotate(hand.orientation, np.array([0, 0, 0.1]))
-    for name in ("left", "right"):
+    box = scene.tracks["a"]
+    for name, side in (("left", -1), ("right", 1)):
         track = scene.tracks[name]
-        scene.tracks[name] = type(track)(**{**vars(track), "position": there.astype(np.float32)})
+        at = box.position + rotate(box.orientation, np.array([0, 0.038 * side, 0]))
+        scene.tracks[name] = type(track)(**{**vars(track), "position": at.astype(np.float32)})
     found = slip(scene, force_source="none")
     assert np.allclose(found.value[20:], 0.01, atol=1e-6)
     assert "without contact forces held()" in found.notes[0]

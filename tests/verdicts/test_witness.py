@@ -141,6 +141,7 @@ def test_vacuity(rule, players, verdict, vacuity) -> None:
     assert (found.verdict, found.vacuity) == (verdict, vacuity)
     assert (found.instances == 0) == (vacuity is not None)
     assert any("nothing to judge" in note for note in found.notes) == (vacuity is not None)
+    assert found.explanation.startswith("Nothing to judge") == (vacuity is not None)
 
 
 def test_a_rule_whose_given_never_held_says_so() -> None:
@@ -196,6 +197,7 @@ def test_where_nothing_came_closest_nothing_is_named() -> None:
     found = next(v for v in scored(pushed(0.2)).verdicts if v.rule == "ETS101")
     assert (found.verdict, found.signal, found.value, found.bodies) == ("pass", None, None, ())
     assert found.margin_normalised == pytest.approx(1.0)
+    assert found.explanation == "No contact: 0.00 N of 0.10 N."
     touched = pushed(0.2)
     touched.contact("left", "p", (0.55, 0, 0.05), (0, -0.06, 0), normal=(0, -1, 0))
     found = next(v for v in scored(touched).verdicts if v.rule == "ETS101")
