@@ -416,9 +416,7 @@ def report(folder: Path, kinds: Sequence[str], *, blind: bool, jobs: int) -> Non
         total += tally
     print(total.row("all"))
     print("open:", ", ".join(f"{count} {why}" for why, count in total.open.most_common()))
-    print(
-        f"{changed} of {asked} pairs changed within {WATCH:g} s in which no body of the pile moved by 1 mm"
-    )
+    print(f"{changed} of {asked} pairs changed within {WATCH:g} s in which no body moved by 1 mm")
     print(*wrong, sep="\n")
 
 
@@ -440,9 +438,7 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="*", default=list(KINDS), choices=list(KINDS))
     parser.add_argument("--seed-base", type=int, default=0, help="the first seed of each kind")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument(
-        "--keep", type=Path, default=Path("piles"), help="where recordings are kept"
-    )
+    parser.add_argument("--keep", type=Path, default=Path("piles"), help="folder of recordings")
     parser.add_argument("--blind", action="store_true", help="judge without contacts and forces")
     given = parser.parse_args()
     record(given.keep, given.kinds, given.each, given.seed_base, given.jobs)
