@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Episode, Geom
 from safestage_eval.episode.contacts import Pair
 from safestage_eval.geometry.pose import transform
 from safestage_eval.signals.contact_kernels import rows_by_frame
@@ -40,7 +40,8 @@ class Arrangement:
         bodies = episode.header.bodies
         self._names = [body.name for body in bodies]
         self._first_geom = np.cumsum([0, *(len(body.geoms) for body in bodies)])
-        self._friction = np.array([g.friction[0] for body in bodies for g in body.geoms])
+        rough = [g.friction[0] for body in bodies for g in body.geoms]
+        self._friction = np.array([*rough, Geom.model_fields["friction"].default[0]])
         self._rows: dict[Pair, NDArray[np.intp]] = {}
         self._starts: dict[Pair, NDArray[np.intp]] = {}
         self._sides: dict[Pair, list[NDArray[np.int64]]] = {}
@@ -58,7 +59,8 @@ class Arrangement:
             column[rows].astype(np.float64) for column in self._columns[pair]
         )
         geoms = (geom[some] if len(geom) > 1 else geom for geom in self._geoms(pair))
-        rough = np.maximum(*(self._friction[geom] for geom in geoms))
+        last = len(self._friction) - 1  # of a geom that the header does not have
+        rough = np.maximum(*(self._friction[np.minimum(geom, last)] for geom in geoms))
         return Patch(position, normal, np.broadcast_to(rough, len(rows)), force)
 
     def starts(self, pair: Pair) -> NDArray[np.intp]:

@@ -253,10 +253,10 @@ def _slide(
 @kernel
 def _moves(group: _Group) -> bool:
     """Something of what is left moves."""
-    found = False
+    moves = False
     for b in range(len(group.left)):
-        found |= group.left[b] and group.moved[b] > LOST
-    return found
+        moves |= group.left[b] and group.moved[b] > LOST
+    return moves
 
 
 @kernel

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,18 +23,21 @@ Frames = NDArray[np.intp]
 STANDS, FALLS, OPEN = 0, 1, -1
 
 
-class Said(NamedTuple):
+@dataclass
+class Said:
     """What is known so far of whether one body depends on another.
 
     Attributes:
-        truth: (T,) ``STANDS``, ``FALLS`` or ``OPEN``.
-        done: (T,) where it is known.
+        falls: (T,) it does.
+        open: (T,) it may.
+        done: (T,) where it is known whether.
         part: (T,) over each part the contact points that touch are equal, or nobody touches what
             hangs together; −1 where nothing joins the two.
         look: (T,) the frame to look at instead of this one; −1 where that is not known yet.
     """
 
-    truth: NDArray[np.int8]
+    falls: Bool
+    open: Bool
     done: Bool
     part: NDArray[np.int32]
     look: Frames
@@ -85,26 +88,29 @@ class Dependence:
         has moved by ``STAYS``, it does not change. Only the ``wanted`` frames (T,) of the answer
         mean anything; all of them if None.
         """
-        frames = len(self._episode)
-        never = np.zeros(frames, np.bool_)
-        if body not in self._free or on in self._robot or body == on:
-            return never, never
-        if body in self._removed(on):
-            return ~never, never
-        if (body, on) not in self._said:
-            self._said[body, on] = self._alike(body, on)
-        said = self._said[body, on]
-        asked = ~said.done if wanted is None else wanted & ~said.done
+        said = self._known(body, on)
+        asked = ~said.done if wanted is None else np.greater(wanted, said.done)
         if asked.any():
             self._find(body, on, said, asked)
-        return said.truth == FALLS, said.truth == OPEN
+        return said.falls, said.open
 
     def told(self, body: int, on: int) -> Bool:
         """(T,) where it is known already whether ``body`` falls when ``on`` is removed."""
-        nowhere = np.zeros(len(self._episode), np.bool_)
-        self.depends_on(body, on, nowhere)
-        known = self._said.get((body, on))
-        return ~nowhere if known is None else known.done
+        return self._known(body, on).done
+
+    def _known(self, body: int, on: int) -> Said:
+        if (body, on) not in self._said:
+            never = np.zeros(len(self._episode), np.bool_)
+            nowhere = np.full(len(never), -1, np.int32)
+            if body not in self._free or on in self._robot or body == on:
+                said = Said(never, never, ~never, nowhere, nowhere.astype(np.intp))
+            elif body in self._removed(on):
+                said = Said(~never, never, ~never, nowhere, nowhere.astype(np.intp))
+            else:
+                said = Said(never, never, never, *self._alike(body, on))
+                said.done = said.part < 0
+            self._said[body, on] = said
+        return self._said[body, on]
 
     def _find(self, body: int, on: int, said: Said, asked: Bool) -> None:
         """Judge the frames that are to be looked at for those that are asked for (T,)."""
@@ -120,8 +126,11 @@ class Dependence:
         looked = np.unique(said.look[asked])
         found = self._judge(body, on, looked)
         alike = np.isin(said.look, looked)
-        said.truth[alike] = found[looked.searchsorted(said.look[alike])]
-        said.done[alike] = True
+        truth = np.full(len(alike), STANDS, np.int8)
+        truth[alike] = found[looked.searchsorted(said.look[alike])]
+        said.falls = said.falls | (truth == FALLS)
+        said.open = said.open | (truth == OPEN)
+        said.done = said.done | alike
 
     def _removed(self, body: int) -> set[int]:
         return set(self._parts(body)) if body in self._free else set(self._hanging(body))
@@ -194,8 +203,8 @@ class Dependence:
 
     # ------------------------------------------------------------------ over time
 
-    def _alike(self, body: int, on: int) -> Said:
-        """Only frames at which a chain of contacts joins the two."""
+    def _alike(self, body: int, on: int) -> tuple[NDArray[np.int32], Frames]:
+        """``part`` and ``look``; only frames at which a chain of contacts joins the two."""
         frames = len(self._episode)
         joined = self._chains.linked(body, on)
         loose = ~self._chains.handled(body)
@@ -224,4 +233,4 @@ class Dependence:
                 kind = parts + np.append(0, changes[first : cursor - 1].cumsum())
                 part[first:cursor] = np.where(joined[first:cursor], kind, -1)
                 parts = int(kind[-1]) + 1
-        return Said(np.zeros(frames, np.int8), part < 0, part, look)
+        return part, look
