@@ -126,7 +126,7 @@ def alike(rule: ast.Rule, witness: Witness) -> str:
         name = witness.signal.partition("(")[0]
         value, limit = measured(witness.value, witness), measured(witness.limit, witness)
         return f"Closest, several alike: {name} was {value}; the limit is {limit}."
-    return "What it forbids never came." if rule.forbid else "What it asks for held throughout."
+    return "Nothing forbidden happened." if rule.forbid else "The requirement held throughout."
 
 
 def _of_limit(witness: Witness) -> str:
