@@ -83,7 +83,7 @@ def everything(episode_id="everything", frames=8):
         name="mug é",
         kind="object",
         mass=0.3,
-        inertia=(0.1, 0.2, 0.3),
+        inertia=(0.001, 0.002, 0.0025),
         up_axis=(0, 0, 1),
         material="glass",
         tags=("fragile", "hot"),
@@ -147,7 +147,7 @@ def everything(episode_id="everything", frames=8):
         t = n / 120
         lift = [0, 0, 1 + t, *STILL]
         touch = {
-            "position": (0, 0, t),
+            "position": (0, 0, 1 + t),
             "normal": (0, 1, 0),
             "force": (0, 2 + t, 1),
             "depth": 1e-4,

@@ -183,9 +183,9 @@ def check_peaks(
     if not len(rows):
         return []
     frame, peak = frame[rows], peak[rows]
-    along, out = force[rows].astype(np.float64), normal[rows].astype(np.float64)
-    unit = np.abs(np.einsum("ij,ij->i", out, out) - 1) < 0.01  # any other is unknown anyway
-    along = np.where(unit, np.abs(np.einsum("ij,ij->i", along, out)), 0)
+    push, way = force[rows].astype(np.float64), normal[rows].astype(np.float64)
+    unit = np.abs(np.einsum("ij,ij->i", way, way) - 1) < 0.01  # any other is unknown anyway
+    along = np.where(unit, np.abs(np.einsum("ij,ij->i", push, way)), 0)
     total = np.bincount(frame, along, minlength=int(frame.max()) + 1)[frame]
     less = peak < 0.99 * total - 1e-2  # false of NaN
     if not less.any():

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode.runs import runs
-from safestage_eval.geometry.pose import angle
+from safestage_eval.geometry.pose import angle, matrix
 
 from .near import NEAR
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 STAYS = (1e-3, np.radians(1.0))
 """m, rad: what has moved by less still stands where it stood, also in a hand."""
+RISES = 1e-5
+"""m. What presses on its support as deep as when it stood there by itself, but for this, is borne by it."""
 LEAVES = 0.2
 """s. What is lifted is off what it stood on sooner; what takes longer may hang or stand all the while."""
 
@@ -143,8 +145,8 @@ def may_hang_from_the_grip(relations: Relations, name: str, bodies: Sequence[str
 def _taken_along(relations: Relations, body: int) -> Bool:
     """(T,) a hand may be taking it away, and it still touches what it stood on.
 
-    From when it is no longer where it stood before the hand can have had it, until it is off,
-    unless that is soon.
+    From when it is no longer where it stood before the hand can have had it, nor slides upright on
+    what bore it there as deep as then, until it is off, unless that is soon.
     """
     held = relations.may_be_held(body)
     track = relations.episode.track(relations.episode.header.bodies[body].name)
@@ -156,9 +158,28 @@ def _taken_along(relations: Relations, body: int) -> Bool:
         position, orientation = track.position[start:stop], track.orientation[start:stop]
         gone = np.linalg.norm(position - track.position[before], axis=1) > STAYS[0]
         gone |= angle(orientation, track.orientation[before]) > STAYS[1]
+        if start > 0:  # else it is not known how it stood without the hand
+            rows = start + np.flatnonzero(gone)
+            gone[rows - start] = ~_slides(relations, body, before, rows)
         first = start + int(np.append(gone, True).argmax())
         if relations.episode.clock.seconds(first, stop) >= LEAVES:
             out[first:stop] = True
+    return out
+
+
+def _slides(relations: Relations, body: int, before: int, rows: NDArray[np.intp]) -> Bool:
+    """(N,) it is as upright on something as it was ``before``, and presses on it as it did."""
+    name = relations.episode.header.bodies[body].name
+    turned = matrix(relations.episode.track(name).orientation[[before, *rows]])
+    up = np.einsum("nij,j->ni", turned, turned[0].T @ (0.0, 0.0, 1.0))
+    upright = np.flatnonzero(up[1:, 2] >= np.cos(STAYS[1]))
+    out = np.zeros(len(rows), np.bool_)
+    for bearer, bears in relations.graph.bearers(body).items():
+        at = upright[bears[rows[upright]]] if bears[before] else upright[:0]
+        if len(at):
+            then = relations.proximity.gap(body, bearer, np.array([before]))
+            now = relations.proximity.gap(body, bearer, rows[at])
+            out[at] |= now.upper <= then.lower + RISES
     return out
 
 

@@ -61,6 +61,10 @@ class Proximity:
             self._bears[bearer, borne] = found
         return self._bears[bearer, borne]
 
+    def gap(self, i: int, j: int, rows: NDArray[np.intp]) -> Clearance:
+        """(N,) m, bounds of how far apart two bodies are that touch; negative where they overlap."""
+        return _apart(self._mover(i).at(rows), self._mover(j).at(rows), 0.0, deep=True)
+
     def lifted(self, body: int, by: Iterable[int], held: Bool) -> Bool:
         """(T,) true where one of the others bears it, looked at only where it is not ``held``."""
         found = np.zeros(self._frames, np.bool_)

@@ -14,6 +14,10 @@ from .brief import condition_within, series_within
 from .evaluate import Evaluator
 from .values import Env, limit_margin
 
+ALIKE = 1e-4
+"""Normalised margins that differ by this share are alike: poses are stored as float32, and an ulp of
+6e-8 m within the 0.1 s of a mean speed is 6e-5 of a limit of 1 cm/s."""
+
 
 class Witness(NamedTuple):
     """The decisive atom at its decisive frame.
@@ -48,7 +52,8 @@ class Search(NamedTuple):
     """Follows one end of a margin band down to the atom it was selected from.
 
     And is a minimum, or a maximum, persistence a minimum or maximum over nearby frames: all of
-    them only select, so the decisive margin is found again, bit for bit, in exactly one atom.
+    them only select, so the decisive margin is found again, bit for bit. Of atoms whose margins are
+    alike the first one in the rule's order is taken, or rounding would choose between them.
 
     Attributes:
         evaluator: that computed the margin.
@@ -81,7 +86,7 @@ class Search(NamedTuple):
                 return self.atom(node.atoms[0], env, frame)
             here = self._only(frame)
             margins = self._margins(node, env, frame, here)
-            found = self.atom(node.atoms[int(np.argmin(margins))], env, frame)
+            found = self.atom(node.atoms[_least(margins)], env, frame)
             return or_tied(found, margins, min(margins))
         if node.call is None:
             return Witness(node.kind, (), frame)
@@ -132,7 +137,8 @@ class Search(NamedTuple):
         margins = [
             self.end(self.evaluator.alternative(a, env, here), frame) for a in atom.alternatives
         ]
-        found = self.alternative(atom.alternatives[int(np.argmax(margins))], env, frame)
+        greatest = _least([-margin for margin in margins])
+        found = self.alternative(atom.alternatives[greatest], env, frame)
         return or_tied(found, margins, max(margins))
 
     def state(self, call: ast.Call, env: Env, frame: int) -> Witness:
@@ -221,6 +227,14 @@ def since(atom: ast.SignalAtom, env: Env) -> str:
     bodies = tuple([env.get(arg, arg) for arg in event.call.args])
     edge = "" if event.edge is None else f"{event.edge} of "
     return f" since {edge}{ast.Call(event.call.name, bodies)}"
+
+
+def _least(margins: list[float]) -> int:
+    """Which margin is the least: the first of those alike."""
+    least = min(margins)
+    if np.isfinite(least):
+        least += ALIKE * abs(least)
+    return int(np.argmax(np.array(margins) <= least))
 
 
 def or_tied(witness: Witness, margins: list[float], decisive: float) -> Witness:

@@ -111,7 +111,7 @@ CASES = [
     ("R413", rule(GOOD.replace(" }", ', «"tilt(robot)"» = "<= 5 deg" }'))),
     ("R413", rule(GOOD.replace(" }", ', "moved(robot)" = «false» }'))),
     # options of signals
-    ("R414", HEAD + '[signal.x]\nbase = "speed"\n«over» = "50 ms"\n'),
+    ("R414", HEAD + '[signal.x]\nbase = "joint_speed"\n«over» = "50 ms"\n'),
     ("R414", HEAD + '[signal.x]\nbase = "impact"\nover = «"3 frames"»\n'),
     ("R414", HEAD + '[signal.x]\nbase = "impact"\nover = «"contact_for"»\n'),
     ("R414", HEAD + '[signal.x]\nbase = "joint_speed"\nunit = «"N"»\n'),

@@ -21,6 +21,35 @@ from safestage_eval.whatif.values import between, chosen, text_of
 
 ROOMS = {"a": 0.004, "b": 0.012, "c": 0.031, "d": 0.2}
 
+FAR_OFF = """
+says = "An apple is carried along a bench, and shoves a carton."
+duration = "3 s"
+table = false
+roles = { target = "apple" }
+knobs = { away = "40" }
+story = [
+  { hold = "apple", during = "0.5 to 2.5 s" },
+  { move = "apple", by = "0, 0, 6.2 cm", during = "0.8 to 1 s" },
+  { move = "apple", by = "{away} + 17.7, 0, 0 cm", during = "1 to 1.5 s" },
+  { touch = "carton", by = "apple", side = "-x", force = "2 N", during = "1.5 to 1.8 s" },
+  { move = ["apple", "carton"], by = "10, 0, 0 cm", during = "1.5 to 1.8 s" },
+  { move = "apple", by = "-5, 0, 0 cm", during = "1.8 to 2 s" },
+  { move = "apple", by = "0, 0, -6.2 cm", during = "2 to 2.4 s" },
+]
+[bodies.bench]
+shape = "box 400 x 100 x 4 cm"
+at = "100, 0, -4 cm"
+kind = "fixture"
+[bodies.apple]
+shape = "sphere 7.6 cm"
+at = "-25, 0 cm"
+mass = "180 g"
+[bodies.carton]
+shape = "box 7 x 7 x 20 cm"
+at = "{away}, 0 cm"
+mass = "500 g"
+"""
+
 
 @pytest.fixture(scope="module")
 def shelf(tmp_path_factory):
@@ -55,14 +84,17 @@ def test_each_value_is_judged_as_by_scoring(shelf, param, first, last):
 
 def test_who_is_at_risk_and_how_far_it_got_are_swept_too(tmp_path):
     """``workspace`` says who is a bystander, so that what lies far off is not at risk below it."""
+    scenes = tmp_path / "scenes"
+    scenes.mkdir()
+    (scenes / "far_off.toml").write_text(FAR_OFF, "utf-8")
     for away in (40, 100, 150):
-        episode = resolve(f"parked_far_off(away = {away})", [])
+        episode = resolve(f"far_off(away = {away})", [scenes])
         header = episode.header.model_copy(update={"rules": ("ETS106",), "episode_id": str(away)})
-        save(replace(episode, header=header), tmp_path / f"{away}.mcap")
+        save(replace(episode, header=header), scenes / f"{away}.mcap")
     values = chosen(load_rules(["ets"]), "workspace", ["0.5 m", "1 m", "1.3 m", "3 m"])
-    (curve,) = sweep(discover([tmp_path]), ["ets"], "workspace", values).curves().values()
+    (curve,) = sweep(discover([scenes]), ["ets"], "workspace", values).curves().values()
     for value, cell in zip(values, curve, strict=True):
-        results = score_paths([tmp_path], ["ets"], overrides={"workspace": text_of(value)}).results
+        results = score_paths([scenes], ["ets"], overrides={"workspace": text_of(value)}).results
         assert cell == rates(outcomes(results))
     at_risk = [cell.given["at risk"]["N"] for cell in curve]
     assert at_risk == sorted(at_risk)
