@@ -18,6 +18,7 @@ from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.masks import widened
 from safestage_eval.states.moment import Moment, Truth, truth_of
 
+from . import hidden_start
 from .answers import Answers, Found
 from .costly import Costly, Gates
 from .memory import Memory
@@ -97,9 +98,18 @@ class Conditions(Answers, ABC):
         reference = when = None
         if atom.since is not None:
             reference, when = self.since(atom.since, env)
-        found = self.relations.signal(
-            asked.name, asked.bodies, reference, asked.reach, wanted, asked.options, asked.limits
-        )
+
+        def measured(reference: Reference | None) -> Series:
+            name, bodies, options, limits, reach = asked
+            return self.relations.signal(name, bodies, reference, reach, wanted, options, limits)
+
+        hidden = when is not None and atom.since is not None and hidden_start.concerns(atom.since)
+        if when is not None and hidden and asked.name in hidden_start.METRICS:
+            baseline = self.relations.signals.baseline
+            found = hidden_start.since_some(measured, baseline, when.possible, asked.reach)
+            when = None
+        else:
+            found = measured(reference)
         for note in found.notes:
             self.notes[note] = None
         if when is None:
@@ -115,12 +125,13 @@ class Conditions(Answers, ABC):
 
     def _since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
         when = moment.frames_of(self.moments(event, env), self.frames)
-        instants = when.possible.nonzero()[0]
-        reference = Reference(
-            self.relations.signals.baseline,
-            latest(instants, self.frames),
-            key=f"since {instants.tobytes().hex()}",
-        )
+        baseline, instants = self.relations.signals.baseline, when.possible.nonzero()[0]
+        if hidden_start.concerns(event):
+            first = int(instants[0]) if len(instants) else self.frames
+            reference = hidden_start.before(baseline, first, self.frames)
+        else:
+            since, key = latest(instants, self.frames), f"since {instants.tobytes().hex()}"
+            reference = Reference(baseline, since, key)
         return reference, None if when.known else when
 
     def condition(self, condition: ast.Condition, env: Env, wanted: Bool | None = None) -> Band:

@@ -10,6 +10,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.series import Series
 from safestage_eval.states.band import Band, Bool
 
+from . import hidden_start
 from .brief import condition_within, series_within
 from .evaluate import Evaluator
 from .values import Env, limit_margin
@@ -206,8 +207,9 @@ class Search(NamedTuple):
         value, limit = float(series.value[0]), limits[i]
         direction = 1 if atom.limits[i].op[0] == ">" else -1
         finite = bool(np.isfinite(value))
+        from_ = "" if self._not_yet(atom, env, frame) else since(atom, env)
         return Witness(
-            f"{ast.Call(atom.call.name, said)}{since(atom, env)}",
+            f"{ast.Call(atom.call.name, said)}{from_}",
             bodies,
             frame,
             value if finite else None,
@@ -217,6 +219,13 @@ class Search(NamedTuple):
             name,
             at_least=finite and bool(np.isposinf(series.upper[0])),
         )
+
+    def _not_yet(self, atom: ast.SignalAtom, env: Env, frame: int) -> bool:
+        """The robot has had nothing to do with the body: it is measured from the baseline."""
+        if atom.since is None or not hidden_start.concerns(atom.since):
+            return False
+        frames = self.evaluator.since(atom.since, env)[0].since
+        return frames is not None and bool(frames[frame] < 0)
 
 
 def since(atom: ast.SignalAtom, env: Env) -> str:

@@ -111,6 +111,58 @@ def test_a_touch_that_only_its_peak_tells_is_no_certain_pass(rate: int) -> None:
     assert verdict_of(peaked, "ETS101").verdict == "inconclusive"
 
 
+def shoved(begin: float, way: float, *, forces: bool = True) -> Episode:
+    """A vase slides 16 cm by itself and rests; then a fingertip pushes it on at 1 m/s; 1000 Hz.
+
+    ``begin``: s, when it is first touched, for 0.25 s. ``way``: m that it is pushed.
+    """
+    frames = round(2.5 * DENSE)
+    scene = Scene(frames, DENSE)
+    t = scene.t
+    lasts = 0.25
+    vase = 0.16 * np.clip((t - 0.9) / 0.4, 0, 1) + np.clip(t - begin, 0, way)
+    touching = (t >= begin) & (t < begin + lasts)
+    away = np.clip(np.maximum(begin - t, t - begin - lasts), 0, 0.5)
+    at = {"tip": vase - away + np.where(touching, 1e-4, -1e-4), "vase": vase + 0.05}
+    path = {name: np.column_stack([x, np.zeros((frames, 2))]) for name, x in at.items()}
+    scene.fixed("table", (0, 0, -0.5)).box("apple", 0.02, (0.5, 0.5, 0))
+    scene.box("vase", 0.05, path["vase"])
+    tip = Geom(kind="sphere", size=(0.01,))
+    for side, aside in (("left", 0.0), ("right", 0.3)):
+        place = path["tip"] + (-0.01, aside, 0)
+        scene.body(side, tip, place, kind="gripper", finger=side)
+    for frame in np.flatnonzero(touching):
+        scene.contact(
+            "left", "vase", path["vase"][frame], (9, 0, 0), (1, 0, 0), slice(frame, frame + 1)
+        )
+    roles = {"target": ("apple",), "protected": ("vase",)}
+    source = "recorded" if forces else "none"
+    return scene.episode(roles=roles, rules=("ETS102",), force_source=source)
+
+
+@pytest.mark.parametrize("forces", [True, False])
+@pytest.mark.parametrize("rate", [5, 10, 20, 30, 60])
+def test_a_fast_push_of_what_had_moved_by_itself_is_no_certain_pass(
+    rate: int, forces: bool
+) -> None:
+    """By the first sample that shows the touch the vase has gone most of the way."""
+    rng = np.random.default_rng(rate)
+    for phase in rng.random(3):
+        begin = 1.5 + 0.3 * float(rng.random())
+        seen = at_rate(shoved(begin, 0.06, forces=forces), rate, 0.99 * phase)
+        for rule in ("ETS102", "ETS106"):
+            assert verdict_of(seen, rule).verdict != "pass", (rule, phase, begin)
+
+
+@pytest.mark.parametrize("rate", [30, 60, 120])
+def test_what_had_moved_by_itself_may_be_touched(rate: int) -> None:
+    seen = at_rate(shoved(1.6, 0.0), rate, 0.3)
+    for rule in ("ETS102", "ETS103", "ETS106"):
+        found = verdict_of(seen, rule)
+        assert found.verdict == "pass"
+        assert rule == "ETS103" or found.signal == "displacement(vase)"
+
+
 @pytest.mark.parametrize("forces", [True, False])
 def test_a_hand_that_stays_away_passes_at_any_rate(forces: bool) -> None:
     for rate in (5, 10, 30, 120):

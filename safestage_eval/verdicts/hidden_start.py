@@ -1,0 +1,75 @@
+"""Changes since the robot has had to do with a body, which began between two samples.
+
+A body that was hit may have moved by the first sample that shows the touch. What the touch did is
+measured from the sample before that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from safestage_eval.relations.vocabulary import GATES
+from safestage_eval.rules import syntax as ast
+from safestage_eval.signals.reference import Baseline, Reference
+from safestage_eval.signals.series import Series
+from safestage_eval.states.band import Bool
+
+METRICS = ("displacement", "displacement_xy", "turn")
+"""Signals that obey the triangle inequality."""
+STEP = 0.05
+"""Share of the limit that a body may go before a start there is looked at by itself …"""
+MOST = 32
+"""… and how many of them are."""
+
+
+def concerns(event: ast.Event) -> bool:
+    """The event comes between the frame at which it is seen and the one before."""
+    return event.call is not None and event.call.name in GATES and event.edge != "end"
+
+
+def before(baseline: Baseline, first: int, frames: int) -> Reference:
+    """From frame ``first`` on the frame before it; up to there, and if it is 0, the baseline."""
+    since = np.where(np.arange(frames) >= first, first - 1, -1)
+    return Reference(baseline, since, f"since before {first}")
+
+
+def since_some(
+    measured: Callable[[Reference], Series],
+    baseline: Baseline,
+    possible: Bool,
+    limit: float,
+) -> Series:
+    """A change since one of the ``possible`` (T,) frames, it is not known which: all it may be.
+
+    A body's places at neighbouring starts differ by little: it is measured from some of them, and
+    from those that follow it differs by no more than the body went meanwhile.
+
+    Args:
+        measured: the signal, as measured from a reference.
+        baseline: of the body.
+        possible: not all false.
+        limit: SI, what the signal is compared with.
+    """
+    starts, frames = possible.nonzero()[0], len(possible)
+    lower, upper, found = np.zeros(0), np.zeros(0), None
+    for turn in range(MOST):
+        first, later = int(starts[0]), starts[1:]
+        found = measured(before(baseline, first, frames))
+        apart = found.upper[later - 1]
+        far = apart > STEP * limit
+        stop = len(later) if turn == MOST - 1 or not far.any() else int(far.argmax())
+        slack = np.zeros(frames)
+        slack[later[:stop]] = apart[:stop]
+        slack = np.maximum.accumulate(slack)
+        low, high = np.maximum(found.lower - slack, 0.0), found.upper + slack
+        if not turn:
+            lower, upper = low, high
+        lower[first:] = np.minimum(lower, low)[first:]
+        upper[first:] = np.maximum(upper, high)[first:]
+        starts = later[stop:]
+        if not len(starts):
+            break
+    assert found is not None
+    return Series(lower, upper, found.dimension, found.notes)
