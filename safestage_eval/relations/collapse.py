@@ -20,6 +20,14 @@ I64 = NDArray[np.int64]
 PUSHES = np.array([[0.0, 0.0], [0.02, 0.0], [-0.02, 0.0], [0.0, 0.02], [0.0, -0.02]])
 """Shares of g along x and y: what falls as soon as the ground tilts by 1.1° falls. An equilibrium
 that needs every contact to give its utmost exists on paper only."""
+TIPS = LOST / 2
+"""Share of g. A block on its edge starts to move by h/√(h² + k²) of a push, h the height and k the
+radius of gyration of its centre: by less than ``LOST`` under any of ``PUSHES``, though it is over."""
+EASED = 0.25
+"""Share of a push. What begins to move only under more of it tips, and goes on by itself; what moves
+under however little of it, and in proportion, rolls, and rests again where the ground is level."""
+STILL = 1e-4
+"""Share of g: what moves by less is in balance; a hoop that rolls, by 0.7 of the push."""
 
 
 class Pile(NamedTuple):
@@ -75,6 +83,7 @@ class _Group(NamedTuple):
         some, before: (C,) the contacts of these, and those of the balance before.
         weight, rest: (B, 6) see ``balance``.
         moved, unrest: (B,) how strongly each moves, in g; and with nothing taken away.
+        eased: (B,) what is left, under ``EASED`` of the push.
         force: (C, 3) N, that each contact exerts.
         balanced: (pushes, B) what is gone when the rest is in balance.
     """
@@ -91,6 +100,7 @@ class _Group(NamedTuple):
     rest: F64
     moved: F64
     unrest: F64
+    eased: F64
     force: F64
     balanced: Bool
 
@@ -105,12 +115,12 @@ def _collapse(
         for p in range(pairs):
             points += pile.start[p, f + 1] - pile.start[p, f]
         most = max(most, points)
-    flags, numbers = np.zeros((3, bodies), np.bool_), np.zeros((2, bodies))
+    flags, numbers = np.zeros((3, bodies), np.bool_), np.zeros((3, bodies))
     group = _Group(
         flags[0], flags[1], flags[2], np.empty(most, np.int64),
         np.empty(pairs, np.bool_), np.empty(pairs, np.bool_),
         np.zeros(most, np.bool_), np.zeros(most, np.bool_),
-        np.empty((bodies, 6)), np.empty((bodies, 6)), numbers[0], numbers[1],
+        np.empty((bodies, 6)), np.empty((bodies, 6)), numbers[0], numbers[1], numbers[2],
         np.empty((most, 3)), np.zeros((len(pushes), bodies), np.bool_),
     )  # fmt: skip
     touches = Touches(
@@ -118,7 +128,7 @@ def _collapse(
         np.empty((most, 3)), np.empty((most, 3)), np.empty(most),
     )  # fmt: skip
     cones, forces = room_for_cones(most, bodies), room_for_forces(most, bodies)
-    springs = room_for_springs(most, bodies)
+    springs, eased = room_for_springs(most, bodies), EASED * pushes
     for f in range(len(push)):
         _join(pile, body, f, group)
         count = _gather(pile, f, group, touches)
@@ -127,7 +137,7 @@ def _collapse(
         clear(forces)
         push[f] = -1
         for k in range(len(pushes)):
-            _fall(pile, group, cones, forces, count, removed, off, pushes[k])
+            _fall(pile, group, cones, forces, count, removed, off, pushes[k], eased[k])
             if group.gone[body]:
                 push[f] = k
                 break
@@ -196,7 +206,7 @@ def _gather(pile: Pile, f: int, group: _Group, touches: Touches) -> int:
 @kernel
 def _fall(
     pile: Pile, group: _Group, cones: Cones, forces: Forces, count: int, removed: int, off: Bool,
-    push: F64,
+    push: F64, eased: F64,
 ) -> None:  # fmt: skip
     """Take a body away, and what moves then, until nothing more does: ``group.gone``."""
     weighed, bodies = False, len(group.gone)
@@ -205,15 +215,17 @@ def _fall(
         group.gone[removed] = True
     while _leave(pile, group, off):
         _balance(pile, group, cones, forces, count, push, group.moved)
-        if not _moves(group):
+        if not _moves(group, TIPS):
             return
         if not weighed:
             weighed = True
             _weigh_all(pile, group, cones, forces, count, push)
             _leave(pile, group, off)
+        _balance(pile, group, cones, forces, count, eased, group.eased)
         moves = False
         for b in range(bodies):
-            if group.left[b] and group.moved[b] > LOST + group.unrest[b]:
+            tips = group.eased[b] < STILL and group.moved[b] > TIPS + group.unrest[b]
+            if group.left[b] and (tips or group.moved[b] > LOST + group.unrest[b]):
                 group.gone[b] = moves = True
         if not moves:
             return
@@ -231,7 +243,7 @@ def _slide(
     while _leave(pile, group, off):
         _choose(pile, group, count)
         give(springs, touches, group.some, count, group.left, push, group.moved)
-        if not _moves(group):
+        if not _moves(group, LOST):
             return
         if not known:
             known = True
@@ -251,11 +263,11 @@ def _slide(
 
 
 @kernel
-def _moves(group: _Group) -> bool:
-    """Something of what is left moves."""
+def _moves(group: _Group, least: float) -> bool:
+    """Something of what is left moves by more than so many g."""
     moves = False
     for b in range(len(group.left)):
-        moves |= group.left[b] and group.moved[b] > LOST
+        moves |= group.left[b] and group.moved[b] > least
     return moves
 
 

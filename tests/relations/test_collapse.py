@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from safestage_eval.relations.collapse import PUSHES, Pile, collapse
+from safestage_eval.relations.collapse import EASED, PUSHES, STILL, TIPS, Pile, collapse
 from safestage_eval.relations.cones import COMPLIANCE, CONE_SIDES, TOLERANCE
 from safestage_eval.relations.reached import unbalanced
 from safestage_eval.relations.statics import LOST, Bodies, Touches
@@ -74,8 +74,11 @@ def slowly(pile: Pile, frame: int, body: int, removed: int, off: np.ndarray) -> 
             left = linked(rocked, pile, rest)
             bear = [p for p in rest if left & set(pile.owner[p])]
             moved = motion(pile, frame, left, bear, push)
-            clear &= all(abs(moved[b] - LOST - before[b]) > 1e-4 for b in left)
-            fallen = {b for b in left if moved[b] > LOST + before[b]}
+            eased = motion(pile, frame, left, bear, EASED * push)
+            least = {b: (TIPS if eased[b] < STILL else LOST) + before[b] for b in left}
+            clear &= all(abs(moved[b] - least[b]) > 1e-4 for b in left)
+            clear &= all(abs(eased[b] - STILL) > 0.5 * STILL for b in left)
+            fallen = {b for b in left if moved[b] > least[b]}
             if not fallen:
                 break
             gone |= fallen
@@ -162,7 +165,7 @@ def motion(pile: Pile, frame: int, bodies: set[int], pairs, push) -> dict[int, f
                 columns.append(whiten @ column)
     weight = np.zeros((len(pile.mass), 6))
     for b in bodies:
-        weight[b, :3] = np.sqrt(pile.mass[b]) * np.array([*push, 1.0])
+        weight[b, :3] = np.sqrt(pile.mass[b]) * np.array([-push[0], -push[1], 1.0])
     weight = weight.ravel()
     left = weight
     if columns:
