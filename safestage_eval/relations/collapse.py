@@ -61,7 +61,7 @@ def collapse(pile: Pile, body: int, removed: int, off: Bool) -> tuple[I64, Bool]
     """(F,) the first of ``PUSHES`` under which a body falls, −1 if none; (F, B) what falls then.
 
     First under those under which no forces could balance it, then under those under which none are
-    reached that do (``reached``).
+    reached that do (``reached``), then under those under which it tips.
 
     ``removed`` is taken away, −1 if it is no object of the pile, and with it the contacts of the
     pairs ``off`` (P,).
@@ -135,9 +135,9 @@ def _collapse(
         there = Bodies(pile.mass, pile.centre[f], pile.inertia[f])
         spread(there, touches, count, cones)
         clear(forces)
-        push[f] = -1
+        push[f], near = -1, False
         for k in range(len(pushes)):
-            _fall(pile, group, cones, forces, count, removed, off, pushes[k], eased[k])
+            near |= _fall(pile, group, cones, forces, count, removed, off, pushes[k], False, eased[k])
             if group.gone[body]:
                 push[f] = k
                 break
@@ -152,6 +152,11 @@ def _collapse(
                 if group.gone[body]:
                     push[f] = k
                     break
+        for k in range(len(pushes) if near and push[f] < 0 else 0):
+            _fall(pile, group, cones, forces, count, removed, off, pushes[k], True, eased[k])
+            if group.gone[body]:
+                push[f] = k
+                break
         if push[f] >= 0:
             for b in range(bodies):
                 fallen[f, b] = group.gone[b]
@@ -206,29 +211,36 @@ def _gather(pile: Pile, f: int, group: _Group, touches: Touches) -> int:
 @kernel
 def _fall(
     pile: Pile, group: _Group, cones: Cones, forces: Forces, count: int, removed: int, off: Bool,
-    push: F64, eased: F64,
-) -> None:  # fmt: skip
-    """Take a body away, and what moves then, until nothing more does: ``group.gone``."""
-    weighed, bodies = False, len(group.gone)
+    push: F64, tips: bool, eased: F64,
+) -> bool:  # fmt: skip
+    """Take a body away, and what moves then, until nothing more does: ``group.gone``.
+
+    What ``tips`` is taken away as well if that is asked for: it moves under the push, and not under
+    the ``eased`` one. True where something moves that might.
+    """
+    weighed, near, bodies = False, False, len(group.gone)
     group.gone[:] = False
     if removed >= 0:
         group.gone[removed] = True
     while _leave(pile, group, off):
         _balance(pile, group, cones, forces, count, push, group.moved)
         if not _moves(group, TIPS):
-            return
+            return near
+        near = True
         if not weighed:
             weighed = True
             _weigh_all(pile, group, cones, forces, count, push)
             _leave(pile, group, off)
-        _balance(pile, group, cones, forces, count, eased, group.eased)
+        if tips:
+            _balance(pile, group, cones, forces, count, eased, group.eased)
         moves = False
         for b in range(bodies):
-            tips = group.eased[b] < STILL and group.moved[b] > TIPS + group.unrest[b]
-            if group.left[b] and (tips or group.moved[b] > LOST + group.unrest[b]):
+            least = TIPS if tips and group.eased[b] < STILL else LOST
+            if group.left[b] and group.moved[b] > least + group.unrest[b]:
                 group.gone[b] = moves = True
         if not moves:
-            return
+            return near
+    return near
 
 
 @kernel
