@@ -85,7 +85,8 @@ class _Group(NamedTuple):
         moved, unrest: (B,) how strongly each moves, in g; and with nothing taken away.
         eased: (B,) what is left, under ``EASED`` of the push.
         force: (C, 3) N, that each contact exerts.
-        balanced: (pushes, B) what is gone when the rest is in balance.
+        balanced: (B,) what is gone when the rest is in balance without a push: what falls only
+            under one has not fallen yet when the springs are asked, and loads them with the rest.
     """
 
     joined: Bool
@@ -121,7 +122,7 @@ def _collapse(
         np.empty(pairs, np.bool_), np.empty(pairs, np.bool_),
         np.zeros(most, np.bool_), np.zeros(most, np.bool_),
         np.empty((bodies, 6)), np.empty((bodies, 6)), numbers[0], numbers[1], numbers[2],
-        np.empty((most, 3)), np.zeros((len(pushes), bodies), np.bool_),
+        np.empty((most, 3)), np.zeros(bodies, np.bool_),
     )  # fmt: skip
     touches = Touches(
         np.empty(most, np.int64), np.empty(most, np.int64),
@@ -137,17 +138,19 @@ def _collapse(
         clear(forces)
         push[f], near = -1, False
         for k in range(len(pushes)):
-            near |= _fall(pile, group, cones, forces, count, removed, off, pushes[k], False, eased[k])
+            near |= _fall(
+                pile, group, cones, forces, count, removed, off, pushes[k], False, eased[k]
+            )
             if group.gone[body]:
                 push[f] = k
                 break
-            for b in range(bodies):
-                group.balanced[k, b] = group.gone[b]
+            for b in range(bodies if k == 0 else 0):
+                group.balanced[b] = group.gone[b]
         else:
             stretch(there, touches, group.force, count, springs)
             for k in range(len(pushes)):
                 for b in range(bodies):
-                    group.gone[b] = group.balanced[k, b]
+                    group.gone[b] = group.balanced[b]
                 _slide(pile, group, springs, touches, count, off, pushes[k])
                 if group.gone[body]:
                     push[f] = k

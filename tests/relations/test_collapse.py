@@ -70,8 +70,8 @@ def slowly(pile: Pile, frame: int, body: int, removed: int, off: np.ndarray) -> 
         if body in gone:
             return k, gone, clear
         balanced.append(gone)
-    for k, (push, kept) in enumerate(zip(PUSHES, balanced, strict=True)):
-        gone = set(kept)
+    for k, push in enumerate(PUSHES):
+        gone = set(balanced[0])
         before = given(pile, frame, group, pairs, push)
         while True:
             away = [p for p in pairs if off[p] or gone & set(pile.part[p])]
