@@ -6,10 +6,12 @@ Three steps, each kept in a file so that the next can be repeated alone:
    one only if it stands by itself for another ``HOLD`` with nothing taken away, and does not come
    down when the ground tilts by ``TILT``: nobody ever built what stands like a needle on its tip,
    and whether it depends on anything has no answer, for the next breath fells it. Then each body in
-   turn is made intangible and the rest is simulated on, in five ways: with all friction times 0.9,
-   1 and 1.1; slowly, so that what falls hits less hard; and slowly with whatever leaves its
-   place made intangible as well. What becomes of a when s vanishes is one of ``Fate``; a pair that
-   neither falls nor stands counts for nothing, and the report says how many these are, and why.
+   turn is made intangible and the rest is simulated on: with all friction times 0.9, 1 and 1.1;
+   slowly, so that what falls hits less hard; with the ground leaning by ``TILT`` each way, for
+   what is left has to bear what the pile had to: a log without its chock rests on a level floor,
+   and rolls off on the next one; and slowly with whatever leaves its place made intangible as
+   well. What becomes of a when s vanishes is one of ``Fate``; a pair that neither falls nor stands
+   counts for nothing, and the report says how many these are, and why.
 2. ``judge``: the recordings are read like any other and asked for ``depends_on``.
 3. ``report``: precision, recall and what stayed unknown, kind by kind, and the wrong pairs.
 
@@ -180,7 +182,7 @@ def _fates(
     name = {i: model.body(i).name for i in range(model.nbody)}
     found: Fates = {}
     for s in (i for i in range(1, model.nbody) if name[i] != "fix_floor"):
-        gone = [_moves(model, data, s, trial, free) for trial in TRIALS]
+        gone = [_moves(model, data, s, trial, free) for trial in (*TRIALS, *LEANING)]
         clean = _moves(model, data, s, CLEAN, free)
         for a in free:
             if a != s:

@@ -20,6 +20,14 @@ I64 = NDArray[np.int64]
 PUSHES = np.array([[0.0, 0.0], [0.02, 0.0], [-0.02, 0.0], [0.0, 0.02], [0.0, -0.02]])
 """Shares of g along x and y: what falls as soon as the ground tilts by 1.1° falls. An equilibrium
 that needs every contact to give its utmost exists on paper only."""
+TIPS = LOST / 2
+"""Share of g. A block on its edge starts to move by h/√(h² + k²) of a push, h the height and k the
+radius of gyration of its centre: by less than ``LOST`` under any of ``PUSHES``, though it is over."""
+EASED = 0.25
+"""Share of a push. What begins to move only under more of it tips, and goes on by itself; what moves
+under however little of it, and in proportion, rolls, and rests again where the ground is level."""
+STILL = 1e-4
+"""Share of g: what moves by less is in balance; a hoop that rolls, by 0.7 of the push."""
 
 
 class Pile(NamedTuple):
@@ -53,7 +61,7 @@ def collapse(pile: Pile, body: int, removed: int, off: Bool) -> tuple[I64, Bool]
     """(F,) the first of ``PUSHES`` under which a body falls, −1 if none; (F, B) what falls then.
 
     First under those under which no forces could balance it, then under those under which none are
-    reached that do (``reached``).
+    reached that do (``reached``), then under those under which it tips.
 
     ``removed`` is taken away, −1 if it is no object of the pile, and with it the contacts of the
     pairs ``off`` (P,).
@@ -75,8 +83,10 @@ class _Group(NamedTuple):
         some, before: (C,) the contacts of these, and those of the balance before.
         weight, rest: (B, 6) see ``balance``.
         moved, unrest: (B,) how strongly each moves, in g; and with nothing taken away.
+        eased: (B,) what is left, under ``EASED`` of the push.
         force: (C, 3) N, that each contact exerts.
-        balanced: (pushes, B) what is gone when the rest is in balance.
+        balanced: (B,) what is gone when the rest is in balance without a push: what falls only
+            under one has not fallen yet when the springs are asked, and loads them with the rest.
     """
 
     joined: Bool
@@ -91,6 +101,7 @@ class _Group(NamedTuple):
     rest: F64
     moved: F64
     unrest: F64
+    eased: F64
     force: F64
     balanced: Bool
 
@@ -105,43 +116,50 @@ def _collapse(
         for p in range(pairs):
             points += pile.start[p, f + 1] - pile.start[p, f]
         most = max(most, points)
-    flags, numbers = np.zeros((3, bodies), np.bool_), np.zeros((2, bodies))
+    flags, numbers = np.zeros((3, bodies), np.bool_), np.zeros((3, bodies))
     group = _Group(
         flags[0], flags[1], flags[2], np.empty(most, np.int64),
         np.empty(pairs, np.bool_), np.empty(pairs, np.bool_),
         np.zeros(most, np.bool_), np.zeros(most, np.bool_),
-        np.empty((bodies, 6)), np.empty((bodies, 6)), numbers[0], numbers[1],
-        np.empty((most, 3)), np.zeros((len(pushes), bodies), np.bool_),
+        np.empty((bodies, 6)), np.empty((bodies, 6)), numbers[0], numbers[1], numbers[2],
+        np.empty((most, 3)), np.zeros(bodies, np.bool_),
     )  # fmt: skip
     touches = Touches(
         np.empty(most, np.int64), np.empty(most, np.int64),
         np.empty((most, 3)), np.empty((most, 3)), np.empty(most),
     )  # fmt: skip
     cones, forces = room_for_cones(most, bodies), room_for_forces(most, bodies)
-    springs = room_for_springs(most, bodies)
+    springs, eased = room_for_springs(most, bodies), EASED * pushes
     for f in range(len(push)):
         _join(pile, body, f, group)
         count = _gather(pile, f, group, touches)
         there = Bodies(pile.mass, pile.centre[f], pile.inertia[f])
         spread(there, touches, count, cones)
         clear(forces)
-        push[f] = -1
+        push[f], near = -1, False
         for k in range(len(pushes)):
-            _fall(pile, group, cones, forces, count, removed, off, pushes[k])
+            near |= _fall(
+                pile, group, cones, forces, count, removed, off, pushes[k], False, eased[k]
+            )
             if group.gone[body]:
                 push[f] = k
                 break
-            for b in range(bodies):
-                group.balanced[k, b] = group.gone[b]
+            for b in range(bodies if k == 0 else 0):
+                group.balanced[b] = group.gone[b]
         else:
             stretch(there, touches, group.force, count, springs)
             for k in range(len(pushes)):
                 for b in range(bodies):
-                    group.gone[b] = group.balanced[k, b]
+                    group.gone[b] = group.balanced[b]
                 _slide(pile, group, springs, touches, count, off, pushes[k])
                 if group.gone[body]:
                     push[f] = k
                     break
+        for k in range(len(pushes) if near and push[f] < 0 else 0):
+            _fall(pile, group, cones, forces, count, removed, off, pushes[k], True, eased[k])
+            if group.gone[body]:
+                push[f] = k
+                break
         if push[f] >= 0:
             for b in range(bodies):
                 fallen[f, b] = group.gone[b]
@@ -196,27 +214,36 @@ def _gather(pile: Pile, f: int, group: _Group, touches: Touches) -> int:
 @kernel
 def _fall(
     pile: Pile, group: _Group, cones: Cones, forces: Forces, count: int, removed: int, off: Bool,
-    push: F64,
-) -> None:  # fmt: skip
-    """Take a body away, and what moves then, until nothing more does: ``group.gone``."""
-    weighed, bodies = False, len(group.gone)
+    push: F64, tips: bool, eased: F64,
+) -> bool:  # fmt: skip
+    """Take a body away, and what moves then, until nothing more does: ``group.gone``.
+
+    What ``tips`` is taken away as well if that is asked for: it moves under the push, and not under
+    the ``eased`` one. True where something moves that might.
+    """
+    weighed, near, bodies = False, False, len(group.gone)
     group.gone[:] = False
     if removed >= 0:
         group.gone[removed] = True
     while _leave(pile, group, off):
         _balance(pile, group, cones, forces, count, push, group.moved)
-        if not _moves(group):
-            return
+        if not _moves(group, TIPS):
+            return near
+        near = True
         if not weighed:
             weighed = True
             _weigh_all(pile, group, cones, forces, count, push)
             _leave(pile, group, off)
+        if tips:
+            _balance(pile, group, cones, forces, count, eased, group.eased)
         moves = False
         for b in range(bodies):
-            if group.left[b] and group.moved[b] > LOST + group.unrest[b]:
+            least = TIPS if tips and group.eased[b] < STILL else LOST
+            if group.left[b] and group.moved[b] > least + group.unrest[b]:
                 group.gone[b] = moves = True
         if not moves:
-            return
+            return near
+    return near
 
 
 @kernel
@@ -231,7 +258,7 @@ def _slide(
     while _leave(pile, group, off):
         _choose(pile, group, count)
         give(springs, touches, group.some, count, group.left, push, group.moved)
-        if not _moves(group):
+        if not _moves(group, LOST):
             return
         if not known:
             known = True
@@ -251,11 +278,11 @@ def _slide(
 
 
 @kernel
-def _moves(group: _Group) -> bool:
-    """Something of what is left moves."""
+def _moves(group: _Group, least: float) -> bool:
+    """Something of what is left moves by more than so many g."""
     moves = False
     for b in range(len(group.left)):
-        moves |= group.left[b] and group.moved[b] > LOST
+        moves |= group.left[b] and group.moved[b] > least
     return moves
 
 

@@ -168,12 +168,12 @@ def _whiten(inertia: F64, out: F64) -> None:
 
 @kernel
 def weigh(mass: F64, push: F64, which: Bool, weight: F64) -> None:
-    """Weights (B, 6) in units of g, with the push, by root of mass; 0 of the others."""
+    """What balances weights and the push, (B, 6) in units of g by root of mass; 0 of the others."""
     weight[:] = 0.0
     for b in range(mass.shape[0]):
         if which[b]:
             heavy = math.sqrt(mass[b])
-            weight[b, 0], weight[b, 1], weight[b, 2] = heavy * push[0], heavy * push[1], heavy
+            weight[b, 0], weight[b, 1], weight[b, 2] = -heavy * push[0], -heavy * push[1], heavy
 
 
 @kernel

@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from safestage_eval.relations.collapse import PUSHES, Pile, collapse
+from safestage_eval.relations.collapse import EASED, PUSHES, STILL, TIPS, Pile, collapse
 from safestage_eval.relations.cones import COMPLIANCE, CONE_SIDES, TOLERANCE
 from safestage_eval.relations.reached import unbalanced
 from safestage_eval.relations.statics import LOST, Bodies, Touches
@@ -65,25 +65,13 @@ def slowly(pile: Pile, frame: int, body: int, removed: int, off: np.ndarray) -> 
     pairs = [p for p in pairs if group & set(pile.owner[p])]
     clear, balanced = True, []
     for k, push in enumerate(PUSHES):
-        before = motion(pile, frame, group, pairs, push)
-        gone = {removed} - {-1}
-        while True:
-            away = [p for p in pairs if off[p] or gone & set(pile.part[p])]
-            rest = [p for p in pairs if p not in away]
-            rocked = {int(b) for p in away for b in pile.owner[p]} - gone - {-1}
-            left = linked(rocked, pile, rest)
-            bear = [p for p in rest if left & set(pile.owner[p])]
-            moved = motion(pile, frame, left, bear, push)
-            clear &= all(abs(moved[b] - LOST - before[b]) > 1e-4 for b in left)
-            fallen = {b for b in left if moved[b] > LOST + before[b]}
-            if not fallen:
-                break
-            gone |= fallen
+        gone, sure = falling(pile, frame, removed, off, group, pairs, push, tips=False)
+        clear &= sure
         if body in gone:
             return k, gone, clear
         balanced.append(gone)
-    for k, (push, kept) in enumerate(zip(PUSHES, balanced, strict=True)):
-        gone = set(kept)
+    for k, push in enumerate(PUSHES):
+        gone = set(balanced[0])
         before = given(pile, frame, group, pairs, push)
         while True:
             away = [p for p in pairs if off[p] or gone & set(pile.part[p])]
@@ -102,7 +90,36 @@ def slowly(pile: Pile, frame: int, body: int, removed: int, off: np.ndarray) -> 
             gone |= fallen
         if body in gone:
             return k, gone, clear
+    for k, push in enumerate(PUSHES):
+        gone, sure = falling(pile, frame, removed, off, group, pairs, push, tips=True)
+        clear &= sure
+        if body in gone:
+            return k, gone, clear
     return -1, set(), clear
+
+
+def falling(
+    pile: Pile, frame: int, removed: int, off: np.ndarray, group: set[int], pairs, push, *, tips
+) -> tuple[set[int], bool]:
+    """What no forces balance under a push, with what tips or without; whether it is clear."""
+    before, clear = motion(pile, frame, group, pairs, push), True
+    gone = {removed} - {-1}
+    while True:
+        away = [p for p in pairs if off[p] or gone & set(pile.part[p])]
+        rest = [p for p in pairs if p not in away]
+        rocked = {int(b) for p in away for b in pile.owner[p]} - gone - {-1}
+        left = linked(rocked, pile, rest)
+        bear = [p for p in rest if left & set(pile.owner[p])]
+        moved = motion(pile, frame, left, bear, push)
+        eased = motion(pile, frame, left, bear, EASED * push) if tips else moved
+        over = {b: tips and eased[b] < STILL for b in left}
+        least = {b: (TIPS if over[b] else LOST) + before[b] for b in left}
+        clear &= all(abs(moved[b] - least[b]) > 1e-4 for b in left)
+        clear &= not tips or all(abs(eased[b] - STILL) > 0.5 * STILL for b in left)
+        fallen = {b for b in left if moved[b] > least[b]}
+        if not fallen:
+            return gone, clear
+        gone |= fallen
 
 
 def given(pile: Pile, frame: int, bodies: set[int], pairs, push) -> dict[int, float]:
@@ -162,7 +179,7 @@ def motion(pile: Pile, frame: int, bodies: set[int], pairs, push) -> dict[int, f
                 columns.append(whiten @ column)
     weight = np.zeros((len(pile.mass), 6))
     for b in bodies:
-        weight[b, :3] = np.sqrt(pile.mass[b]) * np.array([*push, 1.0])
+        weight[b, :3] = np.sqrt(pile.mass[b]) * np.array([-push[0], -push[1], 1.0])
     weight = weight.ravel()
     left = weight
     if columns:
