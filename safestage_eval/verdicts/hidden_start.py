@@ -32,7 +32,8 @@ def concerns(event: ast.Event) -> bool:
 def before(baseline: Baseline, first: int, frames: int) -> Reference:
     """From frame ``first`` on the frame before it; up to there, and if it is 0, the baseline."""
     since = np.where(np.arange(frames) >= first, first - 1, -1)
-    return Reference(baseline, since, f"since before {first}")
+    never = not 0 < first < frames  # the same then as since whatever else never came
+    return Reference(baseline, since, "since " if never else f"since before {first}")
 
 
 def since_some(
