@@ -45,13 +45,20 @@ def test_every_example_is_used() -> None:
     assert there == {name.partition("(")[0] for _, name, _ in EXAMPLES}
 
 
+EQUIVALENT = {
+    # what stands by itself stops doing so before it can fall 5 cm or topple by 30°
+    "ISH105": ["stop resolved(target, dependent) → the end of resolved(target, dependent)"],
+}
+"""Rule → mistakes in it that change no verdict, whatever the episode."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("code", RULES.rules)
 def test_the_examples_notice_every_mistake(code: str) -> None:
     """A limit turned round or ten times off, a role exchanged, an obligation dropped, …"""
     found = hunt(RULES, RULES.rules[code], LIBRARY)
     assert found
-    assert [mutant.what for mutant in found if mutant.killer is None] == []
+    assert [mutant.what for mutant in found if mutant.killer is None] == EQUIVALENT.get(code, [])
 
 
 @pytest.mark.slow
