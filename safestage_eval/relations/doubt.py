@@ -145,8 +145,9 @@ def may_hang_from_the_grip(relations: Relations, name: str, bodies: Sequence[str
 def _taken_along(relations: Relations, body: int) -> Bool:
     """(T,) a hand may be taking it away, and it still touches what it stood on.
 
-    From when it is no longer where it stood before the hand can have had it, nor slides upright on
-    what bore it there as deep as then, until it is off, unless that is soon.
+    From when it is no longer where it stood before the hand can have had it, until it is off, unless
+    that is soon. What never comes off while the hand may have it does not hang from it as long as it
+    slides upright on what bore it there, as deep as then.
     """
     held = relations.may_be_held(body)
     track = relations.episode.track(relations.episode.header.bodies[body].name)
@@ -158,7 +159,7 @@ def _taken_along(relations: Relations, body: int) -> Bool:
         position, orientation = track.position[start:stop], track.orientation[start:stop]
         gone = np.linalg.norm(position - track.position[before], axis=1) > STAYS[0]
         gone |= angle(orientation, track.orientation[before]) > STAYS[1]
-        if start > 0:  # else it is not known how it stood without the hand
+        if start > 0 and stop == end:  # how it stood without the hand is known, and it stays on
             rows = start + np.flatnonzero(gone)
             gone[rows - start] = ~_slides(relations, body, before, rows)
         first = start + int(np.append(gone, True).argmax())
