@@ -140,7 +140,7 @@ def balance(cones: Cones, some: Bool, count: int, forces: Forces, weight: F64, r
                 continue
         begun, barred = False, -1
         while True:
-            _solve(root, forces.wanted, forces.half, trial, n)
+            solve(root, forces.wanted, forces.half, trial, n)
             step, worst = 1.0, -1
             for k in range(n):
                 if trial[k] <= 0.0:
@@ -292,7 +292,8 @@ def _factor(gram: F64, root: F64, first: int, n: int) -> bool:
 
 
 @kernel
-def _solve(root: F64, wanted: F64, half: F64, trial: F64, n: int) -> None:
+def solve(root: F64, wanted: F64, half: F64, trial: F64, n: int) -> None:
+    """Solve root rootᵀ trial = wanted (n,); ``half`` is room for what root gives, ``trial`` may be it."""
     for i in range(n):
         s = wanted[i]
         for k in range(i):

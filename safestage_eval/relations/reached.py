@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.compiled import allocating, helper, kernel
 
+from .cones import solve
 from .statics import Bodies, Touches
 
 Bool = NDArray[np.bool_]
@@ -182,9 +183,9 @@ def give(
         least = most
         if turn % ANEW == ANEW - 1:
             _stiffen(springs, touches, some, count, n, springs.now, True, loose)
-            _solve(springs.now, springs.rest, springs.moved, 6 * n)
+            solve(springs.now, springs.rest, springs.moved, springs.moved, 6 * n)
         else:
-            _solve(springs.held, springs.rest, springs.moved, 6 * n)
+            solve(springs.held, springs.rest, springs.moved, springs.moved, 6 * n)
         for c in range(count):
             if some[c]:
                 for k in range(3):
@@ -301,17 +302,3 @@ def _factor(matrix: F64, n: int) -> None:
             for k in range(j):
                 s -= matrix[i, k] * matrix[j, k]
             matrix[i, j] = s / matrix[j, j] if j < i else math.sqrt(max(s, 1e-30))
-
-
-@kernel
-def _solve(root: F64, wanted: F64, out: F64, n: int) -> None:
-    for i in range(n):
-        s = wanted[i]
-        for k in range(i):
-            s -= root[i, k] * out[k]
-        out[i] = s / root[i, i]
-    for i in range(n - 1, -1, -1):
-        s = out[i]
-        for k in range(i + 1, n):
-            s -= root[k, i] * out[k]
-        out[i] = s / root[i, i]
