@@ -10,8 +10,9 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
+from evidence_edits import selected, without
 
-from safestage_eval.episode import ContactTable, Episode, RobotFrames, Track
+from safestage_eval.episode import ContactTable, Episode, Track
 from safestage_eval.geometry.pose import conjugate, rotate
 
 Damage = Callable[[Episode, str], Episode]
@@ -242,22 +243,10 @@ def at_one_frame(share: float, change: Callable[[Any], Any]) -> Callable[[Any], 
 
 def without_body(e: Episode, name: str) -> Episode:
     """The body is not in the header, nor are its contacts and roles."""
-    index, table = e.body_index[name], e.contacts
-    geoms = np.flatnonzero(e.geom_owner == index)
-    table = table.where((table.body1 != index) & (table.body2 != index))
-    columns = {}
-    for side in "12":
-        one, geom = getattr(table, f"body{side}"), getattr(table, f"geom{side}")
-        columns[f"body{side}"] = (one - (one > index)).astype(np.int16)
-        columns[f"geom{side}"] = (geom - len(geoms) * (geom > geoms[-1])).astype(np.uint16)
     roles = {role: tuple(p for p in who if p != name) for role, who in e.header.roles.items()}
-    changes = {
-        "bodies": tuple(b for b in e.header.bodies if b.name != name),
-        "roles": {role: who for role, who in roles.items() if who},
-    }
-    tracks = {key: t for key, t in e.tracks.items() if key != name}
-    e = replace(e, tracks=tracks, _contacts=replace(table, **columns))
-    return replace(e, header=e.header.model_copy(update=changes))
+    left = {"roles": {role: who for role, who in roles.items() if who}}
+    e = without(e, name)
+    return replace(e, header=e.header.model_copy(update=left))
 
 
 def cut(first: float, last: float) -> Damage:
@@ -269,19 +258,6 @@ def cut(first: float, last: float) -> Damage:
         return selected(e, keep)
 
     return damage
-
-
-def selected(e: Episode, keep: Any) -> Episode:
-    """The frames (T,) that are kept, with their own times."""
-    number = np.cumsum(keep) - 1
-    table = e.contacts.where(keep[e.contacts.frame])
-    table = replace(table, frame=number[table.frame].astype(np.int32))
-    tracks = {
-        name: one if len(one) == 1 else Track(*(getattr(one, f.name)[keep] for f in fields(Track)))
-        for name, one in e.tracks.items()
-    }
-    robot = RobotFrames(*(getattr(e.frames, f.name)[keep] for f in fields(RobotFrames)))
-    return replace(e, t=e.t[keep], tracks=tracks, _contacts=table, _frames=robot, states={})
 
 
 def robot(**changes: Callable[[Any], Any]) -> Damage:
