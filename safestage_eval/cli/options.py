@@ -120,7 +120,7 @@ def announce_compiling() -> None:
 
     room = Path(geometry.__file__).parent
     if not cache_folder(room).exists() and not os.environ.get("NUMBA_CACHE_DIR"):
-        click.echo("compiling the numerical kernels, once: one to two minutes …", err=True)
+        click.echo("compiling the numerical kernels, once: about a minute …", err=True)
 
 
 @contextmanager
