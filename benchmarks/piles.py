@@ -82,7 +82,7 @@ CLEAN = Trial(1.0, slow=True, clean=True)
 LEANING = tuple(Trial(1.0, lean=lean) for lean in ((TILT, 0), (-TILT, 0), (0, TILT), (0, -TILT)))
 
 Fate = Literal["falls", "stands", "moves", "between", "friction", "debris"]
-"""What becomes of a when s vanishes.
+"""How a moves after s is removed.
 
 ``falls`` and ``stands``: in all trials. Otherwise the pair is open: ``moves``, a moves with nothing
 taken away when there is a tenth more or less of friction; ``between``, in some trial it moved, but
@@ -339,7 +339,7 @@ Rows = list[tuple[str, str, Fate]]
 
 
 def record(folder: Path, kinds: Sequence[str], each: int, base: int, jobs: int) -> None:
-    """Build so many piles of each kind from seeds that begin at ``base``, tried in turn.
+    """Record ``each`` piles of every kind, trying the seeds from ``base`` upward.
 
     A kind that is there already is left as it is.
     """
@@ -373,7 +373,7 @@ def _build(folder: Path, which: tuple[str, int]) -> Rows | None:
 
 
 class Judged(NamedTuple):
-    """Of one pile: the last answer to each pair, and how many changed, None if a body moved."""
+    """Last answer per pair of one pile, and the number of answers that changed; None if a body moved."""
 
     answers: list[int]
     changed: int | None

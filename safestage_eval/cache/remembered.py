@@ -135,7 +135,7 @@ class RememberedRelations(Relations):
         return truth
 
     def told(self, body: str, on: str) -> Bool:
-        """As in the base class; or where it is remembered."""
+        """Like the base class, but answer from the cache where it holds the relation."""
         if self.blind:
             return super().told(body, on)
         done: Bool = np.ones(len(self.episode), np.bool_)

@@ -1,4 +1,4 @@
-"""What masses, shapes, joints and time steps must satisfy: that such things exist.
+"""Physical limits of masses, shapes, joints and time steps: nothing outside them can exist.
 
 One function per check; each returns what it found, none of it twice.
 """

@@ -1,4 +1,4 @@
-"""What contacts must satisfy: they lie where the bodies are, and bear what rests on them.
+"""Consistency of contacts: they lie on both bodies, and their forces carry the weight of bodies at rest.
 
 One function per check; each returns what it found, none of it twice.
 """
