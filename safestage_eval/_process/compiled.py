@@ -19,6 +19,9 @@ import numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+KERNELS: list[Any] = []
+"""Every kernel that was imported, as numba's dispatcher."""
+
 
 @cache
 def cache_folder(room: Path) -> Path:
@@ -45,7 +48,8 @@ def kernel(function: F) -> F:
 def helper(function: F) -> F:
     """As kernel, for a small function: its code goes into its callers.
 
-    A call hands over every array of a named tuple, which takes longer than such a function.
+    A call hands over every array of a named tuple, which takes longer than such a function. One whose
+    name begins with an underscore can be called by kernels only.
     """
     return _compiled(function, inline=True)
 
@@ -60,9 +64,20 @@ def _compiled(function: F, *, inline: bool, counted: bool = False) -> F:
     if not chosen:
         numba.config.CACHE_DIR = str(cache_folder(Path(function.__code__.co_filename).parent))
     try:
-        compile_it = numba.njit(
-            cache=True, nogil=True, error_model="numpy", forceinline=inline, _nrt=counted
-        )
-        return cast(F, compile_it(function))
+        dispatcher = numba.njit(
+            cache=True, nogil=True, error_model="numpy", forceinline=inline, _nrt=counted,
+            no_cfunc_wrapper=True,
+            no_cpython_wrapper=inline and function.__name__.startswith("_"),
+        )(function)  # fmt: skip
     finally:
         numba.config.CACHE_DIR = chosen
+    resolve = dispatcher.get_call_template
+
+    def resolve_types(args: Any, kws: Any) -> Any:
+        """Compile one version for all integers, where numba would compile one for each literal."""
+        plain = {name: numba.types.unliteral(kind) for name, kind in kws.items()}
+        return resolve(tuple(map(numba.types.unliteral, args)), plain)
+
+    dispatcher.get_call_template = resolve_types
+    KERNELS.append(dispatcher)
+    return cast(F, dispatcher)
