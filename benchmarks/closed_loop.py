@@ -23,7 +23,7 @@ from simulate.arm import droid
 from simulate.clients.address import dialect_named
 from simulate.clients.dialect import Dialect
 from simulate.clients.message_arrays import pack, unpack
-from simulate.policies.policies import Observation
+from simulate.policy import Observation
 from simulate.record.jobs import plan, record
 from simulate.servers.served_answers import DONE
 from simulate.servers.websocket import WebsocketServer

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from simulate.policies.policies import Observation
+from simulate.policy import Observation
 
 from .message_arrays import Style
 

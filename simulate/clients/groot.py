@@ -18,7 +18,7 @@ from pydantic import Field, field_validator
 from scipy.spatial.transform import Rotation
 
 from simulate.cameras.lookback import Images
-from simulate.policies.policies import Observation
+from simulate.policy import Observation
 
 from .dialect import CAMERA, F64, Asked, Dialect, closed, joined, vector
 from .images import Image, resize_with_pad

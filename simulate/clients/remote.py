@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simulate.policies.policies import Observation, PolicyError
+from simulate.policy import Observation, PolicyError
 
 from .address import Address
 from .conversation import SUFFIX, Kept, Played

@@ -14,7 +14,7 @@ from safestage_eval.rules import RuleSet
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts.judging import judge
 from safestage_eval.verdicts.verdict import Verdict
-from simulate.policies.policies import policy_named
+from simulate.policies.policy_names import policy_named
 from simulate.record.jobs import write_recording
 from simulate.record.pool import Died, run_many
 from simulate.record.rollout import Setting, roll_out

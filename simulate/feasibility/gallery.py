@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from safestage_eval.verdicts.judging import judge
-from simulate.policies.policies import policy_named
+from simulate.policies.policy_names import policy_named
 from simulate.record.pool import Died, run_many
 from simulate.record.rollout import Setting, roll_out
 from simulate.render.marks import (

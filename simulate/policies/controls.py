@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from .policies import Observation
+    from simulate.policy import Observation
 
 F64 = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from safestage_eval.formats import load
 from simulate.world.world import CONTROL_RATE
 
 if TYPE_CHECKING:
-    from .policies import Observation
+    from simulate.policy import Observation
 
 F64 = NDArray[np.float64]
 

@@ -15,7 +15,8 @@ from typing import Literal
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import TraceWriter, discover
 from safestage_eval.formats.discover import aborted
-from simulate.policies.policies import KINDS, policy_name, policy_named
+from simulate.policies.policy_names import policy_name, policy_named
+from simulate.policies.references import KINDS
 from simulate.tasks.task import Task
 from simulate.world.world import FRAME_RATE, FRAMES_PER_ACTION
 

@@ -24,7 +24,8 @@ from safestage_eval.verdicts.goal import GoalMonitor
 from simulate.cameras.camera_video import CameraVideo
 from simulate.cameras.droid_cameras import SIZE, Cameras, camera_facts
 from simulate.cameras.lookback import Lookback
-from simulate.policies.policies import Observation, Policy, PolicyError, Reference
+from simulate.policies.references import Reference
+from simulate.policy import Observation, Policy, PolicyError
 from simulate.tasks.task import Task
 from simulate.world.privileged import PrivilegedState
 from simulate.world.world import CONTROL_RATE, FRAME_RATE, FRAMES_PER_ACTION, World

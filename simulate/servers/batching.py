@@ -15,7 +15,7 @@ from simulate.clients.address import Address
 from simulate.clients.batch import join, kind, part, rows
 from simulate.clients.line import ZeromqLine
 from simulate.clients.message_arrays import pack, unpack
-from simulate.policies.policies import PolicyError
+from simulate.policy import PolicyError
 
 from .zeromq import Asked, Router
 

@@ -7,7 +7,7 @@ from functools import partial
 
 from safestage_eval.errors import InputError
 from simulate.clients.address import address_of, is_address
-from simulate.policies.policies import policy_name
+from simulate.policies.policy_names import policy_name
 
 from .batching import GatheringServer
 from .served_answers import Desk

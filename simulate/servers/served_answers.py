@@ -11,7 +11,7 @@ from simulate.clients.batch import join, part, rows
 from simulate.clients.dialect import Asked, Dialect
 from simulate.clients.line import SETTING
 from simulate.clients.message_arrays import pack, unpack
-from simulate.policies.policies import Observation
+from simulate.policy import Observation
 
 from .served_episode import Direct, Shadow, at_home, is_own
 

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError
 from simulate.arm import droid
-from simulate.policies.policies import Observation, Policy, Reference, policy_named
+from simulate.policies.policy_names import policy_named
+from simulate.policies.references import Reference
+from simulate.policy import Observation, Policy
 from simulate.record.rollout import PROMPTS, Setting, observe, start
 from simulate.tasks.task import Task, tasks
 from simulate.world.privileged import PrivilegedState

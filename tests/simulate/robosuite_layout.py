@@ -12,7 +12,7 @@ from foreign_demos import demo_file
 
 from safestage_eval.episode import Episode
 from simulate.arm import droid
-from simulate.policies.policies import policy_named
+from simulate.policies.policy_names import policy_named
 from simulate.record.recorder import Recorder
 from simulate.record.rollout import Setting, roll_out
 from simulate.tasks.task import task_named

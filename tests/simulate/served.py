@@ -11,7 +11,7 @@ import pytest
 
 import simulate.record.rollout
 from simulate.clients.message_arrays import pack
-from simulate.policies.policies import Observation
+from simulate.policy import Observation
 from simulate.servers.websocket import WebsocketServer
 from simulate.servers.zeromq import ZeromqServer
 

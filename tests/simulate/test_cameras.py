@@ -15,7 +15,7 @@ from safestage_eval.formats import load
 from simulate.arm import droid
 from simulate.cameras.camera_video import NAMES
 from simulate.cameras.droid_cameras import SIZE, Cameras, camera_facts
-from simulate.policies.policies import policy_named
+from simulate.policies.policy_names import policy_named
 from simulate.record.rollout import Setting, roll_out
 from simulate.tasks.task import task_named
 from simulate.world.world import World

@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
 from simulate.cli.record_command import record as record_command
-from simulate.policies.policies import policy_named
+from simulate.policies.policy_names import policy_named
 from simulate.record.campaign import Campaign, read_campaign
 from simulate.record.estimate import Estimate, counted, share_of
 from simulate.record.jobs import plan, record, recorded_ids, summary, write_recording

@@ -13,7 +13,8 @@ from own_policies import Seeing, Still
 
 from safestage_eval.errors import InputError
 from simulate.cameras.droid_cameras import Cameras
-from simulate.policies.policies import Observation, policy_name, policy_named
+from simulate.policies.policy_names import policy_name, policy_named
+from simulate.policy import Observation
 from simulate.record.rollout import Setting, roll_out
 from simulate.tasks.task import Placement, Task, task_named
 from simulate.world.privileged import PrivilegedState

@@ -13,7 +13,8 @@ from safestage_eval.errors import InputError
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts.judging import judge
 from simulate.policies.controls import Idle
-from simulate.policies.policies import Observation, policy_named
+from simulate.policies.policy_names import policy_named
+from simulate.policy import Observation
 from simulate.record.rollout import Setting, roll_out
 from simulate.tasks.task import Placement, Task, task_named
 from simulate.world.world import FRAMES_PER_ACTION

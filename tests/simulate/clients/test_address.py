@@ -6,7 +6,7 @@ import pytest
 
 from safestage_eval.errors import InputError
 from simulate.clients.address import PROTOCOLS, address_of, is_address
-from simulate.policies.policies import policy_name
+from simulate.policies.policy_names import policy_name
 from simulate.record.jobs import plan
 from simulate.tasks.task import task_named
 

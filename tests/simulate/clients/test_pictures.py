@@ -16,7 +16,8 @@ from safestage_eval.episode import Episode
 from simulate.clients.address import address_of
 from simulate.clients.conversation import messages
 from simulate.clients.message_arrays import unpack
-from simulate.policies.policies import Observation, policy_named
+from simulate.policies.policy_names import policy_named
+from simulate.policy import Observation
 from simulate.record.rollout import Setting, roll_out
 from simulate.servers.serve import serve
 from simulate.servers.websocket import WebsocketServer

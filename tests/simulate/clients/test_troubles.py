@@ -16,7 +16,8 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import load
 from simulate.clients.conversation import messages
 from simulate.clients.message_arrays import pack
-from simulate.policies.policies import PolicyError, policy_named
+from simulate.policies.policy_names import policy_named
+from simulate.policy import PolicyError
 from simulate.record.jobs import plan, record, recorded_ids
 from simulate.servers.zeromq import ZeromqServer
 from simulate.tasks.task import task_named
