@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from safestage_eval import episode as model
 from safestage_eval.formats import load as load_stored
-from safestage_eval.scoring import score_paths
+from safestage_eval.run.score_many import score_paths
 
 if TYPE_CHECKING:
     import pandas as pd

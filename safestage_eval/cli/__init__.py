@@ -94,7 +94,7 @@ class LazyGroup(click.Group):
 
 
 def _from_simulate(name: str) -> click.Command:
-    from safestage_eval import simulator
+    from safestage_eval._process import simulator
 
     missing = simulator.why_not()
     if missing is None:

@@ -83,10 +83,10 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
       safestage import demos.hdf5 --to dataset/
       safestage import runs/ --to dataset/ --map scene.toml --quaternion xyzw
     """
+    from safestage_eval._process.memory_limit import limit as most
     from safestage_eval.importers import Settings, import_all, load_map
     from safestage_eval.importers.bound import load_bound
     from safestage_eval.importers.limits import Limits
-    from safestage_eval.memory import limit as most
 
     limits = Limits(timeout, None if memory is None else most(memory))
     settings = Settings(

@@ -116,7 +116,7 @@ def wants_color(stream: Any) -> bool:
 def announce_compiling() -> None:
     """Say on stderr why the very first verdict takes a while."""
     from safestage_eval import geometry
-    from safestage_eval.compiled import cache_folder
+    from safestage_eval._process.compiled import cache_folder
 
     room = Path(geometry.__file__).parent
     if not cache_folder(room).exists() and not os.environ.get("NUMBA_CACHE_DIR"):

@@ -28,7 +28,7 @@ from .options import (
 
 if TYPE_CHECKING:
     from safestage_eval.report.golden import Change
-    from safestage_eval.scoring import Scores
+    from safestage_eval.run.scores import Scores
 
 FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
 
@@ -159,17 +159,17 @@ def command(
         raise click.UsageError("--address is for --engine ray")
     if golden is not None and sample is not None:
         raise click.UsageError("--golden is about all episodes: leave out --sample")
-    from safestage_eval import heap
-    from safestage_eval import memory as memories
-    from safestage_eval.engines import run
+    from safestage_eval._process import heap, memory_limit
     from safestage_eval.rules import builtin_names, load_rules
-    from safestage_eval.scoring import misspelt_roles, understood
+    from safestage_eval.run.bind_checks import misspelt_roles
+    from safestage_eval.run.score_traces import Choice, score_traces
+    from safestage_eval.run.settings import load_settings
 
     kept = None if no_cache else cache
     if kept is not None and (why := unusable(kept)):
         click.echo(f"--cache {kept}: {why}; nothing is kept there", err=True)
-    choice = run.Choice(filters, sample, seed, resume, engine, address, jobs)
-    asked = understood(
+    choice = Choice(filters, sample, seed, resume, engine, address, jobs)
+    asked = load_settings(
         list(rules) or builtin_names(),
         overrides=overrides,
         bind=bind,
@@ -177,14 +177,14 @@ def command(
         assigned_only=assigned,
         cache=kept,
         timeout=timeout,
-        memory=None if memory is None else memories.limit(memory),
+        memory=None if memory is None else memory_limit.limit(memory),
     )
     if asked.bind is not None:
         for told in misspelt_roles(asked.bind, load_rules(list(asked.rules))):
             click.echo(f"warning: {told}", err=True)
     with progress("scoring") as tell:
         heap.keep()
-        scores = run.run(traces, asked, choice, tell, announce_compiling)
+        scores = score_traces(traces, asked, choice, tell, announce_compiling)
     if scores.sample:
         click.echo(scores.sample, err=True)
     changes = None

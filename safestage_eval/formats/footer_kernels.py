@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import helper, kernel
+from safestage_eval._process.compiled import helper, kernel
 
 from .parquet_footer import CODEC, COMPRESSED, DICTIONARY, FIRST_PAGE, TYPE, VALUES
 from .thrift import MORE, _list, _signed, _varint, fields, stack

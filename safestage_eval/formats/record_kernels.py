@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from safestage_eval.compiled import helper, kernel
+from safestage_eval._process.compiled import helper, kernel
 
 from .page_kernels import (
     _RLE,

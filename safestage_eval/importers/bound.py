@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from safestage_eval._text.toml_text import from_toml
 from safestage_eval.episode import Header
-from safestage_eval.toml_text import from_toml
 
 
 @dataclass(frozen=True)

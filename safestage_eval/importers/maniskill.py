@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Source, Track
 from safestage_eval.errors import TraceError
-from safestage_eval.json_text import from_json
 
 from . import hdf5
 from .account import Account

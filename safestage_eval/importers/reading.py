@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from safestage_eval.child import Children, Ended, Question
+from safestage_eval._process.children import Children, Ended, Question
 from safestage_eval.errors import InputError
 
 from .importer import SourceError

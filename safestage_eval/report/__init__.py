@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from safestage_eval.scoring import Scores
+    from safestage_eval.run.scores import Scores
 
     from .golden import Change
 

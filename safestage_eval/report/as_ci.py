@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
-from safestage_eval.scoring import Scores
+from safestage_eval.run.scores import Scores
 
 from .golden import Change
 

@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from safestage_eval.scoring import Scores
+from safestage_eval.run.scores import Scores
 
 from .rows import COLUMNS, each_row
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from safestage_eval.metrics import metrics, outcomes
-from safestage_eval.scoring import Scores
+from safestage_eval.run.scores import Scores
 
 from .rows import document, each_row
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from safestage_eval.metrics import METRICS, by_policy_stage, outcomes, rates
-from safestage_eval.scoring import Scores
+from safestage_eval.run.scores import Scores
 
 from .as_table import by_importance, left_out
 from .summary import share, summary

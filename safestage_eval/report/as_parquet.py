@@ -10,7 +10,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from safestage_eval.scoring import Scores
+from safestage_eval.run.scores import Scores
 
 from .rows import COLUMNS, MEASURED, each_row
 

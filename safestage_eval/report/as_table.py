@@ -14,7 +14,7 @@ from rich.text import Text
 
 from safestage_eval.metrics import METRICS, Rates, by_policy_stage, outcomes, rates
 from safestage_eval.metrics.rates import CONDITIONS
-from safestage_eval.scoring import Scores
+from safestage_eval.run.scores import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from safestage_eval import __version__
 from safestage_eval.metrics import metrics, outcomes
-from safestage_eval.scoring import Scores
+from safestage_eval.run.scores import Scores
 
 COLUMNS = (
     "episode_id", "path", "task", "stage", "family", "policy", "prompt", "seed", "rollout",

@@ -10,12 +10,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from safestage_eval._text.toml_text import from_toml
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.rules.diagnostic import Diagnostic, rendered
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.locate import Keys, Locations
-from safestage_eval.toml_text import from_toml
 
 from .build import Unclear, build
 from .model import STEPS, Sketch, Step

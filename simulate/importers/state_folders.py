@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError
-from safestage_eval.json_text import from_json
 
 from .stored_states import Stored
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.json_text import from_json
+from safestage_eval._text.json_text import from_json
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from typing import Literal
 
 from pydantic import Field, ValidationError
 
+from safestage_eval._text.toml_text import from_toml
 from safestage_eval.errors import InputError
-from safestage_eval.toml_text import from_toml
 from simulate.catalogue.objects import Strict
 from simulate.tasks.task import Task, tasks_matching
 

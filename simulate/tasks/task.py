@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from scipy.spatial.transform import Rotation
 
+from safestage_eval._text.toml_text import from_toml
 from safestage_eval.errors import InputError
-from safestage_eval.toml_text import from_toml
 from simulate.catalogue.objects import ObjectModel, Strict, catalogue
 
 from .grades import Grade

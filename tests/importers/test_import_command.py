@@ -272,7 +272,7 @@ def test_times_that_are_none(source, tmp_path, text):
 
 def test_formats_of_the_simulator_are_known_without_it(monkeypatch):
     monkeypatch.undo()
-    monkeypatch.setattr("safestage_eval.simulator.why_not", lambda: "pip install it")
+    monkeypatch.setattr("safestage_eval._process.simulator.why_not", lambda: "pip install it")
     found = registry.importers()
     assert "pip install it" in str(found["mujoco"])
     with pytest.raises(importer.SourceError, match="pip install it"):

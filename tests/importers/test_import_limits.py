@@ -10,8 +10,8 @@ from scenes import Scene
 from studio import run
 from unending import opened, stillborn, without_end
 
-from safestage_eval import child, spawned
-from safestage_eval.child import Children, Ended, Question
+from safestage_eval._process import children, spawned
+from safestage_eval._process.children import Children, Ended, Question
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, validate
 from safestage_eval.importers import Settings, hdf5_heaps, reading
@@ -85,14 +85,14 @@ def test_a_library_that_never_comes_back(tmp_path):
 
 
 def test_each_trouble_is_told_and_costs_nobody_else(tmp_path, monkeypatch):
-    monkeypatch.setattr(child, "LOADING", 0.0)
-    monkeypatch.setattr(child, "AGAIN", 0.0)
+    monkeypatch.setattr(children, "LOADING", 0.0)
+    monkeypatch.setattr(children, "AGAIN", 0.0)
     words = ["one", "die", "hang", "two", "swell", "die once", "three"]
     seconds = {"hang": 1.0}
-    with Children(2, opened, tmp_path, memory=300 << 20) as children:
+    with Children(2, opened, tmp_path, memory=300 << 20) as pool:
         asked = [Question(word, seconds.get(word, 60.0)) for word in words]
-        found = {question.what: answer for question, answer in children.run(asked)}
-        assert children.ask(Question("again")) == "AGAIN"
+        found = {question.what: answer for question, answer in pool.run(asked)}
+        assert pool.ask(Question("again")) == "AGAIN"
     assert {word: found[word] for word in ("one", "two", "three", "die once")} == {
         "one": "ONE", "two": "TWO", "three": "THREE", "die once": "DIE ONCE",
     }  # fmt: skip

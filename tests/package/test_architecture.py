@@ -10,19 +10,8 @@ CHECKOUT = Path(__file__).resolve().parents[2]
 EVALUATOR, SIMULATOR = "safestage_eval", "simulate"
 
 ROOMS = [
-    {
-        "errors",
-        "json_text",
-        "toml_text",
-        "units",
-        "simulator",
-        "compiled",
-        "heap",
-        "blas",
-        "memory",
-        "spawned",
-        "child",
-    },
+    {"errors", "units"},
+    {"_text", "_process"},  # text that others wrote; memory, workers and compiled kernels
     {"episode"},
     {"formats"},
     {"geometry"},
@@ -31,13 +20,13 @@ ROOMS = [
     {"states"},
     {"rules"},
     {"sketch"},  # example scenes of the rules
-    {"importers"},  # other people's files
     {"verdicts"},
     {"monitor"},  # the same rules while a rollout is going on
     {"cache"},  # what was measured and judged before
-    {"scoring", "engines"},  # the verdicts of many episodes, and where they are reached
     {"metrics"},
     {"whatif"},  # the same traces under other values and other rules
+    {"run"},  # the verdicts of many episodes, and where they are reached
+    {"importers"},  # other people's files
     {"replay"},  # an episode for the eye, drawn in a browser
     {"pages"},  # the look of everything that is shown in a browser
     {"report"},

@@ -17,7 +17,7 @@ from fabricated import INCONCLUSIVE, NOT_APPLICABLE, PASS, VIOLATION, episode, s
 from safestage_eval.metrics import by_policy_stage, outcomes
 from safestage_eval.report import FORMATS, as_table, render
 from safestage_eval.report.rows import COLUMNS, rows
-from safestage_eval.scoring import Scores
+from safestage_eval.run.scores import Scores
 from safestage_eval.units import DIMENSIONS
 
 LISTS = ("bodies", "intervals", "notes")

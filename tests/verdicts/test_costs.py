@@ -17,7 +17,7 @@ from safestage_eval.report.schema import row_schema
 from safestage_eval.rules import RuleSet, check_rules, load_rules, rule_digest
 from safestage_eval.rules.files import RuleFile
 from safestage_eval.rules.load import merge
-from safestage_eval.scoring import Scores
+from safestage_eval.run.scores import Scores
 from safestage_eval.verdicts import judge
 
 HEAD = '[[cost]]\ncode = "TOY201"\ntitle = "toy"\nroles = { a = "object" }\n'

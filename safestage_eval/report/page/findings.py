@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError
-from safestage_eval.json_text import from_json
 from safestage_eval.metrics import Outcome
 from safestage_eval.metrics.read_rows import truth
 

@@ -12,8 +12,8 @@ from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import RuleSet, load_bind, load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
-from safestage_eval.scoring import Problem
 from safestage_eval.verdicts.players import nodes
+from safestage_eval.verdicts.problem import Problem
 from safestage_eval.whatif.again import Again, Value
 from safestage_eval.whatif.many import each_episode
 from safestage_eval.whatif.sweep import Sweep, Swept, swept

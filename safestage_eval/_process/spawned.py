@@ -14,14 +14,18 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any, Self
 
-from .errors import InputError
-from .memory import resident
+from safestage_eval.errors import InputError
+
+from .memory_limit import resident
 
 READY = "ready"
 """What a process says first."""
 
 STARTS = 5
 """Processes in a row that may end before they begin."""
+
+WORTH_A_POOL = 24
+"""Episodes below which starting worker processes costs more than it saves."""
 
 LOOK = 0.05
 """s between two looks at what the processes hold."""

@@ -2,9 +2,9 @@
 
 import pytest
 
-from safestage_eval.engines.engine import Line
-from safestage_eval.engines.parts import Parts
 from safestage_eval.errors import InputError
+from safestage_eval.run.engine import Line
+from safestage_eval.run.result_parts import Parts
 
 
 def key(number):

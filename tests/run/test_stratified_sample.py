@@ -7,8 +7,8 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from safestage_eval.engines.sample import sample
 from safestage_eval.formats import EpisodeRef
+from safestage_eval.run.stratified_sample import sample
 
 
 def refs(sizes):

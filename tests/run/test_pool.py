@@ -10,13 +10,15 @@ import pytest
 from misbehaving import Crashing, CrashingOnce, Hanging, Swelling, turned
 from studio import block
 
-from safestage_eval import memory, spawned
-from safestage_eval.engines import Settings, local
-from safestage_eval.engines.local import Local
+from safestage_eval._process import memory_limit, spawned
+from safestage_eval._process.memory_limit import size
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, save
-from safestage_eval.memory import size
-from safestage_eval.scoring import Problem, score_many
+from safestage_eval.run import pool
+from safestage_eval.run.pool import Local
+from safestage_eval.run.score_many import score_many
+from safestage_eval.run.settings import Settings
+from safestage_eval.verdicts.problem import Problem
 
 RULES = ("fsh",)
 HERE = Path(__file__).parent
@@ -37,7 +39,7 @@ def judged(refs, workers=2, **settings):
 
 @pytest.mark.slow
 def test_each_kind_of_trouble_is_told_and_costs_nobody_else(refs, monkeypatch):
-    monkeypatch.setattr(local, "LOADING", 12.0)
+    monkeypatch.setattr(pool, "LOADING", 12.0)
     truth = score_many(refs, RULES, jobs=1)
     bad = [turned(refs[0], Crashing), turned(refs[2], Hanging), turned(refs[4], Swelling)]
     given = [bad[0], refs[1], bad[1], refs[3], bad[2], turned(refs[5], CrashingOnce)]
@@ -77,8 +79,8 @@ def test_episodes_are_taken_as_they_are_needed(refs):
 def test_no_worker_outlives_whoever_started_it(refs, tmp_path):
     code = (
         "import sys, os\n"
-        "from safestage_eval.engines import Settings\n"
-        "from safestage_eval.engines.local import Local\n"
+        "from safestage_eval.run.settings import Settings\n"
+        "from safestage_eval.run.pool import Local\n"
         "from safestage_eval.formats import discover\n"
         "from misbehaving import Hanging, turned\n"
         "if __name__ == '__main__':\n"
@@ -127,7 +129,7 @@ def test_no_amount_of_memory():
 
 
 def test_a_limit_that_cannot_be_kept_is_refused(monkeypatch, tmp_path):
-    assert memory.limit("1 GB") == 2**30
-    monkeypatch.setattr(memory, "PROCESSES", tmp_path)  # a system without /proc
+    assert memory_limit.limit("1 GB") == 2**30
+    monkeypatch.setattr(memory_limit, "PROCESSES", tmp_path)  # a system without /proc
     with pytest.raises(InputError, match="cannot be kept"):
-        memory.limit("1 GB")
+        memory_limit.limit("1 GB")

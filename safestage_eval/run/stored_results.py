@@ -9,7 +9,7 @@ from typing import overload
 from safestage_eval.cache.stored import result
 from safestage_eval.verdicts import EpisodeResult
 
-from .parts import Parts
+from .result_parts import Parts
 
 
 class StoredResults(Sequence[EpisodeResult]):

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.scoring import Problem
 from safestage_eval.verdicts import EpisodeResult
+from safestage_eval.verdicts.problem import Problem
 
 Numbered = tuple[int, EpisodeRef]
 """An episode and its number in the run."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from multiprocessing.connection import Connection
 
-from safestage_eval import heap
-from safestage_eval.scoring import Problem, score_episode
-from safestage_eval.spawned import READY, follow
+from safestage_eval._process import heap
+from safestage_eval._process.spawned import READY, follow
 from safestage_eval.verdicts import EpisodeResult
+from safestage_eval.verdicts.problem import Problem
 
 from .engine import Line
+from .score_episode import score_episode
 from .settings import Settings
 
 

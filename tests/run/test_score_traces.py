@@ -6,12 +6,13 @@ import shutil
 import pytest
 from studio import block, run, safe_and_unsafe
 
-from safestage_eval import scoring
 from safestage_eval.cache import memory
-from safestage_eval.engines import run as runs
-from safestage_eval.engines.run import Choice
 from safestage_eval.formats import load, save
-from safestage_eval.scoring import score_paths, understood
+from safestage_eval.run import score_traces as runs
+from safestage_eval.run.score_episode import score_episode
+from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import Choice
+from safestage_eval.run.settings import load_settings
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def traces(tmp_path):
 def counted(monkeypatch):
     """Episodes that are judged in this process."""
     done = []
-    real = scoring.score_episode
+    real = score_episode
 
     def counting(ref, *args, **kwargs):
         done.append(ref.episode_id)
@@ -48,7 +49,7 @@ def counted(monkeypatch):
             pass
 
         def run(self, episodes):
-            from safestage_eval.engines.worker import line_of
+            from safestage_eval.run.worker import line_of
 
             for number, ref in episodes:
                 yield number, line_of(counting(ref, self._rules, **self._settings.arguments()))
@@ -63,7 +64,7 @@ def as_held(scores):
 
 def test_on_disk_it_is_what_it_is_in_memory(traces, tmp_path, counted):
     held = score_paths([traces], ["fsh"])
-    stored = runs.run([traces], understood(["fsh"]), Choice(resume=tmp_path / "kept"))
+    stored = runs.score_traces([traces], load_settings(["fsh"]), Choice(resume=tmp_path / "kept"))
     assert as_held(stored) == as_held(held)
     assert len(held.copies) == 1
     assert len(held.problems) == 2
@@ -71,22 +72,22 @@ def test_on_disk_it_is_what_it_is_in_memory(traces, tmp_path, counted):
 
 def test_a_second_run_judges_only_what_is_new(traces, tmp_path, counted):
     choice = Choice(resume=tmp_path / "kept")
-    first = runs.run([traces], understood(["fsh"]), choice)
+    first = runs.score_traces([traces], load_settings(["fsh"]), choice)
     assert len(counted) == 9
     counted.clear()
     save(block("new"), traces / "new.mcap")
-    second = runs.run([traces], understood(["fsh"]), choice)
+    second = runs.score_traces([traces], load_settings(["fsh"]), choice)
     assert sorted(counted) == ["", "new"]  # what was a problem is tried again
     assert [r for r in second.results if r.episode_id != "new"] == list(first.results)
 
 
 def test_moved_episodes_are_known_by_their_content(traces, tmp_path, counted):
     choice = Choice(resume=tmp_path / "kept")
-    runs.run([traces], understood(["fsh"]), choice)
+    runs.score_traces([traces], load_settings(["fsh"]), choice)
     counted.clear()
     shutil.copytree(traces, tmp_path / "elsewhere")
     shutil.rmtree(traces)
-    found = runs.run([tmp_path / "elsewhere"], understood(["fsh"]), choice)
+    found = runs.score_traces([tmp_path / "elsewhere"], load_settings(["fsh"]), choice)
     assert counted == [""]
     assert all("elsewhere" in result.path for result in found.results)
 
@@ -98,7 +99,7 @@ def test_another_header_is_another_episode(tmp_path, counted):
         shutil.rmtree(tmp_path / "t", ignore_errors=True)
         ending = {"success_time": 0.5} if success else {"success_time": None, "termination": None}
         save(block("e", success=success, **ending), tmp_path / "t")
-        [found] = runs.run([tmp_path / "t"], understood(["fsh"]), choice).results
+        [found] = runs.score_traces([tmp_path / "t"], load_settings(["fsh"]), choice).results
         assert found.success is success
     assert counted == ["e", "e"]
 
@@ -114,9 +115,9 @@ def test_another_header_is_another_episode(tmp_path, counted):
 )
 def test_what_was_asked_otherwise_is_answered_anew(traces, tmp_path, counted, changed):
     choice = Choice(resume=tmp_path / "kept")
-    runs.run([traces], understood(["fsh"]), choice)
+    runs.score_traces([traces], load_settings(["fsh"]), choice)
     counted.clear()
-    found = runs.run([traces], understood(["fsh"], **changed), choice)
+    found = runs.score_traces([traces], load_settings(["fsh"], **changed), choice)
     assert as_held(found) == as_held(score_paths([traces], ["fsh"], **changed))
     assert len(counted) == 9
 
@@ -137,12 +138,12 @@ def test_after_a_rule_changed_only_its_verdicts_are_reached_anew(tmp_path, count
 
     monkeypatch.setattr(memory.Memory, "verdict", watched)
     choice = Choice(resume=tmp_path / "kept")
-    first = runs.run([folder], understood(["fsh"]), choice)
+    first = runs.score_traces([folder], load_settings(["fsh"]), choice)
     assert first.results
     all_of_them = len(judged)
     judged.clear()
     overrides = {"edge": "7 mm"}
-    second = runs.run([folder], understood(["fsh"], overrides=overrides), choice)
+    second = runs.score_traces([folder], load_settings(["fsh"], overrides=overrides), choice)
     changed = sum(
         a.rule_digest != b.rule_digest
         for x, y in zip(first.results, second.results, strict=True)
@@ -155,12 +156,12 @@ def test_after_a_rule_changed_only_its_verdicts_are_reached_anew(tmp_path, count
 
 def test_what_was_damaged_in_the_folder_is_judged_again(traces, tmp_path, counted):
     choice = Choice(resume=tmp_path / "kept")
-    first = runs.run([traces], understood(["fsh"]), choice)
+    first = runs.score_traces([traces], load_settings(["fsh"]), choice)
     held = as_held(first)
     for part in (tmp_path / "kept/parts").iterdir():
         part.write_bytes(part.read_bytes()[:-3])
     counted.clear()
-    assert as_held(runs.run([traces], understood(["fsh"]), choice)) == held
+    assert as_held(runs.score_traces([traces], load_settings(["fsh"]), choice)) == held
     assert len(counted) == 9
 
 
@@ -169,7 +170,9 @@ def test_a_long_run_goes_through_processes_and_disk(traces, monkeypatch):
     monkeypatch.setattr(runs, "IN_MEMORY", 3)
     monkeypatch.setattr(runs, "PART_RESULTS", 2)
     told = []
-    found = runs.run([traces], understood(["fsh"]), Choice(jobs=2), lambda *step: told.append(step))
+    found = runs.score_traces(
+        [traces], load_settings(["fsh"]), Choice(jobs=2), lambda *step: told.append(step)
+    )
     assert as_held(found) == as_held(score_paths([traces], ["fsh"], jobs=1))
     assert [done for done, _ in told] == list(range(1, 10))
     assert told[-1][1] == 9

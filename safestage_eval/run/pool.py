@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Self
 
-from safestage_eval.child import LOADING
-from safestage_eval.scoring import Problem
-from safestage_eval.spawned import LOOK, READY, Births, Spawned
+from safestage_eval._process.children import LOADING
+from safestage_eval._process.spawned import LOOK, READY, Births, Spawned
+from safestage_eval.verdicts.problem import Problem
 
 from .engine import Engine, Found, Numbered
 from .settings import Settings

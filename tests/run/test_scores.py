@@ -9,7 +9,9 @@ from studio import block, safe_and_unsafe
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover, save
 from safestage_eval.rules import load_bind, load_rules
-from safestage_eval.scoring import Problem, misspelt_roles, score_many, score_paths
+from safestage_eval.run.bind_checks import misspelt_roles
+from safestage_eval.run.score_many import score_many, score_paths
+from safestage_eval.verdicts.problem import Problem
 
 
 class Deadly(EpisodeRef):
@@ -52,7 +54,7 @@ def test_the_unforeseen_is_listed_with_its_place(traces):
     refs = discover(traces)
     found = score_many([refs[0], turned(refs[1], Strange), refs[2]], ["fsh"])
     assert [isinstance(result, Problem) for result in found] == [False, True, False]
-    assert "RuntimeError: out of the blue (test_scoring.py:" in found[1].message
+    assert "RuntimeError: out of the blue (test_scores.py:" in found[1].message
     assert found[1].path == str(refs[1].path)
 
 

@@ -17,11 +17,11 @@ from typing import Any, NamedTuple, Protocol
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.scoring import Problem
+from safestage_eval.verdicts.problem import Problem
 
 from .engine import Line, Numbered
-from .local import Local
-from .parts import write
+from .pool import Local
+from .result_parts import write
 from .settings import Settings
 
 FIRST, MOST = 4, 64

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 from studio import block
 
-from safestage_eval.engines import keys
-from safestage_eval.engines.keys import Keys
 from safestage_eval.formats import discover, save
-from safestage_eval.scoring import understood
+from safestage_eval.run import result_keys
+from safestage_eval.run.result_keys import Keys
+from safestage_eval.run.settings import load_settings
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def dataset(tmp_path):
 
 
 def keys_of(dataset, known=None):
-    found = Keys(understood(["fsh"]), known)
+    found = Keys(load_settings(["fsh"]), known)
     return {ref.episode_id: found.of(ref) for ref in discover(dataset)}
 
 
@@ -27,7 +27,7 @@ def test_headers_that_were_read_are_understood_no_more(dataset, tmp_path, monkey
     known, truth = tmp_path / "headers", keys_of(dataset)
     assert len({*truth.values()}) == 3
     assert keys_of(dataset, known) == truth
-    monkeypatch.setattr(keys, "read_rows", lambda _: pytest.fail("the rows were read"))
+    monkeypatch.setattr(result_keys, "read_rows", lambda _: pytest.fail("the rows were read"))
     assert keys_of(dataset, known) == truth
 
 
@@ -53,7 +53,7 @@ def test_a_header_that_changed_and_damage_are_noticed(dataset, tmp_path):
 def test_code_that_changed_understands_headers_anew(dataset, tmp_path, monkeypatch):
     known, truth = tmp_path / "headers", keys_of(dataset)
     keys_of(dataset, known)
-    monkeypatch.setattr(keys, "code_version", lambda: "another")
+    monkeypatch.setattr(result_keys, "code_version", lambda: "another")
     anew = keys_of(dataset, known)
     assert anew == keys_of(dataset)
     assert not {*anew.values()} & {*truth.values()}

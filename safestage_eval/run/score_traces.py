@@ -18,24 +18,19 @@ from weakref import finalize
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.chosen import Chosen
 from safestage_eval.formats.discover import find
-from safestage_eval.scoring import (
-    Gates,
-    Problem,
-    Scores,
-    score_many,
-    sorted_out,
-    speaks,
-    taken,
-    titles,
-)
+from safestage_eval.verdicts.problem import Problem
 
+from .bind_checks import require_match
 from .engine import Line, Numbered
-from .keys import Keys
-from .local import Local
-from .parts import Parts
-from .sample import sample
+from .gates import Gates
+from .pool import Local
+from .result_keys import Keys
+from .result_parts import Parts
+from .score_many import score_many
+from .scores import Scores, deduplicate, taken, titles
 from .settings import Settings
 from .stored_results import StoredResults
+from .stratified_sample import sample
 
 IN_MEMORY = 1000
 """Results that are held; those of a longer run go to disk at once."""
@@ -75,7 +70,7 @@ class Choice:
     jobs: int | None = None
 
 
-def run(
+def score_traces(
     traces: Sequence[str | Path],
     settings: Settings,
     choice: Choice | None = None,
@@ -89,17 +84,17 @@ def run(
 
     Args:
         traces: files and folders.
-        settings: from ``scoring.understood``.
+        settings: from ``load_settings``.
         choice: which episodes, and where.
         progress: told (done, total) after each episode; total is None as long as it is not known.
         starting: called before the first episode is judged, if any is.
 
     Raises:
-        TraceError, InputError: as ``scoring.score_paths``, and when results cannot be written.
+        TraceError, InputError: as ``score_paths``, and when results cannot be written.
     """
     choice = choice or Choice()
     if settings.bind is not None:
-        speaks(settings.bind, Chosen(find(traces), choice.where))
+        require_match(settings.bind, Chosen(find(traces), choice.where))
     chosen = Chosen(find(traces), choice.where)
     refs, told, starting = iter(chosen), "", starting or (lambda: None)
     if choice.sample is not None:
@@ -124,7 +119,7 @@ def run(
 def _in_memory(
     refs: Sequence[EpisodeRef], settings: Settings, jobs: int | None, progress: Tell | None
 ) -> Scores:
-    results, problems, copies = sorted_out(
+    results, problems, copies = deduplicate(
         score_many(refs, settings=settings, jobs=jobs, progress=progress)
     )
     return Scores(tuple(results), tuple(problems), titles(settings.rules), tuple(copies))
@@ -150,7 +145,7 @@ def _on_disk(
         )  # else nobody asks
         ledger = _Ledger(Parts(place / "parts"), keys, progress, folder)
         if choice.engine == "ray":
-            from .ray import judge
+            from .ray_cluster import judge
 
             starting()
             with redirect_stdout(sys.stderr):  # where Ray tells of processes that died
@@ -274,7 +269,7 @@ class _Ledger:
             self._progress(self._done, len(self._rows) if self._all else None)
 
     def scores(self, rules: Mapping[str, str]) -> Scores:
-        """Each episode once, in the order in which they were found (see ``scoring.sorted_out``)."""
+        """Each episode once, in the order in which they were found (see ``deduplicate``)."""
         rows, paths = array("q"), list[str]()
         first: dict[int, int] = {}
         problems, copies = [], []

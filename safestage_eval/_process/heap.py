@@ -6,7 +6,7 @@ import ctypes
 import os
 import sys
 
-from .memory import resident
+from .memory_limit import resident
 
 _TRIM, _MAP = -1, -3
 """M_TRIM_THRESHOLD and M_MMAP_THRESHOLD of glibc's malloc.h."""

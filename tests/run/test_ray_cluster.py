@@ -14,7 +14,7 @@ from studio import block
 
 from safestage_eval.formats import save
 from safestage_eval.report import render
-from safestage_eval.scoring import score_paths
+from safestage_eval.run.score_many import score_paths
 
 pytest.importorskip("ray")
 pytestmark = pytest.mark.slow
@@ -26,9 +26,9 @@ if __name__ == "__main__":
     if len(sys.argv) > 2 and sys.argv[1] == "--with-a-crash":
         del sys.argv[1]
         from misbehaving import Crashing, turned
-        from safestage_eval.engines import run
-        found = run.find
-        run.find = lambda paths: (
+        from safestage_eval.run import score_traces
+        found = score_traces.find
+        score_traces.find = lambda paths: (
             turned(ref, Crashing) if ref.episode_id == "e2" else ref for ref in found(paths)
         )
     main()

@@ -6,8 +6,8 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from safestage_eval.engines.sharing import AHEAD, Shares, place
 from safestage_eval.formats import EpisodeRef
+from safestage_eval.run.sharing import AHEAD, Shares, place
 
 
 def numbered(sizes):
