@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
-from safestage_eval.formats.chosen import Chosen
+from safestage_eval.formats.episode_filter import Chosen
 
 if TYPE_CHECKING:
     from safestage_eval.cache import CacheFolder, Memory

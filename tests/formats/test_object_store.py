@@ -15,8 +15,8 @@ from safestage_eval.engines import run as runs
 from safestage_eval.engines.run import Choice
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import discover, load, remote_path, save
+from safestage_eval.formats.byte_source import BLOCK, BlockSource
 from safestage_eval.formats.remote_path import RemotePath, as_path
-from safestage_eval.formats.source import BLOCK, BlockSource
 from safestage_eval.scoring import score_paths, understood
 
 pytest.importorskip("moto")
