@@ -41,7 +41,7 @@ typecheck: $(BIN)/pytest
 	$(BIN)/mypy
 
 schemas: $(BIN)/pytest  ## write schemas/ anew from the code
-	$(BIN)/python -m safestage_eval.formats.schema schemas
+	$(BIN)/python -m safestage_eval.formats.trace_schema schemas
 	$(BIN)/python -m safestage_eval.rules.schema schemas
 	$(BIN)/python -m safestage_eval.report.schema schemas
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from safestage_eval import __version__
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.formats.dataset_layout import TABLE_FOLDERS
+from safestage_eval.formats.parquet.dataset_layout import TABLE_FOLDERS
 
 RACY = 2_000_000_000
 """ns: a file that changed less than this before it was looked at may change again unnoticed, because

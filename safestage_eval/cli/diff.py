@@ -92,7 +92,7 @@ def _of_rules(
     jobs: int | None,
 ) -> Any:
     from safestage_eval.formats import discover
-    from safestage_eval.formats.chosen import Chosen
+    from safestage_eval.formats.episode_filter import Chosen
     from safestage_eval.rules import builtin_names
     from safestage_eval.whatif.diff import diff
 

@@ -116,7 +116,7 @@ def _found(
     """The episodes that can be opened and are asked for."""
     from safestage_eval.errors import InputError
     from safestage_eval.formats import discover
-    from safestage_eval.formats.chosen import Chosen
+    from safestage_eval.formats.episode_filter import Chosen
     from safestage_eval.metrics.read_rows import read_rows
 
     refs = []

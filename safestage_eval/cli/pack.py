@@ -50,7 +50,7 @@ def command(
     from safestage_eval.errors import readable
     from safestage_eval.formats import discover
     from safestage_eval.formats.dataset_card import dataset_card
-    from safestage_eval.formats.pack import pack
+    from safestage_eval.formats.packing import pack
 
     fields = [name.strip() for name in by.split(",") if name.strip()]
     for name in fields:

@@ -91,7 +91,7 @@ def command(
     if param in overrides:
         raise click.UsageError(f"--set {param}: it is swept; leave one of the two out")
     from safestage_eval.formats import discover
-    from safestage_eval.formats.chosen import Chosen
+    from safestage_eval.formats.episode_filter import Chosen
     from safestage_eval.report import as_curve
     from safestage_eval.report.figure import ready
     from safestage_eval.rules import builtin_names, load_rules

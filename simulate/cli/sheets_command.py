@@ -69,7 +69,7 @@ def draw(
       safestage sheets draw rollout.mcap --out pictures
     """
     from safestage_eval.formats import discover
-    from safestage_eval.formats.chosen import Chosen
+    from safestage_eval.formats.episode_filter import Chosen
     from safestage_eval.label import sample
     from safestage_eval.rules import builtin_names, load_bind, load_rules
     from simulate.study.study import draw as drawn

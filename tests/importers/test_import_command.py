@@ -125,7 +125,7 @@ def test_a_broken_episode_does_not_stop_the_others(source, tmp_path):
 
 
 def test_an_import_that_is_killed_leaves_no_half_episode(source, tmp_path, monkeypatch):
-    from safestage_eval.formats import dataset_writer
+    from safestage_eval.formats.parquet import dataset_writer
 
     written = dataset_writer._write_table
 

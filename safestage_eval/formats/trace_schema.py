@@ -1,4 +1,4 @@
-"""The trace format as schema files: ``python -m safestage_eval.formats.schema [FOLDER]``."""
+"""The trace format as schema files: ``python -m safestage_eval.formats.trace_schema [FOLDER]``."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 
 from safestage_eval.episode import SCHEMA_VERSION, Header
 
-from .arrow_tables import EPISODES, REQUIRED, TABLES, Column
-from .mcap_messages import proto_text
+from .mcap.mcap_messages import proto_text
+from .parquet.arrow_tables import EPISODES, REQUIRED, TABLES, Column
 
 
 def schema_files() -> dict[str, str]:

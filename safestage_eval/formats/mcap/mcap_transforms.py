@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 
-from . import wire
+from . import protobuf_wire as wire
 
 
 def transform_messages(

@@ -13,13 +13,13 @@ from typing import Any
 from safestage_eval.episode import Episode, check
 from safestage_eval.errors import InputError, TraceError
 
-from . import dataset_layout as layout
 from .atomic import PART
-from .dataset_reader import open_episode
-from .dataset_writer import highest_index
 from .discover import discover
 from .episode_ref import EpisodeRef
-from .shard import writing_shard
+from .parquet import dataset_layout as layout
+from .parquet.dataset_reader import open_episode
+from .parquet.dataset_writer import highest_index
+from .parquet.shard import writing_shard
 
 SHARD_EPISODES = 100
 """Episodes per shard: a task's rollouts of a policy under three seeds and prompts, as a rule."""

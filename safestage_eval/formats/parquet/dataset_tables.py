@@ -10,9 +10,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from safestage_eval.episode import ContactTable, Episode, Track
+from safestage_eval.formats.digests import Digests, sealed
 
 from .arrow_tables import CONTACT_VECTORS, ROBOT_COLUMNS, XYZ, schema
-from .digests import Digests, sealed
 from .episode_row import encode, to_geometry, to_row
 
 CONTACT_GROUP = 2048

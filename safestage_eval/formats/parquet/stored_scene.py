@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Header
+from safestage_eval.formats.contact_points import GeomNames
 
-from .contact_points import GeomNames
 from .episode_row import mesh_keys
 
 _KEPT = 8

@@ -12,10 +12,9 @@ import yaml
 from recordings import falling_cube
 
 from safestage_eval.errors import TraceError
-from safestage_eval.formats import discover, load, validate
-from safestage_eval.formats import pack as pack_file
+from safestage_eval.formats import discover, load, packing, validate
 from safestage_eval.formats.dataset_card import dataset_card
-from safestage_eval.formats.pack import pack
+from safestage_eval.formats.packing import pack
 
 TRACES = Path(__file__).resolve().parents[2] / "traces"
 
@@ -123,7 +122,7 @@ def test_a_run_that_dies_leaves_no_half_shard(source, tmp_path, monkeypatch):
         done.append(ref)
         return ref.open()
 
-    monkeypatch.setattr(pack_file, "_sound", dying)
+    monkeypatch.setattr(packing, "_sound", dying)
     with pytest.raises(KeyboardInterrupt):
         pack(discover(source), out, shard_episodes=2, by=())
     monkeypatch.undo()
@@ -136,7 +135,7 @@ def test_a_run_that_dies_leaves_no_half_shard(source, tmp_path, monkeypatch):
 
 def test_two_packers_do_not_share_a_folder(source, tmp_path):
     out = tmp_path / "out"
-    with pack_file._alone_in(out), pytest.raises(TraceError, match="another process"):
+    with packing._alone_in(out), pytest.raises(TraceError, match="another process"):
         pack(discover(source), out)
 
 

@@ -13,9 +13,10 @@ import numpy as np
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
+from safestage_eval.formats.byte_source import Source
+
 from .footer_types import types_agree
 from .row_groups import KEYS, RowGroups
-from .source import Source
 
 TYPE, CODEC, VALUES, COMPRESSED, FIRST_PAGE, DICTIONARY = range(6)
 """What ``Footer.chunks`` tells of a column in a row group."""

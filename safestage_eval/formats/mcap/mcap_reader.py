@@ -23,12 +23,13 @@ from safestage_eval.episode import (
     check_track,
 )
 from safestage_eval.errors import TraceError
+from safestage_eval.formats.contact_points import GeomNames
+from safestage_eval.formats.digests import Seal, computed, frame_digests
+from safestage_eval.formats.lazy_columns import StoredTrack
+from safestage_eval.formats.parquet.episode_row import mesh_keys
+from safestage_eval.formats.ply import from_ply
 
-from . import either
-from .contact_points import GeomNames
-from .digests import Seal, computed, frame_digests
-from .episode_row import mesh_keys
-from .lazy import StoredTrack
+from . import kernel_choice
 from .mcap_chunks import Batch
 from .mcap_clouds import CloudPoints
 from .mcap_frames import F32, ROBOT_FIELDS, FrameRows
@@ -46,7 +47,6 @@ from .mcap_records import (
     walk,
 )
 from .packed_contacts import Points, contact_table
-from .ply import from_ply
 
 _TRACK_FIELDS = {"position": 3, "orientation": 4, "linear_velocity": 3, "angular_velocity": 3}
 """Column of a track → numbers per body in a frame's ``body_<column>``."""
@@ -238,7 +238,9 @@ def _tracks(
     def columns_of(place: int, names: tuple[str, ...]) -> dict[str, F32]:
         found = {name: np.empty((frames, _TRACK_FIELDS[name]), np.float32) for name in names}
         for name, column in found.items():
-            either.contacts().take_column(columns[f"body_{name}"], place * column.shape[1], column)
+            kernel_choice.contacts().take_column(
+                columns[f"body_{name}"], place * column.shape[1], column
+            )
         return found
 
     tracks: dict[str, Track] = {

@@ -16,10 +16,12 @@ from mcap_protobuf.schema import build_file_descriptor_set
 
 from safestage_eval import __version__
 from safestage_eval.episode import Episode
+from safestage_eval.formats.atomic import replacing
+from safestage_eval.formats.event import Event
+from safestage_eval.formats.parquet.episode_row import mesh_keys
+from safestage_eval.formats.ply import to_ply
 
-from .atomic import replacing
-from .episode_row import mesh_keys
-from .event import Event
+from .foxglove_scene import to_scene
 from .mcap_clouds import cloud_messages
 from .mcap_frames import frame_messages
 from .mcap_messages import (
@@ -37,8 +39,6 @@ from .mcap_messages import (
 )
 from .mcap_metadata import to_texts
 from .mcap_transforms import transform_messages
-from .ply import to_ply
-from .scene import to_scene
 from .urdf import to_urdf
 
 CHUNK_BYTES = 1 << 20

@@ -24,9 +24,9 @@ def mcap() -> ModuleType:
 def contacts() -> ModuleType:
     """Functions over contact points."""
     if "numba" in sys.modules:
-        from . import contact_kernels
+        from . import point_kernels
 
-        return contact_kernels
-    from . import contact_arrays
+        return point_kernels
+    from . import point_arrays
 
-    return contact_arrays
+    return point_arrays

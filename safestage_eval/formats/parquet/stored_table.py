@@ -14,16 +14,16 @@ import pyarrow.parquet as pq
 from numpy.typing import DTypeLike, NDArray
 
 from safestage_eval.errors import TraceError
+from safestage_eval.formats.byte_source import LocalSource, SourceStream
+from safestage_eval.formats.digests import KEYS, Seal, columns, crc, names_crc, numbers
+from safestage_eval.formats.remote_path import source_of
+from safestage_eval.formats.trace_files import regular
 
 from . import arrow_values
 from .arrow_tables import arrow_file, columns_of
-from .digests import KEYS, Seal, columns, crc, names_crc, numbers
 from .parquet_columns import Block, Values, read_blocks
 from .parquet_footer import Footer, by_pyarrow, read_footer, without_keys
-from .remote_path import source_of
 from .small_table import read_records
-from .source import LocalSource, SourceStream
-from .stored_file import regular
 
 
 @dataclass

@@ -6,7 +6,7 @@ import pytest
 
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.formats.chosen import SHOWN, Chosen
+from safestage_eval.formats.episode_filter import SHOWN, Chosen
 
 
 def ref(number: int, problem: str = "", **fields: object) -> EpisodeRef:

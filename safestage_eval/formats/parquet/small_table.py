@@ -10,7 +10,9 @@ import numpy as np
 from lz4.block import LZ4BlockError, decompress  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from .checksum import crc32
+from safestage_eval.formats.byte_source import Source
+from safestage_eval.formats.checksum import crc32
+
 from .parquet_footer import (
     CODEC,
     COMPRESSED,
@@ -21,7 +23,6 @@ from .parquet_footer import (
     Footer,
     Leaf,
 )
-from .source import Source
 
 LZ4 = 7
 """How this project packs pages."""

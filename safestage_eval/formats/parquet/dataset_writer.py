@@ -12,14 +12,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from safestage_eval.episode import Episode
+from safestage_eval.formats.atomic import PART, replacing, sync, write_bytes
+from safestage_eval.formats.digests import noting
+from safestage_eval.formats.ply import to_ply
 
 from . import dataset_layout as layout
 from .arrow_tables import arrow_file, schema, write_options
-from .atomic import PART, replacing, sync, write_bytes
 from .dataset_tables import as_rows, episode_entry, episode_tables
-from .digests import noting
 from .episode_row import mesh_keys, to_row
-from .ply import to_ply
 
 
 def add_episode(episode: Episode, dataset: Path) -> Path:

@@ -8,9 +8,10 @@ import numpy as np
 from lz4.block import LZ4BlockError, decompress  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from .checksum import crc32
+from safestage_eval.formats.byte_source import Source
+from safestage_eval.formats.checksum import crc32
+
 from .parquet_footer import Footer
-from .source import Source
 
 KINDS = {np.dtype(np.int32): 1, np.dtype(np.float32): 4, np.dtype(np.float64): 5}
 """Physical types of the numbers that are read."""

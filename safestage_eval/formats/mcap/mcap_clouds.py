@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import ContactTable
 from safestage_eval.errors import TraceError
+from safestage_eval.formats.contact_points import POINT, RAW, packed
+from safestage_eval.formats.frame_buffers import doubled
 
-from . import either, wire
-from .contact_points import POINT, RAW, packed
-from .frame_buffers import doubled
+from . import kernel_choice
+from . import protobuf_wire as wire
 from .mcap_chunks import Batch
 from .packed_contacts import Points
 
@@ -97,7 +98,7 @@ class CloudPoints:
         """Some more messages. What is wrong with them is told by ``points``, if they count."""
         if self._problem is None:
             places = np.empty_like(batch.places)
-            size = either.mcap().find_points(
+            size = kernel_choice.mcap().find_points(
                 batch.raw, batch.places, self._own, POINT.itemsize, places
             )
             if size < 0:
@@ -125,7 +126,9 @@ class CloudPoints:
             self._points, self._geoms = doubled(self._points), doubled(self._geoms)
         rows = self._points[begin:end].view(RAW).view(np.uint8)
         words = rows.view(np.uint32).reshape(count, POINT.itemsize // 4)
-        self._finite &= either.mcap().copy_points(raw, places, rows, words, self._geoms[begin:end])
+        self._finite &= kernel_choice.mcap().copy_points(
+            raw, places, rows, words, self._geoms[begin:end]
+        )
         self._counts.append((places[:, 1] - places[:, 0]) // POINT.itemsize)
         self._end = end
 

@@ -10,13 +10,13 @@ from typing import Any
 import pyarrow.parquet as pq
 
 from safestage_eval.episode import Episode
+from safestage_eval.formats.atomic import replacing
+from safestage_eval.formats.digests import noting
 
 from . import dataset_layout as layout
 from .arrow_tables import arrow_file, schema, write_options
-from .atomic import replacing
 from .dataset_tables import as_rows, episode_entry, episode_tables
 from .dataset_writer import add_assets
-from .digests import noting
 from .episode_row import to_row
 
 

@@ -8,9 +8,8 @@ from typing import Any
 
 from safestage_eval.episode import SCHEMA_VERSION
 from safestage_eval.errors import TraceError
-
-from .atomic import write_bytes
-from .stored_file import regular, stays
+from safestage_eval.formats.atomic import write_bytes
+from safestage_eval.formats.trace_files import regular, stays
 
 INFO = "meta/info.json"
 EPISODES = "meta/episodes"

@@ -27,17 +27,17 @@ from safestage_eval.episode import (
 )
 from safestage_eval.episode.scene_invariants import UNIT_TOLERANCE
 from safestage_eval.errors import TraceError
+from safestage_eval.formats.digests import JUDGED, Seal, computed
+from safestage_eval.formats.lazy_columns import StoredItems, StoredTrack
+from safestage_eval.formats.ply import from_ply
+from safestage_eval.formats.trace_files import present, regular, stays, within
 
 from . import dataset_layout as layout
 from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, WXYZ, XYZ, schema
-from .digests import JUDGED, Seal, computed
 from .episode_row import from_row
-from .lazy import StoredItems, StoredTrack
 from .parquet_columns import Block, Values
 from .parquet_footer import Footer
-from .ply import from_ply
 from .stored_contacts import Source, StoredContacts
-from .stored_file import present, regular, stays, within
 from .stored_scene import known_scene, new_scene
 from .stored_table import StoredTable
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import ContactTable, check_contacts
 from safestage_eval.episode.contacts import Pair
+from safestage_eval.formats.contact_points import POINT, GeomNames, table
+from safestage_eval.formats.lazy_columns import StoredColumns
 
-from . import either
-from .contact_points import POINT, GeomNames, table
-from .lazy import StoredColumns
+from . import kernel_choice
 
 _WORDS = POINT.itemsize // 4
 
@@ -133,7 +133,7 @@ class PackedContacts(StoredColumns, ContactTable):
             return np.full(span.stop - span.start, pair[int(name[-1]) - 1], np.int16)
         if pair not in self._of_pair:
             points = np.empty(span.stop - span.start, POINT)
-            either.contacts().take_points(
+            kernel_choice.contacts().take_points(
                 _words(self._points), self._order.rows[span], _words(points)
             )
             self._of_pair[pair] = points
@@ -143,7 +143,7 @@ class PackedContacts(StoredColumns, ContactTable):
         begin, width = _PLACES[name]
         first = begin + ("xyz".index(axis) if axis else 0)
         found = np.empty((len(points), 1 if axis else width), np.float32)
-        either.contacts().take_column(_words(points), first, found.view(np.uint32))
+        kernel_choice.contacts().take_column(_words(points), first, found.view(np.uint32))
         return found if found.shape[1] > 1 else found[:, 0]
 
 
@@ -162,7 +162,7 @@ def _sorted(given: Points, names: GeomNames) -> Order | None:
     if not len(given.points) or geoms**2 > _MOST_KEYS:
         return None
     seen = np.zeros((geoms, geoms), np.int64)
-    if not either.contacts().count_pairs(given.geoms, seen):
+    if not kernel_choice.contacts().count_pairs(given.geoms, seen):
         names.bodies(given.points)  # says which
     geom1, geom2 = np.nonzero(seen)
     body1, body2 = names.owner[geom1], names.owner[geom2]
@@ -178,7 +178,7 @@ def _sorted(given: Points, names: GeomNames) -> Order | None:
     begins = np.concatenate([[0], ends[:-1]])
     pair = np.concatenate([[0], np.cumsum(new)])
     rows, frames = np.empty((2, len(given.geoms)), np.int32)
-    if not either.contacts().sort_points(
+    if not kernel_choice.contacts().sort_points(
         given.geoms, given.counts, rank, pair, begins.copy(), rows, frames
     ):
         return None

@@ -17,9 +17,9 @@ from safestage_eval.episode import (
 )
 from safestage_eval.episode.contacts import Pair
 from safestage_eval.errors import TraceError
+from safestage_eval.formats.lazy_columns import StoredColumns
 
 from .arrow_tables import CONTACT_VECTORS, XYZ
-from .lazy import StoredColumns
 from .parquet_columns import Block, Values
 from .stored_table import StoredTable
 

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import either
-from .checksum import crc32
+from safestage_eval.formats.checksum import crc32
+
+from . import kernel_choice
 from .mcap_arrays import MESSAGE, PREFIX
 
 _length = struct.Struct("<Q").unpack_from
@@ -75,7 +76,7 @@ def find(block: Any, topics: Topics) -> dict[str, Batch]:
         ValueError, struct.error: the bytes are no records.
     """
     raw = np.frombuffer(block, np.uint8)
-    find_messages = either.mcap().find_messages
+    find_messages = kernel_choice.mcap().find_messages
     kinds, at = len(topics.names), 0
     found, counts = np.empty((kinds, _ROOM, 2), np.int64), np.zeros(kinds, np.int64)
     while at < len(raw):

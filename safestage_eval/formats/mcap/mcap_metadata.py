@@ -13,12 +13,11 @@ from pydantic import Field, Json
 
 from safestage_eval.episode import Episode, Header, Record
 from safestage_eval.errors import TraceError
-
-from .arrow_tables import ROBOT_COLUMNS
-from .contact_points import packed
-from .dataset_layout import check_version
-from .digests import frame_digests, sealed
-from .episode_row import encode, validated
+from safestage_eval.formats.contact_points import packed
+from safestage_eval.formats.digests import frame_digests, sealed
+from safestage_eval.formats.parquet.arrow_tables import ROBOT_COLUMNS
+from safestage_eval.formats.parquet.dataset_layout import check_version
+from safestage_eval.formats.parquet.episode_row import encode, validated
 
 TRACK_COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity")
 
