@@ -15,11 +15,11 @@ from safestage_eval.errors import TraceError
 from . import hdf5
 from .account import Account
 from .boxes import Fit, fit, metres
-from .gaps import say_bodies, say_contacts, say_links, say_success
+from .foreign_motion import at_origin, fixed_if_still, track, wxyz
 from .importer import SourceError
 from .isaac_robot import RobotColumns, rows_with_first
-from .motion import at_origin, fixed_if_still, track, wxyz
-from .scene import added, dressed, need_shapes
+from .missing_data import say_bodies, say_contacts, say_links, say_success
+from .scene_bodies import added, dressed, need_shapes
 
 if TYPE_CHECKING:
     from .isaac_lab import IsaacLab

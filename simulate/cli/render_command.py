@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from safestage_eval.cli.options import (
+from safestage_eval.cli.shared_options import (
     bind_option,
     chosen_ref,
     episode_argument,

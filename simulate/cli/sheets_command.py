@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from safestage_eval.cli.options import (
+from safestage_eval.cli.shared_options import (
     bind_option,
     pairs,
     rules_option,
@@ -36,7 +36,7 @@ def sheets() -> None:
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
     required=True,
-    help="Folder for sample.csv, NNN_a.png (front), _b (side), _c (top) and NNN.txt.",
+    help="Folder for label_sample.csv, NNN_a.png (front), _b (side), _c (top) and NNN.txt.",
 )
 @click.option("--sample", "-n", "count", type=click.IntRange(1), metavar="N",
               help="Number of rollouts, spread evenly over the stages. Default: all.")  # fmt: skip

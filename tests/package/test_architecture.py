@@ -27,9 +27,8 @@ ROOMS = [
     {"whatif"},  # the same traces under other values and other rules
     {"run"},  # the verdicts of many episodes, and where they are reached
     {"importers"},  # other people's files
-    {"replay"},  # an episode for the eye, drawn in a browser
-    {"pages"},  # the look of everything that is shown in a browser
     {"report"},
+    {"viewer"},  # pages for a browser
     {"label"},  # people judge rollouts
     {"api", "pytest_plugin"},
     {"cli"},
