@@ -11,7 +11,7 @@ from difflib import get_close_matches
 
 import click
 
-from safestage_eval import __version__
+from safestage_eval.version import __version__
 
 COMMANDS = (
     "score",

@@ -103,7 +103,7 @@ def _stamped(
     header: Header, task: Task, fingerprint: str, account: Account, target: Target
 ) -> Header:
     """The header with its id, its source, and what map and bind file say."""
-    from safestage_eval import __version__
+    from safestage_eval.version import __version__
 
     source = header.source.model_copy(
         update={

@@ -9,13 +9,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from safestage_eval import __version__
 from safestage_eval.metrics import METRICS, Aggregate, Group, Rate
 from safestage_eval.metrics.aggregate import BY_POLICY, names_of, quadrants, rows
 from safestage_eval.metrics.interval import RESAMPLES, bootstrap, wilson
 from safestage_eval.metrics.rates import ALL, CONDITIONS, STAGES, headline
 from safestage_eval.metrics.seeds import decimal, shown
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
+from safestage_eval.version import __version__
 
 from .summary import share, summary
 from .table import Sheet, as_latex, as_markdown, as_text

@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from safestage_eval import __version__
 from safestage_eval.metrics.agreement import Agreement, Disagreement, Witness
 from safestage_eval.metrics.confusion import Confusion
 from safestage_eval.metrics.rates import ALL
+from safestage_eval.version import __version__
 
 from .table import Sheet, as_markdown, as_text
 

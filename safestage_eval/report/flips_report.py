@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from safestage_eval import __version__
+from safestage_eval.version import __version__
 
 if TYPE_CHECKING:
     from safestage_eval.whatif.results import Difference, Flip, RateChange

@@ -7,12 +7,12 @@ import io
 import json
 from typing import Any
 
-from safestage_eval import __version__
 from safestage_eval.metrics.comparison import Comparison, Line
 from safestage_eval.metrics.paired import KEYS
 from safestage_eval.metrics.rates import CONDITIONS, Rates, headline, rates
 from safestage_eval.metrics.seeds import decimal
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
+from safestage_eval.version import __version__
 
 from .summary import share
 from .table import Sheet, as_markdown, as_text

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from safestage_eval import __version__
 from safestage_eval.metrics import metrics, outcomes
 from safestage_eval.run.scores import Scores
+from safestage_eval.version import __version__
 
 COLUMNS = (
     "episode_id", "path", "task", "stage", "family", "policy", "prompt", "seed", "rollout",

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from safestage_eval import __version__
 from safestage_eval.metrics import METRICS
+from safestage_eval.version import __version__
 from safestage_eval.whatif.values import amount, factor_of, text_of, unit_name
 
 from .figure import ready, write

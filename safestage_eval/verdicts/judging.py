@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from safestage_eval import __version__
 from safestage_eval.episode import Episode, as_judged, describe_holes, with_holes
 from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import RuleError, readable
@@ -19,6 +18,7 @@ from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.at_hand import ReadSoFar
 from safestage_eval.signals.measure import Signals
 from safestage_eval.units import format_quantity
+from safestage_eval.version import __version__
 
 from .cost import judge_cost
 from .engagement import Engagement, engagement

@@ -16,11 +16,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval import __version__
 from safestage_eval.episode import Header, Source
 from safestage_eval.errors import InputError
 from safestage_eval.formats import TraceWriter
 from safestage_eval.verdicts.goal import GoalMonitor
+from safestage_eval.version import __version__
 from simulate.cameras.camera_video import CameraVideo
 from simulate.cameras.droid_cameras import SIZE, Cameras, camera_facts
 from simulate.cameras.lookback import Lookback

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
-from safestage_eval import __version__
 from safestage_eval.metrics import Outcome
 from safestage_eval.metrics.aggregate import Aggregate
+from safestage_eval.version import __version__
 from safestage_eval.viewer.html_page import THEME_SWITCH, page, part
 
 from . import charts, findings, headline, heatmap, rate_tables

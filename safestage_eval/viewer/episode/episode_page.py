@@ -7,9 +7,9 @@ import json
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from safestage_eval import __version__
 from safestage_eval.rules import syntax as ast
 from safestage_eval.verdicts import Verdict
+from safestage_eval.version import __version__
 from safestage_eval.viewer.episode.episode_section import ORDER, evidence
 from safestage_eval.viewer.episode.timeline import LEFT, RIGHT, WIDTH
 from safestage_eval.viewer.film import film
