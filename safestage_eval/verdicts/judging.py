@@ -172,7 +172,9 @@ class Judge:
         """Raises TraceError where columns that were read from a file cannot all be true."""
         if self._episode.path is None:  # made in memory, mostly of what a rule asks for alone
             return
-        for error in contradictions(self._episode, ReadSoFar(self._relations.signals.gaps)):
+        relations = self._relations
+        at_hand = ReadSoFar(relations.signals.gaps, relations.chained)
+        for error in contradictions(self._episode, at_hand):
             raise error
 
     @property
