@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from simulate.arm.droid import droid
+from simulate.arm import droid
 from simulate.clients.address import dialect_named
 from simulate.clients.dialect import Dialect
 from simulate.clients.message_arrays import pack, unpack

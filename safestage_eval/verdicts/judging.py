@@ -167,7 +167,9 @@ class Judge:
             return
         if self._memory is not None and not self._memory.opened:  # sound when it was measured
             return
-        for error in contradictions(self._episode, ReadSoFar(self._relations.signals.gaps)):
+        relations = self._relations
+        at_hand = ReadSoFar(relations.signals.gaps, relations.chained)
+        for error in contradictions(self._episode, at_hand):
             raise error
 
     @property

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Camera
 from safestage_eval.errors import InputError
-from simulate.arm.droid import droid
+from simulate.arm import droid
 from simulate.world.describe import body_name
 from simulate.world.world import World
 

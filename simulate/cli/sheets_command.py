@@ -70,7 +70,7 @@ def draw(
     """
     from safestage_eval.formats import discover
     from safestage_eval.formats.episode_filter import Chosen
-    from safestage_eval.label import label_sample as sample
+    from safestage_eval.label import sample
     from safestage_eval.rules import builtin_names, load_bind, load_rules
     from simulate.study.study import draw as drawn
     from simulate.study.study import number

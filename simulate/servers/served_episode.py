@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError
-from simulate.arm.droid import droid
+from simulate.arm import droid
 from simulate.policies.policy_names import policy_named
 from simulate.policies.references import Reference
 from simulate.policy import Observation, Policy

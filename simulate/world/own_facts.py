@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 
 from safestage_eval.episode import Tcp
-from simulate.arm.droid import droid
+from simulate.arm import droid
 
 from .describe import Facts
 from .world import World

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from simulate.arm.droid import droid
+from simulate.arm import droid
 from simulate.catalogue.objects import ObjectModel
 
 FRAME_RATE = 120

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.label import label_sample as sample
+from safestage_eval.label import sample
 
 
 def refs(**counts):

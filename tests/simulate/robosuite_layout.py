@@ -11,12 +11,12 @@ import numpy as np
 from foreign_demos import demo_file
 
 from safestage_eval.episode import Episode
-from simulate.arm.droid import droid
+from simulate.arm import droid
 from simulate.policies.policy_names import policy_named
 from simulate.record.recorder import Recorder
 from simulate.record.rollout import Setting, roll_out
 from simulate.tasks.task import task_named
-from simulate.world.world import world
+from simulate.world import world
 
 
 def rolled_out(task: str, policy: str, to: Path) -> tuple[Episode, Path]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from safestage_eval.errors import InputError
-from simulate.arm.droid import droid
+from simulate.arm import droid
 from simulate.world.world import World
 
 pytestmark = pytest.mark.simulate

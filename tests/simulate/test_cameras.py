@@ -12,7 +12,7 @@ from own_policies import Still
 
 from safestage_eval.episode import Camera
 from safestage_eval.formats import load
-from simulate.arm.droid import droid
+from simulate.arm import droid
 from simulate.cameras.camera_video import NAMES
 from simulate.cameras.droid_cameras import SIZE, Cameras, camera_facts
 from simulate.policies.policy_names import policy_named

@@ -16,7 +16,7 @@ from safestage_eval.importers.map_tables import BodyTable
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts import EpisodeResult
 from safestage_eval.verdicts.judging import judge
-from simulate.arm.droid import droid
+from simulate.arm import droid
 
 pytestmark = pytest.mark.simulate
 

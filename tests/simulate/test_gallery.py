@@ -11,7 +11,7 @@ import pytest
 
 from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.formats import TraceWriter
-from simulate.feasibility.feasibility import gallery
+from simulate.feasibility import gallery
 from simulate.feasibility.gallery import CAMERAS, SIZE, Strip, clearest, page, webp, write_gallery
 from simulate.render.renderer import EpisodeRenderer
 from simulate.tasks.task import tasks

@@ -22,8 +22,8 @@ from safestage_eval.metrics.labels import read_labels
 from safestage_eval.rules import builtin_names, load_rules
 from simulate.cli.sheets_command import sheets
 from simulate.render.renderer import Camera, EpisodeRenderer
-from simulate.study.study import sheet as drawing
-from simulate.study.study import viewpoint
+from simulate.study import sheet as drawing
+from simulate.study import viewpoint
 from simulate.study.key_frames import key_frames
 from simulate.study.study import enter, number, read_sample
 

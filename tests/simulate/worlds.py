@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.episode import Episode, Header
-from simulate.arm.droid import droid
+from simulate.arm import droid
 from simulate.catalogue.objects import ObjectModel, catalogue
 from simulate.record.recorder import Recorder
 from simulate.world.world import FRAME_RATE, World
