@@ -23,9 +23,12 @@ from safestage_eval.signals.vocabulary import SIGNALS
 from safestage_eval.states.band import F64, TINY, Bool
 from safestage_eval.states.scope import Scope
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.instance import Instance, applies, negated_margin, stretches
+from safestage_eval.verdicts.instance import Instance
+from safestage_eval.verdicts.instance_verdict import negated_margin
+from safestage_eval.verdicts.search import Search
+from safestage_eval.verdicts.stretches import applies, stretches
 from safestage_eval.verdicts.values import Env
-from safestage_eval.verdicts.witness import Search, Witness, or_tied
+from safestage_eval.verdicts.witness import Witness
 
 from .entry import Value
 from .names import partial_name, series_name, state_name
@@ -250,7 +253,7 @@ def witness(
     ends = [np.array([end[at]]) for end in row["at"]]
     series = Series(ends[0], ends[-1], row["dimension"])
     found = search.of_signal(decisive, instance.env, series, instance.frame)
-    return or_tied(found, margins, margins[least])
+    return found.or_tied(margins, margins[least])
 
 
 def _limits(evaluator: Evaluator, rows: Value, atom: ast.Atom, env: Env) -> list[Limit]:

@@ -19,6 +19,7 @@ from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.scope import Scope
 from safestage_eval.verdicts.evaluate import Bounds, Evaluator
 from safestage_eval.verdicts.memory import Memory
+from safestage_eval.verdicts.search import Search
 from safestage_eval.verdicts.values import Env
 
 from .closest import Limit, bounds, compared, place, witness
@@ -29,7 +30,7 @@ from .stored import partial_of
 
 if TYPE_CHECKING:
     from safestage_eval.verdicts.instance import Instance
-    from safestage_eval.verdicts.witness import Search, Witness
+    from safestage_eval.verdicts.witness import Witness
 
 
 class NotKept(Exception):  # noqa: N818 - it is no error
@@ -89,9 +90,9 @@ class Recalled(Evaluator):
         self._compared[id(kept)] = kept, limits
         return None if limits is None else bounds(limits)
 
-    def _closest(self, search: Search, instance: Instance) -> Witness | None:
+    def _closest(self, instance: Instance) -> Witness | None:
         clause, scope = instance.clause, instance.scope
-        if clause is None or search.upper:
+        if clause is None:
             return None
         kept = self._kept(clause.kind, clause.what, instance.env, scope)
         if kept is None:
@@ -99,6 +100,7 @@ class Recalled(Evaluator):
         limits = self._compared.get(id(kept), (kept, None))[1]
         if limits is None:
             return None
+        search = Search(self, upper=False)
         return witness(kept, limits, cast(ast.Condition, clause.what), search, instance)
 
     def _declared(self, name: str, bodies: tuple[str, ...]) -> Band:

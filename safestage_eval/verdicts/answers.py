@@ -11,7 +11,7 @@ from safestage_eval.rules.digest import digest_of
 
 from .known import Known
 from .memory import Memory
-from .values import Values
+from .values import Env, Values
 
 Found = TypeVar("Found")
 
@@ -24,7 +24,13 @@ class Answers(Values):
         notes: on what is being found out, in the order in which they came up.
         players: role → all bodies that play it, for ``at least K role``.
         at_hand: answers about the rule that is being judged, where they are collected.
+        success, success_known: frame of native success, None if it never came; and whether that is known.
+        causal: states look only backwards.
     """
+
+    success: int | None
+    success_known: bool
+    causal: bool
 
     def __init__(
         self,
@@ -84,3 +90,45 @@ class Answers(Values):
             self.notes.update(known[2])
         found: Found = known[1]
         return found
+
+    def recall(self, what: str, node: object, env: Env, find: Callable[[], Any]) -> Any:
+        """The answer (JSON) of ``find`` about a part of a rule, with its notes; or as it was before.
+
+        The question names all that the answer may depend on besides the trace: the part with every
+        definition and value that it reaches, who plays what, and what is known of success.
+        """
+        memory, at_hand = self.memory, self.at_hand
+        if memory is None:
+            return find()
+        part = f"{what} {self.digest(node)} {sorted(env.items())}"
+        if at_hand is not None and part in at_hand:
+            answer, notes = at_hand[part]
+        else:
+            facts = self.success, self.success_known, self.causal
+            question = f"{part} {sorted(self.players.items())} {facts}"
+            answer, notes = memory.answer(question, lambda: self._noted(find))
+            if at_hand is not None:
+                at_hand[part] = answer, notes
+        self.notes.update(dict.fromkeys(notes))
+        return answer
+
+    def recall_step(self, what: str, node: object, env: Env, find: Callable[[], Any]) -> Any:
+        """As ``recall``, of small steps: an answer is kept with the rule, and nowhere else."""
+        known = self.at_hand
+        if known is None:
+            return find()
+        part = f"{what} {self.digest(node)} {env}"
+        if part not in known:
+            known[part] = tuple(self._noted(find))
+        answer, notes = known[part]
+        if notes:
+            self.notes.update(dict.fromkeys(notes))
+        return answer
+
+    def _noted(self, find: Callable[[], Any]) -> list[Any]:
+        """An answer, and the notes that came with it."""
+        outer, self.notes = self.notes, {}
+        try:
+            return [find(), list(self.notes)]
+        finally:
+            self.notes = outer

@@ -1,14 +1,11 @@
-"""One rule on one combination of bodies in one scope."""
+"""One rule on one combination of bodies: its margin in each scope, and the frames that break it."""
 
 from __future__ import annotations
-
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from safestage_eval.episode import Window
 from safestage_eval.rules import syntax as ast
-from safestage_eval.states import scope as scopes
 from safestage_eval.states.band import TINY, Band, Bool
 from safestage_eval.states.persistence import held_from, without_short_runs
 from safestage_eval.states.scope import Scope
@@ -16,46 +13,9 @@ from safestage_eval.states.scope import Scope
 from .brief import condition_within, is_brief
 from .evaluate import Evaluator
 from .greatest import greatest
-from .memory import Stretch, at_hand, plain_stretches, remembered, stretches_of
-from .players import where_it_counts
-from .spans import may_recur, spans
+from .instance import UNTOLD, Instance
+from .stretches import applies, stretches
 from .values import Env
-
-UNTOLD = -1
-"""In place of a frame that was not looked for."""
-
-
-class Instance(NamedTuple):
-    """What one combination of bodies came to in one scope.
-
-    Attributes:
-        env: role → body.
-        scope: the frames that were judged.
-        lower, upper: bounds of the margin; negative upper is a violation.
-        clause: the decisive obligation; None where something needed is unknown.
-        frame: where it is decided; ``UNTOLD`` where only the bounds were asked for.
-        resolved: for a rule with ``until``: the frame at which that came, None if never.
-        number: of the scope among those of these bodies.
-    """
-
-    env: Env
-    scope: Scope
-    lower: float
-    upper: float
-    clause: ast.Clause | None
-    frame: int
-    resolved: int | None = None
-    number: int = 0
-
-    @property
-    def violated(self) -> bool:
-        """Certainly violated."""
-        return self.upper < 0
-
-    @property
-    def undecided(self) -> bool:
-        """Neither certainly violated nor certainly not."""
-        return self.lower < 0 <= self.upper
 
 
 def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Instance] | None:
@@ -85,66 +45,6 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
     return found
 
 
-def applies(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> bool | None:
-    """Whether ``given`` holds at the start for these bodies; None where that is not known."""
-    given = rule.given
-    if given is None:
-        return True
-
-    def found() -> bool | None:
-        lower, upper = initially(evaluator, given, env)
-        return True if lower >= 0 else None if upper >= 0 else False
-
-    told: bool | None = remembered(evaluator, "given", given, env, found)
-    return told
-
-
-def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]:
-    """The frames that are judged, and for each stretch the frame at which ``until`` ended it."""
-    where = (rule.during, rule.at, rule.until)
-    if evaluator.memory is None:
-        named = [env.get(role) for role in where_it_counts(rule)]
-        return evaluator.once(
-            where, ("stretches", id(rule), *named), _stretches, evaluator, rule, env
-        )
-    reaches = isinstance(rule, ast.Rule) and rule.reach is not None
-    what = "stretches to reach something in" if reaches else "stretches"
-
-    def found() -> list[Any]:
-        return plain_stretches(_stretches(evaluator, rule, env))
-
-    return stretches_of(remembered(evaluator, what, where, env, found))
-
-
-def _stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]:
-    out: list[Stretch] = []
-    stop = None if rule.until is None else evaluator.truth(rule.until, env)
-    for scope in _scopes(evaluator, rule, env):
-        if stop is None:
-            out.append((scope, None))
-            continue
-        ended = stop.sure[scope.first : scope.stop].nonzero()[0]
-        freed = scope.first + int(ended[0]) if len(ended) else None
-        out += [(part, freed) for part in scopes.until([scope], stop)]
-    # a stretch that is cut leaves the verdict open already, but may have reached what it must
-    open_ = any(scope.cut for scope, _ in out) and not (isinstance(rule, ast.Rule) and rule.reach)
-    if evaluator.truncated and _may_come(evaluator, rule) and not open_:
-        out.append((Scope(evaluator.frames, evaluator.frames, True), None))
-    return out
-
-
-def initially(evaluator: Evaluator, condition: ast.Condition, env: Env) -> tuple[float, float]:
-    """Bounds of the margin with which a condition holds in most of the baseline frames."""
-    if evaluator.clock.late:
-        return -np.inf, np.inf
-    signals = evaluator.relations.signals
-    first = max((signals.baseline_of(body).start for body in env.values()), default=0)
-    last = min(evaluator.frames, first + signals.baseline.frames)
-    found = _band(evaluator, condition, env, Scope(first, last))
-    middle = (last - first - 1) // 2
-    return tuple(float(np.sort(end[first:last])[middle]) for end in found)  # type: ignore[return-value]
-
-
 def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Bool:
     """(T,) the frames of the scope in which some obligation is certainly broken."""
     out = np.zeros(evaluator.frames, np.bool_)
@@ -167,21 +67,6 @@ def _mask(evaluator: Evaluator, scope: Scope) -> Bool:
     mask = np.zeros(evaluator.frames, np.bool_)
     mask[scope.first : scope.stop] = True
     return mask
-
-
-def _scopes(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Scope]:
-    if rule.at is not None:
-        if rule.at.kind == "end":
-            return [Scope(evaluator.frames - 1, evaluator.frames, evaluator.truncated)]
-        return scopes.at(evaluator.moments(rule.at, env))
-    return spans(evaluator, rule.during or ast.Whole(), env)
-
-
-def _may_come(evaluator: Evaluator, rule: ast.Scoped) -> bool:
-    """A scope of the rule may begin where the trace is not known any more."""
-    if rule.at is not None:
-        return may_recur(ast.Around("after", ast.Duration(1, frames=True), rule.at), evaluator)
-    return may_recur(rule.during or ast.Whole(), evaluator)
 
 
 def _band(
@@ -244,7 +129,7 @@ def _decided(
     def found() -> tuple[float, float, int]:
         return _decide(evaluator, rule, clause, env, scope)
 
-    lower, upper, frame = at_hand(evaluator, f"{clause.kind} {number}", parts, env, found)
+    lower, upper, frame = evaluator.recall_step(f"{clause.kind} {number}", parts, env, found)
     return lower, upper, frame
 
 

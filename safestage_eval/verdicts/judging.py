@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -20,11 +21,11 @@ from safestage_eval.signals.at_hand import ReadSoFar
 from safestage_eval.signals.measure import Signals
 from safestage_eval.units import format_quantity
 
-from .cost import judge_cost
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
 from .explain import inconclusive
-from .memory import Memory, judged_question, remembered, short, verdict_question
+from .memory import Memory, judged_question, short, verdict_question
+from .obligations.cost import judge_cost
 from .players import combinations
 from .rule_verdict import judge_rule, violates
 from .success import native_success
@@ -36,6 +37,22 @@ Params = Mapping[str, ast.Quantity | ast.Duration]
 STAGES = ("ISH", "ETS", "FSH")
 
 
+class Record(Memory, Protocol):
+    """A memory that also keeps what it takes to judge again."""
+
+    def keep_judged(
+        self,
+        question: str,
+        evaluator: Evaluator,
+        rule: ast.Rule,
+        players: Mapping[str, Sequence[str]],
+    ) -> None:
+        """Keep what judging the rule again under other values takes; it was judged just now."""
+
+    def keep_outline(self, judge: Judge, binding: Binding, found: EpisodeResult) -> None:
+        """Keep what holds of the episode under all values; ``binding``: of it, without overrides."""
+
+
 def judge(
     episode: Episode,
     rules: ast.RuleSet,
@@ -45,7 +62,7 @@ def judge(
     trace_hash: str | None = None,
     backend: str = "gjk",
     assigned_only: bool = False,
-    memory: Memory | None = None,
+    memory: Record | None = None,
 ) -> EpisodeResult:
     """Judge one episode by every rule of a set.
 
@@ -93,7 +110,7 @@ class Judge:
         relations: Relations | None = None,
         *,
         backend: str = "gjk",
-        memory: Memory | None = None,
+        memory: Record | None = None,
     ) -> None:
         """Native success is found at once, verdicts when they are asked for.
 
@@ -341,7 +358,7 @@ def judged(
         def violated(stricter: Evaluator = stricter) -> bool:
             return violates(stricter, rule, players)
 
-        if remembered(stricter, "violated", rule, {}, violated):
+        if stricter.recall("violated", rule, {}, violated):
             found = replace(found, severity=level)
     return found
 

@@ -17,14 +17,15 @@ from .brief import is_brief
 from .evaluate import Evaluator
 from .explain import Finding, alike, inconclusive, seconds, sentence
 from .flicker import asks_for_absence, raw_frames, too_brief
-from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
-from .memory import at_hand
+from .instance import UNTOLD, Instance
+from .instance_verdict import judge_instance, judge_scope, violated_frames
 from .order import first_broken, in_turn, is_ordering, ordering, speaking
 from .players import combinations
+from .search import Search
 from .undecided import cause_of
 from .values import Env
 from .verdict import Vacuity, Verdict, VerdictName
-from .witness import Search, Witness
+from .witness import Witness
 
 
 def judge_rule(
@@ -200,7 +201,9 @@ def _witness(
     forbidden = kind == "forbid"
     alone = is_brief(evaluator, instance.scope)
     search = Search(evaluator, violated != forbidden, -1 if forbidden else 1, alone)
-    known = None if evaluator.closest is None else evaluator.closest(search, instance)
+    known = None
+    if evaluator.closest is not None and not search.upper:
+        known = evaluator.closest(instance)
     if known is not None:
         return known
     return evaluator.obliged(kind, search.alternative, what, instance.env, frame)
@@ -281,7 +284,7 @@ def _brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) 
     def found() -> list[str]:
         return too_brief(evaluator, rule, instances)
 
-    brief: list[str] = at_hand(evaluator, "too brief", _breakable(rule), {}, found)
+    brief: list[str] = evaluator.recall_step("too brief", _breakable(rule), {}, found)
     return brief
 
 
@@ -294,7 +297,7 @@ def _raw(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) ->
         return frames
 
     out: Bool = np.zeros(evaluator.frames, np.bool_)
-    for first, stop in at_hand(evaluator, "raw", _breakable(rule), {}, found):
+    for first, stop in evaluator.recall_step("raw", _breakable(rule), {}, found):
         out[first:stop] = True
     return out
 

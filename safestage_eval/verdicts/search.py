@@ -1,4 +1,4 @@
-"""From a margin back to the measurement that decides it."""
+"""The search for the measurement behind a margin."""
 
 from __future__ import annotations
 
@@ -14,39 +14,11 @@ from . import hidden_start
 from .brief import condition_within, series_within
 from .evaluate import Evaluator
 from .values import Env, limit_margin
+from .witness import Witness
 
 ALIKE = 1e-4
 """Normalised margins that differ by this share are alike: poses are stored as float32, and an ulp of
 6e-8 m within the 0.1 s of a mean speed is 6e-5 of a limit of 1 cm/s."""
-
-
-class Witness(NamedTuple):
-    """The decisive atom at its decisive frame.
-
-    Attributes:
-        signal: the atom with the bodies' names, ``clearance(dumbbell, glasses)``.
-        bodies: those names.
-        frame: where its value was taken.
-        value, limit: SI; None for a relation, which has no size.
-        margin: SI, distance of the value from the limit, negative when violated.
-        dimension: of value, limit and margin.
-        name: of the signal alone, ``clearance``; None for a relation.
-        tied: another atom has the very same margin there, so that naming this one is arbitrary.
-        at_least: the value is only known to be no less (a clearance beyond what had to be known).
-        state: the state that decided, where it has a sentence of its own.
-    """
-
-    signal: str
-    bodies: tuple[str, ...]
-    frame: int
-    value: float | None = None
-    limit: float | None = None
-    margin: float | None = None
-    dimension: str | None = None
-    name: str | None = None
-    at_least: bool = False
-    tied: bool = False
-    state: ast.Call | None = None
 
 
 class Search(NamedTuple):
@@ -88,7 +60,7 @@ class Search(NamedTuple):
             here = self._only(frame)
             margins = self._margins(node, env, frame, here)
             found = self.atom(node.atoms[_least(margins)], env, frame)
-            return or_tied(found, margins, min(margins))
+            return found.or_tied(margins, min(margins))
         if node.call is None:
             return Witness(node.kind, (), frame)
         if node.edge is None:
@@ -140,7 +112,7 @@ class Search(NamedTuple):
         ]
         greatest = _least([-margin for margin in margins])
         found = self.alternative(atom.alternatives[greatest], env, frame)
-        return or_tied(found, margins, max(margins))
+        return found.or_tied(margins, max(margins))
 
     def state(self, call: ast.Call, env: Env, frame: int) -> Witness:
         """Witness of a state: of a declared one, what it was derived from."""
@@ -244,9 +216,3 @@ def _least(margins: list[float]) -> int:
     if np.isfinite(least):
         least += ALIKE * abs(least)
     return int(np.argmax(np.array(margins) <= least))
-
-
-def or_tied(witness: Witness, margins: list[float], decisive: float) -> Witness:
-    """The witness, marked where several margins are the decisive one."""
-    alike = sum(margin == decisive for margin in margins)
-    return witness._replace(tied=True) if alike > 1 else witness
