@@ -23,7 +23,6 @@ class Answers(Values):
         memory: where answers from before are found.
         notes: on what is being found out, in the order in which they came up.
         players: role → all bodies that play it, for ``at least K role``.
-        at_hand: answers about the rule that is being judged, where they are collected.
         success, success_known: frame of native success, None if it never came; and whether that is known.
         causal: states look only backwards.
     """
@@ -43,7 +42,6 @@ class Answers(Values):
         super().__init__(relations, rules, params)
         self.memory = memory
         self.players: Mapping[str, Sequence[str]] = {}
-        self.at_hand: dict[str, Any] | None = None
         self._digests: dict[Any, tuple[object, str]] = {}
         self._know(Known(rules), shares=False)
 
@@ -52,7 +50,7 @@ class Answers(Values):
 
     def share(self, other: Answers) -> None:
         """Answer as another does, about the same episode, where other values make no difference."""
-        self.players, self.at_hand = other.players, other.at_hand
+        self.players = other.players
         changed = {name for name, value in self.params.items() if other.params.get(name) != value}
         self._know(Known(self.rules, other._known, frozenset(changed)), shares=True)
 
@@ -97,32 +95,13 @@ class Answers(Values):
         The question names all that the answer may depend on besides the trace: the part with every
         definition and value that it reaches, who plays what, and what is known of success.
         """
-        memory, at_hand = self.memory, self.at_hand
-        if memory is None:
+        if self.memory is None:
             return find()
         part = f"{what} {self.digest(node)} {sorted(env.items())}"
-        if at_hand is not None and part in at_hand:
-            answer, notes = at_hand[part]
-        else:
-            facts = self.success, self.success_known, self.causal
-            question = f"{part} {sorted(self.players.items())} {facts}"
-            answer, notes = memory.answer(question, lambda: self._noted(find))
-            if at_hand is not None:
-                at_hand[part] = answer, notes
+        facts = self.success, self.success_known, self.causal
+        question = f"{part} {sorted(self.players.items())} {facts}"
+        answer, notes = self.memory.answer(question, lambda: self._noted(find))
         self.notes.update(dict.fromkeys(notes))
-        return answer
-
-    def recall_step(self, what: str, node: object, env: Env, find: Callable[[], Any]) -> Any:
-        """As ``recall``, of small steps: an answer is kept with the rule, and nowhere else."""
-        known = self.at_hand
-        if known is None:
-            return find()
-        part = f"{what} {self.digest(node)} {env}"
-        if part not in known:
-            known[part] = tuple(self._noted(find))
-        answer, notes = known[part]
-        if notes:
-            self.notes.update(dict.fromkeys(notes))
         return answer
 
     def _noted(self, find: Callable[[], Any]) -> list[Any]:

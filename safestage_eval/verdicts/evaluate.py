@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -11,17 +11,11 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
-from safestage_eval.states.scope import Scope
 
 from . import between_samples
-from .instance import Instance
 from .memory import Memory
 from .partial_states import PartialStates
 from .values import Env, ends_early, ends_with_success, lasting
-from .witness import Witness
-
-Bounds = tuple[float, float, int | None]
-"""Of a margin in a scope, and the frame (from its start) that it rests on, if it is known."""
 
 
 class Evaluator(PartialStates):
@@ -58,10 +52,6 @@ class Evaluator(PartialStates):
         self.success_known = success_known
         self.truncated = ends_early(self.episode)
         self.unfollowed = self.truncated or ends_with_success(self.episode)
-        self.bounds: Callable[[str, ast.Alternative, Env, Scope], Bounds | None] | None = None
-        """Margin of an obligation in a scope, if it needs no frames; arguments: kind, clause, …"""
-        self.closest: Callable[[Instance], Witness | None] | None = None
-        """The witness of an instance whose margin's lower end counts, if it needs no frames."""
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
         """The same episode under other values; what they cannot change is shared."""
@@ -122,11 +112,6 @@ class Evaluator(PartialStates):
             return loose
         hidden = between_samples.hidden_touch(self, state, bodies, seconds)
         return loose if hidden is None else np.where(hidden, np.inf, loose)
-
-    def found(self, name: str, bodies: tuple[str, ...]) -> tuple[Band, dict[str, None]] | None:
-        """Margins and notes of a state or relation that was asked for before at all frames."""
-        known = self._known.get(("state", name, bodies))
-        return None if known is None else known[1:]
 
     def state(self, call: ast.Call, env: Env, wanted: Bool | None = None) -> Band:
         """A declared state or a built-in relation, persistent and latched as declared.

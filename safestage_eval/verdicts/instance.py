@@ -9,9 +9,6 @@ from safestage_eval.states.scope import Scope
 
 from .values import Env
 
-UNTOLD = -1
-"""In place of a frame that was not looked for."""
-
 
 class Instance(NamedTuple):
     """What one combination of bodies came to in one scope.
@@ -21,7 +18,7 @@ class Instance(NamedTuple):
         scope: the frames that were judged.
         lower, upper: bounds of the margin; negative upper is a violation.
         clause: the decisive obligation; None where something needed is unknown.
-        frame: where it is decided; ``UNTOLD`` where only the bounds were asked for.
+        frame: where it is decided.
         resolved: for a rule with ``until``: the frame at which that came, None if never.
         number: of the scope among those of these bodies.
     """

@@ -13,7 +13,7 @@ from safestage_eval.states.scope import Scope
 from .brief import condition_within, is_brief
 from .evaluate import Evaluator
 from .greatest import greatest
-from .instance import UNTOLD, Instance
+from .instance import Instance
 from .stretches import applies, stretches
 from .values import Env
 
@@ -88,22 +88,11 @@ def judge_scope(
     scope: Scope,
     resolved: int | None,
     number: int,
-    *,
-    whole: bool = False,
 ) -> Instance:
-    """The rule in one of its scopes, which is the ``number``-th of these bodies.
-
-    ``whole``: find the frame too where the evaluator could do without.
-    """
+    """The rule in one of its scopes, which is the ``number``-th of these bodies."""
     results = []
     for clause in rule.clauses:
-        quick = None if whole else evaluator.bounds
-        bounds = None if quick is None else quick(clause.kind, clause.what, env, scope)
-        if bounds is not None:
-            lower, upper, frame = bounds
-            frame = UNTOLD - scope.first if frame is None or upper < 0 else frame
-        else:
-            lower, upper, frame = _decided(evaluator, rule, clause, env, scope, number)
+        lower, upper, frame = _decided(evaluator, rule, clause, env, scope, number)
         if scope.cut and clause.kind == "reach":
             upper = np.inf
         elif scope.cut:
@@ -122,15 +111,8 @@ def _decided(
 ) -> tuple[float, float, int]:
     """As ``_obligation``, of one of the rule's in one of its scopes; once."""
     parts = (clause.what, rule.for_, rule.during, rule.at, rule.until)
-    if evaluator.at_hand is None:
-        key = (clause.kind, number, id(rule), *env.items())
-        return evaluator.once(parts, key, _decide, evaluator, rule, clause, env, scope)
-
-    def found() -> tuple[float, float, int]:
-        return _decide(evaluator, rule, clause, env, scope)
-
-    lower, upper, frame = evaluator.recall_step(f"{clause.kind} {number}", parts, env, found)
-    return lower, upper, frame
+    key = (clause.kind, number, id(rule), *env.items())
+    return evaluator.once(parts, key, _decide, evaluator, rule, clause, env, scope)
 
 
 def _decide(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from safestage_eval.units import format_quantity
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
 from .explain import inconclusive
-from .memory import Memory, judged_question, short, verdict_question
+from .memory import Memory, short, verdict_question
 from .obligations.cost import judge_cost
 from .players import combinations
 from .rule_verdict import judge_rule, violates
@@ -37,22 +36,6 @@ Params = Mapping[str, ast.Quantity | ast.Duration]
 STAGES = ("ISH", "ETS", "FSH")
 
 
-class Record(Memory, Protocol):
-    """A memory that also keeps what it takes to judge again."""
-
-    def keep_judged(
-        self,
-        question: str,
-        evaluator: Evaluator,
-        rule: ast.Rule,
-        players: Mapping[str, Sequence[str]],
-    ) -> None:
-        """Keep what judging the rule again under other values takes; it was judged just now."""
-
-    def keep_outline(self, judge: Judge, binding: Binding, found: EpisodeResult) -> None:
-        """Keep what holds of the episode under all values; ``binding``: of it, without overrides."""
-
-
 def judge(
     episode: Episode,
     rules: ast.RuleSet,
@@ -62,7 +45,7 @@ def judge(
     trace_hash: str | None = None,
     backend: str = "gjk",
     assigned_only: bool = False,
-    memory: Record | None = None,
+    memory: Memory | None = None,
 ) -> EpisodeResult:
     """Judge one episode by every rule of a set.
 
@@ -91,11 +74,6 @@ def judge(
     judge_ = Judge(episode, rules, binding, relations, backend=backend, memory=memory)
     found = judge_.result(trace_hash, assigned_only=assigned_only)
     judge_.demand_sound()
-    if memory is not None:
-        values = binding
-        if overrides:
-            values = bind_episode(rules, episode.header, bind=bind)
-        memory.keep_outline(judge_, values, found)
     return found
 
 
@@ -110,7 +88,7 @@ class Judge:
         relations: Relations | None = None,
         *,
         backend: str = "gjk",
-        memory: Record | None = None,
+        memory: Memory | None = None,
     ) -> None:
         """Native success is found at once, verdicts when they are asked for.
 
@@ -126,8 +104,6 @@ class Judge:
         self._backend = self._relations.signals.backend
         self._evaluators: list[Evaluator] = []
         self._params: dict[str, Params] = {}
-        self.players: dict[str, Mapping[str, Sequence[str]]] = {}
-        """Code → role → bodies, of every rule and cost that was judged."""
         self.notes: list[str] = []
         if self._backend != BACKEND:
             self.notes.append(f"clearances as {self._backend} tells them, not certified")
@@ -142,9 +118,9 @@ class Judge:
         )  # fmt: skip
         self.notes += self._success.notes
         self.success, self.success_known = self._success.told, self._success.known
-        frame = self.success_frame = self._success.frame
+        frame = self._success.frame
         self.success_time = None if frame is None else float(episode.t[frame])
-        self.about_success = short(repr((binding.goal, self._success)))
+        self._about_success = short(repr((binding.goal, self._success)))
 
     def result(
         self, trace_hash: str | None = None, *, assigned_only: bool = False
@@ -189,6 +165,8 @@ class Judge:
         """Raises TraceError where columns that were read from a file cannot all be true."""
         if self._episode.path is None:  # made in memory, mostly of what a rule asks for alone
             return
+        if self._memory is not None and not self._memory.opened:  # sound when it was measured
+            return
         for error in contradictions(self._episode, ReadSoFar(self._relations.signals.gaps)):
             raise error
 
@@ -206,21 +184,13 @@ class Judge:
             return blank
         if self._memory is None:
             return self._judged(rule, blank, players)
-        asked = verdict_question(self._rules, rule, blank, players, self.about_success)
+        asked = verdict_question(self._rules, rule, blank, players, self._about_success)
         return self._memory.verdict(asked, lambda: self._judged(rule, blank, players))
 
     def _judged(
         self, rule: ast.Rule, blank: Verdict, players: Mapping[str, Sequence[str]]
     ) -> Verdict:
-        evaluator = self.evaluator(self._values(rule))
-        if self._memory is None:
-            return judged(evaluator, rule, players, blank)
-        evaluator.at_hand = {}
-        found = judged(evaluator, rule, players, blank)
-        asked = judged_question(self._rules, rule, players, self.about_success, self._backend)
-        self._memory.keep_judged(asked, evaluator, rule, players)
-        evaluator.at_hand = None
-        return found
+        return judged(self.evaluator(self._values(rule)), rule, players, blank)
 
     def cost(self, cost: ast.Cost) -> tuple[CostTotal, Verdict | None]:
         """What a cost comes to, and its verdict if it has a budget."""
@@ -246,7 +216,7 @@ class Judge:
 
     def _start(self, rule: ast.Scoped) -> tuple[Verdict, Mapping[str, Sequence[str]]]:
         """The verdict's fixed fields, with its ``vacuity`` if a role is not played; and the players."""
-        players = self.players[rule.code] = self.binding.players(rule, self._episode.header)
+        players = self.binding.players(rule, self._episode.header)
         self._check_distinct(rule, players)
         params = self._values(rule)
         used = parameters_read(self._rules, rule) if self.binding.overridden else ()

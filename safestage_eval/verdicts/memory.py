@@ -21,6 +21,10 @@ Stretch = tuple[Scope, int | None]
 class Memory(Protocol):
     """Answers about an episode that were found before."""
 
+    @property
+    def opened(self) -> bool:
+        """Something was read from the trace, because it was not known from before."""
+
     def relations(self, baseline_frames: int, backend: str) -> Relations:
         """Relations and signals that are measured only where they are not remembered."""
 
@@ -54,18 +58,6 @@ def verdict_question(
     """What a verdict depends on besides the trace, for ``Memory.verdict``."""
     start = blank.assigned, blank.sources, blank.rule_digest
     return f"verdict {said(rules, rule)} {start} {sorted(players.items())} {success}"
-
-
-def judged_question(
-    rules: ast.RuleSet,
-    rule: ast.Rule,
-    players: Mapping[str, Sequence[str]],
-    success: str,
-    backend: str,
-) -> str:
-    """What stays as it is when a rule is judged under other values, for ``Memory.keep_judged``."""
-    how = f"{backend} {rules.baseline!r}"
-    return f"judged {said(rules, rule)} {sorted(players.items())} {success} {how}"
 
 
 def plain_stretches(found: list[Stretch]) -> list[Any]:
