@@ -110,7 +110,7 @@ def score(
     """
     import pandas as pd
 
-    from safestage_eval.report.rows import COLUMNS, rows
+    from safestage_eval.report.result_rows import COLUMNS, rows
 
     def several(value: str | Path | Sequence[str | Path]) -> list[str | Path]:
         return [value] if isinstance(value, str | Path) else list(value)

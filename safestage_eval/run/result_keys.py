@@ -12,7 +12,7 @@ from safestage_eval.cache.identity import code_version
 from safestage_eval.cache.log import Log, append
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.formats.dataset_reader import read_rows
+from safestage_eval.formats.parquet.dataset_reader import read_rows
 
 from .settings import Settings
 
@@ -85,7 +85,7 @@ class Keys:
 def _headers(ref: EpisodeRef) -> dict[int | None, str]:
     """Those of all episodes in the same file."""
     if ref.format == "mcap":
-        from safestage_eval.formats.mcap_reader import read_header
+        from safestage_eval.formats.mcap.mcap_reader import read_header
 
         return {None: _digest(read_header(ref.path)[0].model_dump_json())}
     found: dict[int | None, str] = {}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from safestage_eval._process.spawned import WORTH_A_POOL
 from safestage_eval.formats import EpisodeRef, discover
-from safestage_eval.formats.chosen import Chosen
+from safestage_eval.formats.episode_filter import Chosen
 from safestage_eval.verdicts.problem import Problem
 
 from .bind_checks import require_match

@@ -16,8 +16,8 @@ from tempfile import mkdtemp
 from weakref import finalize
 
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.formats.chosen import Chosen
 from safestage_eval.formats.discover import find
+from safestage_eval.formats.episode_filter import Chosen
 from safestage_eval.verdicts.problem import Problem
 
 from .bind_checks import require_match

@@ -12,7 +12,7 @@ import numpy as np
 from safestage_eval._text.json_text import from_json
 from safestage_eval.importers.hdf5 import fingerprint, layout, numbered, open_hdf5
 
-from .stored import Stored
+from .stored_states import Stored
 
 
 class DemoFile:

@@ -14,7 +14,7 @@ from recordings import falling_cube
 
 from safestage_eval.formats import discover, load, validate
 from safestage_eval.formats.digests import seal
-from safestage_eval.formats.mcap_metadata import checksum
+from safestage_eval.formats.mcap.mcap_metadata import checksum
 from safestage_eval.formats.save import save
 from safestage_eval.rules import load_rules
 from safestage_eval.run.result_keys import Keys

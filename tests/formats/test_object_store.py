@@ -13,8 +13,8 @@ from studio import block, run
 
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import discover, load, remote_path, save
+from safestage_eval.formats.byte_source import BLOCK, BlockSource
 from safestage_eval.formats.remote_path import RemotePath, as_path
-from safestage_eval.formats.source import BLOCK, BlockSource
 from safestage_eval.run import score_traces as runs
 from safestage_eval.run.score_many import score_paths
 from safestage_eval.run.score_traces import Choice

@@ -17,7 +17,7 @@ from studio import run
 from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import TraceWriter, discover, load, validate
-from safestage_eval.formats.urdf import to_urdf
+from safestage_eval.formats.mcap.urdf import to_urdf
 from safestage_eval.geometry.pose import angle, product, relative, rotate
 from safestage_eval.importers.frame_tree import Edge, FrameTree, Samples, slerp
 from safestage_eval.importers.urdf_links import urdf_links

@@ -60,7 +60,7 @@ def test_nothing_of_the_verdict_nor_of_the_policy_is_told(traces, server, monkey
 
 
 def test_what_is_told_is_the_same_whatever_the_results_say(traces, tmp_path):
-    from safestage_eval.cli.label import _found
+    from safestage_eval.cli.label_command import _found
 
     told = []
     for verdict in ("pass", "violation"):
