@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from .shared_options import announce_compiling, progress, rules_option, written
+from .shared_options import prepare_kernels, progress, rules_option, written
 
 
 @click.group("rules")
@@ -269,7 +269,7 @@ def test(
 
     recorded = discover(list(traces)) if traces else []
     sets = {str(group[0]): load_rules(group) for group in groups(rules, each=True)}
-    announce_compiling()
+    prepare_kernels()
     with progress("rules") as tell:
         suites, hunted = check_sets(
             sets,

@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from .shared_options import (
-    announce_compiling,
     bind_option,
     pairs,
+    prepare_kernels,
     progress,
     rules_option,
     set_option,
@@ -108,7 +108,7 @@ def command(
         else chosen(loaded, param, values.split(","))
     )
     refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
-    announce_compiling()
+    prepare_kernels()
     with progress("sweeping") as tell:
         found = sweeps.sweep(
             refs,
