@@ -47,19 +47,9 @@ def score_episode(
         from safestage_eval.cache import CacheFolder, Memory, question
 
         folder = cache if isinstance(cache, CacheFolder) else CacheFolder(cache)
-        asked, whatever = (
-            question(ref, rules, values, bind, backend, assigned_only=assigned_only)
-            for values in (overrides, None)
-        )
-        memory = Memory(folder, ref, f"outline {whatever}")
-
-        def anew() -> EpisodeResult:
-            from safestage_eval.cache.again import judge_again
-
-            found = judge_again(memory, rules, overrides, backend)
-            return found or judged(memory.episode, memory)
-
-        found = memory.result(asked, anew)
+        asked = question(ref, rules, overrides, bind, backend, assigned_only=assigned_only)
+        memory = Memory(folder, ref)
+        found = memory.result(asked, lambda: judged(memory.episode, memory))
         memory.save()
         return found
     except InputError as error:
