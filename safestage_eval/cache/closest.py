@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
+from safestage_eval.evidence.declare import is_costly
+from safestage_eval.evidence.measure import how, loose
+from safestage_eval.evidence.series import Series
 from safestage_eval.geometry.clearance import Clearance
-from safestage_eval.relations.measure import COSTLY
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.measure import how, loose
-from safestage_eval.signals.series import Series
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 from safestage_eval.states.band import F64, TINY, Bool
 from safestage_eval.states.scope import Scope
 from safestage_eval.verdicts.evaluate import Evaluator
@@ -114,7 +114,7 @@ def _rows(evaluator: Evaluator, atom: ast.Atom, env: Env, seen: Seen) -> Iterato
     elif isinstance(atom, ast.SignalAtom) and atom.since is None:
         sides = {_side(limit) for limit in atom.limits}
         signal, bodies, options, limits, reach = evaluator.asked(atom, env)
-        if signal in COSTLY:
+        if is_costly(signal):
             known = cast("RememberedRelations", evaluator.relations).partial(
                 signal, bodies, options
             )
@@ -267,7 +267,7 @@ def _limits(evaluator: Evaluator, rows: Value, atom: ast.Atom, env: Env) -> list
     name, bodies, options, values, reach = evaluator.asked(atom, env)
     if name == "tilt" and evaluator.untilted(bodies[0]):
         return []
-    if name in COSTLY:
+    if is_costly(name):
         row = rows.get(partial_name(name, bodies, options))
     else:
         cap, deep, slack = how(name, reach, values)

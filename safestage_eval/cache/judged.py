@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from safestage_eval.relations.measure import COSTLY
+from safestage_eval.evidence.declare import is_costly
+from safestage_eval.evidence.series import Series
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.series import Series
 from safestage_eval.states.band import F64, Band
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.explain import mentioned_next
@@ -129,7 +129,7 @@ class _Found:
         self.bodies.update(dict.fromkeys((*bodies, *env.values())))
         if atom.since is not None and atom.since.call is not None:
             self.call(atom.since.call, env, 0)
-        if name in COSTLY:
+        if is_costly(name):
             partial = self._relations.partial(name, bodies, options)
             if partial is not None:
                 self.values[partial_name(name, bodies, options)] = kept_partial(partial)

@@ -12,13 +12,13 @@ import numpy as np
 from pydantic import ValidationError
 
 from safestage_eval.episode import Episode, Header, as_judged
+from safestage_eval.evidence.series import Series
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.episode_row import mesh_keys
 from safestage_eval.formats.lazy import StoredItems
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import Binding
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.series import Series
 from safestage_eval.verdicts import EpisodeResult, Verdict
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import Judge

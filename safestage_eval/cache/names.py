@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from safestage_eval.signals.options import Options
+from safestage_eval.evidence.declare import Options
 
 
 def series_name(

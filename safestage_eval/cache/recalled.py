@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 import numpy as np
 
 from safestage_eval.episode import Clock, Episode
-from safestage_eval.relations.measure import COSTLY, Relations
+from safestage_eval.evidence.declare import Options, is_costly
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.reference import Baseline, Reference
+from safestage_eval.evidence.series import Series
+from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.measure import CAPPED, Signals
-from safestage_eval.signals.options import Options
-from safestage_eval.signals.reference import Baseline, Reference
-from safestage_eval.signals.series import Series
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.scope import Scope
 from safestage_eval.verdicts.evaluate import Bounds, Evaluator
@@ -181,7 +181,7 @@ class KeptRelations(Relations):
         limits: Sequence[float] = (),
     ) -> Series:
         """As in the base class."""
-        if name not in COSTLY:
+        if not is_costly(name):
             return self.signals.get(name, bodies, reference, reach, options, limits)
         known = partial_of(self.need(partial_name(name, bodies, options)))
         todo = np.ones(len(known.done), np.bool_) if wanted is None else wanted
@@ -195,7 +195,7 @@ class KeptRelations(Relations):
 
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
         """As in the base class."""
-        if name not in CAPPED:
+        if not SIGNALS[name].capped:
             return None
         asked = slack_name(name, bodies, frame)
         if asked not in self.head["slacks"]:

@@ -2,34 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, Episode
+from safestage_eval.episode import Episode
 from safestage_eval.geometry.clearance import SLACK, Clearance, motion_bound
 from safestage_eval.geometry.gjk import PROMISED
 
-from . import (
-    channel,
-    damage,
-    distance,
-    force,
-    gripper,
-    joint,
-    motion,
-    self_clearance,
-    stretch,
-    workspace,
-)
-from .facts import Facts, Query
-from .gaps import POSE, around
-from .options import Options
+from .declare import SIGNALS, Options
+from .facts import Facts, Request
 from .reference import Reference
 from .series import Series, exact, hidden, unknown
-from .unseen import looks_over, mask_unseen
-from .vocabulary import SIGNALS
+from .unseen import gap_of, mask_unseen
 
 CAP = 0.10
 """m: a clearance series is exact up to here; beyond, it says only "more than that"."""
@@ -37,143 +22,19 @@ CAP = 0.10
 PLAIN = (0.0, False, 0.0, ())
 """Cap, depth, slack and options of a signal that has none."""
 
-CAPPED = ("clearance", "clearance_xy", "self_clearance")
-
 
 def how(name: str, reach: float, limits: Sequence[float]) -> tuple[float, bool, float]:
     """Cap, depth and slack with which a signal is measured for limits; see ``Signals.get``."""
-    if name not in CAPPED:
+    if not SIGNALS[name].capped:
         return 0.0, False, 0.0
     deep = min(limits, default=1.0) <= 0
     return max(reach, CAP), deep, SLACK if limits and not deep else 0.0
-
-
-ORIENTED = ("turn", "tilt", "angular_speed")
-"""Signals that need no position."""
-
-FORCES = ("contact_force", "peak_force", "total_force", "impulse")
-"""Signals of forces alone: what is unknown of these they know themselves."""
-
-MOVING = (
-    "speed",
-    "vertical_speed",
-    "relative_speed",
-    "impact",
-    "quasistatic_force",
-    "damage",
-    "health",
-)
-"""Signals of the velocity of the centre of mass."""
-
-
-def gap_of(query: Query) -> NDArray[np.bool_] | None:
-    """(T,) where something that a signal is measured from was not measured; None if nowhere."""
-    gaps, episode, name = query.facts.gaps, query.episode, query.name
-    if SIGNALS[name].joints or name in (*FORCES, "gripper_opening", "channel"):
-        return gaps.unseen
-    found = gaps.unseen
-    for body in {body for group in query.groups for body in group}:
-        lost = _gap_of_body(query, episode.bodies[body])
-        if lost is not None:
-            found = lost if found is None else found | lost
-    if name == "self_clearance":
-        robot = [b.name for b in episode.header.bodies if b.kind in ("robot", "gripper")]
-        found = gaps.of_bodies(robot)
-    if found is None:
-        return None
-    if name == "health":
-        return gaps.unseen  # it adds up: what is lost widens all that follows
-    if name in ("impact", "quasistatic_force", "damage"):
-        found = damage.touched_by(query, found)
-    if looks_over(query):
-        found = damage.lost_since(motion.before(episode.t, query.option("over")), found)
-    if name in CHANGES and (name != "height" or query.since is not None):
-        found = _of_reference(query, found)
-    return found
-
-
-CHANGES = ("lift", "displacement", "displacement_xy", "turn", "height")
-"""Signals that are measured from a reference."""
-
-
-def _of_reference(query: Query, lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The same, with the frames of which the reference was not measured."""
-    reference = query.reference
-    first = lost[reference.baseline.stretch]
-    whole = bool(2 * first.sum() > len(first))  # most of it is missing
-    if reference.since is None:
-        return lost | whole
-    since = reference.since
-    return lost | np.where(since < 0, whole, lost[np.maximum(since, 0)])
-
-
-def _gap_of_body(query: Query, body: Body) -> NDArray[np.bool_] | None:
-    gaps, name = query.facts.gaps, query.name
-    offset = any(body.com)
-    if name == "tilt":
-        return None if body.up_axis is None else gaps.of_body(body.name, ("orientation",))
-    if name in ORIENTED:
-        columns: tuple[str, ...] = ("orientation",)
-    elif (name in CHANGES and name != "lift") or looks_over(query):
-        columns = POSE if offset else ("position",)
-    elif name in MOVING:
-        columns = ("position", "orientation", "angular_velocity") if offset else ("position",)
-    elif body.geoms:
-        columns = POSE
-    else:
-        return None
-    if looks_over(query) or (name not in MOVING and name != "angular_speed"):
-        return gaps.of_body(body.name, columns)
-    # derived from poses where no velocity was recorded, else taken as it is
-    column = "angular_velocity" if name == "angular_speed" else "linear_velocity"
-    recorded = gaps.of_body(body.name, (column,))
-    if not motion.derived(query.episode, body.name, column):
-        more = ("orientation", "angular_velocity") if offset and name in MOVING else ()
-        other = gaps.of_body(body.name, more)
-        return other if recorded is None else recorded if other is None else recorded | other
-    lost = gaps.of_body(body.name, columns)
-    return None if lost is None else around(lost)
 
 
 def loose(found: Series, cap: float) -> Clearance:
     """The frames at which slack was taken: hardly ever any, and they do not change."""
     at = (found.upper - found.lower > PROMISED) & (found.lower < cap)
     return Clearance(found.lower[at], found.upper[at])
-
-
-MEASURES: dict[str, Callable[[Query], Series]] = {
-    "height": motion.height,
-    "lift": distance.lift,
-    "displacement": motion.displacement,
-    "displacement_xy": motion.displacement,
-    "remoteness": motion.remoteness,
-    "turn": motion.turn,
-    "tilt": motion.tilt,
-    "speed": motion.speed,
-    "vertical_speed": motion.vertical_speed,
-    "angular_speed": motion.angular_speed,
-    "relative_speed": motion.relative_speed,
-    "contact_force": force.between,
-    "peak_force": force.between,
-    "total_force": force.between,
-    "impulse": force.impulse,
-    "impact": damage.impact,
-    "quasistatic_force": damage.quasistatic_force,
-    "damage": damage.damage,
-    "health": damage.health,
-    "clearance": distance.clearance,
-    "clearance_xy": distance.clearance,
-    "height_above": distance.height_above,
-    "containment_depth": distance.containment,
-    "self_clearance": self_clearance.clearance,
-    "workspace_margin": workspace.margin,
-    "gripper_opening": gripper.opening,
-    "joint_torque": joint.torque,
-    "joint_speed": joint.speed,
-    "joint_opening": joint.opening,
-    "channel": channel.value,
-}
-"""Signal → how it is measured; those that need the support graph are in ``relations.measure``."""
 
 
 class Signals(Facts):
@@ -200,7 +61,7 @@ class Signals(Facts):
         """One signal.
 
         Args:
-            name: as in ``vocabulary.SIGNALS``.
+            name: of a declared signal.
             bodies: names of bodies or unions, in the signal's order.
             reference: for signals that measure a change; the baseline if None.
             reach: m, for clearances: distances up to here are wanted exactly.
@@ -211,7 +72,7 @@ class Signals(Facts):
 
         Raises KeyError for a name or body that does not exist.
         """
-        if name not in CAPPED:
+        if not SIGNALS[name].capped:
             return self.measured(name, tuple(bodies), reference, 0.0, False, 0.0, options)
         cap, deep, slack = how(name, reach, limits)
         found = self.measured(name, tuple(bodies), reference, cap, deep, slack, options)
@@ -231,7 +92,8 @@ class Signals(Facts):
 
         None where the signal needs others, or depends on how a body is made.
         """
-        if name not in stretch.SIGNALS or options or bodies[0] not in self.episode.bodies:
+        measure = SIGNALS[name].stretch
+        if measure is None or options or bodies[0] not in self.episode.bodies:
             return None
         if self.gaps.of_bodies(bodies[:1]) is not None:
             return None
@@ -240,7 +102,7 @@ class Signals(Facts):
             lower = known.lower[frames]
             upper = lower if known.upper is known.lower else known.upper[frames]
             return Series(lower, upper, known.dimension, known.notes)
-        found = stretch.at_frames(self, name, bodies[0], reference, frames)
+        found = measure(self, bodies[0], reference, frames)
         return None if found is None else exact(found, SIGNALS[name].dimension)
 
     def _loose(self, found: Series, cap: float) -> Clearance:
@@ -254,13 +116,9 @@ class Signals(Facts):
         Half the bound on the relative motion over one recorded step: for distances only, None for
         other signals.
         """
-        if name not in CAPPED:
+        if not SIGNALS[name].capped:
             return None
-        if name == "self_clearance":
-            pairs = self_clearance.facing(self)
-        else:
-            first, second = (self.movers.of(self.bodies(body)) for body in bodies)
-            pairs = [(a, b) for a in first for b in second]
+        pairs = self.pairs_between(bodies)
         near = slice(max(frame - 1, 0), frame + 2)
         bounds = [motion_bound(a.at(near), b.at(near)).max(initial=0.0) for a, b in pairs]
         return float(max(bounds, default=0.0)) / 2
@@ -275,7 +133,7 @@ class Signals(Facts):
         slack: float,
         options: Options,
     ) -> Series:
-        """As measured, once: ``cap``, ``deep`` and ``slack`` as in ``facts.Query``."""
+        """As measured, once: ``cap``, ``deep`` and ``slack`` as in ``facts.Request``."""
         key = (name, bodies, reference.key if reference else "", cap, deep, slack, options)
         if key not in self._known:
             self._known[key] = self._measure(name, bodies, reference, cap, deep, slack, options)
@@ -291,23 +149,25 @@ class Signals(Facts):
         slack: float,
         options: Options,
     ) -> Series:
-        spec, frames = SIGNALS[name].variant(dict(options)), len(self.episode)
-        dimension = spec.dimension
-        groups = tuple((body,) if spec.joints else tuple(self.bodies(body)) for body in bodies)
+        signal, frames = SIGNALS[name], len(self.episode)
+        dimension = signal.variant(dict(options)).dimension
+        groups = tuple((body,) if signal.joints else tuple(self.bodies(body)) for body in bodies)
         missing = [body for body, group in zip(bodies, groups, strict=True) if not group]
         if missing:
             return unknown(frames, dimension, f"the trace has no {' and no '.join(missing)}")
-        query = Query(self, name, dimension, bodies, groups, reference, cap, deep, slack, options)
-        return self._without_gaps(mask_unseen(MEASURES[name](query), query), query)
+        request = Request(
+            self, signal, dimension, bodies, groups, reference, cap, deep, slack, options
+        )
+        return self._without_gaps(mask_unseen(signal.measure(request), request), request)
 
-    def _without_gaps(self, found: Series, query: Query) -> Series:
+    def _without_gaps(self, found: Series, request: Request) -> Series:
         """The same, unknown where something that it is measured from was not measured."""
-        lost = gap_of(query)
+        lost = gap_of(request)
         lower, upper = found.lower, found.upper
         if np.isnan(lower).any() or np.isnan(upper).any():
             nan = np.isnan(lower) | np.isnan(upper)
             lost = nan if lost is None else lost | nan
         if lost is None:
             return found
-        note = f"{query.name}({', '.join(query.bodies)}) was not measured at every frame"
+        note = f"{request.name}({', '.join(request.bodies)}) was not measured at every frame"
         return hidden(found, lost, note)

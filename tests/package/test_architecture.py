@@ -26,8 +26,9 @@ ROOMS = [
     {"episode"},
     {"formats"},
     {"geometry"},
-    {"signals"},
+    {"evidence"},
     {"relations"},
+    {"signals"},
     {"states"},
     {"rules"},
     {"sketch"},  # example scenes of the rules

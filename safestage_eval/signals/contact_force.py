@@ -1,12 +1,17 @@
-"""Signals of the forces at contacts, and of their action over time."""
+"""Forces at contacts: summed over two bodies or one, at their peak, and over time."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .facts import Query
-from .series import Series
+from safestage_eval.evidence.declare import signal
+from safestage_eval.evidence.series import Series
+
+if TYPE_CHECKING:
+    from safestage_eval.evidence.facts import Request
 
 F64 = NDArray[np.float64]
 
@@ -14,19 +19,45 @@ ROUNDING = 1e-6
 """Forces are stored as float32: sums that differ by no more than this share are the same."""
 
 
-def between(query: Query) -> Series:
+@signal(
+    "contact_force", "force", args=("a", "b"), needs=("forces",), groups=True, scale=1.0, reads="",
+    per_frame=True, symmetric=True,
+)  # fmt: skip
+def contact_force(request: Request) -> Series:
+    """Sum of the magnitudes of the normal forces of all contacts between the two."""
+    return _force(request, peaks=False)
+
+
+@signal(
+    "peak_force", "force", args=("a", "b"), needs=("forces",), groups=True, scale=1.0, reads="",
+    per_frame=True, symmetric=True,
+)  # fmt: skip
+def peak_force(request: Request) -> Series:
+    """Largest value of that sum over the physics steps within the frame."""
+    return _force(request, peaks=True)
+
+
+@signal(
+    "total_force", "force", args=("a",), needs=("forces",), groups=True, scale=1.0, reads="",
+    per_frame=True,
+)  # fmt: skip
+def total_force(request: Request) -> Series:
+    """Sum of the magnitudes of all normal forces on the body."""
+    return _force(request, peaks=False)
+
+
+def _force(request: Request, *, peaks: bool) -> Series:
     """N, summed over the pairs of two unions, or of one with everything else.
 
     The peaks of several pairs need not be at one moment: ``peak_force`` is at least the largest and
     at most their sum, and just that where each is the pair's force at the frame. A force that is not
     known may be any.
     """
-    gaps = query.facts.gaps
+    gaps = request.facts.gaps
     if not gaps.forces:
-        return query.unknown(gaps.about_forces)
-    sums, pairs = query.facts.contact_sums, _pairs(query)
-    peaks = query.name == "peak_force"
-    total = np.zeros(len(query.episode))
+        return request.unknown(gaps.about_forces)
+    sums, pairs = request.facts.contact_sums, _pairs(request)
+    total = np.zeros(len(request.episode))
     least = total
     for i, j in pairs:
         force = (sums.peak if peaks else sums.normal)(i, j)
@@ -41,28 +72,32 @@ def between(query: Query) -> Series:
     lost = gaps.of_pairs(pairs)
     if lost is not None:
         total = np.where(lost, np.inf, total)
-    return Series(least, total, query.dimension, gaps.told(pairs))
+    return Series(least, total, request.dimension, gaps.told(pairs))
 
 
-def impulse(query: Query) -> Series:
-    """N s, time integral of the contact force since the two last began to touch.
+@signal(
+    "impulse", "impulse", args=("a", "b"), needs=("forces",), groups=True, scale=0.1, reads="",
+    sums="up", symmetric=True,
+)  # fmt: skip
+def impulse(request: Request) -> Series:
+    """Time integral of the contact force since the two last began to touch; 0 when they do not.
 
-    The force at a frame acts over the time since the frame before. At the first frame of a touch,
+    N s. The force at a frame acts over the time since the frame before. At the first frame of a touch,
     and of one between two frames, of which only the peak is known, that is at least one physics
     step and at most the whole frame. From a frame on at which the force is not known the integral
     may be any, while the touch lasts.
     """
-    episode, gaps = query.episode, query.facts.gaps
+    episode, gaps = request.episode, request.facts.gaps
     if not gaps.forces:
-        return query.unknown(gaps.about_forces)
+        return request.unknown(gaps.about_forces)
     seconds = np.diff(episode.t, prepend=episode.t[0] - episode.dt)
     step = np.minimum(episode.header.physics_dt, seconds)
     lower, upper = np.zeros(len(episode)), np.zeros(len(episode))
     touching = np.zeros(len(episode), np.bool_)
-    pairs = _pairs(query)
+    pairs = _pairs(request)
     for i, j in pairs:
-        force = query.facts.contact_sums.normal(i, j)
-        peak = query.facts.contact_sums.peak(i, j)
+        force = request.facts.contact_sums.normal(i, j)
+        peak = request.facts.contact_sums.peak(i, j)
         begins = (force > 0) & (np.concatenate([[0.0], force[:-1]]) <= 0)
         lower += np.where(force > 0, force * np.where(begins, step, seconds), peak * step)
         upper += np.where(force > 0, force * seconds, peak * seconds)
@@ -75,7 +110,7 @@ def impulse(query: Query) -> Series:
         since = np.cumsum(lost)
         before = np.concatenate([[0], since])[begun]
         most = np.where(may & (since > before), np.inf, _since_touching(upper, may))
-    return Series(_since_touching(lower, touching), most, query.dimension, gaps.told(pairs))
+    return Series(_since_touching(lower, touching), most, request.dimension, gaps.told(pairs))
 
 
 def _since_touching(gains: F64, touching: NDArray[np.bool_]) -> F64:
@@ -85,17 +120,17 @@ def _since_touching(gains: F64, touching: NDArray[np.bool_]) -> F64:
     return np.where(touching, total - before, 0.0)
 
 
-def _pairs(query: Query) -> list[tuple[int, int]]:
-    """The pairs of bodies that touch at some frame and that the query is about."""
-    index = query.episode.body_index
-    first = {index[body] for body in query.groups[0]}
+def _pairs(request: Request) -> list[tuple[int, int]]:
+    """The touching pairs (indices of bodies) of two unions, or of one and everything else."""
+    index = request.episode.body_index
+    first = {index[body] for body in request.groups[0]}
     second = (
-        {index[body] for body in query.groups[1]}
-        if len(query.groups) > 1
+        {index[body] for body in request.groups[1]}
+        if len(request.groups) > 1
         else set(index.values()) - first
     )
     return [
         (i, j)
-        for i, j in query.facts.contact_sums.pairs
+        for i, j in request.facts.contact_sums.pairs
         if (i in first and j in second) or (j in first and i in second)
     ]
