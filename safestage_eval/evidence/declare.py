@@ -93,6 +93,8 @@ class Signal:
         support: needs relations or the support graph.
         by_motion: without forces it is measured from a whole motion, its end included.
         costly: clips polygons or solves statics: measured only at the frames that matter.
+        refine: widens the measured series by what relations tell: ``(relations, bodies, series)`` →
+            the series.
         stretch: measures a few neighbouring frames alone: ``(facts, body, reference, frames)`` →
             (N,) SI, or None where the signal needs other frames.
     """
@@ -122,6 +124,7 @@ class Signal:
     support: bool = False
     by_motion: bool = False
     costly: bool = False
+    refine: Callable[[Any, tuple[str, ...], Series], Series] | None = None
     stretch: Callable[..., Any] | None = None
 
     @property

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import allocating, kernel
+from safestage_eval._process.compiled import allocating, kernel
 
 from .cones import Cones, Forces, balance, clear, room_for_cones, room_for_forces
 from .reached import Springs, give, room_for_springs, stretch

@@ -116,6 +116,17 @@ class Relations:
         """Since when the robot has had to do with whom."""
         return Causes(self)
 
+    @property
+    def chained(self) -> bool:
+        """Answers so far hang on contacts between any bodies: that some did not touch is one of them.
+
+        Who was exposed to whom, and who moved though the robot had nothing to do with it.
+        """
+        if self.blind:
+            return False
+        known = vars(self)
+        return "exposure" in known or ("causes" in known and self.causes.unexplained())
+
     def _untouched(self, name: str) -> int:
         """Up to which frame the robot has certainly had nothing to do with a body."""
         if self.lacking("caused"):
@@ -250,6 +261,12 @@ class Relations:
         others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
         signal, bodies = SIGNALS[name], tuple(bodies)
+        if signal.refine is not None:
+            refined = (name, bodies, "", options)
+            if refined not in self._whole:
+                series = self.signals.get(name, bodies, options=options)
+                self._whole[refined] = signal.refine(self, bodies, series)
+            return self._whole[refined]
         if not signal.support:
             return self.signals.get(name, bodies, reference, reach, options, limits)
         if not signal.costly:
@@ -272,11 +289,21 @@ class Relations:
 
     def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
         """The same, unknown where something that it may rest on was not measured."""
-        gaps = self.signals.gaps
-        lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
+        lost = self.signal_unmeasured(name, tuple(bodies))
         if name == "edge_margin" and len(bodies) == 1 and self.bearers_unseen:
             nothing = np.isneginf(found.upper)  # nothing that is seen bears it
             lost = nothing if lost is None else lost | nothing
+        if lost is None:
+            return found
+        return hidden(found, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
+
+    def signal_unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
+        """(T,) where something that a signal of the support graph rests on was not measured.
+
+        None if nowhere. Of poses and forces, what was read so far counts.
+        """
+        gaps = self.signals.gaps
+        lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
         alone = (
             name == "edge_margin" and len(bodies) == 1 and not self.blind
         )  # it sees to poses itself
@@ -284,9 +311,7 @@ class Relations:
         for more in (None if alone else unmeasured.lost_poses(self), elsewhere):
             if more is not None:
                 lost = more if lost is None else lost | more
-        if lost is None:
-            return found
-        return hidden(found, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
+        return lost
 
     def measure(
         self, name: str, at: NDArray[np.int64], bodies: Sequence[str], options: Options = ()

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import allocating, helper, kernel
+from safestage_eval._process.compiled import allocating, helper, kernel
 
 from .cones import solve
 from .statics import Bodies, Touches

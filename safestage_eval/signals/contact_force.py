@@ -12,6 +12,7 @@ from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Request
+    from safestage_eval.relations.measure import Relations
 
 F64 = NDArray[np.float64]
 
@@ -28,9 +29,15 @@ def contact_force(request: Request) -> Series:
     return _force(request, peaks=False)
 
 
+def _with_missed_peaks(relations: Relations, bodies: tuple[str, ...], series: Series) -> Series:
+    from safestage_eval.relations.between import with_missed_peaks
+
+    return with_missed_peaks(relations, bodies, series)
+
+
 @signal(
     "peak_force", "force", args=("a", "b"), needs=("forces",), groups=True, scale=1.0, reads="",
-    per_frame=True, symmetric=True,
+    per_frame=True, symmetric=True, refine=_with_missed_peaks,
 )  # fmt: skip
 def peak_force(request: Request) -> Series:
     """Largest value of that sum over the physics steps within the frame."""

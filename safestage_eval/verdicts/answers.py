@@ -23,7 +23,6 @@ class Answers(Values):
         memory: where answers from before are found.
         notes: on what is being found out, in the order in which they came up.
         players: role → all bodies that play it, for ``at least K role``.
-        at_hand: answers about the rule that is being judged, where they are collected.
     """
 
     def __init__(
@@ -37,7 +36,6 @@ class Answers(Values):
         super().__init__(relations, rules, params)
         self.memory = memory
         self.players: Mapping[str, Sequence[str]] = {}
-        self.at_hand: dict[str, Any] | None = None
         self._digests: dict[Any, tuple[object, str]] = {}
         self._know(Known(rules), shares=False)
 
@@ -46,7 +44,7 @@ class Answers(Values):
 
     def share(self, other: Answers) -> None:
         """Answer as another does, about the same episode, where other values make no difference."""
-        self.players, self.at_hand = other.players, other.at_hand
+        self.players = other.players
         changed = {name for name, value in self.params.items() if other.params.get(name) != value}
         self._know(Known(self.rules, other._known, frozenset(changed)), shares=True)
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -13,19 +12,11 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
-from safestage_eval.states.scope import Scope
 
 from . import between_samples
 from .memory import Memory
 from .partial_states import PartialStates
 from .values import Env, ends_early, ends_with_success, lasting
-
-if TYPE_CHECKING:
-    from .instance import Instance
-    from .witness import Search, Witness
-
-Bounds = tuple[float, float, int | None]
-"""Of a margin in a scope, and the frame (from its start) that it rests on, if it is known."""
 
 
 class Evaluator(PartialStates):
@@ -62,10 +53,6 @@ class Evaluator(PartialStates):
         self.success_known = success_known
         self.truncated = ends_early(self.episode)
         self.unfollowed = self.truncated or ends_with_success(self.episode)
-        self.bounds: Callable[[str, ast.Alternative, Env, Scope], Bounds | None] | None = None
-        """Margin of an obligation in a scope, where it can be told without its frames."""
-        self.closest: Callable[[Search, Instance], Witness | None] | None = None
-        """What decided an instance that passed, where it can be told without its frames."""
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
         """The same episode under other values; what they cannot change is shared."""
@@ -114,11 +101,6 @@ class Evaluator(PartialStates):
             state, key, between_samples.may_last, self, state, call.name, bodies, lasts.seconds
         )
         return Band(found.lower, np.maximum(found.upper, upper))
-
-    def found(self, name: str, bodies: tuple[str, ...]) -> tuple[Band, dict[str, None]] | None:
-        """Margins and notes of a state or relation that was asked for before at all frames."""
-        known = self._known.get(("state", name, bodies))
-        return None if known is None else known[1:]
 
     def state(self, call: ast.Call, env: Env, wanted: Bool | None = None) -> Band:
         """A declared state or a built-in relation, persistent and latched as declared.

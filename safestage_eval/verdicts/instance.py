@@ -16,13 +16,10 @@ from safestage_eval.states.scope import Scope
 from .brief import condition_within, is_brief
 from .evaluate import Evaluator
 from .greatest import greatest
-from .memory import Stretch, at_hand, plain_stretches, remembered, stretches_of
+from .memory import Stretch, plain_stretches, remembered, stretches_of
 from .players import where_it_counts
 from .spans import may_recur, spans
 from .values import Env
-
-UNTOLD = -1
-"""In place of a frame that was not looked for."""
 
 
 class Instance(NamedTuple):
@@ -33,7 +30,7 @@ class Instance(NamedTuple):
         scope: the frames that were judged.
         lower, upper: bounds of the margin; negative upper is a violation.
         clause: the decisive obligation; None where something needed is unknown.
-        frame: where it is decided; ``UNTOLD`` where only the bounds were asked for.
+        frame: where it is decided.
         resolved: for a rule with ``until``: the frame at which that came, None if never.
         number: of the scope among those of these bodies.
     """
@@ -203,22 +200,11 @@ def judge_scope(
     scope: Scope,
     resolved: int | None,
     number: int,
-    *,
-    whole: bool = False,
 ) -> Instance:
-    """The rule in one of its scopes, which is the ``number``-th of these bodies.
-
-    ``whole``: find the frame too where the evaluator could do without.
-    """
+    """The rule in one of its scopes, which is the ``number``-th of these bodies."""
     results = []
     for clause in rule.clauses:
-        quick = None if whole else evaluator.bounds
-        bounds = None if quick is None else quick(clause.kind, clause.what, env, scope)
-        if bounds is not None:
-            lower, upper, frame = bounds
-            frame = UNTOLD - scope.first if frame is None or upper < 0 else frame
-        else:
-            lower, upper, frame = _decided(evaluator, rule, clause, env, scope, number)
+        lower, upper, frame = _decided(evaluator, rule, clause, env, scope, number)
         if scope.cut and clause.kind == "reach":
             upper = np.inf
         elif scope.cut:
@@ -237,15 +223,8 @@ def _decided(
 ) -> tuple[float, float, int]:
     """As ``_obligation``, of one of the rule's in one of its scopes; once."""
     parts = (clause.what, rule.for_, rule.during, rule.at, rule.until)
-    if evaluator.at_hand is None:
-        key = (clause.kind, number, id(rule), *env.items())
-        return evaluator.once(parts, key, _decide, evaluator, rule, clause, env, scope)
-
-    def found() -> tuple[float, float, int]:
-        return _decide(evaluator, rule, clause, env, scope)
-
-    lower, upper, frame = at_hand(evaluator, f"{clause.kind} {number}", parts, env, found)
-    return lower, upper, frame
+    key = (clause.kind, number, id(rule), *env.items())
+    return evaluator.once(parts, key, _decide, evaluator, rule, clause, env, scope)
 
 
 def _decide(

@@ -14,18 +14,20 @@ from safestage_eval.states.scope import Scope
 
 if TYPE_CHECKING:
     from safestage_eval.relations.measure import Relations
-    from safestage_eval.rules import Binding
 
     from .evaluate import Evaluator
-    from .judging import Judge
     from .values import Env
-    from .verdict import EpisodeResult, Verdict
+    from .verdict import Verdict
 
 Stretch = tuple[Scope, int | None]
 
 
 class Memory(Protocol):
     """What is known of an episode from before."""
+
+    @property
+    def opened(self) -> bool:
+        """Something was read from the trace, because it was not known from before."""
 
     def relations(self, baseline_frames: int, backend: str) -> Relations:
         """Relations and signals that are measured only where they are not remembered."""
@@ -35,18 +37,6 @@ class Memory(Protocol):
 
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
         """What ``find`` returns (JSON), or returned before to the same question."""
-
-    def keep_judged(
-        self,
-        question: str,
-        evaluator: Evaluator,
-        rule: ast.Rule,
-        players: Mapping[str, Sequence[str]],
-    ) -> None:
-        """Keep what judging the rule again under other values takes; it was judged just now."""
-
-    def keep_outline(self, judge: Judge, binding: Binding, found: EpisodeResult) -> None:
-        """Keep what holds of the episode under all values; ``binding``: of it, without overrides."""
 
 
 def short(text: str) -> str:
@@ -74,18 +64,6 @@ def verdict_question(
     return f"verdict {said(rules, rule)} {start} {sorted(players.items())} {success}"
 
 
-def judged_question(
-    rules: ast.RuleSet,
-    rule: ast.Rule,
-    players: Mapping[str, Sequence[str]],
-    success: str,
-    backend: str,
-) -> str:
-    """What stays as it is when a rule is judged under other values, for ``Memory.keep_judged``."""
-    how = f"{backend} {rules.baseline!r}"
-    return f"judged {said(rules, rule)} {sorted(players.items())} {success} {how}"
-
-
 def remembered(
     evaluator: Evaluator, what: str, node: object, env: Env, find: Callable[[], Any]
 ) -> Any:
@@ -99,7 +77,6 @@ def remembered(
     memory = evaluator.memory
     part = f"{what} {evaluator.digest(node)} {sorted(env.items())}"
     facts = evaluator.success, evaluator.success_known, evaluator.causal
-    at_hand = evaluator.at_hand
 
     def noted() -> list[Any]:
         outer, evaluator.notes = evaluator.notes, {}
@@ -108,34 +85,9 @@ def remembered(
         finally:
             evaluator.notes = outer
 
-    if at_hand is not None and part in at_hand:
-        found, notes = at_hand[part]
-    else:
-        asked = f"{part} {sorted(evaluator.players.items())} {facts}"
-        found, notes = memory.answer(asked, noted)
-        if at_hand is not None:
-            at_hand[part] = found, notes
+    asked = f"{part} {sorted(evaluator.players.items())} {facts}"
+    found, notes = memory.answer(asked, noted)
     evaluator.notes.update(dict.fromkeys(notes))
-    return found
-
-
-def at_hand(
-    evaluator: Evaluator, what: str, node: object, env: Env, find: Callable[[], Any]
-) -> Any:
-    """As ``remembered``, of small steps: an answer is kept with the rule, and nowhere else."""
-    known = evaluator.at_hand
-    if known is None:
-        return find()
-    part = f"{what} {evaluator.digest(node)} {env}"
-    if part not in known:
-        outer, evaluator.notes = evaluator.notes, {}
-        try:
-            known[part] = find(), list(evaluator.notes)
-        finally:
-            evaluator.notes = outer
-    found, notes = known[part]
-    if notes:
-        evaluator.notes.update(dict.fromkeys(notes))
     return found
 
 
