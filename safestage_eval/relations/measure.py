@@ -57,6 +57,7 @@ class Relations:
         self._partial: dict[tuple[str, tuple[str, ...], Options], Partial] = {}
         self._grips: dict[int, Grip] = {}
         self._falls: dict[str, Series] = {}
+        self._peaks: dict[tuple[str, ...], Series] = {}
         signals.untouched = self._untouched
 
     @cached_property
@@ -129,6 +130,17 @@ class Relations:
     def causes(self) -> Causes:
         """Since when the robot has had to do with whom."""
         return Causes(self)
+
+    @property
+    def chained(self) -> bool:
+        """Answers so far hang on contacts between any bodies: that some did not touch is one of them.
+
+        Who was exposed to whom, and who moved though the robot had nothing to do with it.
+        """
+        if self.blind:
+            return False
+        known = vars(self)
+        return "exposure" in known or ("causes" in known and self.causes.unexplained())
 
     def _untouched(self, name: str) -> int:
         """Up to which frame the robot has certainly had nothing to do with a body."""
@@ -277,6 +289,12 @@ class Relations:
             if bodies[0] not in self._falls:
                 self._falls[bodies[0]] = falls.fallen(self, bodies[0])
             return self._known_part(name, bodies, self._falls[bodies[0]])
+        if name == "peak_force":
+            key = tuple(bodies)
+            if key not in self._peaks:
+                found = self.signals.get(name, bodies)
+                self._peaks[key] = between.with_missed_peaks(self, bodies, found)
+            return self._peaks[key]
         if name not in MEASURES:
             return self.signals.get(name, bodies, reference, reach, options, limits)
         key = (name, tuple(bodies), options)

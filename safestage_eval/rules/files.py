@@ -10,8 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from safestage_eval._text.toml_text import from_toml
 from safestage_eval.errors import RuleError
-from safestage_eval.toml_text import from_toml
 
 from .diagnostic import Diagnostic
 from .locate import Keys, Locations

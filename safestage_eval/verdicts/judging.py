@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from safestage_eval import __version__
 from safestage_eval.episode import Episode, as_judged, describe_holes, with_holes
 from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import RuleError, readable
@@ -19,6 +18,7 @@ from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.at_hand import ReadSoFar
 from safestage_eval.signals.measure import Signals
 from safestage_eval.units import format_quantity
+from safestage_eval.version import __version__
 
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
@@ -167,7 +167,9 @@ class Judge:
             return
         if self._memory is not None and not self._memory.opened:  # sound when it was measured
             return
-        for error in contradictions(self._episode, ReadSoFar(self._relations.signals.gaps)):
+        relations = self._relations
+        at_hand = ReadSoFar(relations.signals.gaps, relations.chained)
+        for error in contradictions(self._episode, at_hand):
             raise error
 
     @property
