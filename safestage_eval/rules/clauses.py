@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 ClauseKind = Literal["require", "forbid", "reach"]
 
@@ -29,6 +29,15 @@ class ClauseSpec:
     wanted: bool
     once: bool
     lasts: bool
+
+    def entries(self, value: Any) -> tuple[Any, ...]:
+        """The entries of what a rule holds under the key: atoms, or alternatives; none if None."""
+        if value is None:
+            return ()
+        if self.value == "alternative":
+            return (value,)
+        found: tuple[Any, ...] = value.atoms if self.value == "condition" else value
+        return found
 
 
 CLAUSES: dict[ClauseKind, ClauseSpec] = {

@@ -193,8 +193,7 @@ def _charged(side: Meaning) -> str:
 
 def _entries(rule: ast.Rule, kind: ClauseKind) -> dict[str, ast.Atom | ast.Alternative]:
     """The entries of an obligation by what they are about."""
-    value = getattr(rule, kind)
-    items = value.atoms if isinstance(value, ast.Condition) else value or ()
+    items = CLAUSES[kind].entries(getattr(rule, kind))
     return _named({}, [(_name(item), item) for item in items])
 
 
