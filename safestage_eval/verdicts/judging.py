@@ -20,11 +20,11 @@ from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.units import format_quantity
 from safestage_eval.version import __version__
 
-from .cost import judge_cost
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
 from .explain import inconclusive
-from .memory import Memory, remembered, short, verdict_question
+from .memory import Memory, short, verdict_question
+from .obligations.cost import judge_cost
 from .players import combinations
 from .rule_verdict import judge_rule, violates
 from .success import native_success
@@ -330,7 +330,7 @@ def judged(
         def violated(stricter: Evaluator = stricter) -> bool:
             return violates(stricter, rule, players)
 
-        if remembered(stricter, "violated", rule, {}, violated):
+        if stricter.recall("violated", rule, {}, violated):
             found = replace(found, severity=level)
     return found
 

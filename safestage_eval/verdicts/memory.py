@@ -1,29 +1,25 @@
-"""What may be known of an episode from before, as the evaluator asks for it."""
+"""Answers about an episode from before, as the evaluator asks for them."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from safestage_eval.episode.runs import runs
+from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.scope import Scope
 
-if TYPE_CHECKING:
-    from safestage_eval.relations.measure import Relations
-
-    from .evaluate import Evaluator
-    from .values import Env
-    from .verdict import Verdict
+from .verdict import Verdict
 
 Stretch = tuple[Scope, int | None]
 
 
 class Memory(Protocol):
-    """What is known of an episode from before."""
+    """Answers about an episode that were found before."""
 
     @property
     def opened(self) -> bool:
@@ -62,33 +58,6 @@ def verdict_question(
     """What a verdict depends on besides the trace, for ``Memory.verdict``."""
     start = blank.assigned, blank.sources, blank.rule_digest
     return f"verdict {said(rules, rule)} {start} {sorted(players.items())} {success}"
-
-
-def remembered(
-    evaluator: Evaluator, what: str, node: object, env: Env, find: Callable[[], Any]
-) -> Any:
-    """What ``find`` says (JSON) of a part of a rule, with its notes; or what it said before.
-
-    The question names all that the answer may depend on besides the trace: the part with every
-    definition and value that it reaches, who plays what, and what is known of success.
-    """
-    if evaluator.memory is None:
-        return find()
-    memory = evaluator.memory
-    part = f"{what} {evaluator.digest(node)} {sorted(env.items())}"
-    facts = evaluator.success, evaluator.success_known, evaluator.causal
-
-    def noted() -> list[Any]:
-        outer, evaluator.notes = evaluator.notes, {}
-        try:
-            return [find(), list(evaluator.notes)]
-        finally:
-            evaluator.notes = outer
-
-    asked = f"{part} {sorted(evaluator.players.items())} {facts}"
-    found, notes = memory.answer(asked, noted)
-    evaluator.notes.update(dict.fromkeys(notes))
-    return found
 
 
 def plain_stretches(found: list[Stretch]) -> list[Any]:

@@ -13,9 +13,9 @@ from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.resolve import Binding, bind_episode
-from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import Judge, baseline_frames
+from safestage_eval.verdicts.obligations.cost import judge_cost
 from safestage_eval.verdicts.rule_verdict import judge_rule
 from safestage_eval.verdicts.verdict import Verdict
 

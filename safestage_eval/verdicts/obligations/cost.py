@@ -11,14 +11,13 @@ from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import F64, Bool
 from safestage_eval.states.scope import Scope
-
-from .evaluate import Evaluator
-from .explain import Finding, sentence
-from .instance import applies, stretches
-from .players import combinations, mentions, nodes
-from .values import Env
-from .verdict import CostTotal, Verdict
-from .witness import Witness
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.explain import Finding, sentence
+from safestage_eval.verdicts.players import combinations, mentions, nodes
+from safestage_eval.verdicts.stretches import applies, stretches
+from safestage_eval.verdicts.values import Env
+from safestage_eval.verdicts.verdict import CostTotal, Verdict
+from safestage_eval.verdicts.witness import Witness
 
 ROUNDING = 1e-9
 """Relative: sums of many small charges may be off by so much without exceeding a budget."""
