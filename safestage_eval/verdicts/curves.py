@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from safestage_eval.evidence.series import Series
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES
-from safestage_eval.signals.series import Series
 from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator
