@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from safestage_eval.episode import Window
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.signals.measure import CAPPED
@@ -21,7 +22,7 @@ from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.values import Env, lasting
 
 from .flip_keys import Way, certain, clipped, compared, fixed, latched, steady
-from .flip_lasting import Counts, Undecided, closed_keys, lasting_keys
+from .flip_lasting import Counts, Undecided, closed_keys, lasting_keys, steps_from
 
 Kind = str | None
 BEYOND = 1e3
@@ -241,20 +242,41 @@ class FlipBands:
             return persistence.persistent(
                 found, self.at.window(state.for_), self.at.open_gap(state.gap), open_end=open_end
             )
-        if all(moved) or self.reads(state.when) or (moved[1] and open_end):
+        if all(moved) or (moved[1] and (self.reads(state.when) or open_end)):
             raise Undecided("several of its durations depend on it")
         if moved[1]:
             ends = [closed_keys(end, self.counts, self.value, self.way) for end in found]
             return persistence.persistent(
                 Band(*ends), self.at.window(state.for_), 0, open_end=open_end
             )
-        gap = self.at.open_gap(state.gap)
+        counts, gap = self.counts, self.at.open_gap(state.gap)
+        if self.reads(state.when):
+            return self._lasting(found, gap, counts, open_end=open_end)
         closed = persistence.persistent(found, 1, gap, open_end=open_end)
         ends = [
-            lasting_keys(end, self.counts, self.value, self.way, open_end=open_end and perhaps)
+            lasting_keys(end, counts, self.value, self.way, open_end=open_end and perhaps)
             for end, perhaps in zip(closed, (False, True), strict=True)
         ]
         return Band(*ends)
+
+    def _lasting(self, found: Band, gap: Window, counts: Counts, *, open_end: bool) -> Band:
+        """(T,) what lasts for the parameter, and itself depends on it.
+
+        What lasts for n samples lasts for every duration that takes no more, and what does not
+        lasts for none that takes as many: each of some n gives a key, and the furthest counts.
+        """
+        out: Band | None = None
+        for frames in steps_from(counts.frames(self.value), self.frames, self.way):
+            one = persistence.persistent(found, frames, gap, open_end=open_end)
+            bound = counts.size(frames, self.way)
+            if self.way == "up":
+                ends = [np.minimum(end, bound) for end in one]
+                out = Band(*ends) if out is None else Band(*map(np.maximum, out, ends))
+            else:
+                ends = [np.maximum(end, -bound) for end in one]
+                out = Band(*ends) if out is None else Band(*map(np.minimum, out, ends))
+        assert out is not None
+        return out
 
     # ---- events
 

@@ -56,6 +56,21 @@ class Counts:
             self._first[frames, gap] = known
         return known
 
+    def size(self, frames: int, way: Way) -> float:
+        """Size of the key up to which a duration takes at most so many samples; down, at least."""
+        if way == "up":
+            return self.first(frames + 1)
+        return until(self.first(frames))
+
+
+def steps_from(frames: int, total: int, way: Way) -> list[int]:
+    """Some numbers of samples from one on, up to all of them or down to none; the nearest first."""
+    out, step = list[int](), 0
+    while 0 <= (n := frames + step if way == "up" else frames - step) <= max(total, frames):
+        out.append(n)
+        step += max(1, step // 4)
+    return [n for n in out if n > 0] or [frames]
+
 
 def first_true(holds: Callable[[float], bool]) -> float:
     """The least float from 0 on at which something holds that then holds for good; ``inf`` if none."""
@@ -93,7 +108,7 @@ def lasting_keys(keys: F64, counts: Counts, value: float, way: Way, *, open_end:
         elif length >= needed:
             out[first:stop] = counts.first(length + 1) if way == "up" else np.inf
         elif way == "down":
-            out[first:stop] = -_until(counts.first(length + 1))
+            out[first:stop] = -until(counts.first(length + 1))
     return out
 
 
@@ -107,12 +122,12 @@ def closed_keys(keys: F64, counts: Counts, value: float, way: Way) -> F64:
         if length <= closed:
             at = counts.first(length, gap=True)
             never = way == "up" or at == 0
-            out[first:stop] = np.inf if never else _until(at)
+            out[first:stop] = np.inf if never else until(at)
         elif way == "up":
             out[first:stop] = -counts.first(length, gap=True)
     return out
 
 
-def _until(first: float) -> float:
-    """Moving down, the key of what changes at the last value before ``first``."""
+def until(first: float) -> float:
+    """Size of a key: moving down, of what changes at the last value before ``first``."""
     return np.inf if first == 0 else key_of(min(float(np.nextafter(first, 0.0)), LARGEST), "down")

@@ -126,10 +126,8 @@ def pieces_of(
         param: its name.
     """
     case = Case(base, rule, players, blank, param)
-    number = amount_of(case.usual)
+    number = min(max(amount_of(case.usual), 0.0), LARGEST)  # values below 0 are not followed
     try:
-        if not 0 <= number <= LARGEST:
-            raise Undecided("values below 0 are not followed")
         pieces = duration_pieces(case)
         if pieces is None:
             pieces = [*reversed(_walk(case, number, "down")), *_walk(case, number, "up")]
