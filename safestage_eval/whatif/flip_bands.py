@@ -32,11 +32,24 @@ BEYOND = 1e3
 class FlipBands:
     """The rule language on one episode, at one value of a parameter that moves one way."""
 
-    def __init__(self, at: Evaluator, param: str, value: float, way: Way, further: float) -> None:
-        """``at``: the evaluator under this value; ``further``: m, up to where distances are wanted."""
+    def __init__(
+        self, at: Evaluator, param: str, value: float, way: Way, counts: Counts, further: float
+    ) -> None:
+        """Prepare; nothing is computed yet.
+
+        Args:
+            at: the evaluator under this value.
+            param: name of the parameter.
+            value: of it.
+            way: in which it moves.
+            counts: samples that it takes as a duration.
+            further: m, up to where distances are wanted.
+        """
         self.at, self.param, self.value, self.way = at, param, value, way
+        self.counts = counts
         self.frames = at.frames
         self._further = further
+        self._states: dict[tuple[str, tuple[str, ...]], Band] = {}
         self.capped = False
         """A distance was compared with the parameter, and is known only so far."""
 
@@ -47,11 +60,6 @@ class FlipBands:
     def is_moved(self, value: object) -> bool:
         """It is the parameter itself."""
         return isinstance(value, ast.Parameter) and value.name == self.param
-
-    @property
-    def counts(self) -> Counts:
-        """Samples that the parameter takes as a duration."""
-        return Counts(self.at.clock, self.at.params[self.param])
 
     # ---- conditions
 
@@ -184,6 +192,12 @@ class FlipBands:
 
     def state(self, call: ast.Call, env: Env) -> Band:
         """(T,) a declared state or relation, persistent and latched as declared."""
+        key = call.name, tuple(env.get(arg, arg) for arg in call.args)
+        if key not in self._states:
+            self._states[key] = self._state(call, env)
+        return self._states[key]
+
+    def _state(self, call: ast.Call, env: Env) -> Band:
         everywhere = np.ones(self.frames, np.bool_)
         if not self.reads(call):
             if self.at.asks_costly(ast.StateAtom(call, True)):

@@ -119,7 +119,7 @@ class _Durations:
         self._end = 2 * (float(base.episode.t[-1]) + base.clock.dt) + 1
         if isinstance(case.usual, ast.Duration) and case.usual.frames:
             self._end = 2.0 * base.frames + 1
-        self._flips = FlipBands(base, case.param, 0.0, "up", 0.0)
+        self._flips = FlipBands(base, case.param, 0.0, "up", case.counts, 0.0)
         everything = [*self._at(0.0), *self._at(self._end)]
         lows = [min((s.first for s in stretch), default=0) for stretch in everything]
         highs = [max((s.stop for s in stretch), default=0) for stretch in everything]

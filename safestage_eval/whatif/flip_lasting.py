@@ -33,17 +33,16 @@ class Counts:
     """How many samples of a uniform clock a duration takes, as it grows."""
 
     def __init__(self, clock: Clock, value: Value) -> None:
-        """``value``: a duration of the kind that is moved. Raises Undecided on another clock."""
-        if not clock.uniform:
-            raise Undecided("the clock is not uniform")
+        """``value``: of the kind that is moved."""
         self._clock = clock
         self._kind = value if isinstance(value, ast.Duration) else ast.Duration(0.0)
         self._first: dict[tuple[int, bool], float] = {}
 
     def frames(self, number: float, *, gap: bool = False) -> int:
         """Samples that a duration of this size takes; for a ``gap``, of the longest that is closed."""
-        duration = like(self._kind, number)
-        assert isinstance(duration, ast.Duration)
+        if not self._clock.uniform:
+            raise Undecided("the clock is not uniform")
+        duration = ast.Duration(number, self._kind.frames)
         if gap:
             return self._clock.gap(lasting(duration, 0)).frames - 1
         return self._clock.window(lasting(duration)).frames
@@ -52,7 +51,9 @@ class Counts:
         """The least duration that takes at least so many samples; 0 if all do."""
         known = self._first.get((frames, gap))
         if known is None:
-            known = first_true(lambda number: self.frames(number, gap=gap) >= frames)
+            step = 1.0 if self._kind.frames else self._clock.dt
+            near = max((frames - 2) * step, 0.0), (frames + 1) * step
+            known = first_true(lambda number: self.frames(number, gap=gap) >= frames, *near)
             self._first[frames, gap] = known
         return known
 
@@ -72,11 +73,15 @@ def steps_from(frames: int, total: int, way: Way) -> list[int]:
     return [n for n in out if n > 0] or [frames]
 
 
-def first_true(holds: Callable[[float], bool]) -> float:
-    """The least float from 0 on at which something holds that then holds for good; ``inf`` if none."""
-    if holds(0.0):
-        return 0.0
-    low, high = 0.0, 1.0
+def first_true(holds: Callable[[float], bool], low: float = 0.0, high: float = 1.0) -> float:
+    """The least float from 0 on at which something holds that then holds for good; ``inf`` if none.
+
+    ``low``, ``high``: between which it probably is.
+    """
+    if holds(low):
+        if holds(0.0):
+            return 0.0
+        low, high = 0.0, low
     while not holds(high):
         low, high = high, high * 2
         if high > 1e9:

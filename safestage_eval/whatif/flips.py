@@ -23,7 +23,7 @@ from .flip_bands import FlipBands
 from .flip_clauses import given_keys, instance_keys, keys_within
 from .flip_durations import duration_pieces
 from .flip_keys import LARGEST, Way, value_of
-from .flip_lasting import Undecided, Value, like
+from .flip_lasting import Counts, Undecided, Value, like
 from .flip_scopes import frames_of
 
 MOST = 16
@@ -96,6 +96,7 @@ class Case:
         """``base``: the evaluator under the values that hold; others as in ``judge_rule``."""
         self.base, self.rule, self.players, self.blank = base, rule, players, blank
         self.param, self.usual = param, base.params[param]
+        self.counts = Counts(base.clock, self.usual)
 
     def at(self, number: float) -> Evaluator:
         """The evaluator under another value."""
@@ -148,7 +149,7 @@ def _walk(case: Case, start: float, way: Way) -> list[tuple[float, float, Verdic
     for _ in range(MOST):
         at = case.at(value)
         further = FURTHER * start * (1 + 1e-6) + 1e-6
-        flips = FlipBands(at, case.param, value, way, further)
+        flips = FlipBands(at, case.param, value, way, case.counts, further)
         keys = _keys(flips, case)
         found: tuple[VerdictName | None, bool] = (None, False)
         if not (flips.capped and (keys.verdict == "inconclusive" or value <= 0)):
