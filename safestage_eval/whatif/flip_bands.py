@@ -158,7 +158,9 @@ class FlipBands:
                 compared(end, limit.op, self.value, self.way, negative) for end in (first, second)
             ]
             return Band(ends[0], ends[0] if first is second else ends[1])
-        test = {">=": np.greater_equal, ">": np.greater, "<=": np.less_equal, "<": np.less}[limit.op]
+        test = {">=": np.greater_equal, ">": np.greater, "<=": np.less_equal, "<": np.less}[
+            limit.op
+        ]
         return Band(certain(test(first, number)), certain(test(second, number)))
 
     # ---- states
@@ -308,4 +310,3 @@ def _edge(now: Band, edge: str) -> Band:
     then = Band(*(np.concatenate([[-np.inf], end[:-1]]) for end in now))
     first, second = (now, then) if edge == "start" else (then, now)
     return Band(np.minimum(first.lower, -second.upper), np.minimum(first.upper, -second.lower))
-

@@ -60,14 +60,14 @@ def duration_pieces(case: Case) -> list[Plain] | None:
 
 
 def _lengths(span: ast.Span, case: Case) -> bool:
-    """The parameter is the length of a part of a span; raises Undecided where it is so in vain."""
+    """The parameter is the length of a part of a span; raises Undecided where it is more than that."""
     rules, param = case.base.rules, case.param
     if isinstance(span, ast.PhaseSpan):
         phase = rules.phases[span.call.name]
         found = _lengths(phase.span, case)
         if phase.fallback is None or param not in parameters_read(rules, phase.fallback):
             return found
-        if not _settled(phase, span, case):
+        if not _settled(phase, case):
             raise Undecided("another stretch may take its place")
         return found
     if isinstance(span, ast.Part | ast.Around):
@@ -84,7 +84,7 @@ def _lengths(span: ast.Span, case: Case) -> bool:
     return False
 
 
-def _settled(phase: ast.PhaseDef, span: ast.PhaseSpan, case: Case) -> bool:
+def _settled(phase: ast.PhaseDef, case: Case) -> bool:
     """A phase has a stretch of its own, whatever the parameter: success came."""
     events = [
         node
@@ -205,4 +205,3 @@ class _Durations:
             for frames in (core, union)
         ]
         return signs[0] == signs[1]
-

@@ -231,3 +231,12 @@ COLUMNS = (
     "episode_id", "path", "task", "stage", "policy", "prompt", "success", "engagement", "rule",
     "assigned", "verdict", "vacuity", "instances",
 )  # fmt: skip
+"""What is needed of the rows of a run."""
+
+
+def is_result_file(path: str | Path) -> bool:
+    """A Parquet file of result rows, not one of traces."""
+    try:
+        return Path(path).is_file() and set(COLUMNS) <= pl.read_parquet_schema(path).keys()
+    except (pl.exceptions.PolarsError, OSError):
+        return False

@@ -142,7 +142,9 @@ def amount_of(value: Value) -> float:
     return value.value if isinstance(value, ast.Quantity) else value.amount
 
 
-def _walk(case: Case, start: float, way: Way) -> list[tuple[float, float, VerdictName | None, bool]]:
+def _walk(
+    case: Case, start: float, way: Way
+) -> list[tuple[float, float, VerdictName | None, bool]]:
     """Pieces from a value on, the nearest first; those going down begin below it."""
     out: list[tuple[float, float, VerdictName | None, bool]] = []
     value = start
@@ -162,9 +164,11 @@ def _walk(case: Case, start: float, way: Way) -> list[tuple[float, float, Verdic
             out.append((value, high, *found))
         else:
             low = 0.0 if next_ is None else float(np.nextafter(next_, np.inf))
-            if flips.capped:
-                low = max(low, float(np.nextafter(0.0, 1.0)))
+            deep = flips.capped and low == 0  # at 0 depths are measured as well
+            low = float(np.nextafter(0.0, 1.0)) if deep else low
             out.append((low, float(np.nextafter(value, np.inf)), *found))
+            if deep:
+                out.append((0.0, low, *case.judged(case.at(0.0))))
         if next_ is None:
             break
         value = next_
@@ -218,4 +222,3 @@ def _append(out: list[Piece], piece: Piece) -> None:
         out[-1] = out[-1]._replace(high=piece.high)
     else:
         out.append(piece)
-
