@@ -57,6 +57,7 @@ class Relations:
         self._partial: dict[tuple[str, tuple[str, ...], Options], Partial] = {}
         self._grips: dict[int, Grip] = {}
         self._falls: dict[str, Series] = {}
+        self._peaks: dict[tuple[str, ...], Series] = {}
         signals.untouched = self._untouched
 
     @cached_property
@@ -129,6 +130,17 @@ class Relations:
     def causes(self) -> Causes:
         """Since when the robot has had to do with whom."""
         return Causes(self)
+
+    @property
+    def chained(self) -> bool:
+        """Answers so far hang on contacts between any bodies: that some did not touch is one of them.
+
+        Who was exposed to whom, and who moved though the robot had nothing to do with it.
+        """
+        if self.blind:
+            return False
+        known = vars(self)
+        return "exposure" in known or ("causes" in known and self.causes.unexplained())
 
     def _untouched(self, name: str) -> int:
         """Up to which frame the robot has certainly had nothing to do with a body."""
@@ -277,6 +289,12 @@ class Relations:
             if bodies[0] not in self._falls:
                 self._falls[bodies[0]] = falls.fallen(self, bodies[0])
             return self._known_part(name, bodies, self._falls[bodies[0]])
+        if name == "peak_force":
+            key = tuple(bodies)
+            if key not in self._peaks:
+                found = self.signals.get(name, bodies)
+                self._peaks[key] = between.with_missed_peaks(self, bodies, found)
+            return self._peaks[key]
         if name not in MEASURES:
             return self.signals.get(name, bodies, reference, reach, options, limits)
         key = (name, tuple(bodies), options)
@@ -292,11 +310,21 @@ class Relations:
 
     def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
         """The same, unknown where something that it may rest on was not measured."""
-        gaps = self.signals.gaps
-        lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
+        lost = self.signal_unmeasured(name, tuple(bodies))
         if name == "edge_margin" and len(bodies) == 1 and self.bearers_unseen:
             nothing = np.isneginf(found.upper)  # nothing that is seen bears it
             lost = nothing if lost is None else lost | nothing
+        if lost is None:
+            return found
+        return hidden(found, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
+
+    def signal_unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
+        """(T,) where something that a signal of the support graph rests on was not measured.
+
+        None if nowhere. Of poses and forces, what was read so far counts.
+        """
+        gaps = self.signals.gaps
+        lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
         alone = (
             name == "edge_margin" and len(bodies) == 1 and not self.blind
         )  # it sees to poses itself
@@ -304,9 +332,7 @@ class Relations:
         for more in (None if alone else unmeasured.lost_poses(self), elsewhere):
             if more is not None:
                 lost = more if lost is None else lost | more
-        if lost is None:
-            return found
-        return hidden(found, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
+        return lost
 
     def measure(
         self, name: str, at: NDArray[np.int64], bodies: Sequence[str], options: Options = ()

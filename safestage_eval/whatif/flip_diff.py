@@ -10,7 +10,7 @@ from typing import Any
 import polars as pl
 
 from safestage_eval.rules import load_bind, load_rules, parse_overrides
-from safestage_eval.scoring import Problem
+from safestage_eval.verdicts.problem import Problem
 
 from .diff import Judged, diff_episode
 from .flip_query import verdicts_under

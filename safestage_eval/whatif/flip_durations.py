@@ -16,8 +16,8 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.states.band import Band
 from safestage_eval.states.scope import Scope
-from safestage_eval.verdicts.instance import applies, stretches
 from safestage_eval.verdicts.players import combinations
+from safestage_eval.verdicts.stretches import applies, stretches
 from safestage_eval.verdicts.values import Env
 from safestage_eval.verdicts.verdict import VerdictName
 

@@ -16,7 +16,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.metrics import Outcome, Rates, rates
 from safestage_eval.rules import load_bind, load_rules
-from safestage_eval.scoring import Problem
+from safestage_eval.verdicts.problem import Problem
 
 from .flip_query import KEYS, pieces_about, was_at_risk
 from .flip_table import FlipTable

@@ -24,8 +24,8 @@ from safestage_eval.rules import RuleSet, load_bind, load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import parameters_read
-from safestage_eval.scoring import Problem
 from safestage_eval.units import DIMENSIONS
+from safestage_eval.verdicts.problem import Problem
 from safestage_eval.verdicts.verdict import Verdict
 
 from .again import Again

@@ -14,9 +14,9 @@ import numpy as np
 
 from safestage_eval.rules import syntax as ast
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.instance import applies, stretches
 from safestage_eval.verdicts.players import combinations
 from safestage_eval.verdicts.rule_verdict import judge_rule
+from safestage_eval.verdicts.stretches import applies, stretches
 from safestage_eval.verdicts.verdict import Verdict, VerdictName, at_risk
 
 from .flip_bands import FlipBands

@@ -17,9 +17,9 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import reached
 from safestage_eval.rules.uses import own_params
-from safestage_eval.scoring import Problem
 from safestage_eval.units import DIMENSIONS
 from safestage_eval.verdicts.engagement import Engagement
+from safestage_eval.verdicts.problem import Problem
 from safestage_eval.verdicts.verdict import VerdictName
 
 from .again import Again, Value
@@ -163,7 +163,9 @@ class Sweep(Curves):
                 key = tuple(str(names.get(name) or getattr(episode, name, "–")) for name in by)
                 groups.setdefault(key, []).append((episode, rule))
         return {
-            key: [rates(outcome_of(e, i, rule) for e, rule in group) for i in range(len(self.values))]
+            key: [
+                rates(outcome_of(e, i, rule) for e, rule in group) for i in range(len(self.values))
+            ]
             for key, group in sorted(groups.items())
         }
 
