@@ -191,6 +191,7 @@ class FlipTable:
 
     Attributes:
         path: the result file.
+        beside: the what-if table.
         rows: what is needed of the rows of assigned rules.
         judging: how they were judged.
     """
@@ -198,18 +199,18 @@ class FlipTable:
     def __init__(self, path: str | Path) -> None:
         """Raises InputError where either file is missing or is no such table."""
         self.path = Path(path)
-        self._table = path_beside(path)
+        self.beside = path_beside(path)
         if not self.path.is_file():
             raise InputError(str(path), "no such file.", "rows.parquet, written by safestage score")
-        if not self._table.is_file():
+        if not self.beside.is_file():
             raise InputError(
                 str(path),
-                f"no what-if table stands beside it ({self._table.name}).",
+                f"no what-if table stands beside it ({self.beside.name}).",
                 fix=f"safestage score TRACES -f parquet -o {self.path.name} --what-if all",
             )
         try:
             self.rows = pl.read_parquet(self.path, columns=list(COLUMNS)).filter("assigned")
-            told = json.loads(pl.read_parquet_metadata(self._table)[KEY.decode()])
+            told = json.loads(pl.read_parquet_metadata(self.beside)[KEY.decode()])
         except (pl.exceptions.PolarsError, KeyError, ValueError) as error:
             raise InputError(
                 str(path), f"cannot be read: {error}.", "what safestage score wrote"
@@ -218,12 +219,12 @@ class FlipTable:
 
     def pieces(self, param: str) -> pl.DataFrame:
         """The rows of the what-if table about one parameter."""
-        return pl.scan_parquet(self._table).filter(pl.col("param") == param).collect()
+        return pl.scan_parquet(self.beside).filter(pl.col("param") == param).collect()
 
     @property
     def params(self) -> list[str]:
         """Names of the parameters that the table is about."""
-        names = pl.scan_parquet(self._table).select(pl.col("param").unique()).collect()
+        names = pl.scan_parquet(self.beside).select(pl.col("param").unique()).collect()
         return sorted(names["param"].to_list())
 
 
