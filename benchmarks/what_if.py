@@ -54,7 +54,9 @@ def compare(
         blank = Verdict(rule.code, rule.title, rule.stage, True, "not_applicable")
         for param in sorted(parameters_read(again.rules, rule)):
             usual = base.params[param]
-            pieces = [] if moves_success(again, param) else pieces_of(base, rule, players, blank, param)
+            pieces = (
+                [] if moves_success(again, param) else pieces_of(base, rule, players, blank, param)
+            )
             whole = isinstance(usual, ast.Duration) and usual.frames
             for _ in range(draws):
                 value = drawn(amount_of(usual), rng, whole=whole)
@@ -89,7 +91,9 @@ def agree(folders: Sequence[str], draws: int, every: int, seed: int) -> int:
                 print(f"DIFFERENT {ref.episode_id} {rule} {param} = {value!r}", flush=True)
     total, left = asked.total(), undecided.total()
     for param in sorted(asked):
-        print(f"{param:16} {asked[param]:6} values  {undecided[param] / asked[param]:7.2%} undecided")
+        print(
+            f"{param:16} {asked[param]:6} values  {undecided[param] / asked[param]:7.2%} undecided"
+        )
     print(
         f"{episodes} episodes, {total} values: {total - left} decided, {wrong} of them different; "
         f"{left / total:.2%} undecided"

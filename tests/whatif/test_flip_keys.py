@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from safestage_eval.episode import Clock
 from safestage_eval.rules import syntax as ast
-from safestage_eval.states.persistence import persistent
 from safestage_eval.states.band import crisp
+from safestage_eval.states.persistence import persistent
 from safestage_eval.verdicts.values import lasting
 from safestage_eval.whatif.flip_keys import compared, key_of, latched, mirrored, value_of
 from safestage_eval.whatif.flip_lasting import Counts, closed_keys, first_true, lasting_keys

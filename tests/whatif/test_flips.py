@@ -1,5 +1,6 @@
 """The pieces of a parameter's values say of each value what judging under it says."""
 
+import itertools
 import random
 from dataclasses import replace
 from pathlib import Path
@@ -19,9 +20,7 @@ from safestage_eval.whatif.flips import amount_of, pieces_of
 
 ROOT = Path(__file__).parents[2]
 COMMON = frozenset(
-    "arm_clearance bystander commit_lift commit_move commit_turn drop_height edge gentle hold_time "
-    "min_clearance moved moving nudge nudge_for nudge_tilt push reserve room settle_time sink_in stance "
-    "still still_turn sway tip toppled upright zone_for zone_height zone_reach contact_force".split()
+    ["arm_clearance", "bystander", "commit_lift", "commit_move", "commit_turn", "drop_height", "edge", "gentle", "hold_time", "min_clearance", "moved", "moving", "nudge", "nudge_for", "nudge_tilt", "push", "reserve", "room", "settle_time", "sink_in", "stance", "still", "still_turn", "sway", "tip", "toppled", "upright", "zone_for", "zone_height", "zone_reach", "contact_force"]
 )
 """Parameters that are decided wherever they are read."""
 
@@ -42,7 +41,7 @@ def agreeing(again, rng, draws=2):
             usual, line = base.params[param], pieces(again, rule, param)
             assert line[0].low == 0
             assert line[-1].high == float("inf")
-            assert all(a.high == b.low for a, b in zip(line, line[1:], strict=False))
+            assert all(a.high == b.low for a, b in itertools.pairwise(line))
             ends = [piece.low for piece in line[1:]]  # where the verdict changes, exactly
             whole = isinstance(usual, ast.Duration) and usual.frames
             values = [rng.uniform(0, 2) * amount_of(usual) for _ in range(draws)]

@@ -91,7 +91,9 @@ def test_without_traces_what_the_table_leaves_open_is_counted(scored, tmp_path):
     flips = diff_table(table, {"still_over": "0.2 s"})
     assert len(flips.problems) == 4
     assert not flips.flips
-    (decided,) = sweep_table(table, "edge", chosen(load_rules(RULES), "edge", ["1 cm"])).curves()[()]
+    (decided,) = sweep_table(table, "edge", chosen(load_rules(RULES), "edge", ["1 cm"])).curves()[
+        ()
+    ]
     assert (decided.n, decided.counts["VR"]) == (4, 1)
 
 
