@@ -32,8 +32,8 @@ from safestage_eval.whatif.flip_lasting import like
 from safestage_eval.whatif.flip_query import verdicts_under
 from safestage_eval.whatif.flip_sweep import sweep_table
 from safestage_eval.whatif.flip_table import SUFFIX, FlipTable, moves_success
-from safestage_eval.whatif.flips import Piece, amount_of, pieces_of
-from safestage_eval.whatif.values import between
+from safestage_eval.whatif.flips import Piece, pieces_of
+from safestage_eval.whatif.values import amount, between
 
 
 def drawn(usual: float, rng: random.Random, *, whole: bool) -> float:
@@ -59,7 +59,7 @@ def compare(
             )
             whole = isinstance(usual, ast.Duration) and usual.frames
             for _ in range(draws):
-                value = drawn(amount_of(usual), rng, whole=whole)
+                value = drawn(amount(usual), rng, whole=whole)
                 told = piece_at(pieces, value)
                 if told is None or told.verdict is None:
                     yield rule.code, param, value, None
@@ -120,7 +120,7 @@ def times(path: str, episodes: int) -> None:
         rules = load_rules(list(table.judging.rules))
         for param in ("edge", "min_clearance", "still", "hold_time", "contact_force"):
             start = time.perf_counter()
-            other = like(rules.params[param], 1.5 * amount_of(rules.params[param]))
+            other = like(rules.params[param], 1.5 * amount(rules.params[param]))
             found = verdicts_under(FlipTable(many), {param: other})
             left = int(found["undecided"].sum())
             flipped = int((found["verdict"] != found["new"]).sum())

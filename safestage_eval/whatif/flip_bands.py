@@ -8,10 +8,12 @@ follows part by part); a part that has no such form raises ``Undecided``.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from safestage_eval.episode import Window
+from safestage_eval.geometry.gjk import PROMISED
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.signals.measure import CAPPED
@@ -25,6 +27,9 @@ from .flip_keys import Way, certain, clipped, compared, fixed, latched, steady
 from .flip_lasting import Counts, Undecided, closed_keys, lasting_keys, steps_from
 
 Kind = str | None
+ROUNDING = 2 * PROMISED
+"""M, by which a distance that is measured anew may differ."""
+
 BEYOND = 1e3
 """M; no distance that is measured is as large."""
 
@@ -145,9 +150,11 @@ class FlipBands:
             if not self.is_moved(limit.value)
         ]
         # a limit beyond all distances: bounds stay as wide as they may be
-        return self.at.relations.signal(
+        found = self.at.relations.signal(
             name, bodies, None, self._further, None, options, (BEYOND, *others)
         )
+        # measured for another limit, a distance may come out as another number within its bounds
+        return replace(found, lower=found.lower - ROUNDING, upper=found.upper + ROUNDING)
 
     def _limit(self, limit: ast.Limit, number: float, series: Series) -> Band:
         up = limit.op[0] == ">"

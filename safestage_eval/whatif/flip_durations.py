@@ -8,7 +8,7 @@ else the durations between are halved.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,12 +22,10 @@ from safestage_eval.verdicts.values import Env
 from safestage_eval.verdicts.verdict import VerdictName
 
 from .flip_bands import FlipBands
+from .flip_case import Case
 from .flip_clauses import clause_keys
 from .flip_lasting import Undecided
 from .flip_scopes import mask_of
-
-if TYPE_CHECKING:
-    from .flips import Case
 
 Plain = tuple[float, float, "VerdictName | None", bool]
 

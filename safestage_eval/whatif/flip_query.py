@@ -10,10 +10,12 @@ from safestage_eval.errors import InputError
 from safestage_eval.rules import syntax as ast
 
 from .flip_table import FlipTable, unit_of
-from .flips import amount_of
+from .values import amount
 
 Value = ast.Quantity | ast.Duration
 KEYS = ("episode_id", "rule")
+NARROW = 1e-4
+"""SI; undecided pieces that are no wider, as a distance is measured, are no end of the slack."""
 
 
 def verdicts_under(table: FlipTable, values: Mapping[str, Value]) -> pl.DataFrame:
@@ -64,7 +66,9 @@ def slack(table: FlipTable, params: Sequence[str] = ()) -> pl.DataFrame:
     names = list(params) or table.params
     out = []
     for name in names:
-        pieces = pieces_about(table, name).sort(*KEYS, "low")
+        wide = pl.col("high") - pl.col("low") > NARROW
+        pieces = pieces_about(table, name).filter(pl.col("verdict").is_not_null() | wide)
+        pieces = pieces.sort(*KEYS, "low")
         around = pieces.with_columns(
             pl.col("verdict").shift(1).over(KEYS).alias("to_down"),
             pl.col("verdict").shift(-1).over(KEYS).alias("to_up"),
@@ -100,7 +104,7 @@ def pieces_about(table: FlipTable, param: str, values: Sequence[Value] = ()) -> 
         )  # fmt: skip
     kinds = {unit_of(value) for value in values}
     several_samples = any(isinstance(value, ast.Duration) and value.least > 1 for value in values)
-    if several_samples or any(amount_of(value) < 0 for value in values):
+    if several_samples or any(amount(value) < 0 for value in values):
         kinds.add("another kind")
     if not kinds:
         return found
@@ -110,5 +114,5 @@ def pieces_about(table: FlipTable, param: str, values: Sequence[Value] = ()) -> 
 
 def _at(value: Value) -> pl.Expr:
     """The piece that a value is in; the first one for values below 0, which it does not decide."""
-    number = max(amount_of(value), 0.0)
+    number = max(amount(value), 0.0)
     return (pl.col("low") <= number) & (number < pl.col("high"))

@@ -20,9 +20,9 @@ from safestage_eval.verdicts.problem import Problem
 
 from .flip_query import KEYS, pieces_about, was_at_risk
 from .flip_table import FlipTable
-from .flips import amount_of
 from .many import each_episode
 from .sweep import Curves, Swept, outcome_of, sweep_episode
+from .values import amount
 
 OPEN = "–"
 FIELDS = ("policy", "prompt", "stage", "task")
@@ -108,7 +108,7 @@ class TableSweep(Curves):
             & pl.col("verdict").is_not_null()
             & (pl.col("from") != pl.col("verdict"))
         )
-        numbers = [amount_of(value) for value in self.values]
+        numbers = [amount(value) for value in self.values]
         out = [
             {
                 "episode_id": row["episode_id"],
@@ -156,9 +156,9 @@ def sweep_table(
     Raises InputError for a parameter that the table is not about.
     """
     rules = load_rules(list(table.judging.rules))
-    rising = tuple(sorted(values, key=amount_of))
+    rising = tuple(sorted(values, key=amount))
     pieces = pieces_about(table, param, rising)
-    segments = _segments(table, pieces, np.array([amount_of(value) for value in rising]))
+    segments = _segments(table, pieces, np.array([amount(value) for value in rising]))
     open_ids = segments.filter(pl.col("verdict").is_null())["episode_id"].unique().to_list()
     again: list[Swept] = []
     problems: list[Problem] = []

@@ -29,8 +29,9 @@ from safestage_eval.verdicts.problem import Problem
 from safestage_eval.verdicts.verdict import Verdict
 
 from .again import Again
-from .flips import amount_of, pieces_of
+from .flips import pieces_of
 from .many import each_episode
+from .values import amount
 
 SUFFIX = ".what-if.parquet"
 KEY = b"safestage"
@@ -157,7 +158,7 @@ def _rows(again: Again, rule: ast.Scoped, param: str, episode_id: str) -> list[R
     players = again.binding.players(rule, again.episode.header)
     base, now = again.base(rule)
     usual = base.params[param]
-    value, unit = amount_of(usual), unit_of(usual)
+    value, unit = amount(usual), unit_of(usual)
     if not all(players.values()):  # whatever the value
         pieces: Any = [(0.0, float("inf"), now.verdict, False)]
     elif isinstance(rule, ast.Cost) or moves_success(again, param):

@@ -15,16 +15,17 @@ import numpy as np
 from safestage_eval.rules import syntax as ast
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.players import combinations
-from safestage_eval.verdicts.rule_verdict import judge_rule
 from safestage_eval.verdicts.stretches import applies, stretches
-from safestage_eval.verdicts.verdict import Verdict, VerdictName, at_risk
+from safestage_eval.verdicts.verdict import Verdict, VerdictName
 
 from .flip_bands import FlipBands
+from .flip_case import Case
 from .flip_clauses import given_keys, instance_keys, keys_within
 from .flip_durations import duration_pieces
 from .flip_keys import LARGEST, Way, value_of
-from .flip_lasting import Counts, Undecided, Value, like
+from .flip_lasting import Undecided
 from .flip_scopes import frames_of
+from .values import amount
 
 MOST = 16
 """Steps from the value that holds, each way."""
@@ -82,34 +83,6 @@ class Keys(NamedTuple):
         return min(*map(abs, sizes), self.steady)
 
 
-class Case:
-    """One rule on one episode, with one of the parameters that it reads."""
-
-    def __init__(
-        self,
-        base: Evaluator,
-        rule: ast.Rule,
-        players: Mapping[str, Sequence[str]],
-        blank: Verdict,
-        param: str,
-    ) -> None:
-        """``base``: the evaluator under the values that hold; others as in ``judge_rule``."""
-        self.base, self.rule, self.players, self.blank = base, rule, players, blank
-        self.param, self.usual = param, base.params[param]
-        self.counts = Counts(base.clock, self.usual)
-
-    def at(self, number: float) -> Evaluator:
-        """The evaluator under another value."""
-        found = self.base.under({**self.base.params, self.param: like(self.usual, number)})
-        found.players = self.players
-        return found
-
-    def judged(self, at: Evaluator) -> tuple[VerdictName, bool]:
-        """The verdict, and whether it was reached on something."""
-        found = judge_rule(at, self.rule, self.players, self.blank)
-        return found.verdict, at_risk(found.verdict, found.instances, found.vacuity)
-
-
 def pieces_of(
     base: Evaluator,
     rule: ast.Rule,
@@ -127,7 +100,7 @@ def pieces_of(
         param: its name.
     """
     case = Case(base, rule, players, blank, param)
-    number = min(max(amount_of(case.usual), 0.0), LARGEST)  # values below 0 are not followed
+    number = min(max(amount(case.usual), 0.0), LARGEST)  # values below 0 are not followed
     try:
         pieces = duration_pieces(case)
         if pieces is None:
@@ -135,11 +108,6 @@ def pieces_of(
     except Undecided:
         pieces = []
     return _joined([Piece(*piece) for piece in pieces])
-
-
-def amount_of(value: Value) -> float:
-    """SI; seconds or frames for a duration."""
-    return value.value if isinstance(value, ast.Quantity) else value.amount
 
 
 def _walk(

@@ -16,11 +16,44 @@ from safestage_eval.sketch import resolve
 from safestage_eval.verdicts.verdict import Verdict, at_risk
 from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.flip_lasting import like
-from safestage_eval.whatif.flips import amount_of, pieces_of
+from safestage_eval.whatif.flips import pieces_of
+from safestage_eval.whatif.values import amount
 
 ROOT = Path(__file__).parents[2]
 COMMON = frozenset(
-    ["arm_clearance", "bystander", "commit_lift", "commit_move", "commit_turn", "drop_height", "edge", "gentle", "hold_time", "min_clearance", "moved", "moving", "nudge", "nudge_for", "nudge_tilt", "push", "reserve", "room", "settle_time", "sink_in", "stance", "still", "still_turn", "sway", "tip", "toppled", "upright", "zone_for", "zone_height", "zone_reach", "contact_force"]
+    [
+        "arm_clearance",
+        "bystander",
+        "commit_lift",
+        "commit_move",
+        "commit_turn",
+        "drop_height",
+        "edge",
+        "gentle",
+        "hold_time",
+        "min_clearance",
+        "moved",
+        "moving",
+        "nudge",
+        "nudge_for",
+        "nudge_tilt",
+        "push",
+        "reserve",
+        "room",
+        "settle_time",
+        "sink_in",
+        "stance",
+        "still",
+        "still_turn",
+        "sway",
+        "tip",
+        "toppled",
+        "upright",
+        "zone_for",
+        "zone_height",
+        "zone_reach",
+        "contact_force",
+    ]
 )
 """Parameters that are decided wherever they are read."""
 
@@ -44,7 +77,7 @@ def agreeing(again, rng, draws=2):
             assert all(a.high == b.low for a, b in itertools.pairwise(line))
             ends = [piece.low for piece in line[1:]]  # where the verdict changes, exactly
             whole = isinstance(usual, ast.Duration) and usual.frames
-            values = [rng.uniform(0, 2) * amount_of(usual) for _ in range(draws)]
+            values = [rng.uniform(0, 2) * amount(usual) for _ in range(draws)]
             values = [float(round(value)) for value in values] if whole else values
             count = found.setdefault(param, [0, 0])
             for i, value in enumerate([*values, *ends[:3]]):
