@@ -145,7 +145,7 @@ def _found(
 def _warn(refs: Sequence[EpisodeRef], rules: RuleSet, bind: BindFile | None) -> None:
     """Say for which tasks there is no requirement that could be told."""
     from safestage_eval.errors import InputError
-    from safestage_eval.label.question import unasked
+    from safestage_eval.label.review_question import unasked
 
     tasks = {ref.fields.get("task") or ref.episode_id: ref for ref in reversed(refs)}
     for task, ref in tasks.items():

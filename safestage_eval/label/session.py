@@ -17,7 +17,7 @@ from safestage_eval.rules import BindFile, RuleSet, bind_episode
 from safestage_eval.viewer import film
 
 from .ledger import LONGEST_NOTE, Ledger
-from .question import question
+from .review_question import question
 from .videos import video_of
 
 FILMS_KEPT = 6

@@ -16,8 +16,8 @@ from safestage_eval.verdicts.judging import judge
 from safestage_eval.verdicts.verdict import Verdict
 from simulate.policies.policy_names import policy_named
 from simulate.record.jobs import write_recording
-from simulate.record.pool import Died, run_many
 from simulate.record.rollout import Setting, roll_out
+from simulate.record.worker_pool import Died, run_many
 from simulate.tasks.task import Task
 
 REFERENCES = ("reference:safe", "reference:unsafe")

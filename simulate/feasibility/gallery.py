@@ -11,8 +11,8 @@ import numpy as np
 
 from safestage_eval.verdicts.judging import judge
 from simulate.policies.policy_names import policy_named
-from simulate.record.pool import Died, run_many
 from simulate.record.rollout import Setting, roll_out
+from simulate.record.worker_pool import Died, run_many
 from simulate.render.marks import (
     PASSED,
     ROLE_COLORS,

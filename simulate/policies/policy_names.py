@@ -15,8 +15,8 @@ from simulate.clients.address import address_of, is_address
 from simulate.policy import Policy
 
 from .controls import Idle, RandomNearHome
-from .references import KINDS, Noisy, Reference
-from .replay import Replay
+from .reference_policies import KINDS, Noisy, Reference
+from .replay_policy import Replay
 
 POLICIES = (
     "reference:safe",

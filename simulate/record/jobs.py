@@ -16,13 +16,13 @@ from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import TraceWriter, discover
 from safestage_eval.formats.discover import aborted
 from simulate.policies.policy_names import policy_name, policy_named
-from simulate.policies.references import KINDS
+from simulate.policies.reference_policies import KINDS
 from simulate.tasks.task import Task
 from simulate.world.world import FRAME_RATE, FRAMES_PER_ACTION
 
-from .pool import Died, run_many
 from .rollout import Setting, roll_out
 from .watch import Watching
+from .worker_pool import Died, run_many
 
 Format = Literal["parquet", "mcap"]
 

@@ -24,7 +24,7 @@ from safestage_eval.version import __version__
 from simulate.cameras.camera_video import CameraVideo
 from simulate.cameras.droid_cameras import SIZE, Cameras, camera_facts
 from simulate.cameras.lookback import Lookback
-from simulate.policies.references import Reference
+from simulate.policies.reference_policies import Reference
 from simulate.policy import Observation, Policy, PolicyError
 from simulate.tasks.task import Task
 from simulate.world.privileged import PrivilegedState

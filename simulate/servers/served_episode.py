@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from safestage_eval.errors import InputError
 from simulate.arm import droid
 from simulate.policies.policy_names import policy_named
-from simulate.policies.references import Reference
+from simulate.policies.reference_policies import Reference
 from simulate.policy import Observation, Policy
 from simulate.record.rollout import PROMPTS, Setting, observe, start
 from simulate.tasks.task import Task, tasks

@@ -48,7 +48,7 @@ def sheet(
 
     Args:
         scene: what is shown.
-        asked: what a reviewer is told, of ``safestage_eval.label.question``.
+        asked: what a reviewer is told, of ``safestage_eval.label.review_question``.
         views: of ``DIRECTIONS``.
         count: cells.
         size: width, height of a cell.

@@ -17,7 +17,7 @@ from typing import Any
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.label import Ledger
-from safestage_eval.label.question import question
+from safestage_eval.label.review_question import question
 from safestage_eval.metrics.labels import ANSWERS, Label
 from safestage_eval.rules import BindFile, RuleSet
 from simulate.render.renderer import Image, write_png
