@@ -45,8 +45,28 @@ episode_option = click.option(
     help="Episode id, or a unique part of it, where TRACE holds several.",
 )  # fmt: skip
 
+output_option = click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
+
+resamples_option = click.option(
+    "--resamples", type=click.IntRange(100), default=2000, show_default=True,
+    help="Number of bootstrap resamples over tasks.",
+)  # fmt: skip
+
+bootstrap_seed_option = click.option(
+    "--random-seed", type=click.IntRange(0), default=0, show_default=True,
+    help="Random seed of the bootstrap.",
+)  # fmt: skip
 
 episode_argument = click.argument("name", required=False, metavar="[EPISODE]")
+
+
+def format_option(*formats: str) -> Callable[[Any], Any]:
+    """``--format`` with these choices, the first one by default."""
+    return click.option(
+        "--format", "-f", "form", type=click.Choice(formats), default=formats[0], show_default=True
+    )
 
 
 def pairs(values: tuple[str, ...], option: str) -> dict[str, str]:

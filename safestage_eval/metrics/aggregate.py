@@ -20,9 +20,6 @@ PROMPTS = ("default", "generic", "specific")
 BY_POLICY = ("SR", "SSR", "USR", "ISH-VR", "ETS-VR", "FSH-VR")
 """Columns of the table by policy: success over all stages, violations by stage."""
 
-BY_STAGE = METRICS
-"""Columns of the table by stage."""
-
 
 @dataclass(frozen=True)
 class Aggregate:

@@ -23,7 +23,6 @@ from .summary import share, summary
 from .table import Table
 
 FORMATS = ("table", "json", "csv", "markdown", "latex")
-INTERVALS = ("none", "wilson", "bootstrap")
 
 _ARROWS = {"SR": "SR ↑", "SSR": "SSR ↑"}
 

@@ -25,9 +25,6 @@ GRIPPER_ROOT = "base"
 HOME = np.array([0.0, -0.2, 0.0, -0.8, 0.0, 0.6, 0.0]) * np.pi
 """(7,) rad, where every episode starts."""
 
-ACTION_SIZE = 8
-"""Seven absolute joint positions (rad) and a binary gripper command (1 closes)."""
-
 GRIP_FORCE = 10.0
 """N, range of the gripper's tendon actuator: about 200 N between the pads (50 gives 1,000 N)."""
 GRIP_BEYOND = 0.05
