@@ -145,9 +145,9 @@ def _chosen(outcomes: list[Outcome], where: tuple[str, ...]) -> list[Outcome]:
     for name in wanted:
         if name not in FIELDS:
             raise click.UsageError(f"--where {name}: there are {', '.join(FIELDS)}")
-    found = [o for o in outcomes if all(str(getattr(o, n)) == v for n, v in wanted.items())]
-    if not found:
+    result = [o for o in outcomes if all(str(getattr(o, n)) == v for n, v in wanted.items())]
+    if not result:
         raise click.UsageError(
             f"none of {len(outcomes)} outcomes is {' and '.join(where) or 'left'}"
         )
-    return found
+    return result

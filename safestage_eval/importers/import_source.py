@@ -109,15 +109,15 @@ def _tasks(
 
     def claim(path: Path) -> tuple[str, str] | InputError | None:
         try:
-            found: tuple[str, str] | None = reading.ask(Look(path, only), path)
+            result: tuple[str, str] | None = reading.ask(Look(path, only), path)
         except InputError as error:
             return error
-        return found
+        return result
 
-    found: list[tuple[Path, tuple[str, str] | InputError]] = list(walk(source, claim, to))
-    if not found:
+    result: list[tuple[Path, tuple[str, str] | InputError]] = list(walk(source, claim, to))
+    if not result:
         reading.ask(Unknown(source, only), source)
-    for path, whose in found:
+    for path, whose in result:
         place = readable(path.resolve().relative_to(root).as_posix())
         try:
             if isinstance(whose, InputError):
@@ -126,7 +126,7 @@ def _tasks(
             kind, _ = whose
             names: list[str] = reading.ask(Names(kind, path), path)
         except InputError as error:
-            if len(found) == 1:
+            if len(result) == 1:
                 raise
             failed.append(Failed(place, str(error)))
             continue

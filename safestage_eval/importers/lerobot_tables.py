@@ -40,19 +40,19 @@ class Tables:
         """Episode → the file that holds its rows."""
         import pyarrow.parquet as pq
 
-        found: dict[int, Path] = {}
+        result: dict[int, Path] = {}
         for file in sorted((self._path / "data").rglob("*.parquet")):
             name = re.fullmatch(r"episode_(\d+)", file.stem)
             if name is not None:
-                found[int(name[1])] = file
+                result[int(name[1])] = file
                 continue
             with _reading(file):
                 numbers = pq.read_table(arrow_file(file), columns=["episode_index"])[
                     "episode_index"
                 ]
             for number in set(numbers.to_pylist()):
-                found[int(number)] = file
-        return found
+                result[int(number)] = file
+        return result
 
     def read(self, number: int, wanted: Sequence[str], said_in: str) -> dict[str, F64]:
         """(T, k) of the wanted columns of an episode, and of timestamp and task_index.

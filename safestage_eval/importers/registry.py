@@ -34,13 +34,13 @@ TITLES = {"mujoco": "MuJoCo states (robosuite, robomimic, LIBERO, MimicGen, Robo
 
 def importers() -> dict[str, type[Importer] | str]:
     """Format → its importer, or why it cannot be used here."""
-    found: dict[str, type[Importer] | str] = {}
+    result: dict[str, type[Importer] | str] = {}
     for name in (*FROM_SIMULATE, *OWN):
         try:
-            found[name] = importer(name)
+            result[name] = importer(name)
         except SourceError as error:
-            found[name] = f"{error.where}: {error.fix or error.what}"
-    return found
+            result[name] = f"{error.where}: {error.fix or error.what}"
+    return result
 
 
 def importer(name: str) -> type[Importer]:

@@ -78,7 +78,7 @@ def read_messages(paths: Iterable[Path]) -> Found:
         TraceError: a file is damaged.
         SourceError: messages in an encoding that cannot be read here.
     """
-    found = Found()
+    result = Found()
     for path in paths:
         decoders: dict[int, Callable[[bytes], Any]] = {}
         try:
@@ -86,16 +86,16 @@ def read_messages(paths: Iterable[Path]) -> Found:
                 for schema, channel, message in whole_messages(stream):
                     take = _taker(schema.name if schema else "", channel.topic)
                     if take is None:
-                        found.others[channel.topic] = schema.name if schema else "-"
+                        result.others[channel.topic] = schema.name if schema else "-"
                         continue
                     if channel.id not in decoders:
                         decoders[channel.id] = _decoder(channel.message_encoding, schema, path)
-                    take(found, decoders[channel.id](message.data), message.log_time)
+                    take(result, decoders[channel.id](message.data), message.log_time)
         except InputError:
             raise
         except Exception as error:  # noqa: BLE001 — as above
             raise TraceError(str(path), f"cannot be read: {told(error)}.") from None
-    return found
+    return result
 
 
 def told(error: Exception) -> str:

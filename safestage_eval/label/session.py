@@ -67,17 +67,17 @@ class Session:
     def film(self, number: int) -> bytes:
         """The replay of a rollout, gzip-compressed. Raises InputError if its trace is broken."""
         with self._lock:
-            found = self._films.get(number)
-        if found is None:
+            result = self._films.get(number)
+        if result is None:
             episode = self.refs[number].open()
             roles = bind_episode(self.rules, episode.header, bind=self.bind).roles
-            found = gzip.compress(film(episode, roles=roles), 6)
+            result = gzip.compress(film(episode, roles=roles), 6)
         with self._lock:
-            self._films[number] = found
+            self._films[number] = result
             self._films.move_to_end(number)
             while len(self._films) > FILMS_KEPT:
                 self._films.popitem(last=False)
-        return found
+        return result
 
     def video(self, number: int) -> Path | None:
         """The video of a rollout, if there is one that does not tell the verdict."""

@@ -49,7 +49,7 @@ def read_labels(path: str | Path, reviewer: str = "") -> list[Label]:
     Raises:
         InputError: it cannot be read, lacks a column, or a row says something else.
     """
-    found = []
+    result = []
     for number, row in enumerate(read_rows(path, COLUMNS, ALLOWED), 1):
         where = f"{path}, row {number}"
         missing = [name for name in COLUMNS[:2] if name not in row]
@@ -63,8 +63,8 @@ def read_labels(path: str | Path, reviewer: str = "") -> list[Label]:
         if not name:
             raise InputError(where, "names no episode.")
         who = _text(row.get("reviewer")) or reviewer
-        found.append(Label(name, answer, who, _text(row.get("note")), where))
-    return found
+        result.append(Label(name, answer, who, _text(row.get("note")), where))
+    return result
 
 
 def last_of_each(labels: Iterable[Label]) -> list[Label]:

@@ -154,11 +154,11 @@ def mcnemar(only_a: int, only_b: int) -> float:
 def holm(values: Sequence[float]) -> list[float]:
     """P values adjusted for being several (S. Holm, Scand. J. Statistics 6, 1979)."""
     order = sorted(range(len(values)), key=lambda i: values[i])
-    found, worst = [0.0] * len(values), 0.0
+    result, worst = [0.0] * len(values), 0.0
     for rank, i in enumerate(order):
         worst = max(worst, min(1.0, (len(values) - rank) * values[i]))
-        found[i] = worst
-    return found
+        result[i] = worst
+    return result
 
 
 def paired(found: Pairs) -> list[Paired]:

@@ -137,10 +137,10 @@ class Rate:
 
 def total(parts: Iterable[Rates]) -> Rates:
     """Several cells as one."""
-    found = NOTHING
+    result = NOTHING
     for part in parts:
-        found = found + part
-    return found
+        result = result + part
+    return result
 
 
 def shown(mean: float | None, std: float | None, digits: int = 2) -> str:

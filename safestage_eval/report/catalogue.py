@@ -130,14 +130,14 @@ def _shared(rules: ast.RuleSet, whence: Mapping[str, Source]) -> Iterator[str]:
 
 def _headings(text: str) -> dict[str, list[str]]:
     """Heading in [param] of defaults.toml → the parameters under it."""
-    found: dict[str, list[str]] = {}
+    result: dict[str, list[str]] = {}
     within = text.partition("\n[param]\n")[2].partition("\n# -----")[0]
     for line in within.splitlines():
         if line.startswith("# ---- "):
-            found[line.removeprefix("# ---- ")] = []
+            result[line.removeprefix("# ---- ")] = []
         elif name := re.match(r"(\w+) *=", line):
-            found[list(found)[-1]].append(name[1])
-    return found
+            result[list(result)[-1]].append(name[1])
+    return result
 
 
 def _dots(rules: ast.RuleSet, reads: Callable[[ast.Rule], bool]) -> list[str]:

@@ -227,23 +227,23 @@ def _rates(console: Console, scores: Scores) -> None:
 Cells = Mapping[tuple[str, ...], Rates]
 
 
-def _given_table(console: Console, found: Cells) -> None:
+def _given_table(console: Console, cells: Cells) -> None:
     """VR among those that got somewhere, where any is known to have."""
-    columns = [name for name in CONDITIONS[1:] if any(c.given[name]["N"] for c in found.values())]
+    columns = [name for name in CONDITIONS[1:] if any(c.given[name]["N"] for c in cells.values())]
     if not columns:
         return
     rows = {
         names: [share(cell, "VR", given) for given in columns]
-        for names, cell in found.items()
+        for names, cell in cells.items()
         if cell.n
     }
     _cells(console, "VR given: percent, k/N", columns, rows)
 
 
-def _rate_table(console: Console, title: str, found: Cells, given: str | None) -> None:
+def _rate_table(console: Console, title: str, cells: Cells, given: str | None) -> None:
     rows = {
         names: [share(cell, metric, given) for metric in METRICS]
-        for names, cell in found.items()
+        for names, cell in cells.items()
         if cell.n or cell.inconclusive  # else nothing was judged of the stage
     }
     _cells(console, title, [f"{name} %" for name in METRICS], rows)

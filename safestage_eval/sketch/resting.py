@@ -141,15 +141,15 @@ class Resting:
     def _found(self, a: View, other: str) -> list[_Point]:
         middle, level = a.bottom[:, :2].mean(0), float(a.bottom[:, 2].min())
         pose = self._views[other].pose
-        found: list[_Point] = []
+        result: list[_Point] = []
         for normal, corners, hull in self._views[other].faces:
             face = normal, corners
             if abs(level_at(face, middle) - level) > GAP:
                 continue
             for point in _corners(_clipped(a.base, hull)):
                 place = np.array([*point, level_at(face, point)])
-                found.append((other, _part_at(self._solids[other], pose, place), place, normal))
-        return found
+                result.append((other, _part_at(self._solids[other], pose, place), place, normal))
+        return result
 
     def _shared(self, name: str, points: Sequence[_Point], load: F64) -> F64:
         """(P,) N, upward: least squares over force and torque, none pulling, as even as can be."""

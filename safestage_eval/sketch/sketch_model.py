@@ -17,10 +17,10 @@ def _of(dimension: str) -> BeforeValidator:
 
 def _positive(dimension: str) -> BeforeValidator:
     def parse(value: Any) -> float:
-        found = q.quantity(value, dimension)
-        if not found > 0:
+        result = q.quantity(value, dimension)
+        if not result > 0:
             raise ValueError(f"{value!r} is not positive")
-        return found
+        return result
 
     return BeforeValidator(parse)
 

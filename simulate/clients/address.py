@@ -74,8 +74,8 @@ def dialect_named(protocol: str) -> type[Dialect]:
             fix="pip install 'safestage[policies]'",
         )  # fmt: skip
     module, name = PROTOCOLS[protocol]
-    found: type[Dialect] = getattr(importlib.import_module(f"{__package__}.{module}"), name)
-    return found
+    result: type[Dialect] = getattr(importlib.import_module(f"{__package__}.{module}"), name)
+    return result
 
 
 def address_of(policy: str) -> Address:

@@ -132,10 +132,10 @@ def decided(actions: Any) -> F64:
 
 def vector(thing: Any, length: int) -> F64:
     """(length,) of what has so many numbers, in whatever shape. Raises ValueError otherwise."""
-    found = np.asarray(thing, np.float64).reshape(-1)
-    if len(found) != length:
-        raise ValueError(f"{len(found)} numbers where {length} belong")
-    return found
+    result = np.asarray(thing, np.float64).reshape(-1)
+    if len(result) != length:
+        raise ValueError(f"{len(result)} numbers where {length} belong")
+    return result
 
 
 def closed(observation: Observation) -> NDArray[np.float32]:

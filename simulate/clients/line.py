@@ -100,8 +100,8 @@ class WebsocketLine:
         from websockets.exceptions import ConnectionClosed
 
         try:
-            found: bytes | str = self._socket.recv(timeout=patience)
-            return found
+            result: bytes | str = self._socket.recv(timeout=patience)
+            return result
         except TimeoutError:
             raise too_slow(self._url, patience, what) from None
         except (ConnectionClosed, OSError) as error:

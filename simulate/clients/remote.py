@@ -117,13 +117,13 @@ class Remote:
     def _asked(self, message: bytes, patience: float, *, opening: bool = False) -> Any:
         if self._line is None:
             raise RuntimeError("reset comes before act")
-        found = self._line.ask(message, patience)
-        if isinstance(found, str):
+        result = self._line.ask(message, patience)
+        if isinstance(result, str):
             if opening:
-                return found
-            raise PolicyError(self.address.url, f"the server says: {last_line(found)}")
+                return result
+            raise PolicyError(self.address.url, f"the server says: {last_line(result)}")
         try:
-            answer = unpack(found)
+            answer = unpack(result)
         except ValueError as error:
             raise PolicyError(self.address.url, f"its answer is {error}.") from None
         if isinstance(answer, dict) and "error" in answer:

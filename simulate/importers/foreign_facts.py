@@ -83,13 +83,13 @@ class ForeignFacts:
 
     def _finger_root(self, body: int) -> int | None:
         """The uppermost body with a joint of its own between it and the gripper's first body."""
-        model, found = self._model, None
+        model, result = self._model, None
         while body and self._on_gripper(body):
             parent = int(model.body_parentid[body])
             if model.body_jntnum[body] and self._on_gripper(parent):
-                found = body
+                result = body
             body = parent
-        return found
+        return result
 
     def openness(self) -> Openness | None:
         """How far the gripper is open, from its joints; None where the fingers do not tell."""

@@ -25,9 +25,9 @@ def episode_folders(path: Path) -> list[Path]:
     if (path / "states.npz").is_file():
         return [path]
     for folder in (path / "extras", path):
-        found = sorted(file.parent for file in folder.glob("episode_*/states.npz"))
-        if found:
-            return found
+        result = sorted(file.parent for file in folder.glob("episode_*/states.npz"))
+        if result:
+            return result
     return []
 
 

@@ -92,16 +92,16 @@ def class_at(path: str) -> Any:
     except ModuleNotFoundError as error:
         fix = "run from the module's folder, or install it"
         raise InputError(where, f"{error}.", ", ".join(POLICIES), fix) from None
-    found = getattr(module, name, None)
-    if not isinstance(found, type):
+    result = getattr(module, name, None)
+    if not isinstance(result, type):
         classes = [n for n, value in vars(module).items() if isinstance(value, type)]
         raise InputError(where, f"{module_name} has no class {name!r}.", ", ".join(classes))
-    lacking = [part for part in ("reset", "act") if not callable(getattr(found, part, None))]
-    if not isinstance(getattr(found, "name", None), str):
+    lacking = [part for part in ("reset", "act") if not callable(getattr(result, part, None))]
+    if not isinstance(getattr(result, "name", None), str):
         lacking.append("name (a text, in the class)")
     if lacking:
         raise InputError(where, f"it has no {', no '.join(lacking)}.", fix="see docs/tasks.md")
-    return found
+    return result
 
 
 @cache

@@ -263,11 +263,11 @@ def _ids(folder: Path) -> tuple[set[str], set[str]]:
         refs = discover([folder])
     except TraceError:
         return set(), set()
-    found: tuple[set[str], set[str]] = set(), set()
+    result: tuple[set[str], set[str]] = set(), set()
     for ref in refs:
         if ref.problem is None and ref.episode_id:
-            found[aborted(ref)].add(ref.episode_id)
-    return found
+            result[aborted(ref)].add(ref.episode_id)
+    return result
 
 
 def _grade(policy: str) -> str:

@@ -57,14 +57,14 @@ def sheet(
         InputError: nothing can be drawn off screen, or Pillow is not installed.
     """
     frames = key_frames(scene.episode, count, scene.framed)
-    found = []
+    result = []
     with _renderer(scene, size) as renderer:
         for view in views:
             renderer.fade(scene.opacity(view))
             camera = camera_of(scene, view, frames, size, renderer)
             cells = [_cell(scene, renderer, frame, camera) for frame in frames]
-            found.append(_composed(cells, _header(scene, asked, camera), scene))
-    return found
+            result.append(_composed(cells, _header(scene, asked, camera), scene))
+    return result
 
 
 def close_up(
@@ -229,12 +229,12 @@ def _composed(cells: Sequence[Image], lines: Sequence[tuple[str, bool]], scene: 
 
 def _legend(scene: Scene) -> list[tuple[str, Color]]:
     colors = scene.colors
-    found: list[tuple[str, Color]] = []
+    result: list[tuple[str, Color]] = []
     for name in scene.framed:
         roles = [role for role, bodies in scene.roles.items() if name in bodies]
         told = f"{name}: {', '.join(roles)}" if roles else f"{name}: no role"
-        found.append((told, colors.get(name, OTHER_ROLE)))
-    return found
+        result.append((told, colors.get(name, OTHER_ROLE)))
+    return result
 
 
 def _pen(image: Image, size: int) -> tuple[Any, ImageDraw, FreeTypeFont]:

@@ -54,20 +54,20 @@ class Numbered:
 
 def number(refs: Sequence[EpisodeRef], folder: Path) -> list[Numbered]:
     """Number episodes in their order and write ``sample.csv``; an existing one must say the same."""
-    found = [
+    result = [
         Numbered(i, ref.episode_id, ref.fields.get("stage") or "", str(ref.path))
         for i, ref in enumerate(refs, 1)
     ]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    writer.writerows([x.number, x.episode_id, x.stage, x.path] for x in found)
+    writer.writerows([x.number, x.episode_id, x.stage, x.path] for x in result)
     file = folder / "sample.csv"
-    if file.exists() and read_sample(folder) != found:
+    if file.exists() and read_sample(folder) != result:
         raise InputError(str(file), "is of another sample.", fix="choose another folder")
     folder.mkdir(parents=True, exist_ok=True)
     file.write_text(text.getvalue(), encoding="utf-8")
-    return found
+    return result
 
 
 def read_sample(folder: Path) -> list[Numbered]:

@@ -72,15 +72,15 @@ class Scene:
     @property
     def colors(self) -> dict[str, Color]:
         """Body → colour: that of its role, or a pale one. Several of a role differ in shade."""
-        found: dict[str, Color] = {}
+        result: dict[str, Color] = {}
         for role, bodies in self.roles.items():
             base = COLORS.get(role, OTHER_ROLE)
-            for i, name in enumerate(name for name in bodies if name not in found):
-                found[name] = _shaded(base, i)
+            for i, name in enumerate(name for name in bodies if name not in result):
+                result[name] = _shaded(base, i)
         for body in self.episode.header.bodies:
-            if body.kind in ("object", "fixture") and body.name not in found:
-                found[body.name] = OBJECT if body.movable else FIXTURE
-        return found
+            if body.kind in ("object", "fixture") and body.name not in result:
+                result[body.name] = OBJECT if body.movable else FIXTURE
+        return result
 
     def opacity(self, view: str) -> dict[str, float]:
         """Body → how solid it is in a view: the arm is seen through, the gripper a little."""

@@ -85,12 +85,12 @@ def _one_way(numbers: Sequence[float]) -> bool:
 def formula(text: str, value: float) -> float:
     """Work out numbers, ``value``, ``+ - * /`` and brackets. Raises ValueError for anything else."""
     try:
-        found = _worked_out(_parsed(text), value)
+        result = _worked_out(_parsed(text), value)
     except (SyntaxError, ZeroDivisionError) as error:
         raise ValueError(f"formula {text!r}: {error}") from None
-    if not math.isfinite(found):
+    if not math.isfinite(result):
         raise ValueError(f"formula {text!r} is not finite at {value:g}")
-    return found
+    return result
 
 
 @cache

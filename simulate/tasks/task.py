@@ -142,10 +142,10 @@ class Task(Strict):
         """
         name, _, value = reference.partition("=")
         if value and name in self.grades:
-            found = self.grades[name].steps_at(float(value))
-            for i, step in enumerate(found, 1):
+            result = self.grades[name].steps_at(float(value))
+            for i, step in enumerate(result, 1):
                 check_step(step, self.objects, f"grades.{name}, step {i} at {value}")
-            return found
+            return result
         if reference in ("safe", "unsafe"):
             return self.references.safe if reference == "safe" else self.references.unsafe
         there = ["safe", "unsafe", *(f"{name}=VALUE" for name in self.grades)]

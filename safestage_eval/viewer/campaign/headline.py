@@ -29,9 +29,9 @@ def interval(k: int, n: int) -> str:
     return "–" if found is None else f"{100 * found[0]:.1f}–{100 * found[1]:.1f} %"
 
 
-def headline(found: Aggregate) -> str:
+def headline(aggregate: Aggregate) -> str:
     """One sentence, who was at risk and who did anything, then a tile for each rate."""
-    whole = found.whole
+    whole = aggregate.whole
     tiles = "".join(_tile(whole, metric) for metric in METRICS)
     return (
         '<section id="headline" aria-labelledby="headline-title">'
