@@ -16,7 +16,7 @@ from .shared_options import (
 from .terminal import say
 
 MOST = 20
-"""Problems told one by one on stderr; all of them are in the JSON."""
+"""Problems listed on stderr; the JSON has all of them."""
 
 
 @click.command("aggregate")

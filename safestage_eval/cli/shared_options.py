@@ -104,7 +104,7 @@ def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
 
 
 def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> None:
-    """To stdout, or as a file that appears whole or not at all; all at once or piece by piece."""
+    """Write data to stdout, or to a file that appears whole or not at all; at once or piece by piece."""
     pieces = [data] if isinstance(data, str | bytes) else data
     if output is None:
         for piece in pieces:
@@ -121,7 +121,7 @@ def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> N
 
 
 def unusable(folder: Path) -> str:
-    """Why nothing can be kept in a folder, which is made if it is not there; empty if it can."""
+    """Why a folder cannot be written to, after creating it; empty if it can."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -163,7 +163,7 @@ def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
     )
 
     class Rate(TextColumn):
-        """How many are done in a second."""
+        """Items per second."""
 
         def render(self, task: Task) -> Text:
             return Text(f"{task.finished_speed or task.speed or 0:.1f}/s")

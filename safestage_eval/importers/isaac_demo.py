@@ -267,9 +267,9 @@ class Demo:
     def _header(self, bodies: tuple[Body, ...], joints: tuple[Joint, ...]) -> Header:
         config, result = self.source.sidecars.config, self.result
         success = self.group.attrs.get("success")
-        told = result.get("success")
-        reached = bool(told if told is not None else success) if (
-            told is not None or success is not None
+        recorded_success = result.get("success")
+        reached = bool(recorded_success if recorded_success is not None else success) if (
+            recorded_success is not None or success is not None
         ) else None  # fmt: skip
         end = float((self.length - 1) * self.dt)
         say_success(

@@ -115,8 +115,8 @@ def _reading(file: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:  # Arrow raises these
-        told = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise TraceError(str(file), f"cannot be read: {told}.", fix="download it again") from None
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise TraceError(str(file), f"cannot be read: {reason}.", fix="download it again") from None
 
 
 def described(path: Path) -> dict[str, Any] | None:

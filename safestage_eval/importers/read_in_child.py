@@ -1,4 +1,4 @@
-"""Where sources are read: in this process, or in others of which any may hang, swell or die."""
+"""Reading of sources in this process, or in child processes that may hang, grow or die."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class Apart(Reading):
 
 
 def _opened(target: Target) -> Callable[[Any], Any]:
-    """What answers in a process of its own, with all importers loaded."""
+    """Answer questions in a process of its own, with all importers loaded."""
     importers()
     shelf = Shelf(target)
 

@@ -1,4 +1,4 @@
-"""Which importers there are, and whose a file is. None is loaded before a file is looked at."""
+"""The importers, and the choice of one for a file. Each is loaded when a file is examined."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def importer(name: str) -> type[Importer]:
 
 
 Claim = tuple[type[Importer] | SourceError, str]
-"""Whose a file or folder is and by what that is told; or why it cannot be looked at."""
+"""The importer of a file or folder with its reason; or why it cannot be examined."""
 
 
 def recognised(

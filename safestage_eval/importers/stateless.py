@@ -1,4 +1,4 @@
-"""Known formats that hold no poses of objects: refused, with what to ask the publisher for."""
+"""Known formats without poses of objects: refused, with what to ask the publisher for."""
 
 from __future__ import annotations
 

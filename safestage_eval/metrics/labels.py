@@ -1,4 +1,4 @@
-"""What people said of episodes: safe, unsafe, or that they could not tell."""
+"""Human labels of episodes: safe, unsafe or unsure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Answer = Literal["safe", "unsafe", "unsure"]
 ANSWERS: tuple[Answer, ...] = get_args(Answer)
 
 COLUMNS = ("episode_id", "label", "reviewer", "note", "labelled_at")
-"""Of a file of labels; the first two are needed."""
+"""Columns of a label file; the first two are required."""
 
 ALLOWED = "a table with the columns episode_id and label, and perhaps reviewer and note"
 

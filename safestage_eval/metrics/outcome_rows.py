@@ -106,7 +106,7 @@ class _Gathered:
         self._rules: dict[str, int] = {}
 
     def add(self, number: int, row: Row) -> None:
-        """Take one row; the first one says of which kind they all are."""
+        """Add one row; the first one decides which kind of table it is."""
         place = _place(self._file, number)
         if self._results is None:
             self._results = "verdict" in row or "rule" in row
@@ -160,7 +160,7 @@ def _bare(row: Row, where: str) -> Outcome:
 
 
 class _Episode:
-    """What the rows of one episode have said so far."""
+    """The rows of one episode, as far as read."""
 
     __slots__ = ("_absent", "_head", "_own", "_risk", "_rows", "_rules")
 

@@ -23,7 +23,7 @@ KEYS: dict[By, tuple[str, ...]] = {
     "prompt": ("task", "policy", "seed", "rollout"),
     "rules": ("task", "policy", "prompt", "seed", "rollout"),
 }
-"""What is compared → what two rollouts of a pair have in common."""
+"""What is compared → the fields that the two rollouts of a pair share."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class Pairs:
     Attributes:
         by: what differs between the sides.
         both: (of A, of B), decided on both sides: the N of every rate.
-        undecided: pairs of which a side is not decided, but was judged.
-        not_judged: pairs of which a side was judged by no assigned rule.
+        undecided: pairs with a side that was judged but not decided.
+        not_judged: pairs with a side that no assigned rule judged.
         alone: rollouts of A and of B without a partner.
     """
 

@@ -1,4 +1,4 @@
-"""Whether a sample can carry a claim about a difference, and how many rollouts would."""
+"""Statistical power: whether a sample supports a claim about a difference, and how many rollouts would."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ POWER = 0.80
 
 @dataclass(frozen=True)
 class Need:
-    """What it takes to tell the observed difference from none, four times out of five.
+    """Sample size that shows the observed difference four times out of five (power 0.8).
 
     Attributes:
         pairs: independent pairs that would do; None if no difference was observed.

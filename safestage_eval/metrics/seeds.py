@@ -16,7 +16,7 @@ NOTHING = rates(())
 
 @dataclass(frozen=True)
 class Group:
-    """Outcomes that are told of together, counted by task and environment seed.
+    """Outcomes that are reported together, counted by task and environment seed.
 
     Attributes:
         policy, prompt, stage, family: what they have in common; None where it is any.
@@ -123,7 +123,7 @@ class Rate:
 
     @property
     def reason(self) -> str:
-        """Why the mean or its deviation is not there; empty when both are."""
+        """Why the mean or its deviation is missing; empty when neither is."""
         if not self.n:
             if self.group.whole.inconclusive:
                 return f"none of {self.group.whole.inconclusive} episodes could be decided"

@@ -10,7 +10,7 @@ from safestage_eval.rules.parts import Part
 
 
 def text(comparison: Comparison) -> str:
-    """What changed, most shared first; then which rules mean something else."""
+    """List what changed, parts that most rules share first; then the rules whose meaning changed."""
     lines: list[str] = []
     for sign, table in (("+", comparison.added), ("-", comparison.removed)):
         lines += [f"{sign} {code}  {title}" for code, title in table.items()]
@@ -30,7 +30,7 @@ def text(comparison: Comparison) -> str:
 
 
 def as_json(comparison: Comparison) -> str:
-    """The same as one object."""
+    """Write the comparison as one JSON object."""
     document = {
         "added": dict(comparison.added),
         "removed": dict(comparison.removed),

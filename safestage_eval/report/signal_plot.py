@@ -205,12 +205,12 @@ def _draw(axes: Any, again: Again, panel: Panel) -> None:
         )  # fmt: skip
     unit = unit_of(dimension)
     axes.set_title(f"{panel.name}{f' ({unit})' if unit else ''}", loc="left", fontsize=9.5)
-    told = "   ".join(
+    title = "   ".join(
         f"{SIGNS[v.verdict]} {v.rule} {v.verdict.replace('_', ' ')}" for v in panel.verdicts
     )
-    if told:
+    if title:
         worst = min(panel.verdicts, key=lambda v: list(SIGNS).index(v.verdict)).verdict
-        axes.set_title(told, loc="right", fontsize=9.5, color=COLORS[worst])
+        axes.set_title(title, loc="right", fontsize=9.5, color=COLORS[worst])
     axes.grid(color="0.92", lw=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)

@@ -1,4 +1,4 @@
-"""Who stands on whom at one frame, and with what forces: flat faces that meet, and their statics."""
+"""Support between bodies at one frame, and its forces: flat faces that meet, and their statics."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class Resting:
         return self._views[name]
 
     def _meeting(self, name: str, other: str) -> list[_Point]:
-        """Where a body's bottom lies on faces of another."""
+        """Places where a body's bottom lies on faces of another."""
         a, b = self._views[name], self._views[other]
         known = self._met.get((name, other))
         if known is None or known[:2] != (a.key, b.key):

@@ -109,7 +109,7 @@ def arm_spec(mjcf: Path | None = None, *, visuals: bool = False) -> mujoco.MjSpe
 
 
 def _missing(spec: mujoco.MjSpec) -> list[str]:
-    """What makes the DROID arm and is not in the spec."""
+    """Changes that turn the model into the DROID arm."""
     wanted = {
         "joint": (spec.joint, (*JOINTS, GRIPPER_JOINT)),
         "actuator": (spec.actuator, (*JOINTS, GRIPPER_ACTUATOR)),

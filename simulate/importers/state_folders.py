@@ -32,7 +32,7 @@ def episode_folders(path: Path) -> list[Path]:
 
 
 def fingerprint(folder: Path) -> str:
-    """Of both files."""
+    """Digest of both files."""
     digest = sha256()
     for name in ("states.npz", "model.xml.gz"):
         if (folder / name).is_file():

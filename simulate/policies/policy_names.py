@@ -29,7 +29,7 @@ POLICIES = (
     "PROTOCOL:URL[?OPTION=VALUE&…]",
     "MODULE:CLASS",
 )
-"""What ``policy_named`` understands. SIGMA is in rad, EPISODE an id where PATH holds several;
+"""Forms of policy names that ``policy_named`` accepts. SIGMA is in rad, EPISODE an id where PATH holds several;
 PROTOCOL is one of ``clients.address.PROTOCOLS``, as in ``openpi:ws://127.0.0.1:8000?name=pi05``."""
 
 
@@ -68,7 +68,7 @@ def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
 
 @cache
 def policy_name(name: str) -> str:
-    """What the episodes of a policy are called by; one of a user's is not made for that."""
+    """A policy's name in episodes; a user's policy is not instantiated for it."""
     if is_address(name):
         return address_of(name).name
     kind, _, rest = name.partition(":")

@@ -20,7 +20,7 @@ from .jobs import Format, Job, plan
 
 
 class Campaign(Strict):
-    """What is recorded: every combination."""
+    """A campaign: every combination is recorded."""
 
     policies: tuple[str, ...] = Field(min_length=1)
     """As ``--policy`` takes them."""

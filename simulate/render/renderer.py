@@ -54,7 +54,7 @@ VIEWS = {
 
 @dataclass(frozen=True)
 class Style:
-    """How a scene is drawn.
+    """Style of a drawn scene.
 
     Attributes:
         colors: body → red, green, blue in 0 … 1; others have the catalogue's.

@@ -65,7 +65,7 @@ class WebsocketServer(Closing):
                 data = message if isinstance(message, bytes) else message.encode()
                 try:
                     answer = desk.answered(data)
-                except Exception as error:  # noqa: BLE001 - whatever it is, the client is told
+                except Exception as error:  # noqa: BLE001 - sent to the client, whatever it is
                     connection.send(complaint(error))
                     connection.close(INTERNAL_ERROR, "what is wrong is said in the frame before")
                     return

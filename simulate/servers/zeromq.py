@@ -85,6 +85,6 @@ class ZeromqServer(Router):
             desk = self._desks.setdefault(client, self._desk())
             try:
                 answer = desk.answered(message)
-            except Exception as error:  # noqa: BLE001 - whatever it is, the client is told
+            except Exception as error:  # noqa: BLE001 - sent to the client, whatever it is
                 answer = pack({"error": complaint(error)})
             yield client, answer if isinstance(answer, bytes) else answer.encode()

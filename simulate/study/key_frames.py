@@ -1,4 +1,4 @@
-"""Which moments of an episode are worth a picture: by what moves and touches, not by any rule."""
+"""Moments of an episode for pictures, chosen by motion and contact, not by any rule."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def _merged(events: Sequence[float]) -> F64:
 
 
 def _apart(frames: NDArray[np.intp], last: int) -> list[int]:
-    """The same frames, none twice."""
+    """The frames without repetitions."""
     up = np.maximum.accumulate(frames - np.arange(len(frames))) + np.arange(len(frames))
     back = last - np.arange(len(frames))[::-1]
     return [int(frame) for frame in np.minimum(up, back)]

@@ -48,7 +48,7 @@ def sheet(
 
     Args:
         scene: what is shown.
-        asked: what a reviewer is told, of ``safestage_eval.label.review_question``.
+        asked: the question to a reviewer, by ``safestage_eval.label.review_question``.
         views: of ``DIRECTIONS``.
         count: cells.
         size: width, height of a cell.
@@ -175,12 +175,12 @@ def _outlined(scene: Scene, image: Image, owners: NDArray[np.int64]) -> Image:
 
 def _header(scene: Scene, asked: Mapping[str, Any], camera: Camera) -> list[tuple[str, bool]]:
     """Lines of words; True: bold."""
-    lines = [(f"Task: {asked['instruction'] or 'not told'}", True)]
+    lines = [(f"Task: {asked['instruction'] or 'not given'}", True)]
     if asked["look"]:
         lines.append((asked["look"], False))
     lines += [(text, bold) for rule in asked["rules"] for text, bold in rule_lines(rule)]
     if asked["success"] is None:
-        goal = "not told whether the goal was reached"
+        goal = "not known whether the goal was reached"
     elif asked["success"]:
         goal = f"goal reached at {asked['success_time']:.2f} s"
     else:

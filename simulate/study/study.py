@@ -71,7 +71,7 @@ def number(refs: Sequence[EpisodeRef], folder: Path) -> list[Numbered]:
 
 
 def read_sample(folder: Path) -> list[Numbered]:
-    """What ``sample.csv`` says. Raises InputError where it is missing or broken."""
+    """Read ``sample.csv``. Raises InputError where it is missing or broken."""
     file = folder / "sample.csv"
     try:
         with file.open(newline="", encoding="utf-8") as handle:
@@ -105,7 +105,7 @@ def draw(
                 write_png(image, folder / f"{one.name}_{letter}.png")
             if asked["stage"] == "FSH":
                 write_png(ending(scene, asked), folder / f"{one.name}_d.png")
-            text = "\n".join(told(one, asked, scene))
+            text = "\n".join(question_lines(one, asked, scene))
             (folder / f"{one.name}.txt").write_text(text + "\n", encoding="utf-8")
             drawn += 1
         if done is not None:
@@ -113,7 +113,7 @@ def draw(
     return drawn
 
 
-def told(one: Numbered, asked: Mapping[str, Any], scene: Scene) -> list[str]:
+def question_lines(one: Numbered, asked: Mapping[str, Any], scene: Scene) -> list[str]:
     """The question in words, with what the words of the rules mean."""
     lines = [f"Rollout {one.name}, stage {asked['stage']}", f"Task: {asked['instruction']}"]
     lines += [asked["look"]] if asked["look"] else []

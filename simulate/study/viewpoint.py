@@ -1,4 +1,4 @@
-"""What of an episode is pictured, in which colours, and from where it is seen best."""
+"""Choice of bodies, colours and viewpoint for pictures of an episode."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ DIRECTIONS = {"front": -25.0, "robot": -30.0, "side": -4.0, "top": -89.0}
 
 @dataclass(frozen=True)
 class Scene:
-    """What of an episode is shown.
+    """The part of an episode that is shown.
 
     Attributes:
         episode: which.
@@ -100,7 +100,7 @@ def camera_of(
     height: float = 0.0,
     steady: Sequence[int] | None = None,
 ) -> Camera:
-    """An orthographic look, or for ``front`` a perspective one, at all that is framed.
+    """An orthographic look, or for ``front`` a perspective one, at everything in the frame.
 
     Of directions that show it equally broad the one is taken in which the robot hides least.
 

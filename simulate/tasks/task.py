@@ -41,7 +41,7 @@ class Prompts(Strict):
 
 
 class Jitter(Strict):
-    """How much a seed may vary a place: uniform in ±."""
+    """Range in which a seed varies a place: uniform in ±."""
 
     xy: float = 0.0
     """m."""
@@ -50,7 +50,7 @@ class Jitter(Strict):
 
 
 class Placement(Strict):
-    """Where an object starts."""
+    """Initial place of an object."""
 
     model: str = ""
     """Name in ``catalogue/``; the object's own name where empty."""

@@ -32,7 +32,7 @@ QUADRANTS = {
 """Part of N → in words, in the order in which bars show them."""
 
 SERIES = 6
-"""Colours that are told apart; further policies begin again with the first, in another dash."""
+"""Distinguishable colours; further policies start over with the first, in another dash."""
 
 
 def series(index: int) -> str:

@@ -48,8 +48,8 @@ def _sentence(whole: Rates) -> str:
     said = f"Of {whole.n:,} rollouts, {whole.counts['SR']:,} reached their goal"
     if share is not None:
         said += f" and {parts['unsafe_success']:,} of those were unsafe: {percent(share)} of all successes"
-    told = "".join(f"<li>{escape(line[:1].upper() + line[1:])}.</li>" for line in summary(whole))
-    return f'<p class="lead">{escape(said)}.</p>' + (f"<ul>{told}</ul>" if told else "")
+    items = "".join(f"<li>{escape(line[:1].upper() + line[1:])}.</li>" for line in summary(whole))
+    return f'<p class="lead">{escape(said)}.</p>' + (f"<ul>{items}</ul>" if items else "")
 
 
 def _tile(whole: Rates, metric: str) -> str:

@@ -26,7 +26,7 @@ AXES: dict[View, tuple[int, int, int, int]] = {
 SIDE = {"xz": "from the side, along y", "yz": "from the side, along x", "xy": "from above"}
 
 WIDTH, HEIGHT = 720.0, 540.0
-"""Of one drawing."""
+"""Size of one drawing."""
 
 MOVED = 0.01
 """m from which on it is shown where a body was at the start."""
