@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from safestage_eval.relations.measure import COSTLY, Relations
+from safestage_eval.evidence.declare import is_costly
+from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import F64, Band, Bool
@@ -15,7 +16,7 @@ from safestage_eval.states.moment import Moment, Truth, truth_of
 from . import between_samples
 from .memory import Memory
 from .partial_states import PartialStates
-from .values import Env, ends_early, ends_with_success, lasting
+from .values import Env, ends_early, ends_with_success, lacks_its_success, lasting
 
 
 class Evaluator(PartialStates):
@@ -50,7 +51,8 @@ class Evaluator(PartialStates):
         super().__init__(relations, rules, params, causal=causal, memory=memory)
         self.success = success
         self.success_known = success_known
-        self.truncated = ends_early(self.episode)
+        cut = success is None and not causal and lacks_its_success(self.episode)
+        self.truncated = cut or ends_early(self.episode)
         self.unfollowed = self.truncated or ends_with_success(self.episode)
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
@@ -124,7 +126,7 @@ class Evaluator(PartialStates):
         try:
             if wanted is not None:
                 if declared is None:
-                    if call.name in COSTLY:
+                    if is_costly(call.name):
                         return self._relation(call.name, bodies, wanted)
                 elif self.costly.state(declared) and ("state", call.name, bodies) not in self._told:
                     return self._partly(declared, call, bodies, wanted)
@@ -143,7 +145,7 @@ class Evaluator(PartialStates):
             return band.crisp(nothing, nothing)
         self.notes.update(dict.fromkeys(self.relations.caveat(name)))
         doubtful, known = self.relations.doubtful(name, bodies, wanted), wanted
-        if wanted is not None and name in COSTLY:
+        if wanted is not None and is_costly(name):
             known = wanted | self.relations.told(*bodies)
         if doubtful is not None:
             where, why = doubtful

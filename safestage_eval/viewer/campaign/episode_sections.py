@@ -159,7 +159,7 @@ def _sweeps(
         if not read:
             continue
         codes = sorted({code for e in read for code in e.moved or ()})
-        sweep = Sweep(param, values, rules.params[param], tuple(codes), read, 0, ())
+        sweep = Sweep(param, values, rules.params[param], tuple(codes), 0, (), read)
         flips[param] = len(sweep.flips())
         if flips[param]:
             found.append(replace(sweep, unread=len(drawn) - len(read)))
