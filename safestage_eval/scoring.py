@@ -14,9 +14,10 @@ from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.formats.chosen import Chosen
 
 if TYPE_CHECKING:
-    from safestage_eval.cache import CacheFolder, Memory
     from safestage_eval.engines import Settings
     from safestage_eval.episode import Episode
+    from safestage_eval.evidence.cache_folder import CacheFolder
+    from safestage_eval.evidence.store import Store
     from safestage_eval.rules import BindFile, RuleSet
     from safestage_eval.verdicts import EpisodeResult, Verdict
 
@@ -118,22 +119,25 @@ def score_episode(
         if ref.problem is not None:
             raise ref.problem
 
-        def judged(episode: Episode, memory: Memory | None = None) -> EpisodeResult:
+        def judged(episode: Episode, store: Store | None = None) -> EpisodeResult:
             return judge(
                 episode, rules, overrides=overrides, bind=bind, backend=backend,
-                assigned_only=assigned_only, memory=memory,
+                assigned_only=assigned_only, store=store,
             )  # fmt: skip
 
         if cache is None:
             return judged(ref.open())
-        from safestage_eval.cache import CacheFolder, Memory, question
+        from safestage_eval.engines.result_question import result_question
+        from safestage_eval.evidence.cache_folder import CacheFolder
+        from safestage_eval.evidence.disk_store import DiskStore
+        from safestage_eval.verdicts.verdict_json import result_from_json, to_json
 
         folder = cache if isinstance(cache, CacheFolder) else CacheFolder(cache)
-        asked = question(ref, rules, overrides, bind, backend, assigned_only=assigned_only)
-        memory = Memory(folder, ref)
-        found = memory.result(asked, lambda: judged(memory.episode, memory))
-        memory.save()
-        return found
+        asked = result_question(ref, rules, overrides, bind, backend, assigned_only=assigned_only)
+        store = DiskStore(folder, ref)
+        found = store.answer(asked, lambda: to_json(judged(store.episode, store)))
+        store.save()
+        return result_from_json(found, ref.shown)
     except InputError as error:
         return Problem(ref.shown, str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others
@@ -177,7 +181,7 @@ def score_many(
             if progress is not None:
                 progress(len(found), len(refs))
     if settings.cache is not None:
-        from safestage_eval.cache import CacheFolder
+        from safestage_eval.evidence.cache_folder import CacheFolder
 
         CacheFolder(settings.cache).prune()
     return found

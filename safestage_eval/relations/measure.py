@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.evidence.query import Growth
 from safestage_eval.geometry.cavity import inside_parts
 from safestage_eval.signals.contact_sums import ContactSums
 from safestage_eval.signals.measure import Signals
@@ -39,6 +41,9 @@ MEASURES: dict[str, Callable[..., Series]] = {
 }
 """Signal → how it is measured at chosen frames."""
 
+PER_FRAME = ("supports", "supported", "carried", "held", "inside")
+"""Relations that contact forces tell at each frame by itself."""
+
 COSTLY = (*MEASURES, "depends_on")
 """What clips polygons or solves statics: found out only at the frames that matter."""
 
@@ -46,23 +51,19 @@ COSTLY = (*MEASURES, "depends_on")
 class Relations:
     """Relations of an episode by name and bodies: (T,) true or false, or unknown throughout."""
 
-    found_out = 0
-    """How often something ``COSTLY`` was found out."""
-
     def __init__(self, signals: Signals) -> None:
-        """Shares the signals' cache of contact sums and shapes."""
-        self.signals = signals
+        """Share the signals' store, contact sums and shapes."""
+        self.signals, self.store = signals, signals.store
         self.episode = signals.episode
-        self._known: dict[tuple[str, tuple[str, ...]], Bool | None] = {}
-        self._partial: dict[tuple[str, tuple[str, ...], Options], Partial] = {}
         self._grips: dict[int, Grip] = {}
-        self._falls: dict[str, Series] = {}
         signals.untouched = self._untouched
 
     @cached_property
     def blind(self) -> bool:
         """The trace has no contact forces: touch and support are told by geometry."""
-        return not self.signals.gaps.forces
+        gaps, query = self.signals.gaps, self.signals.query("recorded", "forces")
+        gaps.forces = self.store.value(query, lambda _: gaps.forces)
+        return not gaps.forces
 
     @cached_property
     def proximity(self) -> Proximity:
@@ -110,15 +111,29 @@ class Relations:
 
     def caught(self, body: str, on: str, wanted: Bool | None) -> Bool:
         """(T,) it is open whether something would catch ``body`` when ``on`` is taken away."""
-        index = self.episode.body_index
-        return self.dependence.depends_on(index[body], index[on], wanted)[1]
+        found = self._falls_without(body, on, wanted)
+        return found.done & (found.lower < found.upper)
 
     def told(self, body: str, on: str) -> Bool:
         """(T,) where it is known already whether ``body`` falls when ``on`` is taken away."""
-        if self.blind:
-            return np.ones(len(self.episode), np.bool_)
-        index = self.episode.body_index
-        return self.dependence.told(index[body], index[on])
+        everywhere = np.ones(len(self.episode), np.bool_)
+        return everywhere if self.blind else self._falls_without(body, on, ~everywhere).done
+
+    def _falls_without(self, body: str, on: str, wanted: Bool | None) -> Partial:
+        """Whether ``body`` falls when ``on`` is taken away: 1 or 0, or from 0 to 1 where it is open."""
+
+        def measure(near: Any, at: NDArray[np.int64]) -> tuple[NDArray[np.int64], Series]:
+            relations: Relations = self if near is None else near
+            index, asked = relations.episode.body_index, np.zeros(len(relations.episode), np.bool_)
+            asked[at] = True
+            falls, open_ = relations.dependence.depends_on(index[body], index[on], asked)
+            done = relations.dependence.told(index[body], index[on]).nonzero()[0]
+            ends = falls[done].astype(np.float64), (falls | open_)[done].astype(np.float64)
+            return done, Series(*ends, "number")
+
+        query = self.signals.query("relation", "depends_on", (body, on))
+        asked = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
+        return self.store.partial(query, asked, measure)
 
     @cached_property
     def exposure(self) -> Exposure:
@@ -150,14 +165,15 @@ class Relations:
         if self.lacking(name, bodies):
             return None
         if name == "depends_on" and not self.blind:
-            ids = [self.episode.body_index[body] for body in bodies]
-            told = self.dependence.told(*ids)
-            self.found_out += not bool((told if wanted is None else told | ~wanted).all())
-            return self.dependence.depends_on(ids[0], ids[1], wanted)[0]
-        key = (name, tuple(bodies))
-        if key not in self._known:
-            self._known[key] = self.decide(name, list(bodies))
-        return self._known[key]
+            return self._falls_without(bodies[0], bodies[1], wanted).lower == 1
+
+        def measure(near: Any) -> Bool | None:
+            relations: Relations = self if near is None else near
+            return relations.decide(name, list(bodies))
+
+        growth = Growth.PER_FRAME if name in PER_FRAME and not self.blind else Growth.WHOLE
+        query = self.signals.query("relation", name, tuple(bodies))
+        return self.store.column(query, measure, growth)
 
     def lacking(self, name: str, bodies: Sequence[str] = ()) -> str:
         """What the trace would need to tell a relation, and does not have; empty if nothing."""
@@ -216,6 +232,10 @@ class Relations:
 
         Of forces, what was read so far counts: ``get`` comes first.
         """
+        query = self.signals.query("unmeasured", name, bodies)
+        return self.store.unmeasured(query, lambda _: self._unmeasured(name, bodies))
+
+    def _unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
         found = unmeasured.lost_by(self, name, bodies)
         if (
             name not in ("supported", "carried", "depends_on", "exposed_to")
@@ -264,31 +284,46 @@ class Relations:
         The ``COSTLY`` ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
         others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
+        if name in MEASURES:
+            return self._sparse(name, tuple(bodies), wanted, options)
+        if name not in ("slip", "load_share", "fall", *effect.SIGNALS):
+            return self.signals.get(name, bodies, reference, reach, options, limits)
+        since = reference.key if reference else ""
+        query = self.signals.query("signal", name, tuple(bodies), since, options=options)
+        return self.store.series(
+            query, lambda _: self._everywhere(name, bodies, reference, options)
+        )
+
+    def _everywhere(
+        self, name: str, bodies: Sequence[str], reference: Reference | None, options: Options
+    ) -> Series:
+        """A signal that needs the support graph, at all frames."""
         if name == "slip":  # since a grasp that may have been lost in a hole
             found = self._known_part(name, bodies, self._slip(bodies[0], reference))
             unseen = self.episode.unseen
             return found if unseen is None else hide(found, np.logical_or.accumulate(unseen))
         if name == "load_share":
-            return self._known_part(name, bodies, self._load_share(*bodies))
-        if name in effect.SIGNALS:
+            found = self._load_share(*bodies)
+        elif name == "fall":
+            found = falls.fallen(self, bodies[0])
+        else:
             found = effect.measure(self, name, bodies, dict(options).get("over"))
-            return self._known_part(name, bodies, found)
-        if name == "fall":
-            if bodies[0] not in self._falls:
-                self._falls[bodies[0]] = falls.fallen(self, bodies[0])
-            return self._known_part(name, bodies, self._falls[bodies[0]])
-        if name not in MEASURES:
-            return self.signals.get(name, bodies, reference, reach, options, limits)
-        key = (name, tuple(bodies), options)
-        if key not in self._partial:
-            self._partial[key] = Partial.blank(len(self.episode))
-        partial = self._partial[key]
-        todo = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
-        missing = partial.missing(todo)
-        if len(missing):
-            self.found_out += 1
-            partial.add(missing, self.measure(name, missing, bodies, options))
-        return self._known_part(name, bodies, partial.series(todo, SIGNALS[name].dimension))
+        return self._known_part(name, bodies, found)
+
+    def _sparse(
+        self, name: str, bodies: tuple[str, ...], wanted: Bool | None, options: Options
+    ) -> Series:
+        """One of ``MEASURES`` at least at the wanted frames (T,)."""
+
+        def measure(near: Any, at: NDArray[np.int64]) -> tuple[NDArray[np.int64], Series]:
+            relations: Relations = self if near is None else near
+            return at, relations.measure(name, at, bodies, options)
+
+        asked = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
+        query = self.signals.query("signal", name, bodies, options=options)
+        growth = Growth.WHOLE if self.blind else Growth.PER_FRAME
+        found = self.store.partial(query, asked, measure, growth)
+        return self._known_part(name, bodies, found.series(asked, SIGNALS[name].dimension))
 
     def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
         """The same, unknown where something that it may rest on was not measured."""
@@ -305,6 +340,10 @@ class Relations:
 
         None if nowhere. Of poses and forces, what was read so far counts.
         """
+        query = self.signals.query("unmeasured", name, bodies)
+        return self.store.unmeasured(query, lambda _: self._signal_unmeasured(name, bodies))
+
+    def _signal_unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
         gaps = self.signals.gaps
         lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
         alone = (

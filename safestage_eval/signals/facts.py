@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.evidence.store import Store
 from safestage_eval.geometry.extent import highest, lowest
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
@@ -67,11 +68,22 @@ class Movers:
 class Facts:
     """An episode, and what several signals share."""
 
-    def __init__(self, episode: Episode, baseline_frames: int = 5, backend: str = "gjk") -> None:
-        """``baseline_frames``: how many first frames estimate the initial state.
+    def __init__(
+        self,
+        episode: Episode,
+        baseline_frames: int = 5,
+        backend: str = "gjk",
+        store: Store | None = None,
+    ) -> None:
+        """Measure nothing yet.
 
-        ``backend``: whose clearances (geometry.backend).
+        Args:
+            episode: what is measured.
+            baseline_frames: how many first frames estimate the initial state.
+            backend: that measures clearances (``geometry.backend``).
+            store: that answers queries about the episode; a new one in memory if None.
         """
+        self.store = Store() if store is None else store
         self.gaps = Gaps(episode)
         self.episode = episode = self.gaps.episode
         self.backend = backend
@@ -85,7 +97,7 @@ class Facts:
     @cached_property
     def contact_sums(self) -> ContactSums:
         """Forces summed per pair of bodies."""
-        return ContactSums(self.episode, self.gaps)
+        return ContactSums(self.episode, self.gaps, self.store)
 
     def baseline_of(self, name: str) -> Baseline:
         """Where the initial state of a body is estimated: the first frames in which it rests."""

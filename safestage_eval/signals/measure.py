@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Episode
+from safestage_eval.evidence.query import Growth, Kind, Query
+from safestage_eval.evidence.store import Store
 from safestage_eval.geometry.clearance import SLACK, Clearance, motion_bound
 from safestage_eval.geometry.gjk import PROMISED
 
@@ -23,7 +26,8 @@ from . import (
     stretch,
     workspace,
 )
-from .facts import Facts, Query
+from .facts import Facts
+from .facts import Query as Request
 from .gaps import POSE, around
 from .options import Options
 from .reference import Reference
@@ -34,10 +38,28 @@ from .vocabulary import SIGNALS
 CAP = 0.10
 """m: a clearance series is exact up to here; beyond, it says only "more than that"."""
 
-PLAIN = (0.0, False, 0.0, ())
-"""Cap, depth, slack and options of a signal that has none."""
-
 CAPPED = ("clearance", "clearance_xy", "self_clearance")
+
+LOCAL = (
+    "contact_force", "peak_force", "total_force", "clearance", "clearance_xy", "self_clearance",
+    "height_above", "containment_depth", "workspace_margin", "gripper_opening", "joint_torque",
+    "joint_opening", "channel",
+)  # fmt: skip
+"""Signals whose value at a frame depends on that frame alone. The others come from poses, twists and
+sums of forces by plain arithmetic over all frames, or add up what was."""
+
+DIFFERENCES = (
+    "speed", "vertical_speed", "angular_speed", "relative_speed", "joint_speed",
+    "impact", "quasistatic_force", "damage", "health",
+)  # fmt: skip
+"""Signals that, where no velocities were recorded (and a note says so), look one frame ahead."""
+
+
+def growth(name: str) -> Growth:
+    """How a signal changes when the episode grows."""
+    if name in LOCAL:
+        return Growth.PER_FRAME
+    return Growth.OPEN_END if name in DIFFERENCES else Growth.WHOLE
 
 
 def how(name: str, reach: float, limits: Sequence[float]) -> tuple[float, bool, float]:
@@ -66,7 +88,7 @@ MOVING = (
 """Signals of the velocity of the centre of mass."""
 
 
-def gap_of(query: Query) -> NDArray[np.bool_] | None:
+def gap_of(query: Request) -> NDArray[np.bool_] | None:
     """(T,) where something that a signal is measured from was not measured; None if nowhere."""
     gaps, episode, name = query.facts.gaps, query.episode, query.name
     if SIGNALS[name].joints or name in (*FORCES, "gripper_opening", "channel"):
@@ -96,7 +118,7 @@ CHANGES = ("lift", "displacement", "displacement_xy", "turn", "height")
 """Signals that are measured from a reference."""
 
 
-def _of_reference(query: Query, lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _of_reference(query: Request, lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The same, with the frames of which the reference was not measured."""
     reference = query.reference
     first = lost[reference.baseline.stretch]
@@ -107,7 +129,7 @@ def _of_reference(query: Query, lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return lost | np.where(since < 0, whole, lost[np.maximum(since, 0)])
 
 
-def _gap_of_body(query: Query, body: Body) -> NDArray[np.bool_] | None:
+def _gap_of_body(query: Request, body: Body) -> NDArray[np.bool_] | None:
     gaps, name = query.facts.gaps, query.name
     offset = any(body.com)
     if name == "tilt":
@@ -141,7 +163,7 @@ def loose(found: Series, cap: float) -> Clearance:
     return Clearance(found.lower[at], found.upper[at])
 
 
-MEASURES: dict[str, Callable[[Query], Series]] = {
+MEASURES: dict[str, Callable[[Request], Series]] = {
     "height": motion.height,
     "lift": distance.lift,
     "displacement": motion.displacement,
@@ -179,12 +201,15 @@ MEASURES: dict[str, Callable[[Query], Series]] = {
 class Signals(Facts):
     """Signals of an episode by name and bodies, in SI, each a ``Series`` over all frames."""
 
-    def __init__(self, episode: Episode, baseline_frames: int = 5, backend: str = "gjk") -> None:
+    def __init__(
+        self,
+        episode: Episode,
+        baseline_frames: int = 5,
+        backend: str = "gjk",
+        store: Store | None = None,
+    ) -> None:
         """Arguments as ``Facts``."""
-        super().__init__(episode, baseline_frames, backend)
-        self._known: dict[
-            tuple[str, tuple[str, ...], str, float, bool, float, Options], Series
-        ] = {}
+        super().__init__(episode, baseline_frames, backend, store)
         # by identity: the series is kept beside what was found
         self._slack: dict[int, tuple[Series, Clearance]] = {}
 
@@ -235,7 +260,8 @@ class Signals(Facts):
             return None
         if self.gaps.of_bodies(bodies[:1]) is not None:
             return None
-        known = self._known.get((name, bodies, reference.key if reference else "", *PLAIN))
+        since = reference.key if reference else ""
+        known = self.store.known(self.query("signal", name, bodies, since))
         if known is not None:
             lower = known.lower[frames]
             upper = lower if known.upper is known.lower else known.upper[frames]
@@ -256,6 +282,11 @@ class Signals(Facts):
         """
         if name not in CAPPED:
             return None
+        query = self.query("between frames", name, tuple(bodies), frame=frame)
+        found: float = self.store.value(query, lambda _: self._between(name, bodies, frame))
+        return found
+
+    def _between(self, name: str, bodies: Sequence[str], frame: int) -> float:
         if name == "self_clearance":
             pairs = self_clearance.facing(self)
         else:
@@ -275,11 +306,33 @@ class Signals(Facts):
         slack: float,
         options: Options,
     ) -> Series:
-        """As measured, once: ``cap``, ``deep`` and ``slack`` as in ``facts.Query``."""
-        key = (name, bodies, reference.key if reference else "", cap, deep, slack, options)
-        if key not in self._known:
-            self._known[key] = self._measure(name, bodies, reference, cap, deep, slack, options)
-        return self._known[key]
+        """As measured, once: ``cap``, ``deep`` and ``slack`` as in ``evidence.query.Query``."""
+
+        def measure(near: Any) -> Series:
+            signals: Signals = self if near is None else near.signals
+            return signals._measure(name, bodies, reference, cap, deep, slack, options)
+
+        since = reference.key if reference else ""
+        query = self.query("signal", name, bodies, since, cap, deep, slack, options)
+        return self.store.series(query, measure, growth(name))
+
+    def query(
+        self,
+        kind: Kind,
+        name: str = "",
+        bodies: tuple[str, ...] = (),
+        since: str = "",
+        cap: float = 0.0,
+        deep: bool = False,
+        slack: float = 0.0,
+        options: Options = (),
+        frame: int = -1,
+    ) -> Query:
+        """A query about the episode, as it is measured here; arguments as in ``Query``."""
+        return Query(
+            kind, name, bodies, since, cap, deep, slack, options, frame, self.backend,
+            self.baseline.frames,
+        )  # fmt: skip
 
     def _measure(
         self,
@@ -297,10 +350,10 @@ class Signals(Facts):
         missing = [body for body, group in zip(bodies, groups, strict=True) if not group]
         if missing:
             return unknown(frames, dimension, f"the trace has no {' and no '.join(missing)}")
-        query = Query(self, name, dimension, bodies, groups, reference, cap, deep, slack, options)
+        query = Request(self, name, dimension, bodies, groups, reference, cap, deep, slack, options)
         return self._without_gaps(mask_unseen(MEASURES[name](query), query), query)
 
-    def _without_gaps(self, found: Series, query: Query) -> Series:
+    def _without_gaps(self, found: Series, query: Request) -> Series:
         """The same, unknown where something that it is measured from was not measured."""
         lost = gap_of(query)
         lower, upper = found.lower, found.upper

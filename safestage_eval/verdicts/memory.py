@@ -1,10 +1,10 @@
-"""What may be known of an episode from before, as the evaluator asks for it."""
+"""Questions about an episode that name all their answers depend on, for stores that keep answers."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,30 +13,11 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.states.scope import Scope
 
 if TYPE_CHECKING:
-    from safestage_eval.relations.measure import Relations
-
     from .evaluate import Evaluator
     from .values import Env
     from .verdict import Verdict
 
 Stretch = tuple[Scope, int | None]
-
-
-class Memory(Protocol):
-    """What is known of an episode from before."""
-
-    @property
-    def opened(self) -> bool:
-        """Something was read from the trace, because it was not known from before."""
-
-    def relations(self, baseline_frames: int, backend: str) -> Relations:
-        """Relations and signals that are measured only where they are not remembered."""
-
-    def verdict(self, question: str, judge: Callable[[], Verdict]) -> Verdict:
-        """What ``judge`` returns, or returned before to the same question."""
-
-    def answer(self, question: str, find: Callable[[], Any]) -> Any:
-        """What ``find`` returns (JSON), or returned before to the same question."""
 
 
 def short(text: str) -> str:
@@ -59,7 +40,7 @@ def verdict_question(
     players: Mapping[str, Sequence[str]],
     success: str,
 ) -> str:
-    """What a verdict depends on besides the trace, for ``Memory.verdict``."""
+    """What a verdict depends on besides the trace, for ``Store.answer``."""
     start = blank.assigned, blank.sources, blank.rule_digest
     return f"verdict {said(rules, rule)} {start} {sorted(players.items())} {success}"
 
@@ -72,9 +53,8 @@ def remembered(
     The question names all that the answer may depend on besides the trace: the part with every
     definition and value that it reaches, who plays what, and what is known of success.
     """
-    if evaluator.memory is None:
+    if not evaluator.store.lasting:
         return find()
-    memory = evaluator.memory
     part = f"{what} {evaluator.digest(node)} {sorted(env.items())}"
     facts = evaluator.success, evaluator.success_known, evaluator.causal
 
@@ -86,7 +66,7 @@ def remembered(
             evaluator.notes = outer
 
     asked = f"{part} {sorted(evaluator.players.items())} {facts}"
-    found, notes = memory.answer(asked, noted)
+    found, notes = evaluator.store.answer(asked, noted)
     evaluator.notes.update(dict.fromkeys(notes))
     return found
 

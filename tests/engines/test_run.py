@@ -7,9 +7,9 @@ import pytest
 from studio import block, run, safe_and_unsafe
 
 from safestage_eval import scoring
-from safestage_eval.cache import memory
 from safestage_eval.engines import run as runs
 from safestage_eval.engines.run import Choice
+from safestage_eval.evidence import disk_store
 from safestage_eval.formats import load, save
 from safestage_eval.scoring import score_paths, understood
 
@@ -124,18 +124,19 @@ def test_what_was_asked_otherwise_is_answered_anew(traces, tmp_path, counted, ch
 def test_after_a_rule_changed_only_its_verdicts_are_reached_anew(tmp_path, counted, monkeypatch):
     """FSH101 asks for ``edge``; the other rules do not, and are not looked at again."""
     folder = safe_and_unsafe(tmp_path / "t")
-    monkeypatch.setattr(memory, "RACY", 0)  # files that were written just now are trusted
+    monkeypatch.setattr(disk_store, "RACY", 0)  # files that were written just now are trusted
     judged = []
-    real = memory.Memory.verdict
+    real = disk_store.DiskStore.answer
 
     def watched(self, question, find):
         def looked():
-            judged.append(question)
+            if question.startswith("verdict "):
+                judged.append(question)
             return find()
 
         return real(self, question, looked)
 
-    monkeypatch.setattr(memory.Memory, "verdict", watched)
+    monkeypatch.setattr(disk_store.DiskStore, "answer", watched)
     choice = Choice(resume=tmp_path / "kept")
     first = runs.run([folder], understood(["fsh"]), choice)
     assert first.results

@@ -1,0 +1,1 @@
+"""What is measured of an episode: queries, and the stores that answer them."""
