@@ -17,8 +17,8 @@ from pydantic import ValidationError
 
 from safestage_eval.episode import Episode, Header, as_judged
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.formats.episode_row import mesh_keys
-from safestage_eval.formats.lazy import StoredItems
+from safestage_eval.formats.lazy_columns import StoredItems
+from safestage_eval.formats.parquet.episode_row import mesh_keys
 from safestage_eval.relations.partial import Partial
 from safestage_eval.signals.series import Series
 
@@ -212,8 +212,8 @@ def _packed(answer: Any) -> Value:
         return {"dimension": answer.dimension, "notes": list(answer.notes), **ends}
     if isinstance(answer, Partial):
         about = {f"about {i}": mask for i, mask in enumerate(answer.notes.values())}
-        ends = {"lower": answer.lower, "upper": answer.upper, "done": answer.done}
-        return {"notes": list(answer.notes), **ends, **about}
+        ends = {"lower": answer.lower, "upper": answer.upper}
+        return {"notes": list(answer.notes), "done": answer.done, **ends, **about}
     if answer is None or isinstance(answer, np.ndarray):
         return {"column": _or_empty(answer)}
     return {"value": answer}
@@ -222,12 +222,12 @@ def _packed(answer: Any) -> Value:
 def _unpacked(stored: Value) -> Any:
     if "dimension" in stored:
         lower = stored["lower"]
-        upper = stored.get("upper", lower)
+        upper = stored["upper"] if "upper" in stored else lower
         return Series(lower, upper, stored["dimension"], tuple(stored["notes"]))
     if "done" in stored:  # may be measured further
-        ends = (np.array(stored[part]) for part in ("lower", "upper", "done"))
+        lower, upper, done = (np.array(stored[part]) for part in ("lower", "upper", "done"))
         about = {note: np.array(stored[f"about {i}"]) for i, note in enumerate(stored["notes"])}
-        return Partial(*ends, about)
+        return Partial(lower, upper, done, about)
     if "column" in stored:
         return stored["column"] if len(stored["column"]) else None
     return stored["value"]

@@ -145,6 +145,17 @@ class Relations:
         """Since when the robot has had to do with whom."""
         return Causes(self)
 
+    @property
+    def chained(self) -> bool:
+        """Answers so far hang on contacts between any bodies: that some did not touch is one of them.
+
+        Who was exposed to whom, and who moved though the robot had nothing to do with it.
+        """
+        if self.blind:
+            return False
+        known = vars(self)
+        return "exposure" in known or ("causes" in known and self.causes.unexplained())
+
     def _untouched(self, name: str) -> int:
         """Up to which frame the robot has certainly had nothing to do with a body."""
         if self.lacking("caused"):
@@ -165,7 +176,7 @@ class Relations:
         if self.lacking(name, bodies):
             return None
         if name == "depends_on" and not self.blind:
-            return self._falls_without(bodies[0], bodies[1], wanted).lower == 1
+            return np.equal(self._falls_without(bodies[0], bodies[1], wanted).lower, 1)
 
         def measure(near: Any) -> Bool | None:
             relations: Relations = self if near is None else near
@@ -286,10 +297,11 @@ class Relations:
         """
         if name in MEASURES:
             return self._sparse(name, tuple(bodies), wanted, options)
-        if name not in ("slip", "load_share", "fall", *effect.SIGNALS):
+        if name not in ("slip", "load_share", "fall", "peak_force", *effect.SIGNALS):
             return self.signals.get(name, bodies, reference, reach, options, limits)
         since = reference.key if reference else ""
-        query = self.signals.query("signal", name, tuple(bodies), since, options=options)
+        said = "peak_force, missed peaks included" if name == "peak_force" else name
+        query = self.signals.query("signal", said, tuple(bodies), since, options=options)
         return self.store.series(
             query, lambda _: self._everywhere(name, bodies, reference, options)
         )
@@ -297,11 +309,13 @@ class Relations:
     def _everywhere(
         self, name: str, bodies: Sequence[str], reference: Reference | None, options: Options
     ) -> Series:
-        """A signal that needs the support graph, at all frames."""
+        """A signal that needs relations, at all frames."""
         if name == "slip":  # since a grasp that may have been lost in a hole
             found = self._known_part(name, bodies, self._slip(bodies[0], reference))
             unseen = self.episode.unseen
             return found if unseen is None else hide(found, np.logical_or.accumulate(unseen))
+        if name == "peak_force":
+            return between.with_missed_peaks(self, bodies, self.signals.get(name, bodies))
         if name == "load_share":
             found = self._load_share(*bodies)
         elif name == "fall":

@@ -17,14 +17,17 @@ from .gaps import Gaps
 class ReadSoFar:
     """The columns, as they were recorded, that signals and relations have looked at."""
 
-    def __init__(self, gaps: Gaps) -> None:
-        """``gaps``: of the episode's signals, which see all that is read."""
-        self._gaps, self._episode = gaps, gaps.given
+    def __init__(self, gaps: Gaps, chained: bool = False) -> None:
+        """``gaps``: of the episode's signals, which see all that is read.
+
+        ``chained``: what was found hangs on the contacts of all bodies; their places are read then.
+        """
+        self._gaps, self._episode, self._chained = gaps, gaps.given, chained
         self._players = {name for names in gaps.given.header.roles.values() for name in names}
 
     def matters(self, body: str) -> bool:
-        """Those that play a role; of an episode whose header binds none, all."""
-        return not self._players or body in self._players
+        """Those that play a role; all if the header binds none, or if what was found is chained."""
+        return self._chained or not self._players or body in self._players
 
     def some(self, body: str) -> bool:
         """As in ``contradictions.AtHand``."""
@@ -34,7 +37,9 @@ class ReadSoFar:
         """As in ``contradictions.AtHand``."""
         if not self._gaps.knows(body, column):
             record = self._episode.bodies[body]
-            if column != "position" or record.movable or record.kind != "fixture":
+            fixed = not record.movable and record.kind == "fixture"
+            free = record.movable and record.kind == "object"
+            if column != "position" or not (fixed or (free and self._chained)):
                 return None
         found: NDArray[Any] = getattr(self._episode.tracks[body], column)
         return found

@@ -10,7 +10,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import digest_of
 
 from .known import Known
-from .values import Values
+from .values import Env, Values
 
 Found = TypeVar("Found")
 
@@ -22,7 +22,13 @@ class Answers(Values):
         store: answers queries about the episode, and keeps answers to questions.
         notes: on what is being found out, in the order in which they came up.
         players: role → all bodies that play it, for ``at least K role``.
+        success, success_known: frame of native success, None if it never came; and whether that is known.
+        causal: states look only backwards.
     """
+
+    success: int | None
+    success_known: bool
+    causal: bool
 
     def __init__(
         self,
@@ -80,3 +86,26 @@ class Answers(Values):
             self.notes.update(known[2])
         found: Found = known[1]
         return found
+
+    def recall(self, what: str, node: object, env: Env, find: Callable[[], Any]) -> Any:
+        """The answer (JSON) of ``find`` about a part of a rule, with its notes; or as it was before.
+
+        The question names all that the answer may depend on besides the trace: the part with every
+        definition and value that it reaches, who plays what, and what is known of success.
+        """
+        if not self.store.lasting:
+            return find()
+        part = f"{what} {self.digest(node)} {sorted(env.items())}"
+        facts = self.success, self.success_known, self.causal
+        question = f"{part} {sorted(self.players.items())} {facts}"
+        answer, notes = self.store.answer(question, lambda: self._noted(find))
+        self.notes.update(dict.fromkeys(notes))
+        return answer
+
+    def _noted(self, find: Callable[[], Any]) -> list[Any]:
+        """An answer, and the notes that came with it."""
+        outer, self.notes = self.notes, {}
+        try:
+            return [find(), list(self.notes)]
+        finally:
+            self.notes = outer

@@ -15,7 +15,6 @@ from safestage_eval.rules.load import load_rules
 from safestage_eval.states.band import Band
 
 from .evaluate import Evaluator
-from .memory import remembered
 
 Engagement = Literal["idle", "reached", "touched", "manipulated", "released", "success"]
 """Stages in order; a rollout is at the highest that it reached."""
@@ -65,7 +64,7 @@ def engagement(
         found = [_of_body(evaluator, body) for body in bodies]
         return [max(ends) for ends in zip(*found, strict=True)]
 
-    least, most = remembered(evaluator, f"engagement with {bodies}", asked, {}, find)
+    least, most = evaluator.recall(f"engagement with {bodies}", asked, {}, find)
     return STAGES[least] if least == most else None
 
 

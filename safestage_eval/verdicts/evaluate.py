@@ -9,7 +9,7 @@ import numpy as np
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import band, moment, persistence
-from safestage_eval.states.band import Band, Bool
+from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
 
 from . import between_samples
@@ -92,10 +92,22 @@ class Evaluator(PartialStates):
             return found
         bodies = tuple(map(env.get, call.args, call.args))
         key = ("must not", call.name, bodies)
-        upper = self.once(
-            state, key, between_samples.may_last, self, state, call.name, bodies, lasts.seconds
-        )
+        upper = self.once(state, key, self._may_last, state, bodies, lasts.seconds)
         return Band(found.lower, np.maximum(found.upper, upper))
+
+    def _may_last(self, state: ast.StateDef, bodies: tuple[str, ...], seconds: float) -> F64:
+        """(T,) upper margin of a state that lasts at least as long as its samples may have."""
+        loose = persistence.persistent(
+            self.momentary(state.name, bodies),
+            self.window(state.for_).loose,
+            self.open_gap(state.gap),
+            causal=self.causal,
+            open_end=self.unfollowed,
+        ).upper
+        if self.clock.longest < seconds * (1 - 1e-6):
+            return loose
+        hidden = between_samples.hidden_touch(self, state, bodies, seconds)
+        return loose if hidden is None else np.where(hidden, np.inf, loose)
 
     def state(self, call: ast.Call, env: Env, wanted: Bool | None = None) -> Band:
         """A declared state or a built-in relation, persistent and latched as declared.

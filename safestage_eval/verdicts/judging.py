@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from safestage_eval import __version__
 from safestage_eval.episode import Episode, as_judged, describe_holes, with_holes
 from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import RuleError, readable
@@ -20,12 +19,13 @@ from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.at_hand import ReadSoFar
 from safestage_eval.signals.measure import Signals
 from safestage_eval.units import format_quantity
+from safestage_eval.version import __version__
 
-from .cost import judge_cost
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
 from .explain import inconclusive
-from .memory import remembered, short, verdict_question
+from .memory import short, verdict_question
+from .obligations.cost import judge_cost
 from .players import combinations
 from .rule_verdict import judge_rule, violates
 from .success import native_success
@@ -166,7 +166,9 @@ class Judge:
             return
         if not self._relations.store.opened:  # sound when it was measured
             return
-        for error in contradictions(self._episode, ReadSoFar(self._relations.signals.gaps)):
+        relations = self._relations
+        at_hand = ReadSoFar(relations.signals.gaps, relations.chained)
+        for error in contradictions(self._episode, at_hand):
             raise error
 
     @property
@@ -329,7 +331,7 @@ def judged(
         def violated(stricter: Evaluator = stricter) -> bool:
             return violates(stricter, rule, players)
 
-        if remembered(stricter, "violated", rule, {}, violated):
+        if stricter.recall("violated", rule, {}, violated):
             found = replace(found, severity=level)
     return found
 

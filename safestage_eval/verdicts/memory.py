@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,10 +12,7 @@ from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.scope import Scope
 
-if TYPE_CHECKING:
-    from .evaluate import Evaluator
-    from .values import Env
-    from .verdict import Verdict
+from .verdict import Verdict
 
 Stretch = tuple[Scope, int | None]
 
@@ -43,32 +40,6 @@ def verdict_question(
     """What a verdict depends on besides the trace, for ``Store.answer``."""
     start = blank.assigned, blank.sources, blank.rule_digest
     return f"verdict {said(rules, rule)} {start} {sorted(players.items())} {success}"
-
-
-def remembered(
-    evaluator: Evaluator, what: str, node: object, env: Env, find: Callable[[], Any]
-) -> Any:
-    """What ``find`` says (JSON) of a part of a rule, with its notes; or what it said before.
-
-    The question names all that the answer may depend on besides the trace: the part with every
-    definition and value that it reaches, who plays what, and what is known of success.
-    """
-    if not evaluator.store.lasting:
-        return find()
-    part = f"{what} {evaluator.digest(node)} {sorted(env.items())}"
-    facts = evaluator.success, evaluator.success_known, evaluator.causal
-
-    def noted() -> list[Any]:
-        outer, evaluator.notes = evaluator.notes, {}
-        try:
-            return [find(), list(evaluator.notes)]
-        finally:
-            evaluator.notes = outer
-
-    asked = f"{part} {sorted(evaluator.players.items())} {facts}"
-    found, notes = evaluator.store.answer(asked, noted)
-    evaluator.notes.update(dict.fromkeys(notes))
-    return found
 
 
 def plain_stretches(found: list[Stretch]) -> list[Any]:

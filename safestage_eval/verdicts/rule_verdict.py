@@ -17,13 +17,15 @@ from .brief import is_brief
 from .evaluate import Evaluator
 from .explain import Finding, alike, inconclusive, seconds, sentence
 from .flicker import asks_for_absence, raw_frames, too_brief
-from .instance import Instance, judge_instance, violated_frames
+from .instance import Instance
+from .instance_verdict import judge_instance, violated_frames
 from .order import first_broken, in_turn, is_ordering, ordering, speaking
 from .players import combinations
+from .search import Search
 from .undecided import cause_of
 from .values import Env
 from .verdict import Vacuity, Verdict, VerdictName
-from .witness import Search, Witness
+from .witness import Witness
 
 
 def judge_rule(

@@ -11,7 +11,7 @@ from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.rules.syntax import Quantity
-from safestage_eval.scoring import score_episode
+from safestage_eval.run.score_episode import score_episode
 
 CHECKOUT = Path(__file__).parents[2]
 sys.path.append(str(CHECKOUT / "benchmarks"))
