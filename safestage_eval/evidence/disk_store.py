@@ -19,13 +19,13 @@ from safestage_eval.episode import Episode, Header, as_judged
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.lazy_columns import StoredItems
 from safestage_eval.formats.parquet.episode_row import mesh_keys
-from safestage_eval.relations.partial import Partial
-from safestage_eval.signals.series import Series
 
 from .answer_log import Log
 from .cache_entry import Entry, Value
 from .cache_folder import CacheFolder
+from .partial import Partial
 from .query import Query
+from .series import Series
 from .store import Column, Store
 from .trace_identity import RACY, code_version, stamp
 
@@ -221,8 +221,8 @@ def _packed(answer: Any) -> Value:
 
 def _unpacked(stored: Value) -> Any:
     if "dimension" in stored:
-        lower = stored["lower"]
-        upper = stored["upper"] if "upper" in stored else lower
+        lower: Any = stored["lower"]
+        upper: Any = stored.get("upper", lower)
         return Series(lower, upper, stored["dimension"], tuple(stored["notes"]))
     if "done" in stored:  # may be measured further
         lower, upper, done = (np.array(stored[part]) for part in ("lower", "upper", "done"))

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.relations.partial import Partial
-from safestage_eval.signals.series import Series
-
+from .partial import Partial
 from .query import Growth, Query
+from .series import Series
 from .store import Item, Store
 
 

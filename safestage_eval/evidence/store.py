@@ -13,10 +13,9 @@ from typing import Any, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.relations.partial import Partial
-from safestage_eval.signals.series import Series
-
+from .partial import Partial
 from .query import Growth, Query
+from .series import Series
 
 Bool = NDArray[np.bool_]
 Column = NDArray[Any]

@@ -1,51 +1,34 @@
-"""All relations of one episode, and the signals that need the support graph."""
+"""All relations of one episode, and the signals that need relations or the support graph."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.evidence.contact_sums import ContactSums
+from safestage_eval.evidence.declare import SIGNALS, Options
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.partial import Partial
 from safestage_eval.evidence.query import Growth
-from safestage_eval.geometry.cavity import inside_parts
-from safestage_eval.signals.contact_sums import ContactSums
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.options import Options
-from safestage_eval.signals.reference import Reference
-from safestage_eval.signals.series import Series, hidden, hide, unknown
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.evidence.reference import Reference
+from safestage_eval.evidence.series import Series, hidden, hide
 
-from . import between, doubt, effect, falls, standing, unmeasured
+from . import between, doubt, unmeasured
 from .dependence import Dependence
 from .exposure import Causes, Exposure
 from .graph import ByForce, SupportGraph, faint
+from .gripper_frame import gripper_frame
 from .held import Grip, by_fingers, by_motion, by_pressure
 from .load import Loads
-from .partial import Partial
 from .proximity import LIFT, TOUCH, Proximity
-from .slip import gripper_frame, slip
-from .vocabulary import RELATIONS
+from .support_request import SupportRequest
+from .vocabulary import RELATIONS, RelationRequest
 
 Bool = NDArray[np.bool_]
-
-
-MEASURES: dict[str, Callable[..., Series]] = {
-    "edge_margin": standing.edge,
-    "overlap_xy": standing.overlap,
-    "support_margin": standing.support_margin,
-    "tipping_angle": standing.tipping_angle,
-}
-"""Signal → how it is measured at chosen frames."""
-
-PER_FRAME = ("supports", "supported", "carried", "held", "inside")
-"""Relations that contact forces tell at each frame by itself."""
-
-COSTLY = (*MEASURES, "depends_on")
-"""What clips polygons or solves statics: found out only at the frames that matter."""
 
 
 class Relations:
@@ -170,7 +153,7 @@ class Relations:
     def get(self, name: str, bodies: Sequence[str], wanted: Bool | None = None) -> Bool | None:
         """(T,) truth of one relation; None where the trace lacks what it needs.
 
-        Of a ``COSTLY`` one only the ``wanted`` frames (T,) mean anything; all of them if None.
+        Of a costly one only the ``wanted`` frames (T,) mean anything; all of them if None.
         Raises KeyError for a name or body that does not exist.
         """
         if self.lacking(name, bodies):
@@ -182,7 +165,8 @@ class Relations:
             relations: Relations = self if near is None else near
             return relations.decide(name, list(bodies))
 
-        growth = Growth.PER_FRAME if name in PER_FRAME and not self.blind else Growth.WHOLE
+        per_frame = RELATIONS[name].per_frame and not self.blind
+        growth = Growth.PER_FRAME if per_frame else Growth.WHOLE
         query = self.signals.query("relation", name, tuple(bodies))
         return self.store.column(query, measure, growth)
 
@@ -205,7 +189,7 @@ class Relations:
             fingers = {body.finger for body in header.bodies}
             if not self.blind and not {"left", "right"} <= fingers:
                 return "names of the left and the right finger"
-            if self.blind and not self._fingers_seen and self._hand is None:
+            if self.blind and not self.fingers_seen and self._hand is None:
                 return "contact forces, and does not say which body is the gripper"
         if name == "depends_on" and bodies and self.unweighed:
             near = self.dependence.beside(self.episode.body_index[bodies[1]])
@@ -249,9 +233,8 @@ class Relations:
     def _unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
         found = unmeasured.lost_by(self, name, bodies)
         if (
-            name not in ("supported", "carried", "depends_on", "exposed_to")
-            or not self.bearers_unseen
-        ):
+            RELATIONS[name].rests_on == "bodies" or RELATIONS[name].gate
+        ) or not self.bearers_unseen:
             return found
         truth = self.get(name, bodies)
         if truth is None or truth.all():
@@ -271,7 +254,7 @@ class Relations:
         near, lift = f"{TOUCH * 1e3:g} mm", f"{LIFT * 1e3:g} mm"
         how = {
             "held": "by the shapes of both fingers"
-            if self._fingers_seen
+            if self.fingers_seen
             else "by what goes along with the gripper",
             "depends_on": "by what rests on what: needless supports count; "
             "what touches from the side may lean or not",
@@ -292,52 +275,48 @@ class Relations:
     ) -> Series:
         """Any signal: those of ``signals``, and those that need the support graph.
 
-        The ``COSTLY`` ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
+        The costly ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
         others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
-        if name in MEASURES:
-            return self._sparse(name, tuple(bodies), wanted, options)
-        if name not in ("slip", "load_share", "fall", "peak_force", *effect.SIGNALS):
-            return self.signals.get(name, bodies, reference, reach, options, limits)
-        since = reference.key if reference else ""
-        said = "peak_force, missed peaks included" if name == "peak_force" else name
-        query = self.signals.query("signal", said, tuple(bodies), since, options=options)
-        return self.store.series(
-            query, lambda _: self._everywhere(name, bodies, reference, options)
-        )
+        signal, bodies, query = SIGNALS[name], tuple(bodies), self.signals.query
+        if signal.refine is not None:
+            refine = signal.refine
 
-    def _everywhere(
-        self, name: str, bodies: Sequence[str], reference: Reference | None, options: Options
-    ) -> Series:
-        """A signal that needs relations, at all frames."""
-        if name == "slip":  # since a grasp that may have been lost in a hole
-            found = self._known_part(name, bodies, self._slip(bodies[0], reference))
-            unseen = self.episode.unseen
-            return found if unseen is None else hide(found, np.logical_or.accumulate(unseen))
-        if name == "peak_force":
-            return between.with_missed_peaks(self, bodies, self.signals.get(name, bodies))
-        if name == "load_share":
-            found = self._load_share(*bodies)
-        elif name == "fall":
-            found = falls.fallen(self, bodies[0])
+            def refined(_: Any) -> Series:
+                return refine(self, bodies, self.signals.get(name, bodies, options=options))
+
+            asked = query("signal", f"{name}, refined", bodies, options=options)
+            return self.store.series(asked, refined)
+        if not signal.support:
+            return self.signals.get(name, bodies, reference, reach, options, limits)
+        if signal.costly:
+            found = self._sparse(name, bodies, wanted, options)
         else:
-            found = effect.measure(self, name, bodies, dict(options).get("over"))
+
+            def everywhere(_: Any) -> Series:
+                frames = np.arange(len(self.episode))
+                request = SupportRequest(self, signal, bodies, reference, options, frames)
+                return signal.measure(request)
+
+            since = reference.key if reference else ""
+            asked = query("signal", name, bodies, since, options=options)
+            found = self.store.series(asked, everywhere)
         return self._known_part(name, bodies, found)
 
     def _sparse(
         self, name: str, bodies: tuple[str, ...], wanted: Bool | None, options: Options
     ) -> Series:
-        """One of ``MEASURES`` at least at the wanted frames (T,)."""
+        """A costly signal at least at the wanted frames (T,)."""
 
         def measure(near: Any, at: NDArray[np.int64]) -> tuple[NDArray[np.int64], Series]:
             relations: Relations = self if near is None else near
             return at, relations.measure(name, at, bodies, options)
 
-        asked = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
+        frames = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
         query = self.signals.query("signal", name, bodies, options=options)
         growth = Growth.WHOLE if self.blind else Growth.PER_FRAME
-        found = self.store.partial(query, asked, measure, growth)
-        return self._known_part(name, bodies, found.series(asked, SIGNALS[name].dimension))
+        partial = self.store.partial(query, frames, measure, growth)
+        return partial.series(frames, SIGNALS[name].dimension)
 
     def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
         """The same, unknown where something that it may rest on was not measured."""
@@ -372,15 +351,10 @@ class Relations:
     def measure(
         self, name: str, at: NDArray[np.int64], bodies: Sequence[str], options: Options = ()
     ) -> Series:
-        """(N,) one of ``MEASURES`` at N frames."""
-        found, unseen = MEASURES[name](self, at, *bodies, **dict(options)), self.episode.unseen
+        """(N,) a costly signal at N frames."""
+        request = SupportRequest(self, SIGNALS[name], tuple(bodies), None, options, at)
+        found, unseen = request.signal.measure(request), self.episode.unseen
         return found if unseen is None else hide(found, unseen[at])
-
-    def _slip(self, name: str, reference: Reference | None) -> Series:
-        """What is held because it goes along with the gripper cannot slip, so it does not tell."""
-        told = self._fingers_seen or not self.blind
-        found = slip(self.episode, name, self.get("held", [name]) if told else None, reference)
-        return replace(found, notes=(*found.notes, *(self.caveat("held") if told else ())))
 
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
         """As in ``Signals``."""
@@ -398,37 +372,16 @@ class Relations:
         held: Callable[[int], Bool] | None = None,
     ) -> Bool | None:
         """(T,) by the given support graph and grip; by ``self.graph`` and ``self.held`` if None."""
-        index, graph, held = self.episode.body_index, graph or self.graph, held or self.held
-        if name == "inside":
-            body, container = bodies
-            return self.inside(body, container, self._may_bear(container, body, graph))
-        if name == "exposed_to":
-            first, second = ([index[b] for b in self.signals.bodies(body)] for body in bodies)
-            return self.exposure.exposed(first, second)
-        ids = [index[body] for body in bodies]
-        if name == "caused":
-            return np.asarray(np.arange(len(self.episode)) >= self.causes.since(ids[0]))
-        if name == "supports":
-            return graph.supports(*ids)
-        if name == "supported":
-            return graph.supported(ids[0])
-        if name == "carried":
-            found = graph.carried(ids[0], held)
-            if self.blind:  # friction lifts what fingers squeeze, and no shape shows it
-                found = found | (held(ids[0]) & ~self._borne(ids[0]))
-            return found
-        if name == "held":
-            return held(ids[0])
-        if name == "depends_on":
-            return graph.rests_on(ids[0], ids[1], held)
-        raise KeyError(name)
+        request = RelationRequest(self, tuple(bodies), graph or self.graph, held or self.held)
+        truth: Bool | None = RELATIONS[name].decide(request)
+        return truth
 
     @cached_property
     def _hand(self) -> str | None:
         return gripper_frame(self.episode)
 
     @cached_property
-    def _fingers_seen(self) -> bool:
+    def fingers_seen(self) -> bool:
         """Shapes of both fingers are known."""
         seen = {body.finger for body in self.episode.header.bodies if body.geoms}
         return {"left", "right"} <= seen
@@ -452,7 +405,7 @@ class Relations:
 
     def _gripped(self, body: int) -> Grip:
         shaped = bool(self.episode.header.bodies[body].geoms)
-        if not self.blind or (self._fingers_seen and shaped):
+        if not self.blind or (self.fingers_seen and shaped):
             if self.blind:
                 return by_fingers(self.episode, body, self.proximity)
             found = by_pressure(self.episode, body, self.touches.beside(body))
@@ -460,46 +413,17 @@ class Relations:
         if self._hand is None or not self.episode.header.bodies[body].movable:
             nothing = np.zeros(len(self.episode), np.bool_)
             return Grip(nothing, nothing, nothing)
-        return by_motion(self.episode, body, self._hand, self._borne(body))
+        return by_motion(self.episode, body, self._hand, self.borne(body))
 
-    def _borne(self, body: int) -> Bool:
+    def borne(self, body: int) -> Bool:
         """(T,) some body other than the robot bears it."""
         nothing = np.zeros(len(self.episode), np.bool_)
         bearers = self.graph.bearers(body).values()
         return np.asarray(np.logical_or.reduce([nothing, *bearers]))
 
-    def _may_bear(self, bearer: str, borne: str, graph: SupportGraph) -> Bool:
+    def may_bear(self, bearer: str, borne: str, graph: SupportGraph) -> Bool:
         """(T,) false only where the first body does not bear the second."""
         if self.lacking("supports", (bearer, borne)):
             return np.ones(len(self.episode), np.bool_)
         index = self.episode.body_index
         return graph.supports(index[bearer], index[borne])
-
-    def inside(self, a: str, container: str, bears: Bool) -> Bool | None:
-        """(T,) lowest point under the rim and within, and (centroid within, or borne by it).
-
-        Without a declared cavity nothing is inside: false, not unknown.
-        """
-        episode, movers = self.episode, self.signals.movers
-        cavity = episode.bodies[container].cavity
-        if cavity is None:
-            return np.zeros(len(episode), np.bool_)
-        if not movers.of([a]):
-            return None
-        low, centroid = inside_parts(movers[a], movers[container], cavity)
-        return np.broadcast_to(low & (centroid | bears), len(episode))
-
-    def _load_share(self, a: str, s: str) -> Series:
-        """(T,) share of the upward load on a that s carries."""
-        index = self.episode.body_index
-        if not self.blind:
-            return self.loads.share(index[a], index[s])
-        if self.lacking("supports", (s, a)):
-            return unknown(len(self.episode), "ratio", "the trace has no contact forces")
-        bearers = self.graph.bearers(index[a])
-        mine = bearers.get(index[s], np.zeros(len(self.episode), np.bool_))
-        others = [bears for body, bears in bearers.items() if body != index[s]]
-        held_ = self.may_be_held(index[a]) | self.graph.borne_by_robot(index[a])
-        shared = np.logical_or.reduce([held_, *others])
-        lower, upper = np.where(mine & ~shared, 1.0, 0.0), np.where(mine, 1.0, 0.0)
-        return Series(lower, upper, "ratio", self.caveat("supports"))

@@ -16,11 +16,11 @@ from safestage_eval.episode import Track
 from safestage_eval.evidence import disk_store
 from safestage_eval.evidence.cache_folder import CacheFolder
 from safestage_eval.evidence.disk_store import DiskStore
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import EpisodeRef, discover, load, save
 from safestage_eval.rules import load_rules
 from safestage_eval.run.score_episode import score_episode
 from safestage_eval.run.score_many import score_paths
-from safestage_eval.signals.measure import Signals
 
 TRACES = Path(__file__).parents[2] / "traces"
 BUILTIN = ("ish", "ets", "fsh")

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.contacts import Pair
-from safestage_eval.evidence.query import Growth, Query
-from safestage_eval.evidence.store import Store
 
 from .contact_kernels import add_up, add_up_normal, strange
 from .gaps import Gaps
+from .query import Growth, Query
+from .store import Store
 
 F64 = NDArray[np.float64]
 
