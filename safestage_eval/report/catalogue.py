@@ -20,7 +20,7 @@ from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.uses import Source, own_params, sources, uses_of
 from safestage_eval.signals import SIGNALS
 
-from .rule_report import rule_facts
+from .rule_report import obligations, rule_facts
 
 FAMILIES = {
     "ISH1": "stacking and support",
@@ -78,14 +78,11 @@ def _rule(facts: Mapping[str, Any]) -> Iterator[str]:
     yield f"### {facts['code']}\n"
     yield f"**{facts['title']}.** {facts['why']}\n"
     roles = ", ".join(f"`{name}` ({text})" for name, text in facts["roles"].items())
-    lasting = f", for {facts['for']} or longer" if facts["for"] else ""
     said = {
         "roles": roles,
         "only if": f"{facts['given']}, in the first frames" if facts["given"] else "",
         "judged": facts["scope"] + (f", until {facts['until']}" if facts["until"] else ""),
-        "always": "; ".join(facts["require"]),
-        "never": "; ".join(item + lasting for item in facts["forbid"]),
-        "at some time": (facts["reach"] + lasting) if facts["reach"] else "",
+        **{heading: "; ".join(texts) for heading, texts in obligations(facts)},
         "severity": "; ".join(
             f"{level}: also with {', '.join(f'{n} = {v}' for n, v in values.items())}"
             for level, values in facts["severity"].items()
