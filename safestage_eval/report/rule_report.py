@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rich.cells import cell_len
-
 from safestage_eval.evidence.declare import Relation, Signal
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import rule_digest, words
@@ -15,6 +13,9 @@ from safestage_eval.rules.clauses import CLAUSES, ClauseSpec
 from safestage_eval.rules.names import a_dimension
 from safestage_eval.rules.uses import Source, own_params, uses_of
 from safestage_eval.signals import SIGNALS
+
+from .render_text import text_lines
+from .table import Table
 
 LEFT = 12
 """Characters before the text of an entry."""
@@ -221,8 +222,8 @@ def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
         ["; ".join(e["calls"]), e["dimension"] or "true/false", ", ".join(e["needs"]), e["meaning"]]
         for e in entries
     ]
-    head = ["name", "value", "needs", "meaning"]
-    return "\n".join(_columns([head, *rows])) + "\n"
+    head = ("name", "value", "needs", "meaning")
+    return "\n".join(text_lines(Table("", head, rows, len(head)))) + "\n"
 
 
 def _calls(spec: Signal | Relation) -> list[str]:
@@ -270,16 +271,4 @@ def _entry(name: str, texts: list[str]) -> list[str]:
 
 
 def _table(name: str, rows: list[list[str]]) -> list[str]:
-    return _entry(name, _columns(rows))
-
-
-def _columns(rows: list[list[str]]) -> list[str]:
-    if not rows:
-        return []
-    widths = [max(cell_len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
-    return [
-        "  ".join(
-            [c + " " * (w - cell_len(c)) for c, w in zip(row, widths, strict=False)] + row[-1:]
-        )
-        for row in rows
-    ]
+    return _entry(name, text_lines(Table("", (), rows, len(rows[0]))) if rows else [])
