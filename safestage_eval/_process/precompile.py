@@ -71,6 +71,20 @@ def compile_kernels(tell: Tell | None = None) -> None:
         return
 
 
+def is_compiled() -> bool:
+    """Whether this machine has compiled all kernels of this version."""
+    return _stamp().exists()
+
+
+def load_kernels() -> None:
+    """Load every listed kernel into this process, compiled before or now."""
+    compile_kernels()
+    for module, kernels in read_signatures().items():
+        for kernel, all_types in kernels.items():
+            for types in all_types:
+                compile_one(module, kernel, types)
+
+
 def by_room(signatures: dict[str, Any]) -> dict[str, list[str]]:
     """Modules by their folder, largest first: kernels call no kernels of another folder."""
     rooms: dict[str, list[str]] = {}
