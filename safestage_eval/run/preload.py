@@ -6,6 +6,9 @@ every listed kernel loaded, in memory that all of them share.
 
 import gc
 
+import pyarrow.compute  # noqa: F401 — lazily imported elsewhere, as is the next
+import scipy.spatial  # noqa: F401
+
 import safestage_eval.verdicts.judging  # noqa: F401 — all that measures and judges
 from safestage_eval._process.precompile import load_kernels
 
