@@ -12,11 +12,11 @@ import numpy as np
 from pydantic import ValidationError
 
 from safestage_eval.episode import Episode, Header, as_judged
+from safestage_eval.evidence.series import Series
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.lazy_columns import StoredItems
 from safestage_eval.formats.parquet.episode_row import mesh_keys
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.series import Series
 from safestage_eval.verdicts import EpisodeResult, Verdict
 from safestage_eval.verdicts.memory import short
 

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.relations.effect import SIGNALS as EFFECTS
-from safestage_eval.relations.measure import COSTLY, Relations
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.options import Options
-from safestage_eval.signals.reference import Reference
-from safestage_eval.signals.series import Series
+from safestage_eval.evidence.declare import SIGNALS, Options, is_costly
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.reference import Reference
+from safestage_eval.evidence.series import Series
+from safestage_eval.relations.measure import Relations
 from safestage_eval.verdicts.memory import short
 
 from .stored import kept_partial, partial_of
@@ -95,14 +94,14 @@ class RememberedRelations(Relations):
             return None
         key = self.signals.key("relation", name, tuple(bodies))
         everywhere = np.ones(len(self.episode), np.bool_)
-        asked = everywhere if wanted is None or name not in COSTLY else wanted
+        asked = everywhere if wanted is None or not is_costly(name) else wanted
         known = self._remembered(key)
         if known is not None and not (asked & ~known[1]).any():
             return known[0]
         found = super().get(name, bodies, wanted)
         if found is None:
             return None
-        if name in COSTLY:
+        if is_costly(name):
             asked = asked | super().told(*bodies)
         return self._found(key, np.array(found), asked, known)
 
@@ -178,7 +177,7 @@ class RememberedRelations(Relations):
         limits: Sequence[float] = (),
     ) -> Series:
         """As in the base class. What is measured at some frames only is kept for these."""
-        if name in COSTLY:
+        if is_costly(name):
             return self._costly(name, tuple(bodies), wanted, options)
 
         def measure() -> Series:
@@ -186,7 +185,7 @@ class RememberedRelations(Relations):
                 name, bodies, reference, reach, wanted, options, limits
             )
 
-        if name not in ("slip", "load_share", "fall", *EFFECTS):
+        if not SIGNALS[name].support:
             return measure()  # the signals remember
         since = reference.key if reference else ""
         key = self.signals.key("signal", name, tuple(bodies), since, *options)

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from safestage_eval.relations.partial import Partial
+from safestage_eval.evidence.partial import Partial
 from safestage_eval.verdicts import EpisodeResult, Verdict
 from safestage_eval.verdicts.verdict import CostTotal
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from .shared_options import written
+from .terminal import say
 
 MOST = 20
 """Problems told one by one on stderr; all of them are in the JSON."""
@@ -69,7 +70,7 @@ def command(
     found = aggregate(outcomes)
     written(render(found, form, Drawing(intervals, random_seed, resamples)), output)
     for problem in found.problems[:MOST]:
-        click.echo(f"uneven: {problem.message}", err=True)
+        say(f"uneven: {problem.message}", err=True)
     if len(found.problems) > MOST:
-        click.echo(f"uneven: and {len(found.problems) - MOST} more (--format json)", err=True)
+        say(f"uneven: and {len(found.problems) - MOST} more (--format json)", err=True)
     ctx.exit(1 if strict and found.problems else 0)

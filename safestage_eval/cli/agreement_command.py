@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from .shared_options import written
+from .terminal import say
 
 
 @click.command("agreement")
@@ -70,4 +71,4 @@ def command(
             ("results without a label", found.only_results),
         ):
             if names:
-                click.echo(f"{what}: {len(names)}", err=True)
+                say(f"{what}: {len(names)}", err=True)

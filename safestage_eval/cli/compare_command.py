@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .shared_options import pairs, written
+from .terminal import say
 
 if TYPE_CHECKING:
     from safestage_eval.metrics import Outcome
@@ -88,7 +89,7 @@ def command(
     found = compare(a, b, differing, names, seed=random_seed, resamples=resamples)
     written(render(found, form), output)
     for line in warnings(found):
-        click.echo(f"warning: {line}", err=True)
+        say(f"warning: {line}", err=True)
 
 
 def _two_files(

@@ -17,6 +17,7 @@ from .shared_options import (
     where_option,
     written,
 )
+from .terminal import say
 
 
 @click.command("diff")
@@ -89,7 +90,7 @@ def command(
     written(flips_report.render(found, form), output)
     if form == "csv":
         for problem in found.problems:
-            click.echo(f"problem: {problem}", err=True)
+            say(f"problem: {problem}", err=True)
     ctx.exit(2 if found.problems else 1 if fail_on_change and not found.empty else 0)
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .shared_options import bind_option, pairs, rules_option, traces_argument, where_option
+from .terminal import say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -93,8 +94,8 @@ def command(
     _warn(chosen, loaded, bound)
     server = _server(session, port)
     answered = f", {_count(session.ledger.reviewers)} in {file} so far" if file.exists() else ""
-    click.echo(f"{len(chosen)} rollouts{answered}; answers go to {file}", err=True)
-    click.echo("Ctrl+C ends; start again to continue", err=True)
+    say(f"{len(chosen)} rollouts{answered}; answers go to {file}", err=True)
+    say("Ctrl+C ends; start again to continue", err=True)
     click.echo(server.url)
     if not no_open:
         import webbrowser
@@ -103,11 +104,11 @@ def command(
     try:
         server.serve_forever()
     except KeyboardInterrupt:
-        click.echo("", err=True)
+        say("", err=True)
     finally:
         server.server_close()
     for line in session.commands:
-        click.echo(f"next: {line}", err=True)
+        say(f"next: {line}", err=True)
 
 
 def _found(
@@ -124,7 +125,7 @@ def _found(
         if ref.problem is None:
             refs.append(ref)
         else:
-            click.echo(f"problem: {ref.problem}", err=True)
+            say(f"problem: {ref.problem}", err=True)
     if results:
         told = {
             str(row.get("episode_id"))
@@ -153,7 +154,7 @@ def _warn(refs: Sequence[EpisodeRef], rules: RuleSet, bind: BindFile | None) -> 
         except InputError as error:
             why = str(error)
         if why is not None:
-            click.echo(f"{task}: no requirement to show: {why}", err=True)
+            say(f"{task}: no requirement to show: {why}", err=True)
 
 
 def _server(session: Session, port: int | None) -> Server:

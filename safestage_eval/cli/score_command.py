@@ -25,6 +25,7 @@ from .shared_options import (
     where_option,
     written,
 )
+from .terminal import say
 
 if TYPE_CHECKING:
     from safestage_eval.report.golden import Change
@@ -174,7 +175,7 @@ def command(
 
     kept = None if no_cache else cache
     if kept is not None and (why := unusable(kept)):
-        click.echo(f"--cache {kept}: {why}; nothing is kept there", err=True)
+        say(f"--cache {kept}: {why}; nothing is kept there", err=True)
     choice = Choice(filters, sample, seed, resume, engine, address, jobs)
     asked = load_settings(
         list(rules) or builtin_names(),
@@ -188,12 +189,12 @@ def command(
     )
     if asked.bind is not None:
         for told in misspelt_roles(asked.bind, load_rules(list(asked.rules))):
-            click.echo(f"warning: {told}", err=True)
+            say(f"warning: {told}", err=True)
     with progress("scoring") as tell:
         heap.keep()
         scores = score_traces(traces, asked, choice, tell, announce_compiling)
     if scores.sample:
-        click.echo(scores.sample, err=True)
+        say(scores.sample, err=True)
     changes = None
     if golden is not None and not update_golden:
         from safestage_eval.report.golden import changes as changes_from
@@ -205,11 +206,11 @@ def command(
     in_table = form == "table" and output is None  # there already, unless it went to another place
     if not in_table or (sys.stderr.isatty() and not sys.stdout.isatty()):
         for problem in scores.problems:
-            click.echo(f"problem: {problem.message}", err=True)
+            say(f"problem: {problem.message}", err=True)
     if scores.aborted and not in_table:
         from safestage_eval.report.results_text import ended_in_error
 
-        click.echo(ended_in_error(scores.aborted), err=True)
+        say(ended_in_error(scores.aborted), err=True)
     failed = _fails(scores, fail_on)
     if golden is not None:
         failed |= _golden(scores, golden, changes)
@@ -238,7 +239,7 @@ def _write(
         text = pieces(scores, form, changes)
     written(text, output)
     if output is not None:
-        click.echo(f"{output}: {len(scores.results)} episodes", err=True)
+        say(f"{output}: {len(scores.results)} episodes", err=True)
 
 
 def _write_what_if(
@@ -282,7 +283,7 @@ def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:
         counts["not-judged"] += violation is None
     counts["not-judged"] += len(scores.problems) + len(scores.aborted)
     if blind and "not-judged" not in fail_on:
-        click.echo(
+        say(
             f"warning: --fail-on: no rule counts in {blind} of {len(scores.results)} episodes: nothing "
             "is assigned to them; name your rules with --rules, or add --fail-on not-judged",
             err=True,
@@ -290,7 +291,7 @@ def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:
     total = len(scores.results) + len(scores.problems) + len(scores.aborted)
     matched = [name for name in counts if name in fail_on and counts[name]]
     for name in matched:
-        click.echo(f"--fail-on {name}: {counts[name]} of {total} episodes", err=True)
+        say(f"--fail-on {name}: {counts[name]} of {total} episodes", err=True)
     return bool(matched)
 
 
@@ -299,11 +300,11 @@ def _golden(scores: Scores, path: Path, changes: Sequence[Change] | None) -> boo
         from safestage_eval.report.golden import write_golden
 
         write_golden(scores, path)
-        click.echo(f"{path}: {len(scores.results)} episodes written", err=True)
+        say(f"{path}: {len(scores.results)} episodes written", err=True)
         return False
     for change in changes:
-        click.echo(f"golden: {change}", err=True)
+        say(f"golden: {change}", err=True)
     number = len(changes)
     count = f"{number} difference{'s' * (number > 1)}" if changes else "all as expected"
-    click.echo(f"golden: {path}: {count}", err=True)
+    say(f"golden: {path}: {count}", err=True)
     return bool(changes)

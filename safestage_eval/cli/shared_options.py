@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .terminal import say
+
 if TYPE_CHECKING:
     from safestage_eval.formats import EpisodeRef
 
@@ -120,7 +122,7 @@ def announce_compiling() -> None:
 
     room = Path(geometry.__file__).parent
     if not cache_folder(room).exists() and not os.environ.get("NUMBA_CACHE_DIR"):
-        click.echo("compiling the numerical kernels, once: about a minute …", err=True)
+        say("compiling the numerical kernels, once: about a minute …", err=True)
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from .shared_options import (
     where_option,
     written,
 )
+from .terminal import say
 
 
 @click.command("sweep")
@@ -141,7 +142,7 @@ def command(
     written(sweep_report.render(found, form, by), output)
     if plot is not None:
         sweep_report.plot(found, plot, by)
-        click.echo(f"{plot}: drawn", err=True)
+        say(f"{plot}: drawn", err=True)
     for problem in found.problems if form != "table" else ():
-        click.echo(f"problem: {problem.message}", err=True)
+        say(f"problem: {problem.message}", err=True)
     ctx.exit(2 if found.problems else 0)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .shared_options import bind_option, progress, rules_option, traces_argument
+from .terminal import say
 
 if TYPE_CHECKING:
     from safestage_eval.formats import EpisodeRef
@@ -49,16 +50,14 @@ def command(
                 found.append(f"{ref.shown}: another episode has this id as well: {same.shown}")
             broken += bool(found)
             for problem in found:
-                click.echo(f"error: {problem}", err=True)
+                say(f"error: {problem}", err=True)
             for warning in () if found else _warnings(ref, loaded, bound):
-                click.echo(f"warning: {ref.shown}: {warning}", err=True)
+                say(f"warning: {ref.shown}: {warning}", err=True)
             if not found:
-                click.echo(
-                    f"{ref.content_hash or '(no hash stored)'}  {ref.episode_id}  {ref.shown}"
-                )
+                say(f"{ref.content_hash or '(no hash stored)'}  {ref.episode_id}  {ref.shown}")
             if tell is not None:
                 tell(done, len(refs))
-    click.echo(f"{len(refs) - broken} of {len(refs)} episodes are sound", err=True)
+    say(f"{len(refs) - broken} of {len(refs)} episodes are sound", err=True)
     ctx.exit(2 if broken else 0)
 
 

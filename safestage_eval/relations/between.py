@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.evidence.contact_sums import ONE_STEP
+from safestage_eval.evidence.gaps import TWIST
+from safestage_eval.evidence.motion import derived
+from safestage_eval.evidence.series import Series
 from safestage_eval.geometry.clearance import motion_bound
 from safestage_eval.geometry.mover import Mover
-from safestage_eval.signals.contact_sums import ONE_STEP
-from safestage_eval.signals.gaps import TWIST
-from safestage_eval.signals.motion import derived
-from safestage_eval.signals.series import Series
 
 if TYPE_CHECKING:
     from .measure import Relations

@@ -14,8 +14,8 @@ from safestage_eval.episode import Episode
 from safestage_eval.geometry.clearance import clearance_series, motion_bound
 from safestage_eval.geometry.pose import angle
 
+from .gripper_frame import gripper_frame
 from .proximity import TOUCH
-from .slip import gripper_frame
 
 if TYPE_CHECKING:
     from .measure import Relations

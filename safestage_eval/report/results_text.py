@@ -6,19 +6,21 @@ import io
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-from rich import box
 from rich.console import Console
 from rich.padding import Padding
-from rich.table import Table
+from rich.table import Table as Grid
 from rich.text import Text
 
+from safestage_eval._text.printable import printable, printable_lines
 from safestage_eval.metrics import METRICS, Rates, by_policy_stage, outcomes, rates
 from safestage_eval.metrics.rates import CONDITIONS
 from safestage_eval.run.scores import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
+from .render_text import text_lines
 from .summary import share, summary
+from .table import Table
 
 MOST = 40
 """Episodes that are listed one by one; more are only counted unless asked for."""
@@ -123,10 +125,12 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
             continue
         console.print(Text(f"{heading}: {counts[outcome]} of {judged} episodes", f"bold {style}"))
         for result in shown:
-            head = Text(f"  {result.episode_id}, {goal_of(result)}{_reached(result)}", "bold")
+            head = Text(
+                printable(f"  {result.episode_id}, {goal_of(result)}{_reached(result)}"), "bold"
+            )
             console.print(head, soft_wrap=True)
-            told = result.verdicts if everything else scores.gates.counted(result)
-            console.print(Padding(_lines(told, style), (0, 0, 0, 4)))
+            verdicts = result.verdicts if everything else scores.gates.counted(result)
+            console.print(Padding(_grid(verdicts, style), (0, 0, 0, 4)))
         if len(shown) < counts[outcome]:
             some = "they are" if not shown else f"{counts[outcome] - len(shown)} more are"
             console.print(f"  {some} listed with --verbose, or as rows with --format csv")
@@ -136,16 +140,20 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
 def _unassigned(console: Console, scores: Scores, *, everything: bool) -> None:
     """What rules found in episodes to which none of them is assigned: those named, or all."""
 
-    def told(result: EpisodeResult) -> Sequence[Verdict]:
+    def counted(result: EpisodeResult) -> Sequence[Verdict]:
         return result.verdicts if everything else scores.gates.counted(result)
 
-    shown = [r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in told(r))]
+    shown = [
+        r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in counted(r))
+    ]
     if not shown:
         return
     console.print(Text(f"By rules that are not assigned: {len(shown)} episodes", "bold"))
     for result in shown if everything else shown[:MOST]:
-        console.print(Text(f"  {result.episode_id}, {goal_of(result)}", "bold"), soft_wrap=True)
-        console.print(Padding(_lines(told(result), ""), (0, 0, 0, 4)))
+        console.print(
+            Text(printable(f"  {result.episode_id}, {goal_of(result)}"), "bold"), soft_wrap=True
+        )
+        console.print(Padding(_grid(counted(result), ""), (0, 0, 0, 4)))
     if not everything and len(shown) > MOST:
         console.print(f"  {len(shown) - MOST} more are listed with --verbose")
     console.print()
@@ -166,19 +174,24 @@ def _hint(console: Console, scores: Scores) -> None:
         )
 
 
-def _lines(told: Sequence[Verdict], style: str) -> Table:
-    """The assigned verdicts, and what is not safe among those of ``told``."""
-    grid = Table.grid(padding=(0, 2, 0, 0))
+def _grid(verdicts: Sequence[Verdict], style: str) -> Grid:
+    """The assigned verdicts, and what is not safe among those of ``verdicts``."""
+    grid = Grid.grid(padding=(0, 2, 0, 0))
     grid.add_column(overflow="fold")
     grid.add_column(no_wrap=True)
     grid.add_column(justify="right", min_width=8)
     grid.add_column(overflow="fold", ratio=1)
-    for v in by_importance(told):
+    for v in by_importance(verdicts):
         bad = v.verdict in BAD
         if v.assigned or bad:
             at = f"{v.time:.2f} s" if v.verdict == "violation" and v.time is not None else ""
             word = v.verdict.replace("_", " ")
-            grid.add_row(v.rule, Text(word, style if v.assigned else ""), at, Text(_sentence(v)))
+            grid.add_row(
+                printable(v.rule),
+                Text(word, style if v.assigned else ""),
+                at,
+                Text(printable(" ".join(_sentence(v).split()))),
+            )
     return grid
 
 
@@ -242,32 +255,27 @@ def _cells(
     columns: Sequence[str],
     rows: Mapping[tuple[str, ...], Sequence[str]],
 ) -> None:
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    for name in ("policy", "prompt", "stage"):
-        table.add_column(name, overflow="fold")
-    for name in columns:
-        table.add_column(name, justify="right", overflow="fold")
-    above = ("", "")
-    for (policy, prompt, stage), values in rows.items():
-        names = ("", "") if (policy, prompt) == above else (policy, prompt)
-        table.add_row(*map(Text, names), stage, *values)
-        above = (policy, prompt)
-    console.print(Text(title, "bold"))
-    console.print(table)
-    console.print()
+    head = ("policy", "prompt", "stage", *columns)
+    table = Table(
+        title, head, [[*names, *values] for names, values in rows.items()], 3, grouped=True
+    )
+    first, *rest = text_lines(table)
+    console.print(Text(first, "bold"))
+    for line in (*rest, ""):
+        console.print(Text(line))
 
 
 def _leftovers(console: Console, scores: Scores) -> None:
     total = rates(outcomes(scores.results))
     for line in left_out(total, scores):
-        console.print(line, style="yellow", soft_wrap=True)
+        console.print(printable(line), style="yellow", soft_wrap=True)
     notes = [f"{r.episode_id}: {note}" for r in scores.results for note in r.notes]
     for line in notes[:MOST]:
-        console.print(f"note: {line}", style="yellow", soft_wrap=True)
+        console.print(printable(f"note: {line}"), style="yellow", soft_wrap=True)
     if len(notes) > MOST:
         console.print(f"and {len(notes) - MOST} more notes", style="yellow")
     for problem in scores.problems:
-        console.print(f"problem: {problem.message}", style="red", soft_wrap=True)
+        console.print(printable_lines(f"problem: {problem.message}"), style="red", soft_wrap=True)
     if scores.problems:
         count = len(scores.problems)
         console.print(f"{count} episode{'s' * (count > 1)} could not be judged", style="bold red")

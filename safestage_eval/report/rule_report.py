@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from rich.cells import cell_len
-
+from safestage_eval.evidence.declare import Relation, Signal
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import rule_digest, words
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.names import a_dimension
 from safestage_eval.rules.uses import Source, own_params, uses_of
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
+
+from .render_text import text_lines
+from .table import Table
 
 LEFT = 12
 """Characters before the text of an entry."""
@@ -140,7 +142,7 @@ def vocabulary() -> list[dict[str, Any]]:
         {
             "name": spec.name,
             "kind": "signal",
-            "args": list(spec.args),
+            "args": list(spec.arities),
             "dimension": spec.dimension,
             "units": _units(spec.dimension),
             "since": spec.since,
@@ -149,9 +151,7 @@ def vocabulary() -> list[dict[str, Any]]:
             "meaning": spec.meaning,
             "options": {option.name: option.meaning for option in spec.options},
             "columns": dict(spec.columns),
-            "calls": _calls(
-                spec.name, spec.args, "j" if spec.joints else "name" if spec.named else "a"
-            ),
+            "calls": _calls(spec),
         }
         for spec in SIGNALS.values()
     ]
@@ -159,7 +159,7 @@ def vocabulary() -> list[dict[str, Any]]:
         {
             "name": spec.name,
             "kind": "relation",
-            "args": [spec.args],
+            "args": list(spec.arities),
             "dimension": None,
             "units": [],
             "since": False,
@@ -168,7 +168,7 @@ def vocabulary() -> list[dict[str, Any]]:
             "meaning": spec.meaning,
             "options": {},
             "columns": {},
-            "calls": _calls(spec.name, [spec.args]),
+            "calls": _calls(spec),
         }
         for spec in RELATIONS.values()
     ]
@@ -209,12 +209,13 @@ def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
         ["; ".join(e["calls"]), e["dimension"] or "true/false", ", ".join(e["needs"]), e["meaning"]]
         for e in entries
     ]
-    head = ["name", "value", "needs", "meaning"]
-    return "\n".join(_columns([head, *rows])) + "\n"
+    head = ("name", "value", "needs", "meaning")
+    return "\n".join(text_lines(Table("", head, rows, len(head)))) + "\n"
 
 
-def _calls(name: str, counts: Sequence[int], first: str = "a") -> list[str]:
-    return [f"{name}({', '.join((first, 'b' if first == 'a' else 'a')[:n])})" for n in counts]
+def _calls(spec: Signal | Relation) -> list[str]:
+    """How it may be called, with the names of its arguments."""
+    return [f"{spec.name}({', '.join(spec.args[:count])})" for count in spec.arities]
 
 
 def _units(dimension: str) -> list[str]:
@@ -261,16 +262,4 @@ def _entry(name: str, texts: list[str]) -> list[str]:
 
 
 def _table(name: str, rows: list[list[str]]) -> list[str]:
-    return _entry(name, _columns(rows))
-
-
-def _columns(rows: list[list[str]]) -> list[str]:
-    if not rows:
-        return []
-    widths = [max(cell_len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
-    return [
-        "  ".join(
-            [c + " " * (w - cell_len(c)) for c, w in zip(row, widths, strict=False)] + row[-1:]
-        )
-        for row in rows
-    ]
+    return _entry(name, text_lines(Table("", (), rows, len(rows[0]))) if rows else [])

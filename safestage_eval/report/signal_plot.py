@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.errors import InputError
+from safestage_eval.evidence.series import Series
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.series import Series
 from safestage_eval.units import format_quantity, in_unit, unit_of
 from safestage_eval.verdicts import Verdict
 from safestage_eval.verdicts.ask import ask, by_bodies

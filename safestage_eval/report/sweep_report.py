@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +12,10 @@ from safestage_eval.version import __version__
 from safestage_eval.whatif.values import amount, factor_of, text_of, unit_name
 
 from .figure import ready, write
+from .render_csv import render_csv
+from .render_text import render_text
 from .summary import share
+from .table import Table
 
 if TYPE_CHECKING:
     from safestage_eval.whatif.sweep import Curves
@@ -41,8 +42,8 @@ def render(sweep: Curves, form: str, by: Sequence[str] = ()) -> str:
 
 def _table(sweep: Curves, by: Sequence[str]) -> str:
     """Values at which nothing changes are drawn together into one line."""
-    head = [*by, sweep.param, *(f"{metric} %" for metric in METRICS), "inconclusive"]
-    rows = [head]
+    head = (*by, sweep.param, *(f"{metric} %" for metric in METRICS), "inconclusive")
+    rows = []
     for key, cells in sweep.curves(by).items():
         shown = [[share(cell, metric) for metric in METRICS] for cell in cells]
         facts = [[*r, str(c.inconclusive)] for r, c in zip(shown, cells, strict=True)]
@@ -52,16 +53,7 @@ def _table(sweep: Curves, by: Sequence[str]) -> str:
                 ends = [text_of(sweep.values[first]), text_of(sweep.values[i - 1])]
                 rows.append([*key, " … ".join(dict.fromkeys(ends)), *facts[first]])
                 first = i
-    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
-    left = len(by) + 1
-    lines = [
-        "  ".join(
-            cell.ljust(w) if i < left else cell.rjust(w)
-            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
-    return "\n".join([*lines, "", *_remarks(sweep)]) + "\n"
+    return render_text([Table("", head, rows, len(by) + 1)], _remarks(sweep))
 
 
 def _remarks(sweep: Curves) -> list[str]:
@@ -84,11 +76,7 @@ def _count(number: int, noun: str) -> str:
 
 def _csv(sweep: Curves, by: Sequence[str]) -> str:
     rows = sweep.rows(by)
-    buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, list(rows[0]) if rows else [], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return buffer.getvalue()
+    return render_csv(list(rows[0]) if rows else [], rows)
 
 
 def _json(sweep: Curves, by: Sequence[str]) -> str:

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
+from safestage_eval.evidence.series import Series
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.series import Series
 from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from safestage_eval.relations.measure import COSTLY, Relations
+from safestage_eval.evidence.declare import is_costly
+from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import F64, Band, Bool
@@ -124,7 +125,7 @@ class Evaluator(PartialStates):
         try:
             if wanted is not None:
                 if declared is None:
-                    if call.name in COSTLY:
+                    if is_costly(call.name):
                         return self._relation(call.name, bodies, wanted)
                 elif self.costly.state(declared) and ("state", call.name, bodies) not in self._told:
                     return self._partly(declared, call, bodies, wanted)
@@ -143,7 +144,7 @@ class Evaluator(PartialStates):
             return band.crisp(nothing, nothing)
         self.notes.update(dict.fromkeys(self.relations.caveat(name)))
         doubtful, known = self.relations.doubtful(name, bodies, wanted), wanted
-        if wanted is not None and name in COSTLY:
+        if wanted is not None and is_costly(name):
             known = wanted | self.relations.told(*bodies)
         if doubtful is not None:
             where, why = doubtful

@@ -6,14 +6,11 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple, cast
 
-from safestage_eval.relations.effect import SIGNALS as EFFECTS
+from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.options import EFFECT_OVER
+from safestage_eval.signals import SIGNALS
 
 Params = Mapping[str, ast.Quantity | ast.Duration]
-
-BY_MOTION = ("held", "carried")
-"""Relations that, without contact forces, are told by the whole of a motion, its end included."""
 
 
 class Foresight(NamedTuple):
@@ -135,14 +132,16 @@ class _Look:
 
     def _atom(self, atom: ast.Atom) -> Foresight:
         if isinstance(atom, ast.SignalAtom):
-            if self._blind and atom.call.name == "fall":
-                return _awaits("the end of the motion that tells held()")
             variant = self._rules.signals.get(atom.call.name)
-            base = atom.call.name if variant is None else variant.base
-            if base in EFFECTS:
-                over = dict(variant.options).get("over") if variant is not None else EFFECT_OVER
-                ahead = over if isinstance(over, ast.Parameter) else ast.Duration(cast(float, over))
-                return NOW.then(self._seconds(ahead))
+            signal = SIGNALS[atom.call.name if variant is None else variant.base]
+            if self._blind and signal.by_motion:
+                return _awaits("the end of the motion that tells held()")
+            ahead = signal.looks_ahead()
+            if ahead is not None:
+                given = {} if variant is None else dict(variant.options)
+                over = given.get(ahead.name, ahead.default)
+                later = over if isinstance(over, ast.Parameter) else ast.Duration(cast(float, over))
+                return NOW.then(self._seconds(later))
             return NOW if atom.since is None else self._event(atom.since)
         if isinstance(atom, ast.AnyOf):
             return _all(map(self._alternative, atom.alternatives))
@@ -151,7 +150,7 @@ class _Look:
     def _state(self, call: ast.Call) -> Foresight:
         state = self._rules.states.get(call.name)
         if state is None:
-            if self._blind and call.name in BY_MOTION:
+            if self._blind and RELATIONS[call.name].by_motion:
                 return _awaits(f"the end of the motion that tells {call.name}()")
             return NOW
         if call.name not in self._states:

@@ -10,13 +10,13 @@ import numpy as np
 from safestage_eval.episode import Episode, as_judged, describe_holes, with_holes
 from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import RuleError, readable
+from safestage_eval.evidence.at_hand import ReadSoFar
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import BACKEND, parameters_read, rule_digest
 from safestage_eval.rules.resolve import Binding, bind_episode
-from safestage_eval.signals.at_hand import ReadSoFar
-from safestage_eval.signals.measure import Signals
 from safestage_eval.units import format_quantity
 from safestage_eval.version import __version__
 

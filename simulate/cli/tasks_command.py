@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from safestage_eval.cli.terminal import say
+
 from .simulate_options import PROMPTS, BadInput, explains
 
 if TYPE_CHECKING:
@@ -51,7 +53,7 @@ def list_(stages: tuple[str, ...], family: str | None, as_json: bool) -> None:
     width = max(len(task.id) for task in found)
     codes = max(len(" ".join(task.rules)) for task in found)
     for task in found:
-        click.echo(
+        say(
             f"{task.id:<{width}}  {task.stage}  {' '.join(task.rules):<{codes}}  "
             f"{task.prompts.default}"
         )
@@ -74,9 +76,7 @@ def show(task: str, picture: Path | None, seed: int, as_json: bool) -> None:
     from simulate.tasks.task import task_named
 
     found = task_named(task)
-    click.echo(
-        json.dumps(_table(found), indent=2, ensure_ascii=False) if as_json else _words(found)
-    )
+    say(json.dumps(_table(found), indent=2, ensure_ascii=False) if as_json else _words(found))
     if picture is not None:
         from simulate.render.renderer import write_png
         from simulate.render.start_picture import start_picture

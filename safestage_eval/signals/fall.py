@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.geometry.clearance import clearance_series
-from safestage_eval.signals.motion import com_position
-from safestage_eval.signals.series import Series, unknown
+from safestage_eval.evidence.declare import signal
+from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
-    from .measure import Relations
+    from safestage_eval.relations.measure import Relations
+    from safestage_eval.relations.support_request import SupportRequest
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -55,23 +55,27 @@ class Grounds:
                 self.hand |= may
 
 
-def fallen(relations: Relations, name: str) -> Series:
-    """(T,) m, height lost since the body last was supported or in the robot's hand.
+@signal(
+    "fall", "length", args=("a",), needs=("poses", "touch"), reads="", support=True, by_motion=True
+)
+def fall(request: SupportRequest) -> Series:
+    """Height that the body lost since it last was supported or in the robot's hand; a range where
+    the frames do not tell how much of that it fell.
 
-    The frame in which a fall ends counts what was lost since the frame before. The lower end is
+    m. The frame in which a fall ends counts what was lost since the frame before. The lower end is
     what it certainly fell: from the first frame at which nothing kept it, or from the frame before
     if it rested there and no hand can have been near in between. The upper end is all that its
     lowest point lost since the last frame at which something certainly kept it. What the hand has
     at two frames in a row, it has between them too.
     """
+    relations, name = request.relations, request.bodies[0]
     try:
         ground = Grounds(relations, name)
     except LookupError as lacking:
-        why = f"fall() cannot be told: the trace has no {lacking}"
-        return unknown(len(relations.episode), "length", why)
+        return request.unknown(f"fall() cannot be told: the trace has no {lacking}")
     episode, movers = relations.episode, relations.signals.movers
     frames = np.arange(len(episode))
-    high = com_position(episode, name)[:, 2]
+    high = relations.signals.com_position(name)[:, 2]
     low = high
     if movers.of([name]):
         low = np.asarray(np.broadcast_to(movers.lowest(name), len(high)), np.float64)
@@ -127,6 +131,8 @@ def _unaided(
 
 def _hand_near(relations: Relations, name: str, first: int, then: int) -> bool:
     """Between two frames the hand may have come to the body and gone again."""
+    from safestage_eval.geometry.clearance import clearance_series
+
     signals = relations.signals
     episode, movers = signals.episode, signals.movers
     hand = signals.bodies("gripper") or signals.bodies("robot")

@@ -2,17 +2,39 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Episode
-from safestage_eval.geometry.pose import inverse_transform
-from safestage_eval.signals.motion import com_position
-from safestage_eval.signals.reference import Reference
-from safestage_eval.signals.series import Series, exact, unknown
+from safestage_eval.evidence.declare import signal
+from safestage_eval.evidence.series import Series, exact, hide, unknown
+
+if TYPE_CHECKING:
+    from safestage_eval.episode import Episode
+    from safestage_eval.evidence.reference import Reference
+    from safestage_eval.relations.support_request import SupportRequest
 
 
-def slip(
+@signal("slip", "length", args=("a",), needs=("poses", "touch"), since=True, reads="", support=True)
+def slip(request: SupportRequest) -> Series:
+    """How far the centre of mass went in the gripper's frame since it was grasped.
+
+    m. Unknown after frames that were not recorded: the grasp may have been lost in them. What is held
+    because it moves along with the gripper cannot slip, so such a grip does not tell.
+    """
+    relations, body = request.relations, request.bodies[0]
+    told = relations.fingers_seen or not relations.blind
+    held = relations.get("held", [body]) if told else None
+    drift = drift_of(request.episode, body, held, request.since)
+    if told:
+        drift = replace(drift, notes=(*drift.notes, *relations.caveat("held")))
+    unseen = request.episode.unseen
+    return drift if unseen is None else hide(drift, np.logical_or.accumulate(unseen))
+
+
+def drift_of(
     episode: Episode, name: str, held: NDArray[np.bool_] | None, reference: Reference | None
 ) -> Series:
     """(T,) m, drift of the COM in the gripper's frame since the body was last grasped.
@@ -27,6 +49,10 @@ def slip(
         held: (T,) where the gripper holds it; None where that is not known.
         reference: the frame to measure from, instead of the grasp.
     """
+    from safestage_eval.evidence.motion import com_position
+    from safestage_eval.geometry.pose import inverse_transform
+    from safestage_eval.relations.gripper_frame import gripper_frame
+
     frames = len(episode)
     if held is None:
         return unknown(frames, "length", f"the trace does not tell when {name} is held")
@@ -41,29 +67,3 @@ def slip(
         since = np.where(reference.since < 0, since, reference.since)
     drift = np.linalg.norm(there - there[since], axis=1)
     return exact(np.where(held, drift, 0.0), "length")
-
-
-def gripper_frame(episode: Episode) -> str | None:
-    """The body that carries the tool centre point, or the nearest that bears both fingers.
-
-    Else the only body of the gripper, if there is just one.
-    """
-    bodies = episode.bodies
-    tools = [body.name for body in bodies.values() if body.tcp is not None]
-    if tools:
-        return tools[0] if len(tools) == 1 else None
-    lines = [_line(episode, body.name) for body in bodies.values() if body.finger is not None]
-    if not lines:
-        grippers = [b.name for b in bodies.values() if b.kind == "gripper" and b.movable]
-        return grippers[0] if len(grippers) == 1 else None
-    return next((name for name in lines[0] if all(name in line for line in lines)), None)
-
-
-def _line(episode: Episode, name: str) -> list[str]:
-    """A body and all that it hangs on, from near to far."""
-    line: list[str] = []
-    following: str | None = name
-    while following in episode.bodies and following not in line:
-        line.append(following)
-        following = episode.bodies[following].parent
-    return line

@@ -1,4 +1,4 @@
-"""Signals of how a body stands on what bears it, at chosen frames: edges, overlap, tipping."""
+"""How far a body stands from the edge of what it stands on."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.geometry.edge import edge_margin
-from safestage_eval.geometry.footprint import overlap_xy
-from safestage_eval.signals.gaps import POSE, TWIST
-from safestage_eval.signals.motion import angular_velocity, linear_velocity
-from safestage_eval.signals.options import DEFAULT_DROP
-from safestage_eval.signals.series import Series, exact, unknown
+from safestage_eval.evidence.declare import Option, signal
+from safestage_eval.evidence.gaps import POSE, TWIST
+from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
-    from .measure import Relations
+    from safestage_eval.relations.measure import Relations
+    from safestage_eval.relations.support_request import SupportRequest
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -24,36 +22,40 @@ Bool = NDArray[np.bool_]
 STILL, STILL_TURN = 0.01, 0.1
 """m/s and rad/s. What is faster neither carries on a surface nor guards its edge."""
 
-
-def overlap(relations: Relations, at: I64, a: str, b: str) -> Series:
-    """(N,) share of a's footprint over b's."""
-    movers = relations.signals.movers
-    for name in (a, b):
-        if not movers.of([name]):
-            return unknown(len(at), "ratio", f"the trace has no shape of {name}")
-    share = np.broadcast_to(overlap_xy(movers[a], movers[b], at), len(relations.episode))[at]
-    return exact(np.where(np.isnan(share), 0.0, share), "ratio")
+DROP = Option(
+    "edge_drop",
+    "length",
+    "A step down by less is no edge; the parameter edge_drop if left out, and 2 cm without one.",
+    default=0.02,
+    param=True,
+)
 
 
-def edge(
-    relations: Relations, at: I64, a: str, s: str | None = None, edge_drop: float = DEFAULT_DROP
-) -> Series:
-    """(N,) m; of whatever bears the body if no second is named, else of the second alone.
+@signal(
+    "edge_margin", "length", args=("a", "b"), optional=1, needs=("poses", "geometry"),
+    options=(DROP,), reads="", support=True, costly=True,
+)  # fmt: skip
+def edge_margin(request: SupportRequest) -> Series:
+    """Signed distance from the body's base to the unguarded edge of what it stands on
+    (or of the second argument alone); positive when it is fully on.
 
-    Several bearers form one surface, which goes on over all that lies beside it and stays where it
-    is; what stays also guards. −∞ where nothing bears the body, or where it does not stand on the
+    m, at N frames. Several bearers form one surface, which goes on over all that lies beside it and
+    stays where it is; what stays also guards. −∞ where nothing bears the body, or where it does not stand on the
     second at all; unknown where what bears it has no upward face under it (a ball in a groove, a
-    leaning board).
-
-    ``edge_drop``: m, a step down by less is no edge.
+    leaning board). A step down by less than ``edge_drop`` (m) is no edge.
     """
+    from safestage_eval.geometry import edge
+
+    relations, at, a = request.relations, request.at, request.bodies[0]
     frames, movers = len(relations.episode), relations.signals.movers
-    for name in (a, s):
-        if name is not None and not movers.of([name]):
-            return unknown(len(at), "length", f"the trace has no shape of {name}")
-    if s is not None:
-        margin = np.broadcast_to(edge_margin(movers[a], [movers[s]], at), frames)[at]
-        return exact(np.where(np.isnan(margin), -np.inf, margin), "length")
+    for name in request.bodies:
+        if not movers.of([name]):
+            return request.unknown(f"the trace has no shape of {name}")
+    if len(request.bodies) > 1:
+        support = movers[request.bodies[1]]
+        margin = np.broadcast_to(edge.edge_margin(movers[a], [support], at), frames)[at]
+        return request.exact(np.where(np.isnan(margin), -np.inf, margin))
+    edge_drop = request.number("edge_drop")
     names = [body.name for body in relations.episode.header.bodies]
     known = relations.graph.bearers(relations.episode.body_index[a])
     bearers = {b: on for b, on in known.items() if movers.of([names[b]])}
@@ -71,7 +73,7 @@ def edge(
         under = [movers[names[b]] for b, on in zip(bearers, bearing, strict=True) if on]
         around = [movers[name] for name, on in zip(beside, staying, strict=True) if on]
         around = [mover for mover in around if mover not in under]
-        margin = edge_margin(movers[a], under, there, around=around, drop=edge_drop)[there]
+        margin = edge.edge_margin(movers[a], under, there, around=around, drop=edge_drop)[there]
         lower[there] = np.where(np.isnan(margin), -np.inf, margin)
         upper[there] = np.where(np.isnan(margin), np.inf, margin)
     upper[borne[lost]] = np.inf  # what cannot be seen may go on from the edge, or guard it
@@ -122,33 +124,11 @@ def _beside(relations: Relations, a: str, at: I64) -> tuple[dict[str, Bool], Boo
 
 def _in_motion(relations: Relations, name: str, at: I64) -> Bool:
     """(N,) faster than ``STILL`` or ``STILL_TURN``."""
+    from safestage_eval.evidence.motion import angular_velocity, linear_velocity
+
     episode = relations.episode
     fast = [np.zeros(len(at), np.bool_)]
     for read, limit in ((linear_velocity, STILL), (angular_velocity, STILL_TURN)):
         velocity = read(episode, name)[0][at].astype(np.float64)
         fast.append((velocity**2).sum(axis=1) > limit**2)
     return np.asarray(np.logical_or.reduce(fast))
-
-
-def support_margin(relations: Relations, at: I64, a: str) -> Series:
-    """(N,) m from the projected COM of a and all that rests on it to the edge of its support."""
-    if relations.blind:
-        return _unseen(at, "length")
-    found = relations.loads.standing(relations.episode.body_index[a], at)
-    lower = np.where(np.isnan(found.margin), -np.inf, found.margin)
-    return Series(lower, found.most, "length", found.notes)
-
-
-def tipping_angle(relations: Relations, at: I64, a: str) -> Series:
-    """(N,) rad: the tilt at which a would topple, from the support margin and the COM's height."""
-    if relations.blind:
-        return _unseen(at, "angle")
-    found = relations.loads.standing(relations.episode.body_index[a], at)
-    tilt = np.arctan2(found.margin, found.height)
-    nothing = np.isnan(tilt)
-    lower, upper = np.where(nothing, -np.inf, tilt), np.where(nothing, np.inf, tilt)
-    return Series(lower, upper, "angle", found.notes)
-
-
-def _unseen(at: I64, dimension: str) -> Series:
-    return unknown(len(at), dimension, "the trace has no contact forces")
