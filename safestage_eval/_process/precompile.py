@@ -29,10 +29,8 @@ import numba
 
 from .compiled import cache_folder
 
-try:
+if sys.platform != "win32":  # where two processes may compile the same kernel
     import fcntl
-except ImportError:  # no such lock on Windows: two processes may compile the same kernel there
-    fcntl = None  # type: ignore[assignment]
 
 SIGNATURES = Path(__file__).with_name("kernel_signatures.json")
 PROGRAM = f"from {__name__} import serve; serve()"
@@ -116,7 +114,7 @@ def _stamp() -> Path:
 @contextlib.contextmanager
 def _only_one(path: Path, tell: Tell, total: int) -> Iterator[None]:
     """Hold a lock that ends with the process, however that ends."""
-    if fcntl is None:
+    if sys.platform == "win32":
         yield
         return
     with path.open("w") as lock:
