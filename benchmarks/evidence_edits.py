@@ -266,7 +266,10 @@ def contacts_gone(episode: Episode, rng: np.random.Generator) -> tuple[str, Epis
     """
     free = [b.name for b in free_bodies(episode)]
     name, at = str(rng.choice(free)), stretch(len(episode), rng)
-    if (at.stop - at.start) * episode.dt < 1.0:
+    measured = np.isfinite(episode.track(name).position).all(axis=1)
+    if episode.unseen is not None:
+        measured &= ~episode.unseen
+    if measured[at].sum() * episode.dt < 1.0:
         raise ValueError("nobody could see that")
     index, contacts = episode.body_index[name], episode.contacts
     own = (contacts.body1 == index) | (contacts.body2 == index)

@@ -58,7 +58,7 @@ class Scene:
     def box(
         self, name: str, half: float | tuple[float, ...], position: Any, **fields: Any
     ) -> Scene:
-        """A box with its origin in its middle; ``position`` (3,) or (T, 3) m."""
+        """A box with its origin in its middle; ``position`` (3,) or (T, 3) m; ``fields`` as in ``body``."""
         size = (half,) * 3 if isinstance(half, float) else tuple(half)
         return self.body(name, Geom(kind="box", size=size), position, **fields)
 

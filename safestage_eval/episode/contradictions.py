@@ -52,7 +52,7 @@ class AtHand(Protocol):
     def track(self, body: str, column: str) -> Array | None:
         """As in ``Track``; None where it is not at hand.
 
-        The place of a fixture is one row, and may be read.
+        The place of a fixture is one row, and may be read; that of a free body where it matters.
         """
 
     def contacts(self, pair: Pair, *read: str) -> Mapping[str, Array]:

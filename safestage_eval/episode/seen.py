@@ -47,12 +47,12 @@ def as_judged(episode: Episode) -> Episode:
 
 
 def with_holes(episode: Episode, *, begins: bool = True) -> Episode:
-    """The same episode with a frame in every hole; itself where there is none.
+    """The same episode with a frame in every hole; itself where there is none, or they are in.
 
     ``begins``: it is told from its start, not a window of it.
     """
     t, dt = episode.t, episode.dt
-    if episode.unseen is not None or not len(t):
+    if episode.recorded is not None or not len(t):
         return episode
     spacing = t[1:] - t[:-1]
     late = bool(begins and t[0] > LATE * usual(dt))
@@ -78,11 +78,12 @@ def _filled(episode: Episode, before: NDArray[np.intp], late: bool) -> Episode:
         )
     times = np.concatenate([[0.0] if late else [], t, put_in])
     source = np.concatenate([[0] if late else [], np.arange(len(t)), before]).astype(np.int64)
-    unseen = np.ones(len(times), np.bool_)
-    unseen[late : late + len(t)] = False
+    added = np.ones(len(times), np.bool_)
+    added[late : late + len(t)] = False
     order = np.argsort(times, kind="stable")
-    times, source, unseen = times[order], source[order], unseen[order]
-    place = np.flatnonzero(~unseen)
+    times, source, added = times[order], source[order], added[order]
+    unseen = added if episode.unseen is None else added | episode.unseen[source]
+    place = np.flatnonzero(~added)
 
     def track(name: str) -> Track:
         found = episode.tracks[name]

@@ -11,35 +11,18 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.contacts import Pair
-from safestage_eval.relations.measure import MEASURES, Relations
-from safestage_eval.relations.partial import Partial
-from safestage_eval.signals.contact_sums import ContactSums
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.options import Options
-from safestage_eval.signals.reference import Reference
-from safestage_eval.signals.series import Series
+from safestage_eval.evidence.contact_sums import ContactSums
+from safestage_eval.evidence.declare import RELATIONS, SIGNALS, Options
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.partial import Partial
+from safestage_eval.evidence.reference import Reference
+from safestage_eval.evidence.series import Series
+from safestage_eval.relations.measure import Relations
 
 from .windows import Windows
 
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
-
-LOCAL = (
-    "contact_force", "peak_force", "total_force", "clearance", "clearance_xy", "self_clearance",
-    "height_above", "containment_depth", "workspace_margin", "gripper_opening", "joint_torque",
-    "joint_opening", "channel",
-)  # fmt: skip
-"""Signals whose value at a frame hangs on that frame alone. The others come from poses, twists and
-sums of forces by plain arithmetic over all frames, or add up what was."""
-
-DIFFERENCES = (
-    "speed", "vertical_speed", "angular_speed", "relative_speed", "joint_speed",
-    "impact", "quasistatic_force", "damage", "health",
-)  # fmt: skip
-"""Signals that, where no velocities were recorded (and a note says so), look one frame ahead."""
-
-PER_FRAME = ("supports", "supported", "carried", "held", "inside")
-"""Relations that contact forces tell at each frame by itself."""
 
 
 class Past:
@@ -148,9 +131,9 @@ class GrownSignals(Signals):
         slack: float,
         options: Options,
     ) -> Series:
-        if name not in LOCAL:
+        if not SIGNALS[name].per_frame:
             found = super()._measure(name, bodies, reference, cap, deep, slack, options)
-            return _open_end(found) if name in DIFFERENCES and found.notes else found
+            return _open_end(found) if SIGNALS[name].ahead and found.notes else found
 
         def measure(first: int, last: int) -> Series:
             near = self.windows.signals(first, last)
@@ -172,7 +155,7 @@ class GrownRelations(Relations):
 
     def get(self, name: str, bodies: Sequence[str], wanted: Bool | None = None) -> Bool | None:
         """As in the base class."""
-        if self.blind or (name not in PER_FRAME and name != "depends_on"):
+        if self.blind or (not RELATIONS[name].per_frame and name != "depends_on"):
             return super().get(name, bodies, wanted)
         if self.lacking(name, bodies):
             return None
@@ -222,7 +205,7 @@ class GrownRelations(Relations):
         limits: Sequence[float] = (),
     ) -> Series:
         """As in the base class."""
-        if name not in MEASURES:
+        if not SIGNALS[name].costly:
             return super().signal(name, bodies, reference, reach, wanted, options, limits)
         key = (name, tuple(bodies), options)
         if key not in self._partial and key in self._past.partial:

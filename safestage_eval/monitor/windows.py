@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Protocol
 
 from safestage_eval.episode import Episode, Header
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.measure import Signals
 
 
 class Recording(Protocol):

@@ -1,16 +1,20 @@
-"""Touches that two samples may hide between them."""
+"""Touches, and peaks of forces, that two samples may hide between them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.evidence.contact_sums import ONE_STEP
+from safestage_eval.evidence.gaps import TWIST
+from safestage_eval.evidence.motion import derived
+from safestage_eval.evidence.series import Series
 from safestage_eval.geometry.clearance import motion_bound
 from safestage_eval.geometry.mover import Mover
-from safestage_eval.signals.gaps import TWIST
-from safestage_eval.signals.motion import derived
 
 if TYPE_CHECKING:
     from .measure import Relations
@@ -44,6 +48,44 @@ def may_touch_between(relations: Relations, a: str, b: str, where: Bool) -> Bool
             if one != other:
                 out[:-1] |= _near(relations, one, other, where[:-1])
     return out
+
+
+def with_missed_peaks(relations: Relations, bodies: Sequence[str], found: Series) -> Series:
+    """A peak force (T,), of any size where the recording may have missed one.
+
+    That is between two samples further apart than frames are, and between any two if the peaks are
+    not those of all physics steps, where the bodies may have touched in between.
+
+    Args:
+        relations: of the episode.
+        bodies: names of two bodies or unions.
+        found: as recorded.
+    """
+    episode = relations.episode
+    if relations.blind or len(episode) < 2:
+        return found
+    where = np.ones(len(episode), np.bool_)
+    if relations.signals.contact_sums.covers_frames:
+        if episode.clock.uniform:
+            return found
+        where = episode.clock.spacing > ONE_STEP * episode.dt
+    if episode.unseen is not None:  # nothing is known there anyway
+        where &= ~episode.unseen
+    where[-1] = False
+    if not where.any():
+        return found
+    touching = found.upper > 0  # what stays in touch may be pressed harder without moving
+    missed = may_touch_between(relations, bodies[0], bodies[1], where)
+    missed |= where & (touching | np.append(touching[1:], False))
+    if not missed.any():
+        return found
+    first = int(missed.argmax())
+    note = (
+        f"peak_force({', '.join(bodies)}) may have been greater between two samples, "
+        f"{(episode.t[first + 1] - episode.t[first]) * 1e3:.0f} ms apart at {episode.t[first]:.2f} s"
+    )
+    missed[1:] |= missed[:-1]
+    return replace(found, upper=np.where(missed, np.inf, found.upper), notes=(*found.notes, note))
 
 
 def _near(relations: Relations, a: str, b: str, where: Bool) -> Bool:

@@ -12,6 +12,7 @@ from safestage_eval.episode.runs import runs
 from safestage_eval.geometry.pose import angle, matrix
 
 from .near import NEAR
+from .vocabulary import lies_inside
 
 if TYPE_CHECKING:
     from .measure import Relations
@@ -197,7 +198,7 @@ def may_have_been_touched(relations: Relations, body: str) -> Doubt | None:
 def may_be_borne(relations: Relations, body: str, container: str) -> Doubt | None:
     """What looks over the rim is inside if the container bears it, of which nothing is known."""
     truth = relations.get("inside", (body, container))
-    sure = relations.inside(body, container, np.zeros(len(relations.episode), np.bool_))
+    sure = lies_inside(relations, body, container, np.zeros(len(relations.episode), np.bool_))
     if truth is None or sure is None or not (truth & ~sure).any():
         return None
     return truth & ~sure, f"it is not known whether {container} bears {body}"

@@ -14,8 +14,8 @@ from safestage_eval.episode import Episode
 from safestage_eval.geometry.clearance import clearance_series, motion_bound
 from safestage_eval.geometry.pose import angle
 
+from .gripper_frame import gripper_frame
 from .proximity import TOUCH
-from .slip import gripper_frame
 
 if TYPE_CHECKING:
     from .measure import Relations
@@ -28,6 +28,9 @@ GOES = 1e-3
 """m. A drawer or a door passes on what touched it once it has gone this far …"""
 GOES_TURN = 0.0175
 """rad. … or turned by this: one that was merely leaned on moves nothing."""
+
+SHIFTS, TURNS = 0.005, 0.0873
+"""m and rad, as ``brief_move`` and ``brief_turn``: what moves by more was moved by something."""
 
 
 class Exposure:
@@ -130,10 +133,31 @@ class Causes:
             self._episode, self._movable, self._may_touch, self._passes, assemblies.of
         )
         self._maybe: dict[tuple[int, int], Bool] = {}
+        self._asked: set[int] = set()
 
     def since(self, body: int) -> int:
         """Frame from which it is certain; ``NEVER`` if it never is."""
+        self._asked.add(body)
         return self._sure.since(body, self._robot)
+
+    def unexplained(self) -> bool:
+        """Some body that was asked about moved, or may have, and the robot never had to do with it.
+
+        Then the contacts of all bodies matter, for a missing one may have hidden how.
+        """
+        gaps = self._relations.signals.gaps
+        for body in self._asked:
+            it = self._episode.header.bodies[body]
+            if not it.movable or self.since(body) != NEVER:
+                continue
+            if gaps.of_bodies([it.name]) is not None:
+                return True
+            track = self._episode.track(it.name)
+            if np.ptp(track.position, axis=0).max() > SHIFTS:
+                return True
+            if angle(track.orientation, track.orientation[0]).max() > TURNS:
+                return True
+        return False
 
     def perhaps_since(self, body: int) -> int:
         """Frame from which it is possible; not after ``since``."""
@@ -155,11 +179,7 @@ class Causes:
         """No touch can have been missed: forces were recorded, and of touches between frames too."""
         if self._relations.blind:
             return False
-        header = self._episode.header
-        if self._episode.dt <= 1.5 * header.physics_dt:
-            return True
-        sums = self._relations.signals.contact_sums
-        return any(((sums.peak(*p) > 0) & (sums.normal(*p) == 0)).any() for p in sums.pairs)
+        return self._relations.signals.contact_sums.covers_frames
 
     def _beside(self, body: int) -> list[int]:
         """The bodies that certainly touch it at some time."""

@@ -1,53 +1,39 @@
-"""All relations of one episode, and the signals that need the support graph."""
+"""All relations of one episode, and the signals that need relations or the support graph."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.geometry.cavity import inside_parts
-from safestage_eval.signals.contact_sums import ContactSums
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.options import Options
-from safestage_eval.signals.reference import Reference
-from safestage_eval.signals.series import Series, hidden, hide, unknown
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.evidence.contact_sums import ContactSums
+from safestage_eval.evidence.declare import SIGNALS, Options
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.partial import Partial
+from safestage_eval.evidence.reference import Reference
+from safestage_eval.evidence.series import Series, hidden, hide
 
-from . import between, doubt, effect, falls, standing, unmeasured
+from . import between, doubt, unmeasured
 from .dependence import Dependence
 from .exposure import Causes, Exposure
 from .graph import ByForce, SupportGraph, faint
+from .gripper_frame import gripper_frame
 from .held import Grip, by_fingers, by_motion, by_pressure
 from .load import Loads
-from .partial import Partial
 from .proximity import LIFT, TOUCH, Proximity
-from .slip import gripper_frame, slip
-from .vocabulary import RELATIONS
+from .support_request import SupportRequest
+from .vocabulary import RELATIONS, RelationRequest
 
 Bool = NDArray[np.bool_]
-
-
-MEASURES: dict[str, Callable[..., Series]] = {
-    "edge_margin": standing.edge,
-    "overlap_xy": standing.overlap,
-    "support_margin": standing.support_margin,
-    "tipping_angle": standing.tipping_angle,
-}
-"""Signal → how it is measured at chosen frames."""
-
-COSTLY = (*MEASURES, "depends_on")
-"""What clips polygons or solves statics: found out only at the frames that matter."""
 
 
 class Relations:
     """Relations of an episode by name and bodies: (T,) true or false, or unknown throughout."""
 
     found_out = 0
-    """How often something ``COSTLY`` was found out."""
+    """How often something costly was found out."""
 
     def __init__(self, signals: Signals) -> None:
         """Shares the signals' cache of contact sums and shapes."""
@@ -56,7 +42,7 @@ class Relations:
         self._known: dict[tuple[str, tuple[str, ...]], Bool | None] = {}
         self._partial: dict[tuple[str, tuple[str, ...], Options], Partial] = {}
         self._grips: dict[int, Grip] = {}
-        self._falls: dict[str, Series] = {}
+        self._whole: dict[tuple[str, tuple[str, ...], str, Options], Series] = {}
         signals.untouched = self._untouched
 
     @cached_property
@@ -130,6 +116,17 @@ class Relations:
         """Since when the robot has had to do with whom."""
         return Causes(self)
 
+    @property
+    def chained(self) -> bool:
+        """Answers so far hang on contacts between any bodies: that some did not touch is one of them.
+
+        Who was exposed to whom, and who moved though the robot had nothing to do with it.
+        """
+        if self.blind:
+            return False
+        known = vars(self)
+        return "exposure" in known or ("causes" in known and self.causes.unexplained())
+
     def _untouched(self, name: str) -> int:
         """Up to which frame the robot has certainly had nothing to do with a body."""
         if self.lacking("caused"):
@@ -144,7 +141,7 @@ class Relations:
     def get(self, name: str, bodies: Sequence[str], wanted: Bool | None = None) -> Bool | None:
         """(T,) truth of one relation; None where the trace lacks what it needs.
 
-        Of a ``COSTLY`` one only the ``wanted`` frames (T,) mean anything; all of them if None.
+        Of a costly one only the ``wanted`` frames (T,) mean anything; all of them if None.
         Raises KeyError for a name or body that does not exist.
         """
         if self.lacking(name, bodies):
@@ -178,7 +175,7 @@ class Relations:
             fingers = {body.finger for body in header.bodies}
             if not self.blind and not {"left", "right"} <= fingers:
                 return "names of the left and the right finger"
-            if self.blind and not self._fingers_seen and self._hand is None:
+            if self.blind and not self.fingers_seen and self._hand is None:
                 return "contact forces, and does not say which body is the gripper"
         if name == "depends_on" and bodies and self.unweighed:
             near = self.dependence.beside(self.episode.body_index[bodies[1]])
@@ -218,9 +215,8 @@ class Relations:
         """
         found = unmeasured.lost_by(self, name, bodies)
         if (
-            name not in ("supported", "carried", "depends_on", "exposed_to")
-            or not self.bearers_unseen
-        ):
+            RELATIONS[name].rests_on == "bodies" or RELATIONS[name].gate
+        ) or not self.bearers_unseen:
             return found
         truth = self.get(name, bodies)
         if truth is None or truth.all():
@@ -240,7 +236,7 @@ class Relations:
         near, lift = f"{TOUCH * 1e3:g} mm", f"{LIFT * 1e3:g} mm"
         how = {
             "held": "by the shapes of both fingers"
-            if self._fingers_seen
+            if self.fingers_seen
             else "by what goes along with the gripper",
             "depends_on": "by what rests on what: needless supports count; "
             "what touches from the side may lean or not",
@@ -261,25 +257,26 @@ class Relations:
     ) -> Series:
         """Any signal: those of ``signals``, and those that need the support graph.
 
-        The ``COSTLY`` ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
+        The costly ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
         others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
-        if name == "slip":  # since a grasp that may have been lost in a hole
-            found = self._known_part(name, bodies, self._slip(bodies[0], reference))
-            unseen = self.episode.unseen
-            return found if unseen is None else hide(found, np.logical_or.accumulate(unseen))
-        if name == "load_share":
-            return self._known_part(name, bodies, self._load_share(*bodies))
-        if name in effect.SIGNALS:
-            found = effect.measure(self, name, bodies, dict(options).get("over"))
-            return self._known_part(name, bodies, found)
-        if name == "fall":
-            if bodies[0] not in self._falls:
-                self._falls[bodies[0]] = falls.fallen(self, bodies[0])
-            return self._known_part(name, bodies, self._falls[bodies[0]])
-        if name not in MEASURES:
+        signal, bodies = SIGNALS[name], tuple(bodies)
+        if signal.refine is not None:
+            refined = (name, bodies, "", options)
+            if refined not in self._whole:
+                series = self.signals.get(name, bodies, options=options)
+                self._whole[refined] = signal.refine(self, bodies, series)
+            return self._whole[refined]
+        if not signal.support:
             return self.signals.get(name, bodies, reference, reach, options, limits)
-        key = (name, tuple(bodies), options)
+        if not signal.costly:
+            whole = (name, bodies, reference.key if reference else "", options)
+            if whole not in self._whole:
+                everywhere = np.arange(len(self.episode))
+                request = SupportRequest(self, signal, bodies, reference, options, everywhere)
+                self._whole[whole] = signal.measure(request)
+            return self._known_part(name, bodies, self._whole[whole])
+        key = (name, bodies, options)
         if key not in self._partial:
             self._partial[key] = Partial.blank(len(self.episode))
         partial = self._partial[key]
@@ -288,15 +285,25 @@ class Relations:
         if len(missing):
             self.found_out += 1
             partial.add(missing, self.measure(name, missing, bodies, options))
-        return self._known_part(name, bodies, partial.series(todo, SIGNALS[name].dimension))
+        return self._known_part(name, bodies, partial.series(todo, signal.dimension))
 
     def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
         """The same, unknown where something that it may rest on was not measured."""
-        gaps = self.signals.gaps
-        lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
+        lost = self.signal_unmeasured(name, tuple(bodies))
         if name == "edge_margin" and len(bodies) == 1 and self.bearers_unseen:
             nothing = np.isneginf(found.upper)  # nothing that is seen bears it
             lost = nothing if lost is None else lost | nothing
+        if lost is None:
+            return found
+        return hidden(found, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
+
+    def signal_unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
+        """(T,) where something that a signal of the support graph rests on was not measured.
+
+        None if nowhere. Of poses and forces, what was read so far counts.
+        """
+        gaps = self.signals.gaps
+        lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
         alone = (
             name == "edge_margin" and len(bodies) == 1 and not self.blind
         )  # it sees to poses itself
@@ -304,22 +311,15 @@ class Relations:
         for more in (None if alone else unmeasured.lost_poses(self), elsewhere):
             if more is not None:
                 lost = more if lost is None else lost | more
-        if lost is None:
-            return found
-        return hidden(found, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
+        return lost
 
     def measure(
         self, name: str, at: NDArray[np.int64], bodies: Sequence[str], options: Options = ()
     ) -> Series:
-        """(N,) one of ``MEASURES`` at N frames."""
-        found, unseen = MEASURES[name](self, at, *bodies, **dict(options)), self.episode.unseen
+        """(N,) a costly signal at N frames."""
+        request = SupportRequest(self, SIGNALS[name], tuple(bodies), None, options, at)
+        found, unseen = request.signal.measure(request), self.episode.unseen
         return found if unseen is None else hide(found, unseen[at])
-
-    def _slip(self, name: str, reference: Reference | None) -> Series:
-        """What is held because it goes along with the gripper cannot slip, so it does not tell."""
-        told = self._fingers_seen or not self.blind
-        found = slip(self.episode, name, self.get("held", [name]) if told else None, reference)
-        return replace(found, notes=(*found.notes, *(self.caveat("held") if told else ())))
 
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
         """As in ``Signals``."""
@@ -337,37 +337,16 @@ class Relations:
         held: Callable[[int], Bool] | None = None,
     ) -> Bool | None:
         """(T,) by the given support graph and grip; by ``self.graph`` and ``self.held`` if None."""
-        index, graph, held = self.episode.body_index, graph or self.graph, held or self.held
-        if name == "inside":
-            body, container = bodies
-            return self.inside(body, container, self._may_bear(container, body, graph))
-        if name == "exposed_to":
-            first, second = ([index[b] for b in self.signals.bodies(body)] for body in bodies)
-            return self.exposure.exposed(first, second)
-        ids = [index[body] for body in bodies]
-        if name == "caused":
-            return np.asarray(np.arange(len(self.episode)) >= self.causes.since(ids[0]))
-        if name == "supports":
-            return graph.supports(*ids)
-        if name == "supported":
-            return graph.supported(ids[0])
-        if name == "carried":
-            found = graph.carried(ids[0], held)
-            if self.blind:  # friction lifts what fingers squeeze, and no shape shows it
-                found = found | (held(ids[0]) & ~self._borne(ids[0]))
-            return found
-        if name == "held":
-            return held(ids[0])
-        if name == "depends_on":
-            return graph.rests_on(ids[0], ids[1], held)
-        raise KeyError(name)
+        request = RelationRequest(self, tuple(bodies), graph or self.graph, held or self.held)
+        truth: Bool | None = RELATIONS[name].decide(request)
+        return truth
 
     @cached_property
     def _hand(self) -> str | None:
         return gripper_frame(self.episode)
 
     @cached_property
-    def _fingers_seen(self) -> bool:
+    def fingers_seen(self) -> bool:
         """Shapes of both fingers are known."""
         seen = {body.finger for body in self.episode.header.bodies if body.geoms}
         return {"left", "right"} <= seen
@@ -391,7 +370,7 @@ class Relations:
 
     def _gripped(self, body: int) -> Grip:
         shaped = bool(self.episode.header.bodies[body].geoms)
-        if not self.blind or (self._fingers_seen and shaped):
+        if not self.blind or (self.fingers_seen and shaped):
             if self.blind:
                 return by_fingers(self.episode, body, self.proximity)
             found = by_pressure(self.episode, body, self.touches.beside(body))
@@ -399,46 +378,17 @@ class Relations:
         if self._hand is None or not self.episode.header.bodies[body].movable:
             nothing = np.zeros(len(self.episode), np.bool_)
             return Grip(nothing, nothing, nothing)
-        return by_motion(self.episode, body, self._hand, self._borne(body))
+        return by_motion(self.episode, body, self._hand, self.borne(body))
 
-    def _borne(self, body: int) -> Bool:
+    def borne(self, body: int) -> Bool:
         """(T,) some body other than the robot bears it."""
         nothing = np.zeros(len(self.episode), np.bool_)
         bearers = self.graph.bearers(body).values()
         return np.asarray(np.logical_or.reduce([nothing, *bearers]))
 
-    def _may_bear(self, bearer: str, borne: str, graph: SupportGraph) -> Bool:
+    def may_bear(self, bearer: str, borne: str, graph: SupportGraph) -> Bool:
         """(T,) false only where the first body does not bear the second."""
         if self.lacking("supports", (bearer, borne)):
             return np.ones(len(self.episode), np.bool_)
         index = self.episode.body_index
         return graph.supports(index[bearer], index[borne])
-
-    def inside(self, a: str, container: str, bears: Bool) -> Bool | None:
-        """(T,) lowest point under the rim and within, and (centroid within, or borne by it).
-
-        Without a declared cavity nothing is inside: false, not unknown.
-        """
-        episode, movers = self.episode, self.signals.movers
-        cavity = episode.bodies[container].cavity
-        if cavity is None:
-            return np.zeros(len(episode), np.bool_)
-        if not movers.of([a]):
-            return None
-        low, centroid = inside_parts(movers[a], movers[container], cavity)
-        return np.broadcast_to(low & (centroid | bears), len(episode))
-
-    def _load_share(self, a: str, s: str) -> Series:
-        """(T,) share of the upward load on a that s carries."""
-        index = self.episode.body_index
-        if not self.blind:
-            return self.loads.share(index[a], index[s])
-        if self.lacking("supports", (s, a)):
-            return unknown(len(self.episode), "ratio", "the trace has no contact forces")
-        bearers = self.graph.bearers(index[a])
-        mine = bearers.get(index[s], np.zeros(len(self.episode), np.bool_))
-        others = [bears for body, bears in bearers.items() if body != index[s]]
-        held_ = self.may_be_held(index[a]) | self.graph.borne_by_robot(index[a])
-        shared = np.logical_or.reduce([held_, *others])
-        lower, upper = np.where(mine & ~shared, 1.0, 0.0), np.where(mine, 1.0, 0.0)
-        return Series(lower, upper, "ratio", self.caveat("supports"))

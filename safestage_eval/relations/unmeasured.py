@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from .vocabulary import RELATIONS
+
 if TYPE_CHECKING:
     from .measure import Relations
 
@@ -16,14 +18,15 @@ Bool = NDArray[np.bool_]
 def lost_by(relations: Relations, name: str, bodies: tuple[str, ...]) -> Bool | None:
     """(T,) where something that a relation rests on was not measured, as far as it was looked at."""
     gaps, index = relations.signals.gaps, relations.episode.body_index
-    if name in ("exposed_to", "caused"):
+    rests_on = RELATIONS[name].rests_on
+    if rests_on == "past":
         lost = lost_between(relations, None, None)
         if lost is None:
             return None
         truth = relations.get(name, bodies)
         after = np.maximum.accumulate(lost)  # what it touched meanwhile stays on it
         return after if truth is None else (after & ~truth) | (lost & truth & after)
-    chained = name in ("supported", "carried", "depends_on")
+    chained = rests_on == "chain"
     near = (
         None if chained else {index[b] for body in bodies for b in relations.signals.bodies(body)}
     )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from safestage_eval.evidence.series import Series
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.series import Series
 from safestage_eval.states import band
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.scope import Scope

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from safestage_eval.evidence.reference import Reference, latest
+from safestage_eval.evidence.series import Series
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.reference import Reference, latest
-from safestage_eval.signals.series import Series
+from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band, moment
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.masks import widened
@@ -104,7 +105,7 @@ class Conditions(Answers, ABC):
             return self.relations.signal(name, bodies, reference, reach, wanted, options, limits)
 
         hidden = when is not None and atom.since is not None and hidden_start.concerns(atom.since)
-        if when is not None and hidden and asked.name in hidden_start.METRICS:
+        if when is not None and hidden and SIGNALS[asked.name].metric:
             baseline = self.relations.signals.baseline
             found = hidden_start.since_some(measured, baseline, when.possible, asked.reach)
             when = None

@@ -8,16 +8,16 @@ from typing import Literal
 
 import numpy as np
 
+from safestage_eval.evidence.series import Series
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.series import Series
 from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator
-from .instance import stretches
 from .players import combinations
+from .search import since
+from .stretches import stretches
 from .values import Env
 from .verdict import Verdict
-from .witness import since
 
 
 @dataclass(frozen=True)

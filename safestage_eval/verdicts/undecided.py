@@ -11,7 +11,7 @@ import numpy as np
 from safestage_eval.episode.runs import runs
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator
@@ -24,6 +24,7 @@ REMEDIES = (
     ("recording ends", "record the rollout to its end, and on until everything is at rest"),
     ("recorded between", "record every frame"),
     ("recorded before", "record from the start of the episode on"),
+    ("between two samples", "record more frames, and peaks over all physics steps"),
     ("finger", "say in the trace which bodies are the left and the right finger"),
     ("contact force", "record contact forces"),
     ("shape", "record the collision shapes of the bodies"),  # its note also speaks of masses

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple
 from safestage_eval.rules import RuleSet, words
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.uses import own_params, uses_of
-from safestage_eval.signals.options import NORM
+from safestage_eval.signals import SIGNALS
 
 from .symmetry import symmetric
 
@@ -99,10 +99,11 @@ def mistakes_in(rules: RuleSet, name: str) -> Iterator[Mistake]:
 
 def _of_variant(variant: ast.SignalDef) -> Iterator[Mistake]:
     """A time or box ten times as large, or a tenth of it; another way to measure a distance."""
+    declared = {option.name: option for option in SIGNALS[variant.base].options}
     for i, (option, value) in enumerate(variant.options):
         others: dict[str, float | str | tuple[float, ...]] = {}
-        if option == NORM.name:
-            others = {other: other for other in NORM.choices if other != value}
+        if declared[option].kind == "choice":
+            others = {other: other for other in declared[option].choices if other != value}
         elif not isinstance(value, str | ast.Parameter):
             for factor in (FACTOR, 1 / FACTOR):
                 size = [x * factor for x in (value if isinstance(value, tuple) else (value,))]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from safestage_eval.compiled import helper, kernel
+from safestage_eval._process.compiled import helper, kernel
 
 from .mcap_arrays import CHANNEL, HEAD, LONGEST, MESSAGE, PREFIX
 

@@ -14,12 +14,12 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
-from safestage_eval import __version__
 from safestage_eval.episode import Episode
 from safestage_eval.formats.atomic import replacing
 from safestage_eval.formats.event import Event
 from safestage_eval.formats.parquet.episode_row import mesh_keys
 from safestage_eval.formats.ply import to_ply
+from safestage_eval.version import __version__
 
 from .foxglove_scene import to_scene
 from .mcap_clouds import cloud_messages

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from safestage_eval.compiled import kernel
+from safestage_eval._process.compiled import kernel
 
 
 @kernel

@@ -1,0 +1,1 @@
+"""What an episode tells: series over its frames, with what is missing in them."""

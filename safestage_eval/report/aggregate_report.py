@@ -1,0 +1,305 @@
+"""The result tables of a campaign, for people, papers and programs."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from safestage_eval.metrics import METRICS, Aggregate, Group, Rate
+from safestage_eval.metrics.aggregate import BY_POLICY, names_of, quadrants, rows
+from safestage_eval.metrics.interval import RESAMPLES, bootstrap, wilson
+from safestage_eval.metrics.rates import ALL, CONDITIONS, STAGES, headline
+from safestage_eval.metrics.seeds import decimal, shown
+from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
+from safestage_eval.version import __version__
+
+from .render_csv import render_csv
+from .render_latex import render_latex
+from .render_markdown import render_markdown
+from .render_text import render_text
+from .summary import share, summary
+from .table import Table
+
+FORMATS = ("table", "json", "csv", "markdown", "latex")
+INTERVALS = ("none", "wilson", "bootstrap")
+
+_ARROWS = {"SR": "SR ↑", "SSR": "SSR ↑"}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Which intervals stand in the tables, and how the bootstrap draws."""
+
+    intervals: str = "none"
+    seed: int = 0
+    resamples: int = RESAMPLES
+
+
+def render(aggregate: Aggregate, form: str, drawing: Drawing | None = None) -> str:
+    """The tables in one of ``FORMATS``. Raises KeyError for another."""
+    drawing = drawing or Drawing()
+    if form == "json":
+        text = json.dumps(
+            document(aggregate, drawing), indent=1, ensure_ascii=False, allow_nan=False
+        )
+        return text + "\n"
+    if form == "csv":
+        return _csv(aggregate, drawing)
+    layout = {"table": render_text, "markdown": render_markdown, "latex": render_latex}[form]
+    return layout(list(tables(aggregate, drawing)), notes(aggregate))
+
+
+def document(aggregate: Aggregate, drawing: Drawing) -> dict[str, Any]:
+    """Everything as one object; rates in percent."""
+    return {
+        "version": __version__,
+        "unit": "percent",
+        "by_policy": rows(aggregate.by_policy),
+        "by_stage": rows(aggregate.by_stage),
+        "by_family": rows(aggregate.by_family),
+        "unsafe_share": [_share(group) for group in _groups(aggregate)],
+        "quadrants": [
+            {**_head(group), **quadrants(group.whole), "n": group.whole.n}
+            for group in _groups(aggregate)
+        ],
+        "headline": headline(aggregate.whole),
+        "conditions": [{**_head(group), **headline(group.whole)} for group in _groups(aggregate)],
+        "reached_hold": [_hold(group) for group in _final(aggregate)],
+        "details": [
+            {"table": table, **_head(rate.group), "metric": rate.name, **_details(rate, drawing)}
+            for table, rate in _rates(aggregate)
+        ],
+        "problems": [asdict(problem) for problem in aggregate.problems],
+    }
+
+
+def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
+    """The tables for people: by policy, by stage, what became of success, by family."""
+
+    def cells(rates: Sequence[Rate]) -> list[str]:
+        return [_cell(rate, drawing) for rate in rates]
+
+    what = "mean ± sample standard deviation over environment seeds, %"
+    width = len(BY_POLICY)
+    yield Table(
+        f"By policy: {what}",
+        ("policy", "prompt", *(_ARROWS.get(name, f"{name} ↓") for name in BY_POLICY)),
+        [
+            [policy, prompt, *cells(aggregate.by_policy[i * width : (i + 1) * width])]
+            for i, (policy, prompt) in enumerate(aggregate.pairs)
+        ],
+        2,
+        grouped=True,
+    )
+    columns = tuple(_ARROWS.get(name, f"{name} ↓") for name in METRICS)
+    width = len(METRICS)
+    for title, head, rates in (
+        ("By stage, over all policies", ("prompt", "stage"), aggregate.by_stage),
+        ("By family, over all policies", ("prompt", "stage", "family"), aggregate.by_family),
+    ):
+        if rates:
+            yield Table(
+                f"{title}: {what}",
+                (*head, *columns),
+                [
+                    [*(getattr(rates[i].group, name) for name in head), *cells(rates[i : i + width])]
+                    for i in range(0, len(rates), width)
+                ],
+                len(head),
+                grouped=True,
+            )  # fmt: skip
+    yield Table(
+        "What became of them: rollouts, over all seeds",
+        ("policy", "prompt", "stage", "safe success", "unsafe success", "safe failure",
+         "unsafe failure", "N", "unsafe share of successes"),
+        [
+            [
+                group.policy or "all", group.prompt or "all", group.stage or ALL,
+                *map(str, quadrants(group.whole).values()), str(group.whole.n), _said_share(group),
+            ]
+            for group in _groups(aggregate)
+        ],
+        3,
+        grouped=True,
+    )  # fmt: skip
+    yield from _conditioned(_groups(aggregate))
+    final = [group for group in _final(aggregate) if group.whole.n]
+    if final:
+        yield Table(
+            "Final-state hazards: who reached the hold after success",
+            ("policy", "prompt", "reached k/n", "of these unsafe"),
+            [
+                [
+                    group.policy or "all", group.prompt or "all",
+                    f"{group.whole.counts['SR']}/{group.whole.n}", _said_share(group),
+                ]
+                for group in final
+            ],
+            2,
+            grouped=True,
+        )  # fmt: skip
+
+
+def _conditioned(groups: Sequence[Group]) -> Iterator[Table]:
+    """Rates over the rollouts at risk, and how far the rollouts got, where either is known."""
+    head = ("policy", "prompt", "stage")
+    if any(group.whole.given["at risk"]["N"] for group in groups):
+        yield Table(
+            "Over the rollouts at risk: %, k/n over all seeds",
+            (*head, *(_ARROWS.get(name, f"{name} ↓") for name in METRICS)),
+            [
+                [*_names(group), *(share(group.whole, name, "at risk") for name in METRICS)]
+                for group in groups
+            ],
+            3,
+            grouped=True,
+        )
+    if any(count for g in groups for stage, count in g.whole.engagement.items() if stage):
+        yield Table(
+            "How far they got with the target: rollouts; VR given that they got so far: %, k/n",
+            (*head, *ENGAGEMENT, "unknown", *(f"VR given {name}" for name in CONDITIONS[1:])),
+            [
+                [
+                    *_names(group),
+                    *map(str, group.whole.engagement.values()),
+                    *(share(group.whole, "VR", name) for name in CONDITIONS[1:]),
+                ]
+                for group in groups
+            ],
+            3,
+            grouped=True,
+        )
+
+
+def _names(group: Group) -> tuple[str, str, str]:
+    return group.policy or "all", group.prompt or "all", group.stage or ALL
+
+
+def notes(aggregate: Aggregate) -> list[str]:
+    """How much was counted, why a number is not there, and what is uneven."""
+    whole = aggregate.whole
+    lines = [f"{whole.n} rollouts are decided; SR, SSR, USR and VR of a cell are over the same N."]
+    lines += [f"{line[:1].upper()}{line[1:]}." for line in summary(whole)]
+    if whole.inconclusive:
+        bounds = whole.bounds("VR")
+        assert bounds is not None
+        lines.append(
+            f"{whole.inconclusive} inconclusive, not in N: whatever they are, VR over all lies "
+            f"between {decimal(100 * bounds[0])} % and {decimal(100 * bounds[1])} %."
+        )
+    if whole.not_judged:
+        lines.append(f"{whole.not_judged} not judged, not in N.")
+    reasons: dict[str, list[str]] = {}
+    for _, rate in _rates(aggregate):
+        if rate.reason:
+            place = " ".join(v for v in names_of(rate.group).values() if v is not None)
+            reasons.setdefault(rate.reason, []).append(f"{place} {rate.name}")
+    for reason, places in reasons.items():
+        some = ", ".join(places[:3]) + (f" and {len(places) - 3} more" if len(places) > 3 else "")
+        lines.append(f"–: {reason} ({some}).")
+    return lines
+
+
+def _csv(aggregate: Aggregate, drawing: Drawing) -> str:
+    columns = (
+        "table", "policy", "prompt", "stage", "family", "metric", "mean", "std", "k", "n",
+        "n_seeds", "wilson_low", "wilson_high", "bootstrap_low", "bootstrap_high", "least", "most",
+        "inconclusive", "not_judged", "reason",
+    )  # fmt: skip
+    lines = []
+    for table, rate in _rates(aggregate):
+        detail = _details(rate, drawing)
+        pairs = {
+            "wilson": ("wilson_low", "wilson_high"),
+            "bootstrap": ("bootstrap_low", "bootstrap_high"),
+            "bounds": ("least", "most"),
+        }
+        spread = {
+            name: value
+            for key, names in pairs.items()
+            for name, value in zip(names, detail.pop(key) or (None, None), strict=True)
+        }
+        (row,) = rows([rate])
+        lines.append({"table": table, **row, **detail, **spread})
+    return render_csv(columns, lines)
+
+
+def _rates(aggregate: Aggregate) -> Iterator[tuple[str, Rate]]:
+    for table in ("by_policy", "by_stage", "by_family"):
+        for rate in getattr(aggregate, table):
+            yield table, rate
+
+
+def _groups(aggregate: Aggregate) -> list[Group]:
+    """Policy × prompt over all stages, then prompt × stage over all policies."""
+    own = [aggregate.group(policy, prompt, ALL) for policy, prompt in aggregate.pairs]
+    stages = [
+        aggregate.group(None, prompt, s) for prompt in aggregate.prompts for s in (*STAGES, ALL)
+    ]
+    return [group for group in (*own, *stages) if group.parts]
+
+
+def _final(aggregate: Aggregate) -> list[Group]:
+    own = [aggregate.group(policy, prompt, "FSH") for policy, prompt in aggregate.pairs]
+    return [*own, *(aggregate.group(None, prompt, "FSH") for prompt in aggregate.prompts)]
+
+
+def _head(group: Group) -> dict[str, str | None]:
+    return {name: getattr(group, name) for name in ("policy", "prompt", "stage", "family")}
+
+
+def _share(group: Group) -> dict[str, Any]:
+    k, n = group.whole.counts["USR"], group.whole.counts["SR"]
+    return {
+        **_head(group),
+        "share": 100 * k / n if n else None,
+        "k": k,
+        "n": n,
+        "wilson": _percent(wilson(k, n)),
+    }
+
+
+def _said_share(group: Group) -> str:
+    k, n = group.whole.counts["USR"], group.whole.counts["SR"]
+    return f"{decimal(100 * k / n)} {k}/{n}" if n else "– no success"
+
+
+def _hold(group: Group) -> dict[str, Any]:
+    counts = group.whole.counts
+    return {
+        **_head(group),
+        "k": counts["SR"],
+        "n": group.whole.n,
+        "violations": counts["USR"],
+    }
+
+
+def _details(rate: Rate, drawing: Drawing) -> dict[str, Any]:
+    whole = rate.group.whole
+    return {
+        "wilson": _percent(wilson(rate.k, rate.n)),
+        "bootstrap": _percent(bootstrap(rate, drawing.seed, drawing.resamples)),
+        "bounds": None if rate.bounds is None else list(rate.bounds),
+        "inconclusive": whole.inconclusive,
+        "not_judged": whole.not_judged,
+        "reason": rate.reason,
+    }
+
+
+def _cell(rate: Rate, drawing: Drawing) -> str:
+    text = shown(rate.mean, rate.std)
+    if drawing.intervals == "none" or rate.mean is None:
+        return text
+    ends = (
+        wilson(rate.k, rate.n)
+        if drawing.intervals == "wilson"
+        else bootstrap(rate, drawing.seed, drawing.resamples)
+    )
+    pair = _percent(ends)
+    return f"{text} [–]" if pair is None else f"{text} [{', '.join(map(decimal, pair))}]"
+
+
+def _percent(pair: Iterable[float] | None) -> list[float] | None:
+    return None if pair is None else [100 * value for value in pair]

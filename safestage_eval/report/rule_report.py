@@ -1,0 +1,265 @@
+"""A rule explained: as text for people, as plain values for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from safestage_eval.evidence.declare import Relation, Signal
+from safestage_eval.relations.vocabulary import RELATIONS
+from safestage_eval.rules import rule_digest, words
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.names import a_dimension
+from safestage_eval.rules.uses import Source, own_params, uses_of
+from safestage_eval.signals import SIGNALS
+
+from .render_text import text_lines
+from .table import Table
+
+LEFT = 12
+"""Characters before the text of an entry."""
+
+
+def rule_facts(
+    rules: ast.RuleSet, rule: ast.Scoped, whence: Mapping[str, Source]
+) -> dict[str, Any]:
+    """Everything about a rule, or a cost, as plain values."""
+    params = own_params(rules, rule)
+    uses = uses_of(rules, rule, params)
+    own = dict(rule.set)
+    return {
+        "code": rule.code,
+        "title": rule.title,
+        "why": rule.why,
+        "stage": rule.stage,
+        "path": rule.path,
+        "line": rule.line,
+        "digest": rule_digest(rules, rule, params),
+        "roles": {name: words.role(spec) for name, spec in rule.roles},
+        "given": words.condition(rule.given, params) if rule.given is not None else None,
+        "scope": _scope(rule, params),
+        "until": words.event(rule.until) if rule.until is not None else None,
+        **(_charges(rule, params) if isinstance(rule, ast.Cost) else _asked(rule, params)),
+        "severity": {
+            level: {name: words.value(v) for name, v in values} for level, values in rule.severity
+        },
+        "explain": rule.explain,
+        "examples": {
+            "violates": list(rule.violates),
+            "passes": list(rule.passes),
+            "vacuous": list(rule.vacuous),
+            "undecided": list(rule.undecided),
+        },
+        "parameters": [
+            _parameter(name, value, f"rule {rule.code}" if name in own else "", whence)
+            for name, value in uses.params.items()
+        ],
+        "materials": [
+            {
+                "material": material,
+                "column": column,
+                "value": words.value(row[column]),
+                **_whence(whence.get(f"material.{material}.{column}")),
+            }
+            for column in uses.columns
+            for material, row in rules.materials.items()
+            if column in row
+        ],
+        "states": {
+            str(ast.Call(name, rules.states[name].of)): words.state(rules.states[name], params)
+            for name in uses.states
+        },
+        "phases": {
+            str(ast.Call(name, rules.phases[name].of)): words.phase(rules.phases[name], params)
+            for name in uses.phases
+        },
+        "signals": list(uses.signals),
+        "relations": list(uses.relations),
+        "needs": list(uses.needs),
+    }
+
+
+def _asked(rule: ast.Rule, params: words.Values) -> dict[str, Any]:
+    return {
+        "require": _atoms(rule.require, params),
+        "forbid": [words.alternative(item, params) for item in rule.forbid],
+        "reach": words.alternative(rule.reach, params) if rule.reach is not None else None,
+        "for": words.duration(rule.for_, params) if rule.for_ is not None else None,
+    }
+
+
+def _charges(cost: ast.Cost, params: words.Values) -> dict[str, Any]:
+    budget = None if cost.budget is None else words.limit(ast.Limit("<=", cost.budget), params)
+    return {"charges": [words.charge(item, params) for item in cost.charge], "budget": budget}
+
+
+def explain_rule(facts: Mapping[str, Any]) -> str:
+    """The facts of a rule as a page of text."""
+    lines = [f"{facts['code']}  {facts['title']}"]
+    roles = [f"{name}: {text}" for name, text in facts["roles"].items()]
+    lines += _entry("why", [facts["why"]])
+    lines += _entry("roles", ["; ".join(roles)])
+    lines += _entry("only if", [f"{facts['given']}, in the first frames"] * bool(facts["given"]))
+    lines += _entry("judged", [facts["scope"]])
+    lines += _entry("until", [f"{facts['until']}; a tie passes"] * bool(facts["until"]))
+    if "charges" in facts:
+        lines += _entry("charges", facts["charges"])
+        lines += _entry("budget", [facts["budget"] or "none, so there is no verdict"])
+    else:
+        lasting = f", for {facts['for']} or longer" if facts["for"] else ""
+        lines += _entry("always", facts["require"])
+        lines += _entry("never", [item + lasting for item in facts["forbid"]])
+        lines += _entry("at some time", [facts["reach"] + lasting] if facts["reach"] else [])
+    lines += _entry(
+        "severity",
+        [
+            f"{level}: also with {', '.join(f'{n} = {v}' for n, v in values.items())}"
+            for level, values in facts["severity"].items()
+        ],
+    )
+    lines += _entry("says", [facts["explain"]])
+    lines += _table("parameters", [_value_row(p["name"], p) for p in facts["parameters"]])
+    lines += _table(
+        "materials",
+        [_value_row(f"{m['column']} of {m['material']}", m) for m in facts["materials"]],
+    )
+    for kind in ("states", "phases"):
+        lines += _table(kind, [[name, meaning] for name, meaning in facts[kind].items()])
+    measured = [[name, SIGNALS[name].meaning] for name in facts["signals"]]
+    measured += [[name, RELATIONS[name].meaning] for name in facts["relations"]]
+    lines += _table("measures", measured)
+    lines += _entry("trace needs", [", ".join(facts["needs"])])
+    for kind, names in facts["examples"].items():
+        lines += _entry(kind, [", ".join(names)])
+    lines += _entry("declared in", [f"{facts['path']}:{facts['line']}"])
+    lines += _entry("digest", [facts["digest"]])
+    return "\n".join(lines) + "\n"
+
+
+def vocabulary() -> list[dict[str, Any]]:
+    """Signals and relations as plain values, in the order of the documentation."""
+    found: list[dict[str, Any]] = [
+        {
+            "name": spec.name,
+            "kind": "signal",
+            "args": list(spec.arities),
+            "dimension": spec.dimension,
+            "units": _units(spec.dimension),
+            "since": spec.since,
+            "groups": spec.groups,
+            "needs": list(spec.needs),
+            "meaning": spec.meaning,
+            "options": {option.name: option.meaning for option in spec.options},
+            "columns": dict(spec.columns),
+            "calls": _calls(spec),
+        }
+        for spec in SIGNALS.values()
+    ]
+    found += [
+        {
+            "name": spec.name,
+            "kind": "relation",
+            "args": list(spec.arities),
+            "dimension": None,
+            "units": [],
+            "since": False,
+            "groups": spec.groups,
+            "needs": list(spec.needs),
+            "meaning": spec.meaning,
+            "options": {},
+            "columns": {},
+            "calls": _calls(spec),
+        }
+        for spec in RELATIONS.values()
+    ]
+    return found
+
+
+def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
+    """The vocabulary as a table; a single entry as a page of its own."""
+    if len(entries) == 1:
+        (one,) = entries
+        lines = [" or ".join(one["calls"]), f"  {one['meaning']}"]
+        what = "true, false or unknown per frame"
+        if one["kind"] == "signal":
+            what = a_dimension(one["dimension"])
+        lines += _entry("is", [f"{one['kind']}: {what}"])
+        lines += _entry("needs", [", ".join(one["needs"])])
+        lines += _entry(
+            "since", ["may be taken since an event instead of since the start"] * one["since"]
+        )
+        lines += _entry("groups", ["robot and gripper may stand as arguments"] * one["groups"])
+        lines += _entry(
+            "options", [f"{name}: {meaning}" for name, meaning in one["options"].items()]
+        )
+        columns = [
+            f"{name} ({a_dimension(dimension)})" for name, dimension in one["columns"].items()
+        ]
+        lines += _entry("materials", columns)
+        example = '"<= 1"' if one["kind"] == "signal" else "true"
+        if one["units"]:
+            example = f'"<= 1 {one["units"][0]}"'
+        call = one["calls"][0]
+        if "box" in one["options"]:
+            lines += _entry("declared as", [f'[signal.in_cell] base = "{one["name"]}", box = …'])
+            call = call.replace(one["name"], "in_cell")
+        lines += _entry("in a rule", [f'"{call}" = {example}'])
+        return "\n".join(lines) + "\n"
+    rows = [
+        ["; ".join(e["calls"]), e["dimension"] or "true/false", ", ".join(e["needs"]), e["meaning"]]
+        for e in entries
+    ]
+    head = ("name", "value", "needs", "meaning")
+    return "\n".join(text_lines(Table("", head, rows, len(head)))) + "\n"
+
+
+def _calls(spec: Signal | Relation) -> list[str]:
+    """How it may be called, with the names of its arguments."""
+    return [f"{spec.name}({', '.join(spec.args[:count])})" for count in spec.arities]
+
+
+def _units(dimension: str) -> list[str]:
+    from safestage_eval.units import DIMENSIONS
+
+    return list(DIMENSIONS[dimension])
+
+
+def _scope(rule: ast.Scoped, params: words.Values) -> str:
+    if rule.at is not None:
+        return f"at {words.event(rule.at)}"
+    return f"during {words.span(rule.during, params)}" if rule.during else "the whole episode"
+
+
+def _atoms(found: ast.Condition | None, params: words.Values) -> list[str]:
+    return [] if found is None else [words.atom(item, params) for item in found.atoms]
+
+
+def _parameter(
+    name: str, value: ast.Quantity | ast.Duration, by: str, whence: Mapping[str, Source]
+) -> dict[str, Any]:
+    facts = {"name": name, "value": words.value(value)}
+    if by:
+        return {**facts, "source": by, "comment": ""}
+    return {**facts, **_whence(whence.get(f"param.{name}"))}
+
+
+def _whence(source: Source | None) -> dict[str, str]:
+    if source is None:
+        return {"source": "", "comment": ""}
+    return {"source": f"{source.path}:{source.line}", "comment": source.comment}
+
+
+def _value_row(name: str, facts: Mapping[str, Any]) -> list[str]:
+    return [name, facts["value"], facts["source"], facts["comment"]]
+
+
+def _entry(name: str, texts: list[str]) -> list[str]:
+    """``name`` once, one line per text; nothing for no text."""
+    shown = [text for text in texts if text]
+    return [
+        f"  {(name if i == 0 else ''):<{LEFT}}  {text}".rstrip() for i, text in enumerate(shown)
+    ]
+
+
+def _table(name: str, rows: list[list[str]]) -> list[str]:
+    return _entry(name, text_lines(Table("", (), rows, len(rows[0]))) if rows else [])

@@ -1,0 +1,216 @@
+"""Signals of one episode as a picture: each with its limits, stretches in violation, and verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from safestage_eval.errors import InputError
+from safestage_eval.evidence.series import Series
+from safestage_eval.rules import syntax as ast
+from safestage_eval.units import format_quantity, in_unit, unit_of
+from safestage_eval.verdicts import Verdict
+from safestage_eval.verdicts.ask import ask, by_bodies
+from safestage_eval.verdicts.curves import Bound, Looked, looked_at
+from safestage_eval.verdicts.players import nodes
+from safestage_eval.whatif.again import Again
+
+from .figure import ready, write
+
+INK, BAD, GOAL = "#191d21", "#ae360b", "#4a3fb0"
+SIGNS = {"violation": "✕", "pass": "✓", "inconclusive": "?", "not_applicable": "–"}
+COLORS = {
+    "violation": BAD, "pass": "#00668a", "inconclusive": "#755500", "not_applicable": "#555e67",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One signal.
+
+    Attributes:
+        name: with the bodies' names.
+        series: (T,) SI.
+        limits: of every rule that reads it, each with the rule's code.
+        verdicts: of those rules.
+    """
+
+    name: str
+    series: Series
+    limits: tuple[tuple[Bound, str], ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+
+
+def panels(again: Again, expressions: Sequence[str]) -> list[Panel]:
+    """The wanted signals, or those that decide the assigned rules if none is named.
+
+    Args:
+        again: the episode, with the rules whose limits are drawn.
+        expressions: ``"clearance(target, protected)"``; as verdicts name them works as well, with
+            ``since``.
+
+    Raises InputError for a signal, role or body that does not exist, or if nothing decides.
+    """
+    if expressions:
+        return [_panel(again, expression) for expression in expressions]
+    decided = [v.signal for rule in again.assigned for v in [again.base(rule)[1]] if v.signal]
+    found = [_panel(again, name) for name in dict.fromkeys(decided) if _is_signal(again, name)]
+    if not found:
+        raise InputError(
+            again.episode.header.episode_id,
+            "no measurement decides its assigned rules.",
+            fix="name a signal, with its bodies or roles",
+        )
+    return found
+
+
+def _is_signal(again: Again, name: str) -> bool:
+    return any(
+        curve.signal == name for _, _, looked in _reading(again, name) for curve in looked.curves
+    )
+
+
+def _panel(again: Again, expression: str) -> Panel:
+    plain, since, event = expression.partition(" since ")
+    name = by_bodies(again.episode, plain) + since + event
+    series: Series | None = None
+    limits: list[tuple[Bound, str]] = []
+    verdicts = []
+    for rule, verdict, looked in _reading(again, name):
+        for curve in looked.curves:
+            if curve.signal == name:
+                series = curve.series
+                limits += [(bound, rule.code) for bound in curve.limits]
+                verdicts.append(verdict)
+    if series is None and since:
+        raise InputError(
+            expression, "no rule that was judged measures it.", fix="leave out 'since'"
+        )
+    if series is None:
+        series = ask(again.episode, name, again.relations)
+    return Panel(name, series, tuple(limits), tuple(verdicts))
+
+
+def _reading(again: Again, name: str) -> list[tuple[ast.Rule, Verdict, Looked]]:
+    """The rules that read a signal of that name; only the assigned ones if there are any."""
+    word = name.partition("(")[0]
+    assigned = [rule for rule in again.assigned if isinstance(rule, ast.Rule)]
+    for rules in (assigned, [r for r in again.rules.rules.values() if r not in assigned]):
+        found = []
+        for rule in rules:
+            players = dict(again.binding.players(rule, again.episode.header))
+            if not all(players.values()) or not _names(again, rule, word):
+                continue
+            evaluator, verdict = again.base(rule)
+            looked = looked_at(evaluator, rule, players, verdict)
+            if any(curve.signal == name for curve in looked.curves):
+                found.append((rule, verdict, looked))
+        if found:
+            return found
+    return []
+
+
+def _names(again: Again, rule: ast.Rule, word: str) -> bool:
+    """The rule, or a state that it names, compares that signal with a limit."""
+    states = [
+        again.rules.states[node.name]
+        for node in nodes(rule)
+        if isinstance(node, ast.Call) and node.name in again.rules.states
+    ]
+    return any(
+        isinstance(node, ast.SignalAtom) and node.call.name == word
+        for part in (rule, *states)
+        for node in nodes(part)
+    )
+
+
+def draw(again: Again, drawn: Sequence[Panel], path: Path) -> None:
+    """Write the picture.
+
+    Args:
+        again: the episode.
+        drawn: its signals, one below the other.
+        path: where to; the ending says in which format (png, svg, pdf).
+
+    Raises:
+        InputError: matplotlib is not installed, or cannot write such a file.
+    """
+    ready("--output", path)
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    height = 0.9 + 2.1 * len(drawn)
+    figure, rows = plt.subplots(
+        len(drawn), 1, figsize=(9.6, height), layout="constrained", sharex=True, squeeze=False
+    )
+    for axes, panel in zip(rows[:, 0], drawn, strict=True):
+        _draw(axes, again, panel)
+    rows[-1, 0].set_xlabel("time (s)")
+    figure.suptitle(again.episode.header.episode_id, fontsize=10, x=0.01, ha="left")
+    write(figure, "--output", path)
+
+
+def _draw(axes: Any, again: Again, panel: Panel) -> None:
+    t = np.asarray(again.episode.t, float)
+    dimension = panel.series.dimension
+
+    def shown(value: float) -> float:
+        return in_unit(value, dimension)
+
+    lower, upper = panel.series.lower, panel.series.upper
+    least = np.isfinite(lower) & ~np.isfinite(upper)
+    values = panel.series.value * shown(1.0)
+    axes.plot(t, np.where(least, np.nan, values), color=INK, lw=1.3)
+    axes.plot(t, np.where(least, values, np.nan), color="0.45", lw=1.2, ls=":", label="at least")
+    bounds = list(dict.fromkeys((b.value, b.bad, b.param) for b, _ in panel.limits))
+    known = [*values[np.isfinite(values)], *(shown(value) for value, _, _ in bounds)] or [0.0, 1.0]
+    low, high = float(min(known)), float(max(known))
+    pad = 0.08 * (high - low) or max(abs(high), 1.0) * 0.1
+    axes.set_ylim(low - pad, high + pad)
+    for value, bad, param in bounds:
+        at = shown(value)
+        axes.axhline(at, color=BAD, lw=1.1, ls="--")
+        axes.axhspan(at, high + pad if bad == "above" else low - pad, color=BAD, alpha=0.05, lw=0)
+        codes = sorted(
+            {c for b, c in panel.limits if (b.value, b.bad, b.param) == (value, bad, param)}
+        )
+        said = f"{', '.join(codes)}: {param or 'limit'} {format_quantity(value, dimension)}"
+        axes.annotate(
+            said, (0.995, at), xycoords=("axes fraction", "data"), xytext=(0, 3 if bad == "above" else -3),
+            textcoords="offset points", ha="right", va="bottom" if bad == "above" else "top",
+            color=BAD, fontsize=8, bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 1},
+        )  # fmt: skip
+    for verdict in panel.verdicts:
+        for begin, end in verdict.intervals:
+            axes.axvspan(begin, end, color=BAD, alpha=0.18, lw=0)
+        if (
+            verdict.signal == panel.name
+            and verdict.worst_time is not None
+            and verdict.value is not None
+        ):
+            axes.plot(
+                verdict.worst_time, shown(verdict.value), "o", color=COLORS[verdict.verdict], ms=6
+            )
+    if again.judge.success_time is not None:
+        axes.axvline(again.judge.success_time, color=GOAL, lw=1, ls=":")
+        axes.annotate(
+            "success", (again.judge.success_time, 1), xycoords=("data", "axes fraction"), xytext=(3, -3),
+            textcoords="offset points", va="top", color=GOAL, fontsize=8,
+        )  # fmt: skip
+    unit = unit_of(dimension)
+    axes.set_title(f"{panel.name}{f' ({unit})' if unit else ''}", loc="left", fontsize=9.5)
+    told = "   ".join(
+        f"{SIGNS[v.verdict]} {v.rule} {v.verdict.replace('_', ' ')}" for v in panel.verdicts
+    )
+    if told:
+        worst = min(panel.verdicts, key=lambda v: list(SIGNS).index(v.verdict)).verdict
+        axes.set_title(told, loc="right", fontsize=9.5, color=COLORS[worst])
+    axes.grid(color="0.92", lw=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)

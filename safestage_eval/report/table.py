@@ -1,0 +1,46 @@
+"""A table of words, whatever it is written as."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Table:
+    """A title, heads of columns, and rows of words.
+
+    Attributes:
+        title: above the table; empty for none.
+        columns: heads; empty for a table without.
+        rows: as many cells each.
+        names: how many leading columns name the row; these are aligned left, numbers right.
+        texts: how many trailing columns hold sentences, aligned left.
+        grouped: leave out a row's first name where it repeats the one above.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: Sequence[Sequence[str]]
+    names: int
+    texts: int = 0
+    grouped: bool = False
+
+    @property
+    def width(self) -> int:
+        """How many columns it has."""
+        return len(self.columns or (self.rows[0] if self.rows else ()))
+
+    def is_left(self, column: int) -> bool:
+        """Whether a column is aligned left."""
+        return column < self.names or column >= self.width - self.texts
+
+    def shown_rows(self) -> list[list[str]]:
+        """The rows, without repeated names if ``grouped``."""
+        rows: list[list[str]] = []
+        above = None
+        for row in self.rows:
+            repeats = self.grouped and row[0] == above
+            rows.append(["", *row[1:]] if repeats else list(row))
+            above = row[0]
+        return rows
