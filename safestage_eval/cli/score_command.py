@@ -188,8 +188,8 @@ def command(
         memory=None if memory is None else memory_limit.limit(memory),
     )
     if asked.bind is not None:
-        for told in misspelt_roles(asked.bind, load_rules(list(asked.rules))):
-            say(f"warning: {told}", err=True)
+        for warning in misspelt_roles(asked.bind, load_rules(list(asked.rules))):
+            say(f"warning: {warning}", err=True)
     with progress("scoring") as tell:
         heap.keep()
         scores = score_traces(traces, asked, choice, tell, announce_compiling)

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 FORMATS = ("table", "csv", "json")
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-"""Okabe and Ito's palette, told apart by colour-blind readers as well."""
+"""Okabe and Ito's palette, which colour-blind readers can distinguish as well."""
 
 STYLES = ("-", (0, (4, 2)), (0, (1, 1.5)))
-"""Of lines, in turn, so that two that coincide are both seen."""
+"""Line styles, in turn, so that two curves that coincide are both visible."""
 
 DRAWN = {"VR": "violations", "SSR": "safe successes"}
 """The rates that are drawn, in words."""
@@ -57,7 +57,7 @@ def _table(sweep: Curves, by: Sequence[str]) -> str:
 
 
 def _remarks(sweep: Curves) -> list[str]:
-    """What was judged, and what was not."""
+    """Sentences on what was judged, and what was not."""
     said = [
         f"{sweep.param} is {text_of(sweep.default)} by default and read by "
         f"{', '.join(sweep.readers)}; {len(sweep.values)} values, {_count(sweep.count, 'episode')}."
@@ -96,7 +96,7 @@ def _json(sweep: Curves, by: Sequence[str]) -> str:
 def plot(sweep: Curves, path: Path, by: Sequence[str] = ()) -> None:
     """Draw VR and SSR against the parameter, its default marked.
 
-    One panel with both, or, where groups are told apart, a panel for each with a colour per group.
+    One panel with both, or with groups a panel for each and a colour per group.
 
     Args:
         sweep: what to draw.

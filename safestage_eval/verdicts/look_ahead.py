@@ -1,4 +1,4 @@
-"""How much of the future a rule must have seen before it can be violated: from its text alone."""
+"""How much of the future must be recorded before something in a rule is certain: from its text alone."""
 
 from __future__ import annotations
 
@@ -37,58 +37,47 @@ class Foresight(NamedTuple):
 NOW = Foresight()
 
 
-def _all(parts: Iterable[Foresight]) -> Foresight:
-    """What is known once all its parts are."""
+def latest(parts: Iterable[Foresight]) -> Foresight:
+    """The foresight of what is known once all its parts are."""
     return max(parts, key=lambda part: part.seconds, default=NOW)
 
 
-def _awaits(what: str) -> Foresight:
+def awaiting(what: str) -> Foresight:
+    """The foresight of a rule that is not causal."""
     return Foresight(math.inf, what)
 
 
-def foresight(
-    rules: ast.RuleSet, rule: ast.Scoped, params: Params, frame_dt: float, *, blind: bool = False
-) -> Foresight:
-    """How far a rule looks ahead.
+class Look:
+    """Walks through the parts of a rule.
 
     A limit on a signal is known at its frame. A state that must last is known once it has lasted; a
-    gap once it may not be closed any more. ``reach`` is broken only when its span is over, the last
-    part of a span is known only then, and what lies before an event only when that has come.
-
-    Args:
-        rules: where the states and phases that the rule names are declared.
-        rule: a rule or a cost.
-        params: values of the parameters, as they hold for the rule.
-        frame_dt: s between recorded frames.
-        blind: the trace has no contact forces.
+    gap once it may not be closed any more. The last part of a span is known only when the span is
+    over, and what lies before an event only when that has come.
     """
-    return _Look(rules, params, frame_dt, blind=blind).rule(rule)
 
+    def __init__(
+        self, rules: ast.RuleSet, params: Params, frame_dt: float, *, blind: bool = False
+    ) -> None:
+        """For rules of a set.
 
-class _Look:
-    def __init__(self, rules: ast.RuleSet, params: Params, frame_dt: float, *, blind: bool) -> None:
+        Args:
+            rules: where the states and phases that the rule names are declared.
+            params: values of the parameters, as they hold for the rule.
+            frame_dt: s between recorded frames.
+            blind: the trace has no contact forces.
+        """
         self._rules, self._params, self._dt, self._blind = rules, params, frame_dt, blind
         self._states: dict[str, Foresight] = {}
 
-    def rule(self, rule: ast.Scoped) -> Foresight:
+    def scope(self, rule: ast.Scoped) -> Foresight:
+        """Where a rule is judged, and whether it applies."""
         parts = [NOW if rule.given is None else self._condition(rule.given)]
         if rule.at is not None:
             parts.append(self._event(rule.at))
         parts.append(self._span(rule.during or ast.Whole()))
         if rule.until is not None:
             parts.append(self._event(rule.until))
-        if isinstance(rule, ast.Cost):
-            charged = (charge.when for charge in rule.charge if charge.when is not None)
-            return _all([*parts, *map(self._alternative, charged)])
-        if rule.require is not None:
-            parts.append(self._condition(rule.require))
-        if rule.forbidden is not None:
-            lasting = NOW if rule.for_ is None else NOW.then(self._seconds(rule.for_))
-            parts.append(self._alternative(rule.forbidden).then(lasting.seconds))
-        if rule.reach is not None:
-            span = "the episode" if rule.during is None else "the span in which it must be reached"
-            parts.append(_awaits(f"the end of {span}"))
-        return _all(parts)
+        return latest(parts)
 
     def _span(self, span: ast.Span) -> Foresight:
         match span:
@@ -97,22 +86,24 @@ class _Look:
             case ast.PhaseSpan(call):
                 phase = self._rules.phases[call.name]
                 instead = NOW if phase.fallback is None else self._span(phase.fallback)
-                return _all([self._span(phase.span), instead])
+                return latest([self._span(phase.span), instead])
             case ast.StateSpan(call):
                 return self._state(call)
             case ast.Part("last", _, of):
                 inner = self._span(of)
-                return inner if inner.awaits else _awaits(f"the end of {self._named(of)}")
+                return inner if inner.awaits else awaiting(f"the end of {self._named(of)}")
             case ast.Part(_, _, of):
                 return self._span(of)
             case ast.Around("before", _, event):
-                return _awaits(f"the event {event.text or event.kind!r} that it looks back from")
+                return awaiting(f"the event {event.text or event.kind!r} that it looks back from")
             case ast.Around(_, _, event):
                 return self._event(event)
             case ast.FromTo(begin, stop):
-                return _all([self._event(begin), NOW if stop.kind == "end" else self._event(stop)])
+                return latest(
+                    [self._event(begin), NOW if stop.kind == "end" else self._event(stop)]
+                )
             case ast.While(of, call):
-                return _all([self._span(of), self._state(call)])
+                return latest([self._span(of), self._state(call)])
 
     def _named(self, span: ast.Span) -> str:
         if isinstance(span, ast.PhaseSpan):
@@ -121,37 +112,38 @@ class _Look:
 
     def _event(self, event: ast.Event) -> Foresight:
         if event.kind == "end":
-            return _awaits("the end of the episode")
+            return awaiting("the end of the episode")
         return NOW if event.call is None else self._state(event.call)
 
-    def _alternative(self, what: ast.Alternative) -> Foresight:
+    def alternative(self, what: ast.Alternative) -> Foresight:
+        """A condition or an event."""
         return self._condition(what) if isinstance(what, ast.Condition) else self._event(what)
 
     def _condition(self, condition: ast.Condition) -> Foresight:
-        return _all(map(self._atom, condition.atoms))
+        return latest(map(self._atom, condition.atoms))
 
     def _atom(self, atom: ast.Atom) -> Foresight:
         if isinstance(atom, ast.SignalAtom):
             variant = self._rules.signals.get(atom.call.name)
             signal = SIGNALS[atom.call.name if variant is None else variant.base]
             if self._blind and signal.by_motion:
-                return _awaits("the end of the motion that tells held()")
+                return awaiting("the end of the motion that tells held()")
             ahead = signal.looks_ahead()
             if ahead is not None:
                 given = {} if variant is None else dict(variant.options)
                 over = given.get(ahead.name, ahead.default)
                 later = over if isinstance(over, ast.Parameter) else ast.Duration(cast(float, over))
-                return NOW.then(self._seconds(later))
+                return NOW.then(self.seconds(later))
             return NOW if atom.since is None else self._event(atom.since)
         if isinstance(atom, ast.AnyOf):
-            return _all(map(self._alternative, atom.alternatives))
+            return latest(map(self.alternative, atom.alternatives))
         return self._state(atom.call)
 
     def _state(self, call: ast.Call) -> Foresight:
         state = self._rules.states.get(call.name)
         if state is None:
             if self._blind and RELATIONS[call.name].by_motion:
-                return _awaits(f"the end of the motion that tells {call.name}()")
+                return awaiting(f"the end of the motion that tells {call.name}()")
             return NOW
         if call.name not in self._states:
             self._states[call.name] = NOW  # declarations never lead back to themselves
@@ -159,16 +151,16 @@ class _Look:
             if self._blind:
                 instead = (state.fallback, state.perhaps)
                 parts += [self._condition(one) for one in instead if one is not None]
-            lasting = sum(self._seconds(d) for d in (state.for_, state.gap) if d is not None)
+            lasting = sum(self.seconds(d) for d in (state.for_, state.gap) if d is not None)
             if state.also is not None:
                 parts.append(self._condition(state.also))
-            found = _all(parts).then(lasting)
+            found = latest(parts).then(lasting)
             if state.until is not None and state.until.kind != "end":
-                found = _all([found, self._event(state.until)])
+                found = latest([found, self._event(state.until)])
             self._states[call.name] = found
         return self._states[call.name]
 
-    def _seconds(self, duration: ast.Duration | ast.Parameter) -> float:
+    def seconds(self, duration: ast.Duration | ast.Parameter) -> float:
         """At least as long as the frames that a duration comes to."""
         value = self._params[duration.name] if isinstance(duration, ast.Parameter) else duration
         if isinstance(value, ast.Quantity):

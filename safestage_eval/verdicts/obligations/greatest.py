@@ -14,10 +14,9 @@ import numpy as np
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.scope import Scope
-
-from .costly import is_for_good
-from .evaluate import Evaluator
-from .values import Env
+from safestage_eval.verdicts.costly import is_for_good
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.values import Env
 
 FIRST, MORE = 4, 8
 """At so many frames at first, and at so many times as many whenever these do not decide."""

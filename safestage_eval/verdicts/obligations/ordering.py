@@ -1,4 +1,4 @@
-"""What broke a rule first, and for "never this before that" the order of the two moments."""
+"""The thing that broke a rule first, and for "never this before that" the order of the moments."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ import numpy as np
 from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.persistence import without_short_runs
-
-from .evaluate import Evaluator
-from .instance import Instance
-from .values import Env
-from .witness import Witness
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.instance import Instance
+from safestage_eval.verdicts.values import Env
+from safestage_eval.verdicts.witness import Witness
 
 
 class Broken(NamedTuple):
