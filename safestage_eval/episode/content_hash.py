@@ -4,22 +4,46 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from .body import Body
-    from .episode import Episode
-    from .header import Header
+from .body import Body
+from .contacts import ContactTable
+from .frames import RobotFrames
+from .header import Header
+from .track import Track
 
 _DESCRIPTIVE = {"material", "tags"}
 """Body fields that describe rather than measure: an importer may correct them later."""
 
 
-def content_hash(episode: Episode) -> str:
+class Recording(Protocol):
+    """What is hashed; an ``Episode`` is one."""
+
+    @property
+    def header(self) -> Header: ...
+
+    @property
+    def t(self) -> NDArray[np.float64]: ...
+
+    @property
+    def tracks(self) -> Mapping[str, Track]: ...
+
+    @property
+    def contacts(self) -> ContactTable: ...
+
+    @property
+    def frames(self) -> RobotFrames: ...
+
+    @property
+    def channels(self) -> Mapping[tuple[str, str], NDArray[np.float32]]: ...
+
+
+def content_hash(episode: Recording) -> str:
     """SHA-256 (hex) over time, motion, contacts, commands and geometry.
 
     The header's names for the episode (id, task, policy, roles, success, …) are left out, so that
