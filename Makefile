@@ -41,9 +41,9 @@ typecheck: $(BIN)/pytest
 	$(BIN)/mypy
 
 schemas: $(BIN)/pytest  ## write schemas/ anew from the code
-	$(BIN)/python -m safestage_eval.formats.schema schemas
+	$(BIN)/python -m safestage_eval.formats.trace_schema schemas
 	$(BIN)/python -m safestage_eval.rules.schema schemas
-	$(BIN)/python -m safestage_eval.report.schema schemas
+	$(BIN)/python -m safestage_eval.report.result_schema schemas
 
 catalogue: $(BIN)/pytest  ## write docs/catalogue.md anew from the rules
 	$(BIN)/python -m safestage_eval.report.catalogue docs/catalogue.md

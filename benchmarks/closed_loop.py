@@ -19,17 +19,17 @@ from pathlib import Path
 
 import numpy as np
 
-from simulate import arm
+from simulate.arm import droid
 from simulate.clients.address import dialect_named
-from simulate.clients.arrays import pack, unpack
 from simulate.clients.dialect import Dialect
-from simulate.policies import Observation
-from simulate.record import plan, record
-from simulate.servers.answers import DONE
+from simulate.clients.message_arrays import pack, unpack
+from simulate.policy import Observation
+from simulate.record.jobs import plan, record
+from simulate.servers.served_answers import DONE
 from simulate.servers.websocket import WebsocketServer
 from simulate.servers.zeromq import ZeromqServer
-from simulate.task import task_named
-from simulate.world import CONTROL_RATE
+from simulate.tasks.task import task_named
+from simulate.world.world import CONTROL_RATE
 
 SHORT, LONG, BLIND = 1.0, 5.0, 40.0
 """s of episode; the last one instead of the second where nothing is drawn, as that is soon over."""
@@ -40,7 +40,7 @@ class ByRote:
 
     def __init__(self, dialect: Dialect) -> None:
         self._dialect = dialect
-        self._home = np.tile(np.append(arm.HOME, 0.0), (dialect.rows, 1))
+        self._home = np.tile(np.append(droid.HOME, 0.0), (dialect.rows, 1))
 
     def greeting(self) -> bytes:
         """What is said first."""

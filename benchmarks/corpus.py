@@ -32,8 +32,8 @@ import pyarrow.parquet as pq
 from machine import machine
 
 from safestage_eval.episode import Episode
-from safestage_eval.formats.arrow_tables import write_options
-from safestage_eval.formats.shard import writing_shard
+from safestage_eval.formats.parquet.arrow_tables import write_options
+from safestage_eval.formats.parquet.shard import writing_shard
 
 STAGES = tuple(made.ROLES)
 SHARD = 50

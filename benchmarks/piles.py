@@ -41,9 +41,9 @@ from safestage_eval.episode import ContactTable, Episode, Header, RobotFrames
 from safestage_eval.formats import TraceWriter
 from safestage_eval.relations.measure import Relations
 from safestage_eval.signals.measure import Signals
-from simulate.contact_reader import ContactReader
-from simulate.describe import Description, Facts
-from simulate.motion_reader import MotionReader
+from simulate.world.contact_reader import ContactReader
+from simulate.world.describe import Description, Facts
+from simulate.world.motion_reader import MotionReader
 
 F64 = NDArray[np.float64]
 

@@ -28,11 +28,11 @@ import numpy as np
 from machine import machine
 from plain import distances
 
-from safestage_eval import heap
-from safestage_eval.formats import stored_table
+from safestage_eval._process import heap
 from safestage_eval.formats.episode_ref import EpisodeRef
+from safestage_eval.formats.parquet import stored_table
 from safestage_eval.rules import load_rules
-from safestage_eval.scoring import score_episode
+from safestage_eval.run.score_episode import score_episode
 from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts import EpisodeResult, judge
 

@@ -21,7 +21,7 @@ from machine import machine
 from safestage_eval.formats import discover
 from safestage_eval.metrics import outcomes, rates
 from safestage_eval.rules import load_rules
-from safestage_eval.scoring import score_many, score_paths
+from safestage_eval.run.score_many import score_many, score_paths
 from safestage_eval.whatif.sweep import sweep
 from safestage_eval.whatif.values import between, text_of
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from safestage_eval.formats import discover
-from simulate.render import EpisodeRenderer, contact_sheet, write_png
+from simulate.render.renderer import EpisodeRenderer, contact_sheet, write_png
 
 ROOT = Path(__file__).parent.parent
 

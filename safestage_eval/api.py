@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from safestage_eval import episode as model
 from safestage_eval.formats import load as load_stored
-from safestage_eval.scoring import score_paths
+from safestage_eval.run.score_many import score_paths
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -110,7 +110,7 @@ def score(
     """
     import pandas as pd
 
-    from safestage_eval.report.rows import COLUMNS, rows
+    from safestage_eval.report.result_rows import COLUMNS, rows
 
     def several(value: str | Path | Sequence[str | Path]) -> list[str | Path]:
         return [value] if isinstance(value, str | Path) else list(value)

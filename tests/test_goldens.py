@@ -9,7 +9,7 @@ import pytest
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.report.golden import compare_golden
 from safestage_eval.rules import load_rules
-from safestage_eval.scoring import score_paths
+from safestage_eval.run.score_many import score_paths
 from safestage_eval.verdicts import judge
 
 ROOT = Path(__file__).parent.parent

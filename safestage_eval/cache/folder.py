@@ -15,13 +15,10 @@ from safestage_eval.formats import EpisodeRef
 from .entry import Entry, Value, encode
 from .log import Log, append
 
-PARTS = ("measured", "answers", "judged")
-"""Files of an episode: arrays (entry.py), the small answers that rest on them (log.py), and of each
-rule by itself what judging it again takes (judged.py)."""
+PARTS = ("measured", "answers")
+"""Files of an episode: arrays (entry.py), and the small answers that rest on them (log.py)."""
 RECENT = 60.0
 """s in which a file that was used counts as used just now."""
-LARGEST = 1 << 20
-"""Bytes that the latter may have."""
 MOST = 4 * 1024**3
 """Bytes that a folder may grow to, unless ``SAFESTAGE_CACHE_SIZE`` (bytes) says otherwise."""
 
@@ -64,16 +61,6 @@ class CacheFolder:
                     os.utime(path)  # used just now: pruned last
         return Log.read(file)
 
-    def judged(self, ref: EpisodeRef, code: str) -> Entry | None:
-        """What was kept of a rule, whatever it is about."""
-        return Entry.read(self._file(ref, f"{code}.judged"))
-
-    def write_judged(self, ref: EpisodeRef, code: str, values: dict[str, Value]) -> None:
-        """Replace what is kept of a rule; nothing is kept where it would be much."""
-        data = encode(values)
-        if self.measurements and len(data) <= LARGEST:
-            self._replace(self.file(ref, f"{code}.judged"), data)
-
     def add(self, ref: EpisodeRef, answers: dict[str, Any], keep: bytes) -> None:
         """Keep answers besides those that are there. A folder that cannot be written to keeps none.
 
@@ -86,9 +73,7 @@ class CacheFolder:
         """Replace what was measured. A folder that cannot be written to keeps nothing."""
         if not self.measurements:
             return
-        self._replace(self.file(ref, "measured"), encode(values))
-
-    def _replace(self, path: Path, data: bytes) -> None:
+        path, data = self.file(ref, "measured"), encode(values)
         new = path.with_name(f".{path.name}.{uuid4().hex[:8]}.part")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

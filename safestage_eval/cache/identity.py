@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from safestage_eval import __version__
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.formats.dataset_layout import TABLE_FOLDERS
+from safestage_eval.formats.parquet.dataset_layout import TABLE_FOLDERS
+from safestage_eval.version import __version__
 
 RACY = 2_000_000_000
 """ns: a file that changed less than this before it was looked at may change again unnoticed, because

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -13,30 +13,22 @@ from pydantic import ValidationError
 
 from safestage_eval.episode import Episode, Header, as_judged
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.formats.episode_row import mesh_keys
-from safestage_eval.formats.lazy import StoredItems
+from safestage_eval.formats.lazy_columns import StoredItems
+from safestage_eval.formats.parquet.episode_row import mesh_keys
 from safestage_eval.relations.measure import Relations
-from safestage_eval.rules import Binding
-from safestage_eval.rules import syntax as ast
 from safestage_eval.signals.series import Series
 from safestage_eval.verdicts import EpisodeResult, Verdict
-from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.judging import Judge
 from safestage_eval.verdicts.memory import short
 
 from .entry import Entry, Value
 from .folder import CacheFolder
 from .identity import RACY, code_version, stamp
-from .judged import values_of
 from .log import Log
-from .outline import outline_of
 from .remembered import RememberedRelations, RememberedSignals
-from .stored import plain, result, result_of, verdict
+from .stored import plain, result, verdict
 
 ABOUT = "about"
 """Name of the value that says which files, and which code, an entry is from."""
-PARTS = "parts"
-"""Name of the keys of verdicts, in place of a result that they and the outline make."""
 
 
 class Memory:
@@ -46,12 +38,9 @@ class Memory:
     stretches of frames) by everything that they depend on, the state of the trace's files included.
     """
 
-    def __init__(self, folder: CacheFolder, ref: EpisodeRef, outline: str = "") -> None:
-        """Looks the episode up; what does not fit its files or this code is not there.
-
-        ``outline``: the question under which its outline is kept.
-        """
-        self._folder, self._ref, self._outline = folder, ref, outline
+    def __init__(self, folder: CacheFolder, ref: EpisodeRef) -> None:
+        """Look the episode up; what does not fit its files or this code is not there."""
+        self._folder, self._ref = folder, ref
         noticed, self._before = time.time_ns(), stamp(ref)
         self._whose = ""
         """Which state of which files, and which code; empty where nothing may be kept."""
@@ -60,8 +49,6 @@ class Memory:
         self._measured: dict[str, Value] = {}
         self._answered: dict[str, Any] = {}
         self._recalled: dict[str, Value | None] = {}
-        self._judged: dict[str, dict[str, Value]] = {}
-        self._parts: list[Any] | None = None
 
     @cached_property
     def _answers(self) -> Log:
@@ -81,6 +68,11 @@ class Memory:
     @cached_property
     def _real(self) -> Episode:
         return self._ref.open()
+
+    @property
+    def opened(self) -> bool:
+        """Something was read from the trace."""
+        return "_real" in vars(self)
 
     @cached_property
     def episode(self) -> Episode:
@@ -163,21 +155,13 @@ class Memory:
             known = self._answered[key] = find()
         return known
 
-    def known(self, question: str) -> Any:
-        """The answer (JSON) that was found before; None if there is none."""
-        key = self.key(question)
-        return self._answered.get(key) or self._answers.get(key)
-
     def key(self, question: str) -> str:
         """Under which the answer to a question is kept."""
         return short(f"{self._whose} {question}")
 
     def verdict(self, question: str, judge: Callable[[], Verdict]) -> Verdict:
         """A verdict that was reached before, or is now."""
-        return self.verdict_of(self.key(question), judge)
-
-    def verdict_of(self, key: str, judge: Callable[[], Verdict]) -> Verdict:
-        """The same, by the key of the question."""
+        key = self.key(question)
         known = self._answers.get(key)
         if known is not None:
             return verdict(known)
@@ -190,76 +174,19 @@ class Memory:
         key, path = self.key(question), self._ref.shown
         known = self._answers.get(key)
         if known is not None:
-            found = self._put_together_again(known) if PARTS in known else result(known, path)
-            if found is not None:
-                return found
+            return result(known, path)
         found = judge()
-        self._answered[key] = plain(found) if self._parts is None else {PARTS: self._parts}
+        self._answered[key] = plain(found)
         return found if found.path == path else replace(found, path=path)
-
-    def put_together(
-        self, outline: Mapping[str, Any], verdicts: Sequence[tuple[str | None, Verdict]]
-    ) -> EpisodeResult:
-        """The result that is made of an outline and verdicts, each with the key that it has, if any.
-
-        Of such a result only the keys are kept.
-        """
-        self._parts = [key or plain(found) for key, found in verdicts]
-        return result_of(outline["result"], [found for _, found in verdicts], self._ref.shown)
-
-    def _put_together_again(self, known: Mapping[str, Any]) -> EpisodeResult | None:
-        """As it was; None where a part is missing."""
-        outline = self.outline()
-        parts = [self._answers.get(p) if isinstance(p, str) else p for p in known[PARTS]]
-        if outline is None or None in parts:
-            return None
-        return result_of(outline["result"], [*map(verdict, parts)], self._ref.shown)
-
-    # ---- rules
-
-    def outline(self) -> Any:
-        """What holds of the episode under all values (JSON); None where that was not kept."""
-        return self.known(self._outline) if self._folder.measurements else None
-
-    def keep_outline(self, judge: Judge, binding: Binding, found: EpisodeResult) -> None:
-        """Keep what holds of the episode under all values, for ``judge_again``."""
-        if self._outline and self._folder.measurements:
-            known = outline_of(judge, binding, found)
-            if known is not None:
-                self._answered[self.key(self._outline)] = known
-
-    def keep_judged(
-        self,
-        question: str,
-        evaluator: Evaluator,
-        rule: ast.Rule,
-        players: Mapping[str, Sequence[str]],
-    ) -> None:
-        """Keep what judging a rule again takes; ``question`` names all that it depends on."""
-        if self._whose and self._folder.measurements:
-            values = values_of(evaluator, rule, players)
-            values[ABOUT] = {"whose": self._whose, "question": short(question)}
-            self._judged[rule.code] = values
-
-    def judged(self, question: str, rule: ast.Rule) -> Entry | None:
-        """What was kept of a rule."""
-        entry = self._folder.judged(self._ref, rule.code) if self._whose else None
-        about = entry.get(ABOUT) if entry is not None else None
-        if about is None or about.get("whose") != self._whose:
-            return None
-        return entry if about.get("question") == short(question) else None
 
     def save(self) -> None:
         """Write what is new, unless it was read from a file that changed since it was looked up."""
         if not (self._measured or self._answered) or not self._whose:
             return
-        read = "_real" in self.__dict__
-        if read and stamp(self._ref) != self._before:
+        if self.opened and stamp(self._ref) != self._before:
             return
         if self._answered:
             self._folder.add(self._ref, self._answered, self._answers.used())
-        for code, values in self._judged.items():
-            self._folder.write_judged(self._ref, code, values)
         if not self._measured:
             return
         known: dict[str, Value] = {

@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 
 from safestage_eval.relations.effect import SIGNALS as EFFECTS
 from safestage_eval.relations.measure import COSTLY, Relations
-from safestage_eval.relations.partial import Partial
 from safestage_eval.signals.measure import Signals
 from safestage_eval.signals.options import Options
 from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series
 from safestage_eval.verdicts.memory import short
 
-from .names import series_name, slack_name
 from .stored import kept_partial, partial_of
 
 if TYPE_CHECKING:
@@ -33,10 +31,6 @@ class RememberedSignals(Signals):
     def __init__(self, memory: Memory, baseline_frames: int, backend: str) -> None:
         super().__init__(memory.episode, baseline_frames, backend)
         self._memory = memory
-        self.slacks: dict[str, float | None] = {}
-        """What values may differ by between frames, as far as that was asked."""
-        self.seen: dict[str, tuple[Series, float]] | None = None
-        """The series that are asked for are collected here by name, each with its cap."""
 
     def key(self, *what: Any) -> str:
         """Name under which something is kept: what was asked, of whom, and how."""
@@ -50,7 +44,6 @@ class RememberedSignals(Signals):
             known = {"value": super().between_frames(name, bodies, frame)}
             self._memory.keep(key, known)
         found: float | None = known["value"]
-        self.slacks[slack_name(name, bodies, frame)] = found
         return found
 
     def measured(
@@ -72,10 +65,7 @@ class RememberedSignals(Signals):
                 name, bodies, reference, cap, deep, slack, options
             )
 
-        found = self._memory.series(key, measure)
-        if self.seen is not None:
-            self.seen[series_name(name, bodies, since, cap, deep, slack, options)] = found, cap
-        return found
+        return self._memory.series(key, measure)
 
 
 class RememberedRelations(Relations):
@@ -155,6 +145,18 @@ class RememberedRelations(Relations):
         lost: Bool = known["lost"]
         return lost if len(lost) else None
 
+    def signal_unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
+        """Like the base class; from the cache where nothing was read from the trace since."""
+        key = self.signals.key("signal unmeasured", name, bodies)
+        known = self._memory.recall(key)
+        if known is None or self._memory.opened:
+            found = super().signal_unmeasured(name, bodies)
+            lost = np.zeros(0, np.bool_) if found is None else np.array(found)
+            if known is None or not np.array_equal(known["lost"], lost):
+                self._memory.keep(key, {"lost": lost})
+            return found
+        return known["lost"] if len(known["lost"]) else None
+
     def caught(self, body: str, on: str, wanted: Bool | None) -> Bool:
         """As in the base class, and remembered likewise."""
         key = self.signals.key("relation", "caught", (body, on))
@@ -188,11 +190,7 @@ class RememberedRelations(Relations):
             return measure()  # the signals remember
         since = reference.key if reference else ""
         key = self.signals.key("signal", name, tuple(bodies), since, *options)
-        found = self._memory.series(key, measure)
-        if self.signals.seen is not None:
-            said = series_name(name, tuple(bodies), since, 0.0, False, 0.0, options)
-            self.signals.seen[said] = found, 0.0
-        return found
+        return self._memory.series(key, measure)
 
     def _costly(
         self, name: str, bodies: tuple[str, ...], wanted: Bool | None, options: Options
@@ -209,7 +207,3 @@ class RememberedRelations(Relations):
         if int(partial.done.sum()) != count:
             self._memory.keep(key, kept_partial(partial))
         return found
-
-    def partial(self, name: str, bodies: tuple[str, ...], options: Options = ()) -> Partial | None:
-        """What was measured at some frames so far; None if nothing was."""
-        return self._partial.get((name, bodies, options))

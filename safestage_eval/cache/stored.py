@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
@@ -42,14 +42,6 @@ def result(stored: Mapping[str, Any], path: str) -> EpisodeResult:
     made["verdicts"] = [verdict(item) for item in stored["verdicts"]]
     made["costs"] = [_made(CostTotal, item) for item in stored["costs"]]
     made["path"] = path
-    return _made(EpisodeResult, made)
-
-
-def result_of(outline: Mapping[str, Any], verdicts: Sequence[Verdict], path: str) -> EpisodeResult:
-    """A result from what JSON says of the episode besides verdicts, and these as they were reached."""
-    from safestage_eval.verdicts.judging import with_consequences
-
-    made = {**outline, "verdicts": with_consequences(verdicts), "costs": (), "path": path}
     return _made(EpisodeResult, made)
 
 

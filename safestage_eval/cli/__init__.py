@@ -11,28 +11,28 @@ from difflib import get_close_matches
 
 import click
 
-from safestage_eval import __version__
+from safestage_eval.version import __version__
 
-COMMANDS = {
-    "score": "score",
-    "inspect": "inspect",
-    "explain": "explain",
-    "view": "view",
-    "validate": "validate",
-    "convert": "convert",
-    "pack": "pack",
-    "import": "import_",
-    "rules": "rules",
-    "sweep": "sweep",
-    "diff": "diff",
-    "aggregate": "aggregate",
-    "compare": "compare",
-    "report": "report",
-    "label": "label",
-    "agreement": "agreement",
-    "plot": "plot",
-}
-"""Command → file in this folder; loaded only when it is called, so that ``--help`` is fast."""
+COMMANDS = (
+    "score",
+    "inspect",
+    "explain",
+    "view",
+    "validate",
+    "convert",
+    "pack",
+    "import",
+    "rules",
+    "sweep",
+    "diff",
+    "aggregate",
+    "compare",
+    "report",
+    "label",
+    "agreement",
+    "plot",
+)
+"""``safestage NAME`` is ``command`` in NAME_command.py, imported when it is called."""
 
 HELP = {
     "score": "Judge recorded episodes against safety rules.",
@@ -72,7 +72,7 @@ class LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         """Import the command."""
         if cmd_name in COMMANDS:
-            module = importlib.import_module(f"safestage_eval.cli.{COMMANDS[cmd_name]}")
+            module = importlib.import_module(f"safestage_eval.cli.{cmd_name}_command")
             command: click.Command = module.command
             return command
         return _from_simulate(cmd_name) if cmd_name in FROM_SIMULATE else None
@@ -94,7 +94,7 @@ class LazyGroup(click.Group):
 
 
 def _from_simulate(name: str) -> click.Command:
-    from safestage_eval import simulator
+    from safestage_eval._process import simulator
 
     missing = simulator.why_not()
     if missing is None:
@@ -134,6 +134,6 @@ def main() -> None:
 def score_main() -> None:
     """Entry point of ``safestage-score``."""
     from .failures import run
-    from .score import command
+    from .score_command import command
 
     run(command)

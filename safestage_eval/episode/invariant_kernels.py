@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import helper, kernel
+from safestage_eval._process.compiled import helper, kernel
 
 from .scene_shapes import BOX, CAPSULE, CYLINDER, MESH, PLANE, SPHERE
 

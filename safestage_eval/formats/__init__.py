@@ -5,8 +5,8 @@ from .discover import discover, load
 from .episode_ref import EpisodeRef, Format
 from .event import Event
 from .save import save
-from .validate import validate, validate_episode
-from .writer import TraceWriter
+from .trace_writer import TraceWriter
+from .validation import validate, validate_episode
 
 __all__ = [
     "CONTACT_POINT",

@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from . import dataset_layout as layout
-from .arrow_tables import TABLES
 from .episode_ref import EpisodeRef
+from .parquet import dataset_layout as layout
+from .parquet.arrow_tables import TABLES
 
 _ABOUT = {
     "episodes": "one row per episode: task, policy, prompt, seed, success, roles, goal, bodies",

@@ -23,9 +23,9 @@ from safestage_eval.episode import Episode, Header, check
 from safestage_eval.episode.content_hash import scene_text
 from safestage_eval.errors import TraceError
 
-from .arrow_tables import TABLES
-from .arrow_values import raw_values
 from .checksum import crc32
+from .parquet.arrow_tables import TABLES
+from .parquet.arrow_values import raw_values
 
 JUDGED = ("bodies", "contacts", "frames", "channels")
 """Tables of which each column has a digest; simulator states are not judged."""

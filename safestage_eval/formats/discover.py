@@ -12,10 +12,10 @@ from typing import Any
 from safestage_eval.episode import Episode, Header
 from safestage_eval.errors import TraceError
 
-from . import dataset_layout as layout
 from .episode_ref import EpisodeRef
+from .parquet import dataset_layout as layout
 from .remote_path import RemotePath, as_path, forget, walk
-from .stored_file import regular
+from .trace_files import regular
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 PARQUET_MAGIC = b"PAR1"
@@ -227,7 +227,7 @@ def _refs_of_dataset(dataset: Path) -> Iterator[list[EpisodeRef]]:
 
 
 def _dataset_refs(file: Path) -> list[EpisodeRef]:
-    from .dataset_reader import read_rows
+    from .parquet.dataset_reader import read_rows
 
     columns = ("episode_index", "episode_id", *REF_FIELDS, "length", "content_hash", "file")
     try:
@@ -248,7 +248,7 @@ def _dataset_refs(file: Path) -> list[EpisodeRef]:
 
 
 def _mcap_ref(path: Path) -> EpisodeRef:
-    from .mcap_reader import read_header
+    from .mcap.mcap_reader import read_header
 
     try:
         regular(path)

@@ -50,10 +50,10 @@ class EpisodeRef:
         if self.problem is not None and not (recover and self.format == "mcap"):
             raise self.problem
         if self.format == "mcap":
-            from .mcap_reader import read_mcap
+            from .mcap.mcap_reader import read_mcap
 
             return read_mcap(self.path, recover=recover, checked=checked)
-        from .dataset_reader import open_episode
+        from .parquet.dataset_reader import open_episode
 
         assert self.episode_index is not None
         return open_episode(self.path, self.episode_index, checked=checked)

@@ -18,7 +18,7 @@ from typing import IO, Any, TypeVar
 
 from safestage_eval.errors import InputError
 
-from .source import BlockSource, LocalSource, Source, SourceStream
+from .byte_source import BlockSource, LocalSource, Source, SourceStream
 
 T = TypeVar("T")
 

@@ -41,12 +41,12 @@ def save(
     kind = format or ("mcap" if target.suffix.lower() == ".mcap" else "parquet")
     try:
         if kind == "mcap":
-            from .mcap_writer import write_mcap
+            from .mcap.mcap_writer import write_mcap
 
             write_mcap(episode, target, events)
             return refs_of_file(target)[0]
         if kind == "parquet":
-            from .dataset_writer import add_episode
+            from .parquet.dataset_writer import add_episode
 
             return refs_of_file(add_episode(episode, target))[0]
     except OSError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from safestage_eval.compiled import allocating, helper
+from safestage_eval._process.compiled import allocating, helper
 
 from .arrays import owned
 from .mover import Motion, Mover, rotation_at

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import kernel
+from safestage_eval._process.compiled import kernel
 
 from .mover import Mover, frame_count, rotation_at
 from .polygon import COINCIDENT, bounds, chain, covers

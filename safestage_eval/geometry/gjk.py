@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import allocating, helper, kernel
+from safestage_eval._process.compiled import allocating, helper, kernel
 
 from .penetration import penetration_depth
 from .shape import BOX, PLANE, Packed

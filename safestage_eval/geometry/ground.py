@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import kernel
+from safestage_eval._process.compiled import kernel
 
 from .arrays import owned
 from .mover import Mover

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from safestage_eval.compiled import kernel
+from safestage_eval._process.compiled import kernel
 
 from .arrays import as_numbers
 

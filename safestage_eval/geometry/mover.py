@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from safestage_eval.compiled import allocating, helper
+from safestage_eval._process.compiled import allocating, helper
 
 from .arrays import owned
 from .pose import angle as turn_angle

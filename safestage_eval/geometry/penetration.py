@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import allocating, kernel
+from safestage_eval._process.compiled import allocating, kernel
 
 from .shape import Packed
 from .support import support_point

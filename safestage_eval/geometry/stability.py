@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import allocating, kernel
+from safestage_eval._process.compiled import allocating, kernel
 
 from .arrays import owned
 from .polygon import chain

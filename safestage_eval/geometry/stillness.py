@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import kernel
+from safestage_eval._process.compiled import kernel
 
 from .mover import Mover
 from .pose import unit

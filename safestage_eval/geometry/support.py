@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import helper, kernel
+from safestage_eval._process.compiled import helper, kernel
 
 from .shape import BOX, CYLINDER, ELLIPSOID, HULL, PLANE, SEGMENT, Packed
 

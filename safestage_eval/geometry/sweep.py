@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import allocating, helper, kernel
+from safestage_eval._process.compiled import allocating, helper, kernel
 
 from .gjk import Scratch, geom_distance, relative_pose, scratch
 from .mover import BLOCK, Motion, chord, rotation_at

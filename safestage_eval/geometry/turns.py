@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import helper, kernel
+from safestage_eval._process.compiled import helper, kernel
 
 F64 = NDArray[np.float64]
 Numbers = NDArray[np.floating[Any]]

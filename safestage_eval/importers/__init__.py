@@ -1,11 +1,11 @@
 """Other people's recordings: each format in one file, told by content, with an account of its gaps."""
 
 from .account import Account
+from .import_source import Outcome, import_all
 from .importer import Importer, Settings
 from .map_file import load_map
 from .map_tables import MapFile
 from .registry import importers, recognised
-from .run import Outcome, import_all
 
 __all__ = [
     "Account",

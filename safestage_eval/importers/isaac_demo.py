@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +15,12 @@ from safestage_eval.errors import TraceError
 from . import hdf5
 from .account import Account
 from .boxes import Fit, fit, metres
-from .gaps import say_bodies, say_contacts, say_links, say_success
+from .foreign_motion import at_origin, fixed_if_still, track, wxyz
 from .importer import SourceError
+from .isaac_file import IsaacFile
 from .isaac_robot import RobotColumns, rows_with_first
-from .motion import at_origin, fixed_if_still, track, wxyz
-from .scene import added, dressed, need_shapes
-
-if TYPE_CHECKING:
-    from .isaac_lab import IsaacLab
+from .missing_data import say_bodies, say_contacts, say_links, say_success
+from .scene_bodies import added, dressed, need_shapes
 
 F64 = NDArray[np.float64]
 
@@ -33,12 +31,12 @@ SPREAD = 4e-3
 class Demo:
     """One demo on its way to an episode."""
 
-    def __init__(self, source: IsaacLab, name: str, account: Account) -> None:
+    def __init__(self, source: IsaacFile, name: str, account: Account) -> None:
         self.source, self.name, self.account = source, name, account
         self.group = source.demo(name)
         self.map = source.settings.map
         self.where = f"{source.path}: data/{name}"
-        self.result = source.beside.result(source.path, name)
+        self.result = source.sidecars.result(source.path, name)
         self.order = source.order()
         self.physics_dt, self.dt = self._rates()
         self.first = self.group.get("initial_state")
@@ -77,7 +75,7 @@ class Demo:
     # ---- rates
 
     def _rates(self) -> tuple[float, float]:
-        settings, said, beside = self.source.settings, self.map.source, self.source.beside
+        settings, said, beside = self.source.settings, self.map.source, self.source.sidecars
         physics = said.physics_dt or beside.physics_dt
         given = self.result.get("dt")
         dt = settings.dt or said.dt or beside.dt or (float(given) if given else None)
@@ -256,7 +254,7 @@ class Demo:
 
     def _roles(self, names: set[str]) -> dict[str, tuple[str, ...]]:
         """From the success condition, as far as it names bodies of the recording."""
-        said = self.source.beside.roles
+        said = self.source.sidecars.roles
         roles = {role: tuple(n for n in players if n in names) for role, players in said.items()}
         roles = {role: players for role, players in roles.items() if players}
         if roles:
@@ -267,7 +265,7 @@ class Demo:
         return roles
 
     def _header(self, bodies: tuple[Body, ...], joints: tuple[Joint, ...]) -> Header:
-        config, result = self.source.beside.config, self.result
+        config, result = self.source.sidecars.config, self.result
         success = self.group.attrs.get("success")
         told = result.get("success")
         reached = bool(told if told is not None else success) if (
@@ -294,7 +292,7 @@ class Demo:
             physics_dt=self.physics_dt,
             frame_dt=self.dt,
             control_dt=self.dt,
-            gravity=self.source.beside.gravity or (0.0, 0.0, -9.81),
+            gravity=self.source.sidecars.gravity or (0.0, 0.0, -9.81),
             success=reached,
             success_time=end if reached else None,
             termination="success" if reached else "horizon" if full else None,
@@ -310,7 +308,7 @@ class Demo:
         )
 
 
-def _env_name(source: IsaacLab) -> str | None:
+def _env_name(source: IsaacFile) -> str | None:
     """From ``env_args``, or the name of the folder."""
     match = re.search(r'"env_name":\s*"([^"]+)"', str(source.attribute("env_args") or ""))
     return match[1] if match else None

@@ -14,17 +14,15 @@ RoboLab's additions (github.com/NVlabs/RoboLab, docs/data.md). Facts that matter
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import Any
 
 from safestage_eval.episode import Episode
 
 from . import hdf5
 from .account import Account
-from .importer import Importer, QuaternionOrder, Settings, SourceError
+from .importer import Importer, Settings
 from .isaac_demo import Demo
-from .isaac_sidecars import Sidecars, read_sidecars
+from .isaac_file import IsaacFile
 
 
 class IsaacLab(Importer):
@@ -36,9 +34,7 @@ class IsaacLab(Importer):
     def __init__(self, path: Path, settings: Settings) -> None:
         """Open the file and what stands beside it."""
         super().__init__(path, settings)
-        self._file = hdf5.open_hdf5(path)
-        self._data = self._file["data"]
-        self._beside: Sidecars = read_sidecars(path)
+        self._source = IsaacFile(path, settings)
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:
@@ -58,74 +54,20 @@ class IsaacLab(Importer):
 
     def episodes(self) -> list[str]:
         """``demo_0``, ``demo_1``, … in order."""
-        return hdf5.numbered(self._data)
+        return hdf5.numbered(self._source.data)
 
     def fingerprint(self, name: str) -> str:
         """Of its datasets."""
-        return hdf5.fingerprint(self._data[name])
+        return hdf5.fingerprint(self._source.data[name])
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        self._source.close()
 
     def read(self, name: str, account: Account) -> Episode:
         """One demo."""
         with hdf5.layout(f"{self.path}: {name}"):
-            return Demo(self, name, account).episode()
-
-    # what all demos of a file share
-
-    @property
-    def beside(self) -> Sidecars:
-        """Its side files."""
-        return self._beside
-
-    def demo(self, name: str) -> Any:
-        """The group of a demo."""
-        return self._data[name]
-
-    def attribute(self, name: str) -> Any:
-        """An attribute of ``data``, as text or number; None if it is not there."""
-        value = self._data.attrs.get(name)
-        return value.decode() if isinstance(value, bytes) else value
-
-    def order(self) -> QuaternionOrder:
-        """The order of the file's quaternions.
-
-        Raises:
-            SourceError: neither the file nor the user tells.
-        """
-        said = self.settings.quaternion or self.settings.map.source.quaternion
-        if said is not None:
-            return said
-        version = self.attribute("isaaclab_version")
-        order = order_of(str(version)) if version is not None else None
-        if order is not None:
-            return order
-        hint = self._beside.rotations_speak_for
-        why = "has no isaaclab_version" if version is None else f"isaaclab_version is {version}"
-        raise SourceError(
-            str(self.path),
-            f"the order of its quaternions is not known: {why}.",
-            "wxyz up to Isaac Lab 2.3, xyzw from 3.0 on",
-            "--quaternion wxyz or --quaternion xyzw"
-            + (f" (the rotations in env_cfg.json look like {hint})" if hint else ""),
-        )
-
-
-def order_of(version: str) -> QuaternionOrder | None:
-    """The quaternion order of a version of the package ``isaaclab``; None if it is not clear.
-
-    Installed from source the package has the core extension's number, which was 0.x until the order
-    changed and 1.0.0 (30 January 2026) when it did; the wheels are 2.0 to 2.3, then 3.0.
-    """
-    match = re.match(r"(\d+)(?:\.(\d+))?", version)
-    if match is None:
-        return None
-    major, minor = int(match[1]), int(match[2] or 0)
-    if major == 0 or (major == 2 and minor <= 3):
-        return "wxyz"
-    return "xyzw" if major >= 3 else None
+            return Demo(self._source, name, account).episode()
 
 
 IMPORTER = IsaacLab

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from safestage_eval.json_text import from_json
+from safestage_eval._text.json_text import from_json
 
 RESULTS = ("episode_results.jsonl", "episode_results.json")
 

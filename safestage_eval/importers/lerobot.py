@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Track, still_track
 
 from .account import Account
-from .gaps import say_bodies, say_contacts, say_success
+from .foreign_motion import track, wxyz
 from .importer import Importer, QuaternionOrder, Settings, SourceError
 from .lerobot_tables import OWN, Tables, column_of, described, part_of
 from .map_tables import ColumnsTable
-from .motion import track, wxyz
-from .scene import added, dressed, need_shapes
+from .missing_data import say_bodies, say_contacts, say_success
+from .scene_bodies import added, dressed, need_shapes
 from .stateless import ask_for
 
 F64 = NDArray[np.float64]

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError, TraceError
-from safestage_eval.formats.arrow_tables import arrow_file
-from safestage_eval.json_text import from_json
+from safestage_eval.formats.parquet.arrow_tables import arrow_file
 
 from .importer import SourceError
 

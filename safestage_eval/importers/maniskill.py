@@ -19,16 +19,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Source, Track
 from safestage_eval.errors import TraceError
-from safestage_eval.json_text import from_json
 
 from . import hdf5
 from .account import Account
-from .gaps import say_bodies, say_contacts, say_links, say_success
+from .foreign_motion import at_origin, fixed_if_still, track, wxyz
 from .importer import Importer, Settings, SourceError
-from .motion import at_origin, fixed_if_still, track, wxyz
-from .scene import added, dressed, need_shapes
+from .missing_data import say_bodies, say_contacts, say_links, say_success
+from .scene_bodies import added, dressed, need_shapes
 
 F64 = NDArray[np.float64]
 

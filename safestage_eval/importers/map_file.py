@@ -36,12 +36,12 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from safestage_eval._text.toml_text import from_toml
 from safestage_eval.errors import InputError
 from safestage_eval.rules.diagnostic import Diagnostic, rendered
 from safestage_eval.rules.files import not_toml
 from safestage_eval.rules.locate import Locations
 from safestage_eval.rules.names import nearest
-from safestage_eval.toml_text import from_toml
 
 from .map_tables import (
     BodyColumns,

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TypeVar
 
-from safestage_eval import simulator
+from safestage_eval._process import simulator
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.discover import find
 

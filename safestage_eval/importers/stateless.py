@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from safestage_eval.json_text import from_json
+from safestage_eval._text.json_text import from_json
 
 from . import hdf5
 from .importer import Refused, SourceError

@@ -21,12 +21,12 @@ from safestage_eval.formats.discover import MCAP_MAGIC
 from safestage_eval.geometry.pose import relative
 
 from .account import Account
+from .foreign_motion import fixed_if_still, track
+from .foxglove_shapes import scene_geoms
 from .frame_tree import FrameTree
-from .gaps import say_bodies, say_contacts, say_success
 from .importer import Importer, SourceError
-from .motion import fixed_if_still, track
-from .scene import added, dressed, need_shapes
-from .scene_shapes import scene_geoms
+from .missing_data import say_bodies, say_contacts, say_success
+from .scene_bodies import added, dressed, need_shapes
 from .tf_messages import Found, has_transforms, read_messages, told
 from .urdf_links import Link, urdf_links
 

@@ -1,7 +1,7 @@
 """People judge recorded rollouts, without seeing what the evaluator says of them."""
 
+from .label_sample import sample
 from .ledger import Ledger
-from .sample import sample
 from .server import Server, serve
 from .session import Session
 

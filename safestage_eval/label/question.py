@@ -9,7 +9,7 @@ from typing import Any
 
 from safestage_eval.episode import Header
 from safestage_eval.errors import InputError
-from safestage_eval.report.as_rule import rule_facts
+from safestage_eval.report.rule_report import rule_facts
 from safestage_eval.rules import BindFile, RuleSet, bind_episode, words
 from safestage_eval.rules import syntax as ast
 

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError
-from safestage_eval.json_text import from_json
 
-from .page import label_page
+from .label_page import label_page
 from .session import Session
 
 LOOPBACK = "127.0.0.1"

@@ -13,8 +13,8 @@ from typing import Any
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.metrics.labels import ANSWERS, Label
-from safestage_eval.replay import film
 from safestage_eval.rules import BindFile, RuleSet, bind_episode
+from safestage_eval.viewer import film
 
 from .ledger import LONGEST_NOTE, Ledger
 from .question import question

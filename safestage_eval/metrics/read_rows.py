@@ -11,8 +11,8 @@ from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError
-from safestage_eval.json_text import from_json
 
 ALLOWED = "JSON, JSON lines, CSV or Parquet"
 

@@ -1,6 +1,7 @@
 """Rules watched while a rollout is still going on."""
 
-from .foresight import Foresight, foresight
+from safestage_eval.verdicts.foresight import Foresight, foresight
+
 from .monitor import Monitor
 from .windows import Recording
 

@@ -12,14 +12,14 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import load_rules
 from safestage_eval.rules.resolve import bind_episode
 from safestage_eval.signals.measure import Signals
-from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.foresight import Foresight, foresight
 from safestage_eval.verdicts.judging import Judge, Params, baseline_frames
+from safestage_eval.verdicts.obligations.cost import judge_cost
 from safestage_eval.verdicts.rule_verdict import violates
 from safestage_eval.verdicts.success import frame_of
 from safestage_eval.verdicts.verdict import Verdict
 
-from .foresight import Foresight, foresight
 from .grown import GrownRelations, GrownSignals, Past
 from .windows import Recording, Windows
 

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import allocating, kernel
+from safestage_eval._process.compiled import allocating, kernel
 
 from .cones import Cones, Forces, balance, clear, room_for_cones, room_for_forces
-from .reached import Springs, give, room_for_springs, stretch
+from .reached import PATIENT, Springs, give, room_for_springs, stretch
 from .statics import LOST, Bodies, Touches, speeds, spread, weigh
 
 Bool = NDArray[np.bool_]
@@ -57,18 +57,20 @@ class Pile(NamedTuple):
     force: F64
 
 
-def collapse(pile: Pile, body: int, removed: int, off: Bool) -> tuple[I64, Bool]:
+def collapse(
+    pile: Pile, body: int, removed: int, off: Bool, rounds: int = PATIENT
+) -> tuple[I64, Bool]:
     """(F,) the first of ``PUSHES`` under which a body falls, −1 if none; (F, B) what falls then.
 
     First under those under which no forces could balance it, then under those under which none are
     reached that do (``reached``), then under those under which it tips.
 
     ``removed`` is taken away, −1 if it is no object of the pile, and with it the contacts of the
-    pairs ``off`` (P,).
+    pairs ``off`` (P,). ``rounds`` to look for forces that are reached: see ``reached``.
     """
     fallen = np.zeros(pile.centre.shape[:2], np.bool_)
     push = np.empty(len(fallen), np.int64)
-    _collapse(pile, body, removed, off, PUSHES, push, fallen)
+    _collapse(pile, body, removed, off, PUSHES, push, fallen, rounds)
     return push, fallen
 
 
@@ -108,8 +110,9 @@ class _Group(NamedTuple):
 
 @allocating
 def _collapse(
-    pile: Pile, body: int, removed: int, off: Bool, pushes: F64, push: I64, fallen: Bool
-) -> None:
+    pile: Pile, body: int, removed: int, off: Bool, pushes: F64, push: I64, fallen: Bool,
+    rounds: int,
+) -> None:  # fmt: skip
     bodies, pairs, most = len(pile.mass), len(pile.owner), 0
     for f in range(len(push)):
         points = 0
@@ -151,7 +154,7 @@ def _collapse(
             for k in range(len(pushes)):
                 for b in range(bodies):
                     group.gone[b] = group.balanced[b]
-                _slide(pile, group, springs, touches, count, off, pushes[k])
+                _slide(pile, group, springs, touches, count, off, pushes[k], rounds)
                 if group.gone[body]:
                     push[f] = k
                     break
@@ -248,8 +251,9 @@ def _fall(
 
 @kernel
 def _slide(
-    pile: Pile, group: _Group, springs: Springs, touches: Touches, count: int, off: Bool, push: F64
-) -> None:
+    pile: Pile, group: _Group, springs: Springs, touches: Touches, count: int, off: Bool, push: F64,
+    rounds: int,
+) -> None:  # fmt: skip
     """Take away what no forces balance that are reached, until nothing more moves: ``group.gone``.
 
     Nothing where those are not in balance that act with nothing taken away: they are not known.
@@ -257,7 +261,7 @@ def _slide(
     known, bodies = False, len(group.gone)
     while _leave(pile, group, off):
         _choose(pile, group, count)
-        give(springs, touches, group.some, count, group.left, push, group.moved)
+        give(springs, touches, group.some, count, group.left, push, group.moved, rounds)
         if not _moves(group, LOST):
             return
         if not known:
@@ -267,7 +271,7 @@ def _slide(
             for p in range(len(group.kept)):
                 group.kept[p] = group.present[p]
             _choose(pile, group, count)
-            give(springs, touches, group.some, count, group.left, push, group.unrest)
+            give(springs, touches, group.some, count, group.left, push, group.unrest, rounds)
             for b in range(bodies):
                 if group.left[b] and group.unrest[b] > LOST:
                     return

@@ -16,6 +16,7 @@ from .collapse import collapse
 from .gathering import Contacts, Gathering
 from .graph import SupportGraph
 from .near import Neighbours
+from .reached import BRIEF, PATIENT
 
 Bool = NDArray[np.bool_]
 Frames = NDArray[np.intp]
@@ -143,7 +144,7 @@ class Dependence:
         there = {b for b, present in joined.items() if present[frames].any()}
         pairs = [pair for pair in self._chains.cluster(body) if not there.isdisjoint(pair)]
         contacts = self._gathering.contacts(frames, pairs)
-        falls, gone = self._collapse(body, on, frames, contacts)
+        falls, gone = self._collapse(body, on, frames, contacts, PATIENT)
         truth = np.where(falls, FALLS, STANDS).astype(np.int8)
         if not falls.any():
             return truth
@@ -157,12 +158,12 @@ class Dependence:
             beside = np.zeros((len(here), len(gone[0]), len(gone[0])), np.bool_)
             beside[:, bodies] = near[catching]
             contacts = self._with_near(body, on, frames[here], beside)
-            caught = ~self._collapse(body, on, frames[here], contacts)[0]
+            caught = ~self._collapse(body, on, frames[here], contacts, BRIEF)[0]
             truth[here[caught]] = OPEN
         return truth
 
     def _collapse(
-        self, body: int, on: int, frames: Frames, contacts: Contacts
+        self, body: int, on: int, frames: Frames, contacts: Contacts, rounds: int
     ) -> tuple[Bool, Bool]:
         """(F,) a body falls when another is taken away; (F, N) what is away then."""
         head, removed = self._gathering.head, self._removed(on)
@@ -172,7 +173,7 @@ class Dependence:
         pile = self._gathering.pile(heads, contacts, frames)
         off = np.array([not removed.isdisjoint(pair) for pair in contacts], np.bool_)
         at = heads.index(head(on)) if on in self._free and head(on) in heads else -1
-        push, fallen = collapse(pile, heads.index(head(body)), at, off)
+        push, fallen = collapse(pile, heads.index(head(body)), at, off, rounds)
         gone = np.zeros((len(frames), len(self._episode.header.bodies)), np.bool_)
         gone[:, list(removed)] = True
         for k, h in enumerate(heads):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import kernel
+from safestage_eval._process.compiled import kernel
 from safestage_eval.episode.runs import runs
 from safestage_eval.geometry.pose import rotate
 from safestage_eval.signals.motion import com_position

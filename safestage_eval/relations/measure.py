@@ -310,11 +310,21 @@ class Relations:
 
     def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
         """The same, unknown where something that it may rest on was not measured."""
-        gaps = self.signals.gaps
-        lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
+        lost = self.signal_unmeasured(name, tuple(bodies))
         if name == "edge_margin" and len(bodies) == 1 and self.bearers_unseen:
             nothing = np.isneginf(found.upper)  # nothing that is seen bears it
             lost = nothing if lost is None else lost | nothing
+        if lost is None:
+            return found
+        return hidden(found, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
+
+    def signal_unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
+        """(T,) where something that a signal of the support graph rests on was not measured.
+
+        None if nowhere. Of poses and forces, what was read so far counts.
+        """
+        gaps = self.signals.gaps
+        lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
         alone = (
             name == "edge_margin" and len(bodies) == 1 and not self.blind
         )  # it sees to poses itself
@@ -322,9 +332,7 @@ class Relations:
         for more in (None if alone else unmeasured.lost_poses(self), elsewhere):
             if more is not None:
                 lost = more if lost is None else lost | more
-        if lost is None:
-            return found
-        return hidden(found, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
+        return lost
 
     def measure(
         self, name: str, at: NDArray[np.int64], bodies: Sequence[str], options: Options = ()

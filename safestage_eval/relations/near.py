@@ -22,7 +22,7 @@ from .facing import overlap
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
 
-NEAR = 5e-4
+NEAR = 1e-3
 """m. What is no further apart than this may take a load as soon as something gives way."""
 PROBE = 1e-4
 """m. By so much a shape is moved to see in which direction its distance grows."""

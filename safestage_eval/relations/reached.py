@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import allocating, helper, kernel
+from safestage_eval._process.compiled import allocating, helper, kernel
 
 from .cones import solve
 from .statics import Bodies, Touches
@@ -29,8 +29,10 @@ I64 = NDArray[np.int64]
 GRAVITY = 9.81
 ANEW = 4
 """In each so many-th round only those springs count that press, and do not slip, at that moment."""
-ROUNDS = 15 * ANEW + 1
-"""The last follows upon such a one, so that only that is left which nothing can take up."""
+BRIEF, PATIENT = 15 * ANEW + 1, 150 * ANEW + 1
+"""Rounds. The last follows upon such a one, so that only what nothing can take up is left. Wedged
+bodies need many. Where points bear that are only near, a balance that many rounds bring about is
+none: they would have to close their gaps first."""
 BALANCED = 0.003
 """Share of g: what is less out of balance has found its forces."""
 LOOSE = 1e-4
@@ -88,7 +90,7 @@ def unbalanced(bodies: Bodies, touches: Touches, force: F64, push: tuple[float, 
     springs, moved = room_for_springs(count, many), np.zeros(many)
     stretch(bodies, touches, force, count, springs)
     some, left = np.ones(count, np.bool_), np.ones(many, np.bool_)
-    give(springs, touches, some, count, left, np.array(push), moved)
+    give(springs, touches, some, count, left, np.array(push), moved, PATIENT)
     return moved
 
 
@@ -154,12 +156,13 @@ def _axis(normal: F64, across: F64, k: int) -> tuple[float, float, float]:
 
 @kernel
 def give(
-    springs: Springs, touches: Touches, some: Bool, count: int, left: Bool, push: F64, moved: F64
-) -> None:
+    springs: Springs, touches: Touches, some: Bool, count: int, left: Bool, push: F64, moved: F64,
+    rounds: int,
+) -> None:  # fmt: skip
     """Fill ``moved`` (B,): how strongly each body that is ``left`` (B,) starts to move, in g.
 
     Only the contacts ``some`` (C,) count. On each body acts its weight, and ``push`` (2,), shares of
-    it along x and y.
+    it along x and y. After so many ``rounds`` (``BRIEF`` or ``PATIENT``) no balance is looked for.
     """
     n = 0
     for b in range(len(left)):
@@ -170,7 +173,7 @@ def give(
         for k in range(3):
             springs.force[c, k] = springs.start[c, k]
     least = np.inf
-    for turn in range(ROUNDS):
+    for turn in range(rounds):
         _slip(springs, touches, some, count)
         most = _weigh(springs, touches, some, count, left, push, moved)
         if most < BALANCED:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import allocating, helper, kernel
+from safestage_eval._process.compiled import allocating, helper, kernel
 
 from .statics import ARM, LOST
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from safestage_eval.scoring import Scores
+    from safestage_eval.run.scores import Scores
 
     from .golden import Change
 
@@ -19,21 +19,21 @@ def render(scores: Scores, form: str, changes: Sequence[Change] | None = None) -
     ``changes``, what is not as a golden file expects, is for build servers: junit and github.
     """
     if form == "parquet":
-        from . import as_parquet
+        from . import results_parquet
 
-        return b"".join(as_parquet.pieces(scores))
-    from . import as_ci, as_csv, as_json, as_markdown, as_table
+        return b"".join(results_parquet.pieces(scores))
+    from . import ci_report, results_csv, results_json, results_markdown, results_text
 
     if form == "junit":
-        return as_ci.render_junit(scores, changes)
+        return ci_report.render_junit(scores, changes)
     if form == "github":
-        return as_ci.render_github(scores, changes)
+        return ci_report.render_github(scores, changes)
     return {
-        "table": as_table.render,
-        "json": lambda found: "".join(as_json.pieces(found)),
-        "jsonl": lambda found: "".join(as_json.lines(found)),
-        "csv": lambda found: "".join(as_csv.pieces(found)),
-        "markdown": as_markdown.render,
+        "table": results_text.render,
+        "json": lambda found: "".join(results_json.pieces(found)),
+        "jsonl": lambda found: "".join(results_json.lines(found)),
+        "csv": lambda found: "".join(results_csv.pieces(found)),
+        "markdown": results_markdown.render,
     }[form](scores)
 
 
@@ -41,13 +41,13 @@ def pieces(
     scores: Scores, form: str, changes: Sequence[Change] | None = None
 ) -> Iterator[str | bytes]:
     """The same one after the other; of rows, few are held at a time."""
-    from . import as_csv, as_json, as_parquet
+    from . import results_csv, results_json, results_parquet
 
     streamed: dict[str, Callable[[Scores], Iterator[str] | Iterator[bytes]]] = {
-        "json": as_json.pieces,
-        "jsonl": as_json.lines,
-        "csv": as_csv.pieces,
-        "parquet": as_parquet.pieces,
+        "json": results_json.pieces,
+        "jsonl": results_json.lines,
+        "csv": results_csv.pieces,
+        "parquet": results_parquet.pieces,
     }
     if form in streamed:
         yield from streamed[form](scores)

@@ -20,7 +20,7 @@ from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.uses import Source, own_params, sources, uses_of
 from safestage_eval.signals.vocabulary import SIGNALS
 
-from .as_rule import rule_facts
+from .rule_report import rule_facts
 
 FAMILIES = {
     "ISH1": "stacking and support",

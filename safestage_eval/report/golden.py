@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError
 from safestage_eval.formats.atomic import write_bytes
-from safestage_eval.json_text import from_json
-from safestage_eval.scoring import Gates, Scores
+from safestage_eval.run.gates import Gates
+from safestage_eval.run.scores import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 

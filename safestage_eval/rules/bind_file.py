@@ -19,9 +19,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from safestage_eval._text.toml_text import from_toml
 from safestage_eval.episode import Header
 from safestage_eval.errors import RuleError
-from safestage_eval.toml_text import from_toml
 
 from . import build, structure
 from . import syntax as ast

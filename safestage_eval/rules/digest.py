@@ -6,7 +6,8 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from typing import Any
+from functools import cache, cached_property, lru_cache
+from typing import Any, NamedTuple
 
 from safestage_eval.signals.vocabulary import SIGNALS
 
@@ -47,7 +48,7 @@ def digest_of(rules: ast.RuleSet, node: object, params: Params, backend: str = B
     values = (backend, *[params[name] for name in known.reads])
     digest = known.digests.get(values)
     if digest is None:
-        digest = known.digests[values] = _digest(rules, node, params, backend)
+        digest = known.digests[values] = _digest(rules, known, params, backend)
     return digest
 
 
@@ -71,7 +72,7 @@ def parameters_read(rules: ast.RuleSet, node: object) -> frozenset[str]:
 
 @dataclass(frozen=True)
 class _Known:
-    """What was found out about a part of a rule.
+    """A part of a rule, with all that hangs on it alone.
 
     Attributes:
         node: the part; kept, so that no other comes to have its identity.
@@ -84,6 +85,11 @@ class _Known:
     uses: dict[str, Any]
     reads: frozenset[str]
     digests: dict[tuple[Any, ...], str]
+
+    @cached_property
+    def text(self) -> str:
+        """The part as JSON."""
+        return _json(self.node)
 
 
 _MANY = 4096
@@ -99,27 +105,46 @@ def _known(rules: ast.RuleSet, node: object) -> _Known:
     if len(rules.known) > _MANY:
         rules.known.clear()
     uses: dict[str, Any] = {}
-    todo = [node]
+    todo = list(_named(node, rules))
     while todo:
-        for name, value in _named(todo.pop(), rules):
-            if name not in uses:
-                uses[name] = value
-                if not isinstance(value, ast.Parameter):
-                    todo.append(value)
-    reads = frozenset(v.name for v in uses.values() if isinstance(v, ast.Parameter))
+        name, value = todo.pop()
+        if name not in uses:
+            uses[name] = value
+            if not isinstance(value, ast.Parameter):
+                todo += _definition(rules, name, value).names
+    reads = frozenset([v.name for v in uses.values() if isinstance(v, ast.Parameter)])
     found = rules.known["known", key] = _Known(node, uses, reads, {})
     return found
 
 
-def _digest(rules: ast.RuleSet, node: object, params: Params, backend: str) -> str:
-    uses = reached(rules, node, params)
-    body = [
-        _plain(node),
-        [[name, _plain(value)] for name, value in sorted(uses.items(), key=lambda item: item[0])],
-        _plain(rules.baseline),
-        backend,
+class _Definition(NamedTuple):
+    """What a definition names directly, and itself as JSON."""
+
+    names: list[tuple[str, Any]]
+    text: str
+
+
+def _definition(rules: ast.RuleSet, name: str, value: Any) -> _Definition:
+    """Of ``state.moved`` and its like; a rule set has one of each name."""
+    found: _Definition | None = rules.known.get(("definition", name))
+    if found is None:
+        found = _Definition(list(_named(value, rules)), _json(value))
+        rules.known["definition", name] = found
+    return found
+
+
+def _digest(rules: ast.RuleSet, known: _Known, params: Params, backend: str) -> str:
+    """Of ``[part, [[name, definition or value], …], baseline, backend]`` as JSON."""
+    uses = [
+        f"[{json.dumps(name)},{_value_json(params[value.name])}]"
+        if isinstance(value, ast.Parameter)
+        else f"[{json.dumps(name)},{_definition(rules, name, value).text}]"
+        for name, value in sorted(known.uses.items())
     ]
-    text = json.dumps(body, sort_keys=True, separators=(",", ":"))
+    baseline = rules.known.get("baseline")
+    if baseline is None:
+        baseline = rules.known["baseline"] = _json(rules.baseline)
+    text = f"[{known.text},[{','.join(uses)}],{baseline},{json.dumps(backend)}]"
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
@@ -157,27 +182,51 @@ def _named(node: Any, rules: ast.RuleSet) -> Iterator[tuple[str, Any]]:
             )
             if usual and variant is None:
                 yield f"usual.{spec.name}", usual
-    if is_dataclass(node):
-        for item in fields(node):
-            if item.compare:
-                yield from _named(getattr(node, item.name), rules)
-    elif isinstance(node, tuple):
+    if isinstance(node, tuple):
         for value in node:
+            yield from _named(value, rules)
+        return
+    for field in _compared(type(node)) or ():
+        value = getattr(node, field)
+        if value is not None and not isinstance(value, _LEAVES):
             yield from _named(value, rules)
 
 
+_LEAVES = (str, int, float)
+
+
+@cache
+def _compared(kind: type) -> tuple[str, ...] | None:
+    """The fields of a part of the syntax that make it what it is, without prose; else None."""
+    return tuple([f.name for f in fields(kind) if f.compare]) if is_dataclass(kind) else None
+
+
+def _json(node: Any) -> str:
+    return json.dumps(_plain(node), sort_keys=True, separators=(",", ":"))
+
+
+@lru_cache(maxsize=1024)
+def _value_json(value: ast.Quantity | ast.Duration) -> str:
+    return _json(value)
+
+
 def _plain(node: Any) -> Any:
-    if is_dataclass(node):
-        plain: dict[str, Any] = {"": type(node).__name__}
-        for item in fields(node):
-            # prose is not compared; what a rule sets is in the parameter values already
-            if not item.compare or item.name in ("title", "set"):
-                continue
-            value = _plain(getattr(node, item.name))
-            if value is None and item.name in _LATER:
-                continue
-            plain[item.name] = sorted(value, key=json.dumps) if item.name in _UNORDERED else value
-        return plain
+    if isinstance(node, float):
+        return float(f"{node:.12g}")
+    if node is None or isinstance(node, _LEAVES):
+        return node
     if isinstance(node, tuple):
         return [_plain(value) for value in node]
-    return float(f"{node:.12g}") if isinstance(node, float) else node
+    names = _compared(type(node))
+    if names is None:
+        return node
+    plain: dict[str, Any] = {"": type(node).__name__}
+    for name in names:
+        # what a rule sets is in the parameter values already
+        if name in ("title", "set"):
+            continue
+        value = _plain(getattr(node, name))
+        if value is None and name in _LATER:
+            continue
+        plain[name] = sorted(value, key=json.dumps) if name in _UNORDERED else value
+    return plain

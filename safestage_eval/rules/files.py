@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from safestage_eval._text.toml_text import from_toml
 from safestage_eval.errors import RuleError
-from safestage_eval.toml_text import from_toml
 
 from .diagnostic import Diagnostic
 from .locate import Keys, Locations
@@ -28,21 +28,33 @@ class RuleFile:
     Attributes:
         path: where it is, as messages say it.
         text: its characters.
-        table: what TOML makes of them.
-        asked: it was asked for, not merely extended: its rules are judged.
+        table: its content as TOML; shared by all who read the same text, so not to be changed.
+        asked: it was named itself, not merely extended: its rules are judged.
         extends: paths of the files that it extends, directly or through others.
     """
 
     path: str
     text: str
-    table: dict[str, Any]
+    table: dict[str, Any] = field(compare=False)
     asked: bool
     extends: frozenset[str] = frozenset()
 
-    @cached_property
+    @property
     def locations(self) -> Locations:
-        """Where each key and value stands."""
-        return Locations(self.text)
+        """Line and column of each key and value."""
+        return _locations(self.text)
+
+    def line_of(self, kind: str, index: int) -> int:
+        """Line (from 1) of the ``index``-th ``[[kind]]``.
+
+        Where every such header stands on a line of its own, and no string runs over lines, the
+        file need not be read again for it.
+        """
+        several = '"""' in self.text or "'''" in self.text
+        headers = () if several else _headers(self.text, kind)
+        if len(headers) == len(self.table[kind]):
+            return headers[index]
+        return self.locations.key((kind, index)).line
 
     def diagnostic(
         self, code: str, keys: Keys, what: str, allowed: str = "", fix: str = "", *, key: bool
@@ -53,6 +65,28 @@ class RuleFile:
         return Diagnostic(
             self.path, spot.line, spot.column, code, what, allowed, fix, line, spot.length, cut
         )
+
+
+_FILES = 64
+"""Texts of rule files that stay parsed."""
+
+
+@lru_cache(_FILES)
+def _parse(text: str) -> dict[str, Any]:
+    """The table of a text. Raises as ``from_toml``."""
+    return from_toml(text)
+
+
+@lru_cache(_FILES)
+def _locations(text: str) -> Locations:
+    return Locations(text)
+
+
+@lru_cache(2 * _FILES)
+def _headers(text: str, kind: str) -> tuple[int, ...]:
+    """Lines (from 1) that hold nothing but ``[[kind]]`` and perhaps a comment."""
+    header = re.compile(rf"^[ \t]*\[\[[ \t]*{kind}[ \t]*\]\][ \t]*(?:#.*)?\r?$", re.MULTILINE)
+    return tuple([text.count("\n", 0, found.start()) + 1 for found in header.finditer(text)])
 
 
 def builtin_folder() -> Path:
@@ -186,7 +220,7 @@ class _Reader:
         except OSError as error:
             raise RuleError(shown, f"cannot be read: {error.strerror}.") from None
         try:
-            return RuleFile(shown, text, from_toml(text), path in self._asked)
+            return RuleFile(shown, text, _parse(text), path in self._asked)
         except tomllib.TOMLDecodeError as error:
             self.problems.append(not_toml(shown, text, str(error)))
             return None

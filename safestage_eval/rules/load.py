@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ DEFINITIONS = ("param", "material", "signal", "state", "phase", "goal", "family"
 def load_rules(specs: Sequence[str | Path]) -> ast.RuleSet:
     """Read, check and merge rule files.
 
+    The files are read each time; as long as none of them changed, the same rule set comes back.
+
     Args:
         specs: paths of files or folders, or built-in names (``["fsh"]``, ``["rules/"]``).
 
@@ -28,7 +31,15 @@ def load_rules(specs: Sequence[str | Path]) -> ast.RuleSet:
         RuleError: a spec stands for no file, or a file cannot be opened.
     """
     files, problems = read_files(specs)
-    problems += check(files)
+    if problems:
+        raise RuleErrors(problems + check(files))
+    return _load(tuple(files))
+
+
+@lru_cache(maxsize=32)
+def _load(files: tuple[RuleFile, ...]) -> ast.RuleSet:
+    """Check and merge files that could be read. Raises RuleErrors."""
+    problems = check(files)
     if problems:
         raise RuleErrors(problems)
     return merge(files)
@@ -60,12 +71,12 @@ def merge(files: Sequence[RuleFile]) -> ast.RuleSet:
     builder = build.Builder(frozenset(tables["phase"]))
     asked = [file for file in files if file.asked]
     rules = [
-        builder.rule(table, file.path, file.locations.key(("rule", index)).line)
+        builder.rule(table, file.path, file.line_of("rule", index))
         for file in asked
         for index, table in enumerate(file.table.get("rule", ()))
     ]
     costs = [
-        builder.cost(table, file.path, file.locations.key(("cost", index)).line)
+        builder.cost(table, file.path, file.line_of("cost", index))
         for file in asked
         for index, table in enumerate(file.table.get("cost", ()))
     ]

@@ -6,6 +6,7 @@ free of geometry.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -263,26 +264,37 @@ class TaskDef:
 
 @dataclass(frozen=True)
 class RuleSet:
-    """Everything that one or more rule files declare, resolved through ``extends``."""
+    """Everything that one or more rule files declare, resolved through ``extends``.
+
+    A value: nothing of it is changed once it is made, it can be hashed, and sent to another process.
+    """
 
     name: str
     version: str
     baseline: Span
-    params: dict[str, Quantity | Duration]
-    materials: dict[str, dict[str, Quantity]]
+    params: Mapping[str, Quantity | Duration]
+    materials: Mapping[str, Mapping[str, Quantity]]
     """Material → column → value; the row ``default`` has every column."""
-    signals: dict[str, SignalDef]
-    states: dict[str, StateDef]
-    phases: dict[str, PhaseDef]
-    goals: dict[str, GoalDef]
-    families: dict[str, FamilyDef]
-    tasks: dict[str, TaskDef]
-    rules: dict[str, Rule]
+    signals: Mapping[str, SignalDef]
+    states: Mapping[str, StateDef]
+    phases: Mapping[str, PhaseDef]
+    goals: Mapping[str, GoalDef]
+    families: Mapping[str, FamilyDef]
+    tasks: Mapping[str, TaskDef]
+    rules: Mapping[str, Rule]
     """By code. Only the rules of the files that were asked for, not of those they extend."""
-    costs: dict[str, Cost]
+    costs: Mapping[str, Cost]
     """By code, as ``rules``."""
     known: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """What was found out about rules and parameter values so far: digests, and what they use."""
+    """Answers about rules and parameter values so far, by the identity of their parts; never pickled."""
+
+    def __hash__(self) -> int:
+        return hash(
+            (self.name, self.version, frozenset(self.params.items()), frozenset(self.scoped))
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "known": {}}  # identities mean nothing elsewhere
 
     @property
     def scoped(self) -> dict[str, Scoped]:

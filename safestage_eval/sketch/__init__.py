@@ -39,6 +39,6 @@ body may move and turn at once. A ``move`` of several bodies takes them along to
 stands on a carried tray must be named with it.
 """
 
-from .load import SketchError, draw, read, resolve
+from .load_sketch import SketchError, draw, read, resolve
 
 __all__ = ["SketchError", "draw", "read", "resolve"]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.geometry.pose import product, rotate
 
-from .model import Drop, Move, Roll, Step, Tip, Turn
+from .sketch_model import Drop, Move, Roll, Step, Tip, Turn
 from .solids import Solid, ground
 
 F64 = NDArray[np.float64]

@@ -13,8 +13,8 @@ from safestage_eval.geometry.polygon import contains, convex_hull
 from safestage_eval.geometry.pose import matrix
 from safestage_eval.geometry.shape import BodyShape
 
-from .model import BodySketch
 from .quantities import HOLLOW, Part, Vec3
+from .sketch_model import BodySketch
 
 F64 = NDArray[np.float64]
 Pose = tuple[F64, F64]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from safestage_eval.compiled import kernel
+from safestage_eval._process.compiled import kernel
 
 from .band import F64, TINY, strict
 

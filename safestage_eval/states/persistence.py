@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.compiled import kernel
+from safestage_eval._process.compiled import kernel
 from safestage_eval.episode.clock import Window
 from safestage_eval.episode.runs import runs
 

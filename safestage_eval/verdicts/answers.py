@@ -11,7 +11,7 @@ from safestage_eval.rules.digest import digest_of
 
 from .known import Known
 from .memory import Memory
-from .values import Values
+from .values import Env, Values
 
 Found = TypeVar("Found")
 
@@ -23,8 +23,13 @@ class Answers(Values):
         memory: where answers from before are found.
         notes: on what is being found out, in the order in which they came up.
         players: role → all bodies that play it, for ``at least K role``.
-        at_hand: answers about the rule that is being judged, where they are collected.
+        success, success_known: frame of native success, None if it never came; and whether that is known.
+        causal: states look only backwards.
     """
+
+    success: int | None
+    success_known: bool
+    causal: bool
 
     def __init__(
         self,
@@ -37,7 +42,6 @@ class Answers(Values):
         super().__init__(relations, rules, params)
         self.memory = memory
         self.players: Mapping[str, Sequence[str]] = {}
-        self.at_hand: dict[str, Any] | None = None
         self._digests: dict[Any, tuple[object, str]] = {}
         self._know(Known(rules), shares=False)
 
@@ -46,7 +50,7 @@ class Answers(Values):
 
     def share(self, other: Answers) -> None:
         """Answer as another does, about the same episode, where other values make no difference."""
-        self.players, self.at_hand = other.players, other.at_hand
+        self.players = other.players
         changed = {name for name, value in self.params.items() if other.params.get(name) != value}
         self._know(Known(self.rules, other._known, frozenset(changed)), shares=True)
 
@@ -84,3 +88,26 @@ class Answers(Values):
             self.notes.update(known[2])
         found: Found = known[1]
         return found
+
+    def recall(self, what: str, node: object, env: Env, find: Callable[[], Any]) -> Any:
+        """The answer (JSON) of ``find`` about a part of a rule, with its notes; or as it was before.
+
+        The question names all that the answer may depend on besides the trace: the part with every
+        definition and value that it reaches, who plays what, and what is known of success.
+        """
+        if self.memory is None:
+            return find()
+        part = f"{what} {self.digest(node)} {sorted(env.items())}"
+        facts = self.success, self.success_known, self.causal
+        question = f"{part} {sorted(self.players.items())} {facts}"
+        answer, notes = self.memory.answer(question, lambda: self._noted(find))
+        self.notes.update(dict.fromkeys(notes))
+        return answer
+
+    def _noted(self, find: Callable[[], Any]) -> list[Any]:
+        """An answer, and the notes that came with it."""
+        outer, self.notes = self.notes, {}
+        try:
+            return [find(), list(self.notes)]
+        finally:
+            self.notes = outer

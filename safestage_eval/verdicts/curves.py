@@ -13,11 +13,11 @@ from safestage_eval.signals.series import Series
 from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator
-from .instance import stretches
 from .players import combinations
+from .search import since
+from .stretches import stretches
 from .values import Env
 from .verdict import Verdict
-from .witness import since
 
 
 @dataclass(frozen=True)

@@ -57,9 +57,16 @@ def engagement(
     states = evaluator.rules.states
     if any(name not in states or len(states[name].of) != n for name, n in _STATES.items()):
         rules = _defaults()
-        evaluator = Evaluator(evaluator.relations, rules, rules.params, None)
-    found = [_of_body(evaluator, body) for body in bodies]
-    least, most = (max(ends) for ends in zip(*found, strict=True))
+        evaluator = Evaluator(
+            evaluator.relations, rules, rules.params, None, memory=evaluator.memory
+        )
+    asked = tuple(evaluator.rules.states[name] for name in _STATES)
+
+    def find() -> list[int]:
+        found = [_of_body(evaluator, body) for body in bodies]
+        return [max(ends) for ends in zip(*found, strict=True)]
+
+    least, most = evaluator.recall(f"engagement with {bodies}", asked, {}, find)
     return STAGES[least] if least == most else None
 
 

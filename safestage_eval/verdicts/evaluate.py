@@ -2,29 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 
 from safestage_eval.relations.measure import COSTLY, Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import band, moment, persistence
-from safestage_eval.states.band import Band, Bool
+from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
-from safestage_eval.states.scope import Scope
 
 from . import between_samples
 from .memory import Memory
 from .partial_states import PartialStates
 from .values import Env, ends_early, ends_with_success, lasting
-
-if TYPE_CHECKING:
-    from .instance import Instance
-    from .witness import Search, Witness
-
-Bounds = tuple[float, float, int | None]
-"""Of a margin in a scope, and the frame (from its start) that it rests on, if it is known."""
 
 
 class Evaluator(PartialStates):
@@ -61,10 +52,6 @@ class Evaluator(PartialStates):
         self.success_known = success_known
         self.truncated = ends_early(self.episode)
         self.unfollowed = self.truncated or ends_with_success(self.episode)
-        self.bounds: Callable[[str, ast.Alternative, Env, Scope], Bounds | None] | None = None
-        """Margin of an obligation in a scope, where it can be told without its frames."""
-        self.closest: Callable[[Search, Instance], Witness | None] | None = None
-        """What decided an instance that passed, where it can be told without its frames."""
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
         """The same episode under other values; what they cannot change is shared."""
@@ -109,15 +96,22 @@ class Evaluator(PartialStates):
             return found
         bodies = tuple(map(env.get, call.args, call.args))
         key = ("must not", call.name, bodies)
-        upper = self.once(
-            state, key, between_samples.may_last, self, state, call.name, bodies, lasts.seconds
-        )
+        upper = self.once(state, key, self._may_last, state, bodies, lasts.seconds)
         return Band(found.lower, np.maximum(found.upper, upper))
 
-    def found(self, name: str, bodies: tuple[str, ...]) -> tuple[Band, dict[str, None]] | None:
-        """Margins and notes of a state or relation that was asked for before at all frames."""
-        known = self._known.get(("state", name, bodies))
-        return None if known is None else known[1:]
+    def _may_last(self, state: ast.StateDef, bodies: tuple[str, ...], seconds: float) -> F64:
+        """(T,) upper margin of a state that lasts at least as long as its samples may have."""
+        loose = persistence.persistent(
+            self.momentary(state.name, bodies),
+            self.window(state.for_).loose,
+            self.open_gap(state.gap),
+            causal=self.causal,
+            open_end=self.unfollowed,
+        ).upper
+        if self.clock.longest < seconds * (1 - 1e-6):
+            return loose
+        hidden = between_samples.hidden_touch(self, state, bodies, seconds)
+        return loose if hidden is None else np.where(hidden, np.inf, loose)
 
     def state(self, call: ast.Call, env: Env, wanted: Bool | None = None) -> Band:
         """A declared state or a built-in relation, persistent and latched as declared.

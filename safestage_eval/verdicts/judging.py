@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from safestage_eval import __version__
 from safestage_eval.episode import Episode, as_judged, describe_holes, with_holes
 from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import RuleError, readable
@@ -19,12 +18,13 @@ from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.at_hand import ReadSoFar
 from safestage_eval.signals.measure import Signals
 from safestage_eval.units import format_quantity
+from safestage_eval.version import __version__
 
-from .cost import judge_cost
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
 from .explain import inconclusive
-from .memory import Memory, judged_question, remembered, short, verdict_question
+from .memory import Memory, short, verdict_question
+from .obligations.cost import judge_cost
 from .players import combinations
 from .rule_verdict import judge_rule, violates
 from .success import native_success
@@ -74,11 +74,6 @@ def judge(
     judge_ = Judge(episode, rules, binding, relations, backend=backend, memory=memory)
     found = judge_.result(trace_hash, assigned_only=assigned_only)
     judge_.demand_sound()
-    if memory is not None:
-        values = binding
-        if overrides:
-            values = bind_episode(rules, episode.header, bind=bind)
-        memory.keep_outline(judge_, values, found)
     return found
 
 
@@ -109,8 +104,6 @@ class Judge:
         self._backend = self._relations.signals.backend
         self._evaluators: list[Evaluator] = []
         self._params: dict[str, Params] = {}
-        self.players: dict[str, Mapping[str, Sequence[str]]] = {}
-        """Code → role → bodies, of every rule and cost that was judged."""
         self.notes: list[str] = []
         if self._backend != BACKEND:
             self.notes.append(f"clearances as {self._backend} tells them, not certified")
@@ -125,9 +118,9 @@ class Judge:
         )  # fmt: skip
         self.notes += self._success.notes
         self.success, self.success_known = self._success.told, self._success.known
-        frame = self.success_frame = self._success.frame
+        frame = self._success.frame
         self.success_time = None if frame is None else float(episode.t[frame])
-        self.about_success = short(repr((binding.goal, self._success)))
+        self._about_success = short(repr((binding.goal, self._success)))
 
     def result(
         self, trace_hash: str | None = None, *, assigned_only: bool = False
@@ -172,6 +165,8 @@ class Judge:
         """Raises TraceError where columns that were read from a file cannot all be true."""
         if self._episode.path is None:  # made in memory, mostly of what a rule asks for alone
             return
+        if self._memory is not None and not self._memory.opened:  # sound when it was measured
+            return
         relations = self._relations
         at_hand = ReadSoFar(relations.signals.gaps, relations.chained)
         for error in contradictions(self._episode, at_hand):
@@ -191,21 +186,13 @@ class Judge:
             return blank
         if self._memory is None:
             return self._judged(rule, blank, players)
-        asked = verdict_question(self._rules, rule, blank, players, self.about_success)
+        asked = verdict_question(self._rules, rule, blank, players, self._about_success)
         return self._memory.verdict(asked, lambda: self._judged(rule, blank, players))
 
     def _judged(
         self, rule: ast.Rule, blank: Verdict, players: Mapping[str, Sequence[str]]
     ) -> Verdict:
-        evaluator = self.evaluator(self._values(rule))
-        if self._memory is None:
-            return judged(evaluator, rule, players, blank)
-        evaluator.at_hand = {}
-        found = judged(evaluator, rule, players, blank)
-        asked = judged_question(self._rules, rule, players, self.about_success, self._backend)
-        self._memory.keep_judged(asked, evaluator, rule, players)
-        evaluator.at_hand = None
-        return found
+        return judged(self.evaluator(self._values(rule)), rule, players, blank)
 
     def cost(self, cost: ast.Cost) -> tuple[CostTotal, Verdict | None]:
         """What a cost comes to, and its verdict if it has a budget."""
@@ -231,7 +218,7 @@ class Judge:
 
     def _start(self, rule: ast.Scoped) -> tuple[Verdict, Mapping[str, Sequence[str]]]:
         """The verdict's fixed fields, with its ``vacuity`` if a role is not played; and the players."""
-        players = self.players[rule.code] = self.binding.players(rule, self._episode.header)
+        players = self.binding.players(rule, self._episode.header)
         self._check_distinct(rule, players)
         params = self._values(rule)
         used = parameters_read(self._rules, rule) if self.binding.overridden else ()
@@ -343,7 +330,7 @@ def judged(
         def violated(stricter: Evaluator = stricter) -> bool:
             return violates(stricter, rule, players)
 
-        if remembered(stricter, "violated", rule, {}, violated):
+        if stricter.recall("violated", rule, {}, violated):
             found = replace(found, severity=level)
     return found
 

@@ -1,31 +1,29 @@
-"""What may be known of an episode from before, as the evaluator asks for it."""
+"""Answers about an episode from before, as the evaluator asks for them."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from safestage_eval.episode.runs import runs
+from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.scope import Scope
 
-if TYPE_CHECKING:
-    from safestage_eval.relations.measure import Relations
-    from safestage_eval.rules import Binding
-
-    from .evaluate import Evaluator
-    from .judging import Judge
-    from .values import Env
-    from .verdict import EpisodeResult, Verdict
+from .verdict import Verdict
 
 Stretch = tuple[Scope, int | None]
 
 
 class Memory(Protocol):
-    """What is known of an episode from before."""
+    """Answers about an episode that were found before."""
+
+    @property
+    def opened(self) -> bool:
+        """Something was read from the trace, because it was not known from before."""
 
     def relations(self, baseline_frames: int, backend: str) -> Relations:
         """Relations and signals that are measured only where they are not remembered."""
@@ -35,18 +33,6 @@ class Memory(Protocol):
 
     def answer(self, question: str, find: Callable[[], Any]) -> Any:
         """What ``find`` returns (JSON), or returned before to the same question."""
-
-    def keep_judged(
-        self,
-        question: str,
-        evaluator: Evaluator,
-        rule: ast.Rule,
-        players: Mapping[str, Sequence[str]],
-    ) -> None:
-        """Keep what judging the rule again under other values takes; it was judged just now."""
-
-    def keep_outline(self, judge: Judge, binding: Binding, found: EpisodeResult) -> None:
-        """Keep what holds of the episode under all values; ``binding``: of it, without overrides."""
 
 
 def short(text: str) -> str:
@@ -72,71 +58,6 @@ def verdict_question(
     """What a verdict depends on besides the trace, for ``Memory.verdict``."""
     start = blank.assigned, blank.sources, blank.rule_digest
     return f"verdict {said(rules, rule)} {start} {sorted(players.items())} {success}"
-
-
-def judged_question(
-    rules: ast.RuleSet,
-    rule: ast.Rule,
-    players: Mapping[str, Sequence[str]],
-    success: str,
-    backend: str,
-) -> str:
-    """What stays as it is when a rule is judged under other values, for ``Memory.keep_judged``."""
-    how = f"{backend} {rules.baseline!r}"
-    return f"judged {said(rules, rule)} {sorted(players.items())} {success} {how}"
-
-
-def remembered(
-    evaluator: Evaluator, what: str, node: object, env: Env, find: Callable[[], Any]
-) -> Any:
-    """What ``find`` says (JSON) of a part of a rule, with its notes; or what it said before.
-
-    The question names all that the answer may depend on besides the trace: the part with every
-    definition and value that it reaches, who plays what, and what is known of success.
-    """
-    if evaluator.memory is None:
-        return find()
-    memory = evaluator.memory
-    part = f"{what} {evaluator.digest(node)} {sorted(env.items())}"
-    facts = evaluator.success, evaluator.success_known, evaluator.causal
-    at_hand = evaluator.at_hand
-
-    def noted() -> list[Any]:
-        outer, evaluator.notes = evaluator.notes, {}
-        try:
-            return [find(), list(evaluator.notes)]
-        finally:
-            evaluator.notes = outer
-
-    if at_hand is not None and part in at_hand:
-        found, notes = at_hand[part]
-    else:
-        asked = f"{part} {sorted(evaluator.players.items())} {facts}"
-        found, notes = memory.answer(asked, noted)
-        if at_hand is not None:
-            at_hand[part] = found, notes
-    evaluator.notes.update(dict.fromkeys(notes))
-    return found
-
-
-def at_hand(
-    evaluator: Evaluator, what: str, node: object, env: Env, find: Callable[[], Any]
-) -> Any:
-    """As ``remembered``, of small steps: an answer is kept with the rule, and nowhere else."""
-    known = evaluator.at_hand
-    if known is None:
-        return find()
-    part = f"{what} {evaluator.digest(node)} {env}"
-    if part not in known:
-        outer, evaluator.notes = evaluator.notes, {}
-        try:
-            known[part] = find(), list(evaluator.notes)
-        finally:
-            evaluator.notes = outer
-    found, notes = known[part]
-    if notes:
-        evaluator.notes.update(dict.fromkeys(notes))
-    return found
 
 
 def plain_stretches(found: list[Stretch]) -> list[Any]:

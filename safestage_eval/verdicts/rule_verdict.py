@@ -17,14 +17,15 @@ from .brief import is_brief
 from .evaluate import Evaluator
 from .explain import Finding, alike, inconclusive, seconds, sentence
 from .flicker import asks_for_absence, raw_frames, too_brief
-from .instance import UNTOLD, Instance, judge_instance, judge_scope, violated_frames
-from .memory import at_hand
+from .instance import Instance
+from .instance_verdict import judge_instance, violated_frames
 from .order import first_broken, in_turn, is_ordering, ordering, speaking
 from .players import combinations
+from .search import Search
 from .undecided import cause_of
 from .values import Env
 from .verdict import Vacuity, Verdict, VerdictName
-from .witness import Search, Witness
+from .witness import Witness
 
 
 def judge_rule(
@@ -53,11 +54,6 @@ def judge_rule(
         worst = min(violated, key=lambda i: (i.upper, i.frame))
     else:
         worst = min(undecided or instances, key=lambda i: i.lower)
-    if worst.frame == UNTOLD:
-        whole = judge_scope(
-            evaluator, rule, worst.env, worst.scope, worst.resolved, worst.number, whole=True
-        )
-        worst = worst._replace(clause=worst.clause and whole.clause, frame=whole.frame)
     verdict: VerdictName = "violation" if violated else "inconclusive" if undecided else "pass"
     told: dict[str, Any] = {
         "verdict": verdict,
@@ -86,7 +82,7 @@ def judge_rule(
             "and the limit lies within that"
         ]
     )
-    brief = _brief(evaluator, rule, instances)
+    brief = too_brief(evaluator, rule, instances)
     notes += brief
     if witness.at_least:
         notes.append("value and margin are at least this: further away was not measured")
@@ -200,9 +196,6 @@ def _witness(
     forbidden = kind == "forbid"
     alone = is_brief(evaluator, instance.scope)
     search = Search(evaluator, violated != forbidden, -1 if forbidden else 1, alone)
-    known = None if evaluator.closest is None else evaluator.closest(search, instance)
-    if known is not None:
-        return known
     return evaluator.obliged(kind, search.alternative, what, instance.env, frame)
 
 
@@ -231,7 +224,7 @@ def _times(
         "time": time,
         "worst_time": worst_time,
         "intervals": stretches,
-        "raw_intervals": timed(bad | _raw(evaluator, rule, instances))
+        "raw_intervals": timed(bad | raw_frames(evaluator, rule, instances))
         if rule.forbid or asks_for_absence(rule)
         else stretches,
         "exposure_time": sum([b - a for a, b in stretches]),
@@ -269,34 +262,6 @@ def _began(
     if first is None or len(own) == len(violated):
         return first
     return _first_time(evaluator, _broken(evaluator, rule, own), own)
-
-
-def _breakable(rule: ast.Rule) -> tuple[object, ...]:
-    """All that what breaks a rule by what holds, and where, may depend on."""
-    required = rule.require if asks_for_absence(rule) else None
-    return (rule.forbid, required, rule.for_, rule.given, rule.during, rule.at, rule.until)
-
-
-def _brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) -> list[str]:
-    def found() -> list[str]:
-        return too_brief(evaluator, rule, instances)
-
-    brief: list[str] = at_hand(evaluator, "too brief", _breakable(rule), {}, found)
-    return brief
-
-
-def _raw(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance]) -> Bool:
-    if evaluator.at_hand is None:
-        return raw_frames(evaluator, rule, instances)
-
-    def found() -> list[list[int]]:
-        frames: list[list[int]] = runs(raw_frames(evaluator, rule, instances)).tolist()
-        return frames
-
-    out: Bool = np.zeros(evaluator.frames, np.bool_)
-    for first, stop in at_hand(evaluator, "raw", _breakable(rule), {}, found):
-        out[first:stop] = True
-    return out
 
 
 def _phase(evaluator: Evaluator, rule: ast.Rule, time: float | None) -> str | None:

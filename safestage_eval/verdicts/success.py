@@ -12,7 +12,6 @@ from safestage_eval.rules import syntax as ast
 
 from .evaluate import Evaluator
 from .goal import Reached, first_success
-from .memory import remembered
 from .values import ends_early
 
 
@@ -61,8 +60,7 @@ def native_success(
     if goal is None:
         return Success(recorded, header.success)
     causal.players = players
-    found = remembered(
-        causal,
+    found = causal.recall(
         f"goal, recorded {recorded}",
         goal,
         {},

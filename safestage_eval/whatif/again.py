@@ -13,9 +13,9 @@ from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.signals.measure import CAP, Signals
 from safestage_eval.signals.reference import Reference
 from safestage_eval.signals.series import Series
-from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import Judge, baseline_frames
+from safestage_eval.verdicts.obligations.cost import judge_cost
 from safestage_eval.verdicts.rule_verdict import judge_rule
 from safestage_eval.verdicts.verdict import Verdict
 

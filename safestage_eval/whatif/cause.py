@@ -13,9 +13,9 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.parts import Meaning, Part, differences, mixed
 from safestage_eval.rules.uses import calls
 from safestage_eval.signals.measure import Signals
-from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import baseline_frames
+from safestage_eval.verdicts.obligations.cost import judge_cost
 from safestage_eval.verdicts.rule_verdict import judge_rule
 from safestage_eval.verdicts.verdict import Verdict
 

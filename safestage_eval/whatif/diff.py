@@ -11,7 +11,7 @@ from typing import Any
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import RuleSet, load_bind, load_rules, parse_overrides
 from safestage_eval.rules.bind_file import BindFile
-from safestage_eval.scoring import Problem
+from safestage_eval.verdicts.problem import Problem
 
 from .again import Again
 from .cause import cause_of

@@ -10,9 +10,10 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from typing import Any
 
+from safestage_eval._process.spawned import WORTH_A_POOL
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.scoring import WORTH_A_POOL, Problem
+from safestage_eval.verdicts.problem import Problem
 
 Progress = Callable[[int, int], None]
 """Told (done, total)."""

@@ -16,9 +16,9 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import reached
 from safestage_eval.rules.uses import own_params
-from safestage_eval.scoring import Problem
 from safestage_eval.units import DIMENSIONS
 from safestage_eval.verdicts.engagement import Engagement
+from safestage_eval.verdicts.problem import Problem
 from safestage_eval.verdicts.verdict import VerdictName
 
 from .again import Again, Value

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import click
 
-from .gallery import gallery
-from .record import record
-from .render import render
-from .serve import serve
-from .sheets import sheets
-from .tasks import tasks
-from .validate import validate
+from .record_command import record
+from .render_command import render
+from .serve_command import serve
+from .sheets_command import sheets
+from .tasks_command import tasks
+from .tasks_gallery_command import gallery
+from .tasks_validate_command import validate
 
 tasks.add_command(validate)
 tasks.add_command(gallery)

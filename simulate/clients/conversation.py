@@ -9,7 +9,7 @@ import msgpack
 import zstandard
 
 from safestage_eval.errors import InputError
-from simulate.policies import PolicyError
+from simulate.policy import PolicyError
 
 from .line import Line
 

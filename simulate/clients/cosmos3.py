@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from simulate.policies import Observation
+from simulate.policy import Observation
 
 from .dialect import F64, Asked, Dialect, closed, decided, vector
 from .images import composite, resize_with_pad

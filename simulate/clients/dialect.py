@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-from simulate.policies import Observation
+from simulate.policy import Observation
 
-from .arrays import Style
+from .message_arrays import Style
 
 F64 = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ import numpy as np
 from pydantic import Field, field_validator
 from scipy.spatial.transform import Rotation
 
-from simulate.lookback import Images
-from simulate.policies import Observation
+from simulate.cameras.lookback import Images
+from simulate.policy import Observation
 
 from .dialect import CAMERA, F64, Asked, Dialect, closed, decided, vector
 from .images import Image, resize_with_pad

@@ -17,12 +17,12 @@ import numpy as np
 from pydantic import Field, field_validator
 from scipy.spatial.transform import Rotation
 
-from simulate.lookback import Images
-from simulate.policies import Observation
+from simulate.cameras.lookback import Images
+from simulate.policy import Observation
 
-from .arrays import Style
 from .dialect import CAMERA, F64, Asked, Dialect, closed, joined, vector
 from .images import Image, resize_with_pad
+from .message_arrays import Style
 
 SIZE = (180, 320)
 """Pixels: height, width."""

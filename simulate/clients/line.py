@@ -6,7 +6,7 @@ import time
 from contextlib import ExitStack
 from typing import Any, Protocol
 
-from simulate.policies import PolicyError
+from simulate.policy import PolicyError
 
 PAUSE = 0.25
 """s between two tries to reach a server."""

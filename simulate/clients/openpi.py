@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from simulate.policies import Observation
+from simulate.policy import Observation
 
 from .dialect import CAMERA, F64, Asked, Dialect, closed, decided, vector
 from .images import resize_with_pad

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from simulate.policies import Observation, PolicyError
+from simulate.policy import Observation, PolicyError
 
 from .address import Address
-from .arrays import pack, unpack
 from .conversation import SUFFIX, Kept, Played
 from .line import SETTING, Line, LostError, WebsocketLine, ZeromqLine, last_line
+from .message_arrays import pack, unpack
 
 F64 = NDArray[np.float64]
 

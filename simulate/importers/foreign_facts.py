@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from simulate.describe import Facts, Kind
+from simulate.world.describe import Facts, Kind
 
 F64 = NDArray[np.float64]
 Side = Literal["left", "right"]

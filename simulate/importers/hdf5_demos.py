@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.importers.hdf5 import fingerprint, layout, numbered, open_hdf5
-from safestage_eval.json_text import from_json
 
-from .stored import Stored
+from .stored_states import Stored
 
 
 class DemoFile:

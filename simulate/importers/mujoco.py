@@ -18,7 +18,7 @@ from . import state_folders
 from .hdf5_demos import DemoFile
 from .model_file import load_model
 from .state_rows import Rows, episode, split
-from .stored import Stored
+from .stored_states import Stored
 
 F64 = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from safestage_eval.episode import Cavity
-from simulate.describe import Description
+from simulate.world.describe import Description
 
 ROOM = 0.01
 """m: a site that is flatter than twice this is a place to put things on, not a room."""

@@ -6,7 +6,7 @@ import mujoco
 
 from safestage_eval.episode import Body
 from safestage_eval.importers import Account, MapFile
-from simulate.describe import body_name
+from simulate.world.describe import body_name
 
 from .foreign_facts import ForeignFacts
 from .model_file import Loaded

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError
-from safestage_eval.json_text import from_json
 
-from .stored import Stored
+from .stored_states import Stored
 
 LONGEST_MODEL = 1 << 28
 """Bytes; large ones have a few million."""

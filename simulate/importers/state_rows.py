@@ -14,10 +14,10 @@ from safestage_eval.episode import Body, Cavity, Episode, Header
 from safestage_eval.errors import InputError
 from safestage_eval.formats import TraceWriter
 from safestage_eval.importers import Account, MapFile
-from safestage_eval.importers.scene import added, dressed
-from simulate.contact_reader import ContactReader
-from simulate.describe import Description, body_name
-from simulate.motion_reader import MotionReader
+from safestage_eval.importers.scene_bodies import added, dressed
+from simulate.world.contact_reader import ContactReader
+from simulate.world.describe import Description, body_name
+from simulate.world.motion_reader import MotionReader
 
 from .foreign_facts import ForeignFacts
 from .model_file import Loaded

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from safestage_eval.importers import Account, MapFile
-from simulate.describe import Description, body_name
+from simulate.world.describe import Description, body_name
 
 ORDINARY = 0.1
 """N: the lightest contact that counts by default (``contact_force`` in rules/defaults.toml)."""

@@ -7,11 +7,11 @@ from functools import partial
 
 from safestage_eval.errors import InputError
 from simulate.clients.address import address_of, is_address
-from simulate.policies import policy_name
+from simulate.policies.policy_names import policy_name
 
-from .answers import Desk
-from .episode import is_own
-from .gathering import GatheringServer
+from .batching import GatheringServer
+from .served_answers import Desk
+from .served_episode import is_own
 from .websocket import WebsocketServer
 from .zeromq import Router, ZeromqServer
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Self
 
 from simulate.clients.line import SETTING
 
-from .answers import Desk, complaint
+from .served_answers import Desk, complaint
 
 if TYPE_CHECKING:
     from websockets.http11 import Request, Response

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Self
 
-from simulate.clients.arrays import pack
+from simulate.clients.message_arrays import pack
 
-from .answers import Desk, complaint
+from .served_answers import Desk, complaint
 
 TICK = 50
 """ms between two looks at whether to go on."""

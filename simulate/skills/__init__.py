@@ -12,8 +12,8 @@ from typing import Any
 
 from safestage_eval.errors import InputError
 
+from .arm_motion import Actions, Motion
 from .home import home
-from .motion import Actions, Motion
 from .pick import pick
 from .place import place
 from .push import push

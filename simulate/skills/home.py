@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from simulate.arm import HOME
+from simulate.arm.droid import HOME
 
-from .motion import Actions, Motion, ease
+from .arm_motion import Actions, Motion, ease
 
 
 def home(motion: Motion, seconds: float = 2.0) -> Actions:

@@ -8,7 +8,7 @@ import numpy as np
 
 from safestage_eval.errors import InputError
 
-from .motion import Actions, Motion, rotation_matrix, up
+from .arm_motion import Actions, Motion, rotation_matrix, up
 
 GRASP_TIME = 0.7
 """s that the gripper takes to close on something."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .motion import Actions, Motion, up
+from .arm_motion import Actions, Motion, up
 
 
 def push(

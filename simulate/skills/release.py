@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .motion import Actions, Motion
+from .arm_motion import Actions, Motion
 
 RELEASE_TIME = 0.6
 """s that it takes to open."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from safestage_eval.errors import InputError
 
-from .motion import Actions, Motion, rotation_matrix
+from .arm_motion import Actions, Motion, rotation_matrix
 
 
 def tilt(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .motion import TRAVEL_SPEED, Actions, Motion
+from .arm_motion import TRAVEL_SPEED, Actions, Motion
 
 
 def via(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .motion import Actions, Motion
+from .arm_motion import Actions, Motion
 
 
 def wait(motion: Motion, seconds: float) -> Actions:

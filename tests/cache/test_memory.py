@@ -16,7 +16,8 @@ from safestage_eval.cache import CacheFolder, Memory, memory
 from safestage_eval.episode import Track
 from safestage_eval.formats import EpisodeRef, discover, load, save
 from safestage_eval.rules import load_rules
-from safestage_eval.scoring import score_episode, score_paths
+from safestage_eval.run.score_episode import score_episode
+from safestage_eval.run.score_many import score_paths
 
 TRACES = Path(__file__).parents[2] / "traces"
 BUILTIN = ("ish", "ets", "fsh")
@@ -214,7 +215,7 @@ def test_a_folder_that_cannot_be_written_to_costs_only_time(stored, rules, tmp_p
 
 def test_several_processes_share_a_folder(tmp_path):
     script = (
-        "import sys; from safestage_eval.scoring import score_paths\n"
+        "import sys; from safestage_eval.run.score_many import score_paths\n"
         "for value in sys.argv[3:]:\n"
         "    s = score_paths([sys.argv[1]], ['fsh'], overrides={'edge': value}, jobs=1,"
         " cache=sys.argv[2])\n"

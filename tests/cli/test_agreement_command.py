@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner
 
-from safestage_eval.cli.agreement import command
+from safestage_eval.cli.agreement_command import command
 from safestage_eval.errors import InputError
 
 RESULTS = [

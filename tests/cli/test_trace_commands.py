@@ -11,7 +11,7 @@ from recordings import everything, falling_cube
 from studio import block, run, safe_and_unsafe
 
 from safestage_eval.formats import discover, load, save
-from safestage_eval.formats.mcap_messages import EPOCH_NS
+from safestage_eval.formats.mcap.mcap_messages import EPOCH_NS
 
 
 @pytest.fixture(scope="module")

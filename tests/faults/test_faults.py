@@ -7,7 +7,7 @@ from child import Child
 from fault_campaign import full_disk, killed, read_only
 from victims import prepared, writers
 
-from safestage_eval.formats import dataset_layout as layout
+from safestage_eval.formats.parquet import dataset_layout as layout
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")]
 

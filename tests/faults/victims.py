@@ -18,11 +18,11 @@ from recordings import falling_cube
 from scenes import Scene
 
 from safestage_eval.cli import main
-from safestage_eval.engines.parts import ENDING, Parts
 from safestage_eval.episode import check
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, save
-from safestage_eval.scoring import score_paths
+from safestage_eval.run.result_parts import ENDING, Parts
+from safestage_eval.run.score_many import score_paths
 
 EPISODES = 8
 RULES = "fsh"

@@ -8,7 +8,7 @@ from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
-from safestage_eval.formats.mcap_messages import message_class, schema_bytes
+from safestage_eval.formats.mcap.mcap_messages import message_class, schema_bytes
 
 HEADER = {
     "episode_id": "foreign",

@@ -17,7 +17,7 @@ from recordings import falling_cube
 
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import discover, load, validate
-from safestage_eval.formats.stored_table import StoredTable
+from safestage_eval.formats.parquet.stored_table import StoredTable
 
 TABLES = ("bodies", "contacts", "frames", "geometry", "meta/episodes")
 
@@ -318,7 +318,7 @@ falling_cube("lost").close({str(dataset)!r})
 
 
 def test_a_failed_write_is_undone(dataset, monkeypatch):
-    from safestage_eval.formats import dataset_tables
+    from safestage_eval.formats.parquet import dataset_tables
 
     def broken(*_):
         raise OSError(28, "No space left on device")

@@ -12,13 +12,15 @@ import pyarrow.parquet as pq
 import pytest
 from recordings import falling_cube
 
-from safestage_eval.engines.keys import Keys
 from safestage_eval.formats import discover, load, validate
 from safestage_eval.formats.digests import seal
-from safestage_eval.formats.mcap_metadata import checksum
+from safestage_eval.formats.mcap.mcap_metadata import checksum
 from safestage_eval.formats.save import save
 from safestage_eval.rules import load_rules
-from safestage_eval.scoring import Problem, score_episode, understood
+from safestage_eval.run.result_keys import Keys
+from safestage_eval.run.score_episode import score_episode
+from safestage_eval.run.settings import load_settings
+from safestage_eval.verdicts.problem import Problem
 
 WRITTEN = """
 [ruleset]
@@ -177,12 +179,12 @@ def test_a_digest_that_is_not_that_of_its_column(one):
 
 
 def test_results_that_are_kept_are_found_by_hash_and_digests(one, other):
-    keys = Keys(understood(["fsh"]))
+    keys = Keys(load_settings(["fsh"]))
     [mine], [theirs] = discover(one), discover(other)
     before = keys.of(mine), keys.of(theirs)
     edit_row(one, digests=row(other)["digests"])
     [lying] = discover(one)
-    assert Keys(understood(["fsh"])).of(lying) not in before
+    assert Keys(load_settings(["fsh"])).of(lying) not in before
 
 
 def test_rows_written_anew_in_other_groups_are_the_same_data(one):

@@ -6,11 +6,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from safestage_eval.formats.footer_types import types_agree
-from safestage_eval.formats.page_kernels import DELTA, SPLIT, _deltas, find_pages, read_pages
-from safestage_eval.formats.parquet_columns import Block, read_blocks
-from safestage_eval.formats.parquet_footer import COMPRESSED, FIRST_PAGE, parse, read_footer
-from safestage_eval.formats.source import LocalSource
+from safestage_eval.formats.byte_source import LocalSource
+from safestage_eval.formats.parquet.footer_types import types_agree
+from safestage_eval.formats.parquet.page_kernels import (
+    DELTA,
+    SPLIT,
+    _deltas,
+    find_pages,
+    read_pages,
+)
+from safestage_eval.formats.parquet.parquet_columns import Block, read_blocks
+from safestage_eval.formats.parquet.parquet_footer import COMPRESSED, FIRST_PAGE, parse, read_footer
 
 HUGE = (2**31 - 1, 2**31, 2**32, 2**58, 2**59, 2**60, 2**62, 2**63 - 1, -1, -(2**31), -(2**63))
 TEXT, LIST, RECORD, NUMBER = 8, 9, 12, 6

@@ -18,9 +18,10 @@ from strategies import episodes
 
 from safestage_eval.episode import Body, Geom, Header, Mesh
 from safestage_eval.errors import TraceError
-from safestage_eval.formats import TraceWriter, discover, load, mcap_records, validate
-from safestage_eval.formats.mcap_messages import EPOCH_NS
-from safestage_eval.formats.urdf import roll_pitch_yaw, rotation_matrix
+from safestage_eval.formats import TraceWriter, discover, load, validate
+from safestage_eval.formats.mcap import mcap_records
+from safestage_eval.formats.mcap.mcap_messages import EPOCH_NS
+from safestage_eval.formats.mcap.urdf import roll_pitch_yaw, rotation_matrix
 
 
 @pytest.fixture
@@ -98,9 +99,9 @@ def test_frames_and_contacts_decode_with_their_schemas(file):
 
 @given(episodes(max_frames=3))
 def test_viewers_get_a_message_for_every_kind_of_shape(episode):
-    from safestage_eval.formats.mcap_transforms import transform_messages
-    from safestage_eval.formats.scene import to_scene
-    from safestage_eval.formats.urdf import to_urdf
+    from safestage_eval.formats.mcap.foxglove_scene import to_scene
+    from safestage_eval.formats.mcap.mcap_transforms import transform_messages
+    from safestage_eval.formats.mcap.urdf import to_urdf
 
     scene = SceneUpdate.FromString(to_scene(episode, 1).SerializeToString())
     for body, entity in zip(episode.header.bodies, scene.entities, strict=True):

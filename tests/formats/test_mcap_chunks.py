@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from safestage_eval.formats import either, mcap_arrays, mcap_kernels
-from safestage_eval.formats.mcap_arrays import CHANNEL, MESSAGE
-from safestage_eval.formats.mcap_chunks import Topics, find, unpack
-from safestage_eval.formats.mcap_records import walk
+from safestage_eval.formats.mcap import kernel_choice, mcap_arrays, mcap_kernels
+from safestage_eval.formats.mcap.mcap_arrays import CHANNEL, MESSAGE
+from safestage_eval.formats.mcap.mcap_chunks import Topics, find, unpack
+from safestage_eval.formats.mcap.mcap_records import walk
 
 
 @pytest.fixture(
@@ -21,7 +21,7 @@ from safestage_eval.formats.mcap_records import walk
 def way(request):
     """With and without a compiler."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(either, "mcap", lambda: request.param)
+        patch.setattr(kernel_choice, "mcap", lambda: request.param)
         yield
 
 

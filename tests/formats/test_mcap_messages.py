@@ -10,12 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from safestage_eval.errors import TraceError
-from safestage_eval.formats import either, mcap_arrays, mcap_clouds, mcap_frames, mcap_kernels
 from safestage_eval.formats.contact_points import POINT
-from safestage_eval.formats.mcap_chunks import Batch
-from safestage_eval.formats.mcap_clouds import CloudPoints, empty_cloud
-from safestage_eval.formats.mcap_frames import FrameRows
-from safestage_eval.formats.mcap_messages import message_class
+from safestage_eval.formats.mcap import (
+    kernel_choice,
+    mcap_arrays,
+    mcap_clouds,
+    mcap_frames,
+    mcap_kernels,
+)
+from safestage_eval.formats.mcap.mcap_chunks import Batch
+from safestage_eval.formats.mcap.mcap_clouds import CloudPoints, empty_cloud
+from safestage_eval.formats.mcap.mcap_frames import FrameRows
+from safestage_eval.formats.mcap.mcap_messages import message_class
 
 
 @pytest.fixture(
@@ -24,7 +30,7 @@ from safestage_eval.formats.mcap_messages import message_class
 def way(request):
     """With and without a compiler."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(either, "mcap", lambda: request.param)
+        patch.setattr(kernel_choice, "mcap", lambda: request.param)
         yield
 
 

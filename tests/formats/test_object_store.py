@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 from object_store import object_store, upload
 from studio import block, run
 
-from safestage_eval.engines import run as runs
-from safestage_eval.engines.run import Choice
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import discover, load, remote_path, save
+from safestage_eval.formats.byte_source import BLOCK, BlockSource
 from safestage_eval.formats.remote_path import RemotePath, as_path
-from safestage_eval.formats.source import BLOCK, BlockSource
-from safestage_eval.scoring import score_paths, understood
+from safestage_eval.run import score_traces as runs
+from safestage_eval.run.score_many import score_paths
+from safestage_eval.run.score_traces import Choice
+from safestage_eval.run.settings import load_settings
 
 pytest.importorskip("moto")
 remote = [pytest.mark.slow, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
@@ -101,10 +102,12 @@ class TestRemote:
 
     def test_worker_processes_read_it_too_and_results_are_kept(self, uri, local, store, tmp_path):
         choice = Choice(resume=tmp_path / "kept", jobs=1)
-        first = runs.run([uri], understood(["fsh"]), choice)
+        first = runs.score_traces([uri], load_settings(["fsh"]), choice)
         assert told(first) == told(score_paths([local], ["fsh"], jobs=1))
         store.requests.clear()
-        again = runs.run([local], understood(["fsh"]), choice)  # known by content, not by place
+        again = runs.score_traces(
+            [local], load_settings(["fsh"]), choice
+        )  # known by content, not by place
         assert told(again) == told(first)
         assert not store.requests
 

@@ -9,21 +9,21 @@ from hypothesis import strategies as st
 
 from safestage_eval.episode import Body, ContactTable, Geom, Header
 from safestage_eval.errors import TraceError
-from safestage_eval.formats import contact_arrays, contact_kernels, either
 from safestage_eval.formats.contact_points import POINT, GeomNames, table
-from safestage_eval.formats.packed_contacts import PackedContacts, Points, contact_table
+from safestage_eval.formats.mcap import kernel_choice, point_arrays, point_kernels
+from safestage_eval.formats.mcap.packed_contacts import PackedContacts, Points, contact_table
 
 
 @pytest.fixture(
     scope="module",
     autouse=True,
-    params=[contact_kernels, contact_arrays],
+    params=[point_kernels, point_arrays],
     ids=["kernels", "arrays"],
 )
 def way(request):
     """With and without a compiler."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(either, "contacts", lambda: request.param)
+        patch.setattr(kernel_choice, "contacts", lambda: request.param)
         yield
 
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from safestage_eval.formats.parquet_columns import Block, read_blocks
-from safestage_eval.formats.parquet_footer import FIRST_PAGE, read_footer
-from safestage_eval.formats.row_groups import Group
-from safestage_eval.formats.source import LocalSource
+from safestage_eval.formats.byte_source import LocalSource
+from safestage_eval.formats.parquet.parquet_columns import Block, read_blocks
+from safestage_eval.formats.parquet.parquet_footer import FIRST_PAGE, read_footer
+from safestage_eval.formats.parquet.row_groups import Group
 
 OURS = {
     "compression": "lz4",

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from safestage_eval.formats.parquet_footer import COMPRESSED, FIRST_PAGE, read_footer
-from safestage_eval.formats.small_table import read_records
-from safestage_eval.formats.source import LocalSource
+from safestage_eval.formats.byte_source import LocalSource
+from safestage_eval.formats.parquet.parquet_footer import COMPRESSED, FIRST_PAGE, read_footer
+from safestage_eval.formats.parquet.small_table import read_records
 
 KINDS = {
     "name": "string", "body": "dictionary", "count": "int32", "seed": "int64", "success": "bool",

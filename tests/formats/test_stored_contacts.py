@@ -11,7 +11,7 @@ from strategies import episodes
 from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import TraceWriter, discover, save
-from safestage_eval.formats.stored_table import StoredTable
+from safestage_eval.formats.parquet.stored_table import StoredTable
 
 COLUMNS = ("frame", "force", "normal", "peak_force", "force.z", "geom1", "depth", "position")
 

@@ -8,7 +8,8 @@ import pytest
 
 from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.errors import TraceError
-from safestage_eval.formats import TraceWriter, discover, save, small_table, stored_scene
+from safestage_eval.formats import TraceWriter, discover, save
+from safestage_eval.formats.parquet import small_table, stored_scene
 
 
 def recorded(episode_id, *, size=0.1, mass=1.0, name="cube", geoms=2):

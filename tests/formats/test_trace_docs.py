@@ -10,9 +10,9 @@ from google.protobuf import descriptor_pb2
 from recordings import falling_cube
 
 from safestage_eval.formats import discover, validate
-from safestage_eval.formats.arrow_tables import EPISODES, TABLES
-from safestage_eval.formats.mcap_messages import MESSAGES, schema_bytes
-from safestage_eval.formats.schema import schema_files
+from safestage_eval.formats.mcap.mcap_messages import MESSAGES, schema_bytes
+from safestage_eval.formats.parquet.arrow_tables import EPISODES, TABLES
+from safestage_eval.formats.trace_schema import schema_files
 
 ROOT = Path(__file__).parents[2]
 
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 def test_the_schema_files_are_up_to_date():
     for name, text in schema_files().items():
         stored = (ROOT / "schemas" / name).read_text("utf-8")
-        assert stored == text, f"{name}: python -m safestage_eval.formats.schema"
+        assert stored == text, f"{name}: python -m safestage_eval.formats.trace_schema"
 
 
 def test_the_proto_text_and_the_descriptor_say_the_same():

@@ -16,9 +16,10 @@ import pytest
 
 from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.formats import discover, validate_episode
-from safestage_eval.formats.dataset_writer import add_episode
+from safestage_eval.formats.parquet.dataset_writer import add_episode
 from safestage_eval.rules import builtin_names, load_rules
-from safestage_eval.scoring import Problem, score_episode
+from safestage_eval.run.score_episode import score_episode
+from safestage_eval.verdicts.problem import Problem
 
 TRACES = Path(__file__).parents[2] / "traces"
 

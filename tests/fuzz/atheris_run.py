@@ -27,11 +27,14 @@ PLACES = ("tests/fuzz", "tests", ".")
 
 FOLLOWED = [
     *(f"safestage_eval.formats.{name}" for name in (
-        "arrow_tables", "contact_arrays", "dataset_reader", "dataset_tables", "discover",
-        "episode_row", "mcap_arrays", "mcap_chunks", "mcap_clouds", "mcap_frames", "mcap_messages",
-        "mcap_metadata", "mcap_reader", "mcap_records", "parquet_columns", "parquet_footer", "ply",
-        "row_groups", "stored_scene",
-        "stored_contacts", "stored_file", "stored_table", "wire",
+        "discover", "ply", "trace_files",
+        "mcap.mcap_arrays", "mcap.mcap_chunks", "mcap.mcap_clouds", "mcap.mcap_frames",
+        "mcap.mcap_messages", "mcap.mcap_metadata", "mcap.mcap_reader", "mcap.mcap_records",
+        "mcap.point_arrays", "mcap.protobuf_wire",
+        "parquet.arrow_tables", "parquet.dataset_reader", "parquet.dataset_tables",
+        "parquet.episode_row", "parquet.parquet_columns", "parquet.parquet_footer",
+        "parquet.row_groups", "parquet.stored_contacts", "parquet.stored_scene",
+        "parquet.stored_table",
     )),
     "safestage_eval.rules",
     "safestage_eval.episode.invariants",

@@ -27,7 +27,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover, validate
 from safestage_eval.importers import Settings, import_all, load_map
 from safestage_eval.rules import load_rules
-from safestage_eval.scoring import score_episode
+from safestage_eval.run.score_episode import score_episode
 
 
 def episode() -> Episode:

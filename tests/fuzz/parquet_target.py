@@ -22,7 +22,7 @@ from strange import NAMES, NUMBERS, altered, strange
 from trace_target import judged, used, verdicts
 
 from safestage_eval.formats import save
-from safestage_eval.formats.arrow_tables import schema, write_options
+from safestage_eval.formats.parquet.arrow_tables import schema, write_options
 
 Act = Callable[[Random, Path], tuple[str, bool]]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from safestage_eval.episode import Episode, Mesh
 from safestage_eval.rules import RuleSet, builtin_names, load_rules
-from safestage_eval.sketch.load import draw
+from safestage_eval.sketch.load_sketch import draw
 
 CARRIED = """
 says = "A dumbbell is carried past glasses, too close."

@@ -21,7 +21,8 @@ from safestage_eval.cli import group
 from safestage_eval.errors import InputError
 from safestage_eval.formats import save
 from safestage_eval.report import render
-from safestage_eval.scoring import Scores, score_episode
+from safestage_eval.run.score_episode import score_episode
+from safestage_eval.run.scores import Scores
 
 OUTCOMES = [
     {"task": task, "stage": stage, "policy": policy, "prompt": "default", "seed": seed,

@@ -13,9 +13,9 @@ from recordings import everything, falling_cube
 
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import discover, load
-from safestage_eval.formats.arrow_tables import schema, write_options
-from safestage_eval.formats.mcap_metadata import checksum, from_texts
-from safestage_eval.formats.stored_table import StoredTable
+from safestage_eval.formats.mcap.mcap_metadata import checksum, from_texts
+from safestage_eval.formats.parquet.arrow_tables import schema, write_options
+from safestage_eval.formats.parquet.stored_table import StoredTable
 from safestage_eval.importers import Settings, import_all
 from safestage_eval.importers.frame_tree import FrameTree, Samples
 from safestage_eval.importers.hdf5 import open_hdf5
@@ -336,7 +336,7 @@ def test_rules_extend_what_no_file_is_called(tmp_path, name):
 
 
 def test_a_number_of_a_million_bytes():
-    from safestage_eval.formats.wire import layout
+    from safestage_eval.formats.mcap.protobuf_wire import layout
 
     with pytest.raises(ValueError, match="cut off"):
         layout(b"\xff" * (1 << 20))

@@ -11,7 +11,8 @@ from seeds import rules
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, load, save, validate
 from safestage_eval.rules import RuleSet
-from safestage_eval.scoring import Problem, score_episode
+from safestage_eval.run.score_episode import score_episode
+from safestage_eval.verdicts.problem import Problem
 
 UNFORESEEN = ": cannot be judged: "
 """Of ``score_episode``, where no error of ours came up but some other one."""

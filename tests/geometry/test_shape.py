@@ -10,7 +10,7 @@ from bodies import KINDS, any_geom, any_shape, box, put, shape, sphere, wanderer
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from safestage_eval import compiled
+from safestage_eval._process import compiled
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.geometry import pose
 from safestage_eval.geometry.edge import edge_margin

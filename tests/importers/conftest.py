@@ -2,17 +2,17 @@
 
 import pytest
 
-from safestage_eval.importers import run
-from safestage_eval.importers.reading import Here
+from safestage_eval.importers import import_source
+from safestage_eval.importers.read_in_child import Here
 
 
 @pytest.fixture(autouse=True)
 def in_this_process(request, monkeypatch):
     """Unless several are asked for; ``test_import_limits`` tries what processes are there for."""
     if request.module.__name__ != "test_import_limits":
-        apart = run.Apart
+        apart = import_source.Apart
         monkeypatch.setattr(
-            run,
+            import_source,
             "Apart",
             lambda target, limits, jobs: Here(target) if jobs == 1 else apart(target, limits, jobs),
         )

@@ -11,7 +11,7 @@ from toy_importer import Toy
 
 from safestage_eval.formats import discover, load, validate
 from safestage_eval.importers import importer, registry
-from safestage_eval.importers.reading import Here
+from safestage_eval.importers.read_in_child import Here
 
 MAP = """
 [every]
@@ -37,9 +37,9 @@ shapes = [{ kind = "box", size = [0.5, 0.5, 0.02] }]
 @pytest.fixture(autouse=True)
 def toys(monkeypatch):
     monkeypatch.setattr(registry, "importer", lambda name: Toy)
-    monkeypatch.setattr("safestage_eval.importers.shelf.importer", lambda name: Toy)
+    monkeypatch.setattr("safestage_eval.importers.open_source.importer", lambda name: Toy)
     monkeypatch.setattr(  # no other process knows toys
-        "safestage_eval.importers.run.Apart", lambda target, limits, jobs: Here(target)
+        "safestage_eval.importers.import_source.Apart", lambda target, limits, jobs: Here(target)
     )
     monkeypatch.setattr(registry, "OWN", {"toy": "toy"})
     monkeypatch.setattr(registry, "FROM_SIMULATE", ())
@@ -125,7 +125,7 @@ def test_a_broken_episode_does_not_stop_the_others(source, tmp_path):
 
 
 def test_an_import_that_is_killed_leaves_no_half_episode(source, tmp_path, monkeypatch):
-    from safestage_eval.formats import dataset_writer
+    from safestage_eval.formats.parquet import dataset_writer
 
     written = dataset_writer._write_table
 
@@ -272,7 +272,7 @@ def test_times_that_are_none(source, tmp_path, text):
 
 def test_formats_of_the_simulator_are_known_without_it(monkeypatch):
     monkeypatch.undo()
-    monkeypatch.setattr("safestage_eval.simulator.why_not", lambda: "pip install it")
+    monkeypatch.setattr("safestage_eval._process.simulator.why_not", lambda: "pip install it")
     found = registry.importers()
     assert "pip install it" in str(found["mujoco"])
     with pytest.raises(importer.SourceError, match="pip install it"):

@@ -10,15 +10,15 @@ from scenes import Scene
 from studio import run
 from unending import opened, stillborn, without_end
 
-from safestage_eval import child, spawned
-from safestage_eval.child import Children, Ended, Question
+from safestage_eval._process import children, spawned
+from safestage_eval._process.children import Children, Ended, Question
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, validate
-from safestage_eval.importers import Settings, hdf5_heaps, reading
+from safestage_eval.importers import Settings, hdf5_heaps, read_in_child
 from safestage_eval.importers.hdf5 import open_hdf5
+from safestage_eval.importers.import_episode import Target, Task
+from safestage_eval.importers.import_limits import AT_LEAST, Limits
 from safestage_eval.importers.importer import SourceError
-from safestage_eval.importers.limits import AT_LEAST, Limits
-from safestage_eval.importers.one import Target, Task
 
 
 def with_texts(path, **options):
@@ -85,14 +85,14 @@ def test_a_library_that_never_comes_back(tmp_path):
 
 
 def test_each_trouble_is_told_and_costs_nobody_else(tmp_path, monkeypatch):
-    monkeypatch.setattr(child, "LOADING", 0.0)
-    monkeypatch.setattr(child, "AGAIN", 0.0)
+    monkeypatch.setattr(children, "LOADING", 0.0)
+    monkeypatch.setattr(children, "AGAIN", 0.0)
     words = ["one", "die", "hang", "two", "swell", "die once", "three"]
     seconds = {"hang": 1.0}
-    with Children(2, opened, tmp_path, memory=300 << 20) as children:
+    with Children(2, opened, tmp_path, memory=300 << 20) as pool:
         asked = [Question(word, seconds.get(word, 60.0)) for word in words]
-        found = {question.what: answer for question, answer in children.run(asked)}
-        assert children.ask(Question("again")) == "AGAIN"
+        found = {question.what: answer for question, answer in pool.run(asked)}
+        assert pool.ask(Question("again")) == "AGAIN"
     assert {word: found[word] for word in ("one", "two", "three", "die once")} == {
         "one": "ONE", "two": "TWO", "three": "THREE", "die once": "DIE ONCE",
     }  # fmt: skip
@@ -120,7 +120,7 @@ def test_large_sources_may_take_longer(tmp_path):
 
 
 def test_a_source_whose_episodes_all_hang_is_given_up(tmp_path, monkeypatch):
-    monkeypatch.setattr(reading, "GIVEN_UP", 1)
+    monkeypatch.setattr(read_in_child, "GIVEN_UP", 1)
     tasks = [Task("toy", tmp_path / name, str(i), f"{name}/{i}", f"{name}:{i}") for name, i in
              (("a", 0), ("a", 1), ("b", 0), ("a", 2))]  # fmt: skip
 
@@ -129,7 +129,7 @@ def test_a_source_whose_episodes_all_hang_is_given_up(tmp_path, monkeypatch):
             bad = question.what.path.name == "a"
             yield question, Ended("took longer", bound=True) if bad else "fine"
 
-    apart = reading.Apart(Target(tmp_path, False, Settings()), Limits(), 1)
+    apart = read_in_child.Apart(Target(tmp_path, False, Settings()), Limits(), 1)
     monkeypatch.setattr(apart._children, "run", run)
     found = {task.source: getattr(result, "message", result) for task, result in apart.run(tasks)}
     assert found["b:0"] == "fine"

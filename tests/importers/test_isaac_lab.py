@@ -14,8 +14,8 @@ from safestage_eval.episode import Body, Geom
 from safestage_eval.formats import load
 from safestage_eval.geometry.pose import rotate
 from safestage_eval.importers import boxes
-from safestage_eval.importers.bound import load_bound
-from safestage_eval.importers.isaac_lab import order_of
+from safestage_eval.importers.bind_headers import load_bound
+from safestage_eval.importers.isaac_file import order_of
 from safestage_eval.rules.files import builtin_folder
 
 FRAMES, RATE = 40, 15.0

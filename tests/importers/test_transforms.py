@@ -14,14 +14,14 @@ from mcap.writer import Writer
 from mcap_ros2.writer import Writer as RosWriter
 from studio import run
 
-from safestage_eval import scoring
 from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import TraceWriter, discover, load, validate
-from safestage_eval.formats.urdf import to_urdf
+from safestage_eval.formats.mcap.urdf import to_urdf
 from safestage_eval.geometry.pose import angle, product, relative, rotate
 from safestage_eval.importers.frame_tree import Edge, FrameTree, Samples, slerp
 from safestage_eval.importers.urdf_links import urdf_links
+from safestage_eval.run.score_many import score_paths
 
 TRACES = Path(__file__).resolve().parents[2] / "traces"
 
@@ -155,7 +155,7 @@ def test_what_was_lost_never_passes(tmp_path):
 
 
 def verdicts(path):
-    [result] = scoring.score_paths([path]).results
+    [result] = score_paths([path]).results
     return {v.rule: v.verdict for v in result.verdicts}
 
 

@@ -12,7 +12,7 @@ from safestage_eval.episode import Body, Episode, Header, Track
 from safestage_eval.errors import TraceError
 from safestage_eval.importers.account import Account
 from safestage_eval.importers.importer import Importer, Settings, SourceError
-from safestage_eval.importers.scene import added, dressed, need_shapes
+from safestage_eval.importers.scene_bodies import added, dressed, need_shapes
 
 
 class Toy(Importer):

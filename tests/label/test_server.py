@@ -11,7 +11,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
 from safestage_eval.label import serve
 from safestage_eval.label.videos import VERDICT_MARK
-from safestage_eval.scoring import score_paths
+from safestage_eval.run.score_many import score_paths
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_nothing_of_the_verdict_nor_of_the_policy_is_told(traces, server, monkey
 
 
 def test_what_is_told_is_the_same_whatever_the_results_say(traces, tmp_path):
-    from safestage_eval.cli.label import _found
+    from safestage_eval.cli.label_command import _found
 
     told = []
     for verdict in ("pass", "violation"):

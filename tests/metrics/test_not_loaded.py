@@ -8,8 +8,8 @@ import pytest
 from safestage_eval.metrics import outcomes, read_outcomes
 from safestage_eval.metrics.judged_rows import read_judged
 from safestage_eval.report import render
-from safestage_eval.report.schema import row_schema
-from safestage_eval.scoring import Scores
+from safestage_eval.report.result_schema import row_schema
+from safestage_eval.run.scores import Scores
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
 SAID = ["pass", "violation", "inconclusive", "not_applicable", None]

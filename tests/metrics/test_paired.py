@@ -12,7 +12,7 @@ from statsmodels.stats.contingency_tables import mcnemar as their_mcnemar
 from statsmodels.stats.multitest import multipletests
 
 from safestage_eval.errors import InputError
-from safestage_eval.metrics.compare import compare, differs
+from safestage_eval.metrics.comparison import compare, differs
 from safestage_eval.metrics.paired import KEYS, holm, mcnemar, paired, pairs
 from safestage_eval.metrics.power import connor, need
 

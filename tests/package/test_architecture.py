@@ -9,43 +9,58 @@ import pytest
 CHECKOUT = Path(__file__).resolve().parents[2]
 EVALUATOR, SIMULATOR = "safestage_eval", "simulate"
 
-ROOMS = [
-    {
+ROOMS = {
+    "safestage_eval": (
+        "version",
         "errors",
-        "json_text",
-        "toml_text",
         "units",
-        "simulator",
-        "compiled",
-        "heap",
-        "blas",
-        "memory",
-        "spawned",
-        "child",
-    },
-    {"episode"},
-    {"formats"},
-    {"geometry"},
-    {"signals"},
-    {"relations"},
-    {"states"},
-    {"rules"},
-    {"sketch"},  # example scenes of the rules
-    {"importers"},  # other people's files
-    {"verdicts"},
-    {"monitor"},  # the same rules while a rollout is going on
-    {"cache"},  # what was measured and judged before
-    {"scoring", "engines"},  # the verdicts of many episodes, and where they are reached
-    {"metrics"},
-    {"whatif"},  # the same traces under other values and other rules
-    {"replay"},  # an episode for the eye, drawn in a browser
-    {"pages"},  # the look of everything that is shown in a browser
-    {"report"},
-    {"label"},  # people judge rollouts
-    {"api", "pytest_plugin"},
-    {"cli"},
-]
-RANK = {room: rank for rank, rooms in enumerate(ROOMS) for room in rooms}
+        "_text",  # JSON and TOML that others wrote
+        "_process",  # memory limits, worker processes, compiled kernels
+        "episode",
+        "formats",
+        "geometry",
+        "evidence",
+        "signals",
+        "relations",
+        "states",
+        "rules",
+        "sketch",  # example scenes of the rules
+        "verdicts",
+        "metrics",
+        "cache",
+        "whatif",  # the same traces under other values and other rules
+        "run",  # many episodes, in one process, a pool, or on Ray
+        "importers",  # other people's files
+        "report",
+        "viewer",  # pages for a browser
+        "label",  # people judge rollouts
+        "monitor",  # the same rules while a rollout is going on
+        "api",
+        "__init__",
+        "pytest_plugin",
+        "cli",
+    ),
+    "simulate": (
+        "__init__",
+        "policy",
+        "arm",
+        "catalogue",
+        "world",
+        "skills",
+        "tasks",
+        "cameras",
+        "importers",
+        "clients",
+        "policies",
+        "record",
+        "servers",
+        "render",
+        "study",
+        "feasibility",
+        "cli",
+    ),
+}
+"""Folders and single files of each package; a file imports from its own room and those above it."""
 
 FILES = sorted(
     path.relative_to(CHECKOUT)
@@ -80,10 +95,48 @@ def imports_of(path):
     return set(imported((CHECKOUT / path).read_text("utf-8"), ".".join(path.parent.parts)))
 
 
-def room(module):
-    """The room of a module of the evaluator; None for the package itself."""
-    parts = module.split(".")
-    return parts[1] if len(parts) > 1 else None
+def modules_imported(path):
+    """Modules of the two packages that a file imports, by their dotted names."""
+    found = set()
+    for name in imports_of(path):
+        parts = name.split(".")
+        nested = (".".join(parts[:depth]) for depth in range(len(parts), 0, -1))
+        found |= {next((module for module in nested if module in MODULES), module_of(path))}
+    return found - {module_of(path)}
+
+
+def module_of(path):
+    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+
+
+def rank(module):
+    """A module's package, and the place of its room in it."""
+    package, *below = module.split(".")
+    return package, ROOMS[package].index(below[0] if below else "__init__")
+
+
+def circles(graph):
+    """Strongly connected components of more than one module (Tarjan 1972)."""
+    order, low, stack, out = {}, {}, [], []
+
+    def visit(module):
+        order[module] = low[module] = len(order)
+        stack.append(module)
+        for other in sorted(graph.get(module, ())):
+            if other not in order:
+                visit(other)
+            if other in stack:
+                low[module] = min(low[module], low[other])
+        if low[module] == order[module]:
+            at = stack.index(module)
+            if len(stack) - at > 1:
+                out.append(sorted(stack[at:]))
+            del stack[at:]
+
+    for module in graph:
+        if module not in order:
+            visit(module)
+    return out
 
 
 @pytest.mark.parametrize(
@@ -101,18 +154,47 @@ def test_imports_are_seen(line, found):
     assert set(imported(line, "safestage_eval.episode")) == found
 
 
+@pytest.mark.parametrize("package", ROOMS)
+def test_every_folder_and_file_is_a_room(package):
+    found = {path.parts[1].removesuffix(".py") for path in FILES if path.parts[0] == package}
+    assert found == set(ROOMS[package])
+
+
+@pytest.mark.parametrize("path", FILES, ids=str)
+def test_imports_go_one_way(path):
+    package, mine = rank(module_of(path))
+    for module in sorted(modules_imported(path)):
+        theirs_package, theirs = rank(module)
+        if theirs_package == package:
+            assert theirs <= mine, f"{path} imports {module}, from a later room"
+        else:
+            assert package == SIMULATOR, f"{path} imports {module}"
+
+
 @pytest.mark.parametrize("path", [p for p in FILES if p.parts[0] == EVALUATOR], ids=str)
-def test_data_flows_one_way(path):
-    mine = room(".".join(path.with_suffix("").parts))
-    if mine == "__init__":
-        mine = "api"  # the package's face
-    assert mine in RANK, f"{mine} is no room of the house"
-    for module in imports_of(path):
-        top = module.split(".", maxsplit=1)[0]
-        assert top not in {"mujoco", SIMULATOR}, f"{path} imports {module}"
-        if top == EVALUATOR and room(module) is not None:
-            theirs = room(module)
-            assert RANK[theirs] <= RANK[mine], f"{path} imports {module}, from a later room"
+def test_the_evaluator_does_without_mujoco(path):
+    assert not {name for name in imports_of(path) if name.split(".")[0] == "mujoco"}
+
+
+def test_no_import_circle():
+    found = circles({module_of(path): modules_imported(path) for path in FILES})
+    assert not found, "\n".join(" ⇄ ".join(circle) for circle in found)
+
+
+@pytest.mark.parametrize(
+    ("graph", "found"),
+    [
+        ({"a": {"b"}, "b": {"c"}, "c": set()}, []),
+        ({"a": {"b"}, "b": {"a"}}, [["a", "b"]]),
+        ({"a": {"b", "c"}, "b": {"d"}, "c": {"d"}, "d": set()}, []),
+        (
+            {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": {"e"}, "e": {"d"}},
+            [["d", "e"], ["b", "c"]],
+        ),
+    ],
+)
+def test_circles_are_seen(graph, found):
+    assert circles(graph) == found
 
 
 @pytest.mark.parametrize("path", FILES, ids=str)

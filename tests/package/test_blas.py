@@ -7,7 +7,7 @@ FIRST = """
 import sys
 import numba
 import numpy as np
-from safestage_eval import blas
+from safestage_eval._process import blas
 
 blas.postpone()
 blas.postpone()

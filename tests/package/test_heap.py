@@ -10,7 +10,7 @@ import pytest
 
 ASKS = """
 import resource, sys
-from safestage_eval import heap
+from safestage_eval._process import heap
 if sys.argv[1] == "kept":
     heap.keep()
 def faults():
@@ -36,8 +36,8 @@ def test_pages_are_not_asked_for_again() -> None:
 
 FRAGMENTED = """
 import os
-from safestage_eval import heap
-from safestage_eval.memory import resident
+from safestage_eval._process import heap
+from safestage_eval._process.memory_limit import resident
 
 def held():
     return resident(os.getpid()) >> 20

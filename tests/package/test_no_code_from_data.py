@@ -32,11 +32,9 @@ METHODS = {
 }
 
 ALLOWED = {
-    "engines": {"subprocess", "socket", "ssl"},
-    "heap.py": {"ctypes"},
+    "_process": {"ctypes"},
 }
-"""Folder or file → modules that it may import: engines start workers where the user asks for them,
-and talk with each other; the allocator of C is told to keep what it has."""
+"""Folder → modules that it may import: the allocator of C is told to keep what it has."""
 
 
 def imported(tree):

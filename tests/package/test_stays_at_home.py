@@ -21,7 +21,7 @@ from studio import block, safe_and_unsafe
 from watched import CHECKOUT, OF_PYTHON, WATCH, looked_into, seen
 
 from safestage_eval.formats import save
-from safestage_eval.formats.arrow_tables import TABLES, schema, write_options
+from safestage_eval.formats.parquet.arrow_tables import TABLES, schema, write_options
 
 pytestmark = [
     pytest.mark.slow,

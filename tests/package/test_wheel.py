@@ -54,7 +54,7 @@ def test_everything_travels_in_the_wheel(wheel, checkout):
         assert files
         below = {path.relative_to(checkout).as_posix() for path in files}
         assert {f"safestage_eval/_builtin/{path}" for path in below} <= inside
-    tasks = {f"simulate/tasks/{path.name}" for path in (checkout / "simulate/tasks").iterdir()}
+    tasks = {f"simulate/tasks/{path.name}" for path in (checkout / "simulate/tasks").glob("*.toml")}
     assert tasks | {"simulate/catalogue/food.toml", "safestage_eval/py.typed"} <= inside
     assert not [name for name in inside if name.startswith(("tests/", "traces/"))]
 

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from safestage_eval.pages import page, part
+from safestage_eval.viewer.html_page import page, part
 
 PAIRS = {
     name: (light, dark)

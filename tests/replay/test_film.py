@@ -11,7 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.formats import discover
-from safestage_eval.replay import film, look_at, outer
+from safestage_eval.viewer.film import film
+from safestage_eval.viewer.look import look_at
+from safestage_eval.viewer.mesh_surface import outer
 
 
 def unpack(data):

@@ -8,8 +8,9 @@ import pytest
 from scenes import Scene
 
 from safestage_eval.episode import Geom, Mesh
-from safestage_eval.pages import page
-from safestage_eval.replay import film, script
+from safestage_eval.viewer.film import film
+from safestage_eval.viewer.html_page import page
+from safestage_eval.viewer.replay import script
 
 START = """
 const data = Uint8Array.from(atob(document.querySelector("#film").textContent), (c) => c.charCodeAt(0));

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from safestage_eval.scoring import Problem, Scores
+from safestage_eval.run.scores import Scores
 from safestage_eval.verdicts import EpisodeResult, Verdict
+from safestage_eval.verdicts.problem import Problem
 
 VIOLATION = Verdict(
     rule="FSH101",

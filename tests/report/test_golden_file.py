@@ -9,7 +9,7 @@ from fabricated import NOT_APPLICABLE, PASS, VIOLATION, episode, scores
 from safestage_eval.errors import InputError
 from safestage_eval.report import render
 from safestage_eval.report.golden import changes, compare_golden, write_golden
-from safestage_eval.scoring import Scores
+from safestage_eval.run.scores import Scores
 
 SOUND = replace(scores(), problems=())
 

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from moving import path_of, pushed
 
-from safestage_eval.report.page.scene import Sight, outlines, scene
-from safestage_eval.report.page.section import Said, looks, section
-from safestage_eval.report.page.svg import Scale, short, ticks
-from safestage_eval.report.page.timeline import LEFT, RIGHT, WIDTH, timeline
+from safestage_eval.viewer.episode.episode_section import Said, looks, section
+from safestage_eval.viewer.episode.scene_drawing import Sight, outlines, scene
+from safestage_eval.viewer.episode.svg import Scale, short, ticks
+from safestage_eval.viewer.episode.timeline import LEFT, RIGHT, WIDTH, timeline
 
 
 @pytest.fixture

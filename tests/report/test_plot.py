@@ -6,7 +6,7 @@ import pytest
 from moving import path_of, pushed
 
 from safestage_eval.errors import InputError
-from safestage_eval.report import as_plot
+from safestage_eval.report import signal_plot
 
 
 @pytest.fixture
@@ -15,7 +15,7 @@ def again(tmp_path):
 
 
 def test_a_signal_comes_with_the_limits_of_all_rules_that_read_it(again):
-    (panel,) = as_plot.panels(again, ["displacement(target)"])
+    (panel,) = signal_plot.panels(again, ["displacement(target)"])
     assert panel.name == "displacement(cube)"
     assert panel.series.value == pytest.approx(path_of(again.episode.t), abs=1e-6)
     assert {(b.value, code) for b, code in panel.limits} == {(0.02, "ETS901"), (0.09, "ETS902")}
@@ -23,13 +23,13 @@ def test_a_signal_comes_with_the_limits_of_all_rules_that_read_it(again):
 
 
 def test_without_a_signal_the_decisive_ones_are_drawn(again):
-    names = [panel.name for panel in as_plot.panels(again, [])]
+    names = [panel.name for panel in signal_plot.panels(again, [])]
     decisive = [again.base(rule)[1].signal for rule in again.assigned]
     assert names == list(dict.fromkeys(decisive))
 
 
 def test_a_signal_that_no_rule_reads_has_no_limit(again):
-    (panel,) = as_plot.panels(again, ["height(ball)"])
+    (panel,) = signal_plot.panels(again, ["height(ball)"])
     assert panel.limits == () and panel.verdicts == ()
     assert panel.series.value == pytest.approx(0.02, abs=1e-6)
 
@@ -46,20 +46,20 @@ def test_a_signal_that_no_rule_reads_has_no_limit(again):
 )
 def test_what_does_not_exist_is_said(again, asked, said):
     with pytest.raises(InputError, match=said):
-        as_plot.panels(again, [asked])
+        signal_plot.panels(again, [asked])
 
 
 def test_nothing_decides_nothing_is_drawn(tmp_path):
     again = pushed(tmp_path, rules=())
     with pytest.raises(InputError, match="no measurement decides"):
-        as_plot.panels(again, [])
+        signal_plot.panels(again, [])
 
 
 def test_the_picture_names_signal_limit_and_verdict(again, tmp_path):
     mpl = pytest.importorskip("matplotlib")
     file = tmp_path / "new folder" / "why.svg"
     with mpl.rc_context({"svg.fonttype": "none"}):
-        as_plot.draw(again, as_plot.panels(again, ["displacement(cube)"]), file)
+        signal_plot.draw(again, signal_plot.panels(again, ["displacement(cube)"]), file)
     said = re.sub(r"<[^>]+>", " ", file.read_text("utf-8"))
     for word in (
         "displacement(cube) (cm)",
@@ -69,4 +69,6 @@ def test_the_picture_names_signal_limit_and_verdict(again, tmp_path):
     ):
         assert word in said
     with pytest.raises(InputError, match="Allowed: a name ending in"):
-        as_plot.draw(again, as_plot.panels(again, ["displacement(cube)"]), tmp_path / "why.xyz")
+        signal_plot.draw(
+            again, signal_plot.panels(again, ["displacement(cube)"]), tmp_path / "why.xyz"
+        )

@@ -15,9 +15,9 @@ import pytest
 from fabricated import INCONCLUSIVE, NOT_APPLICABLE, PASS, VIOLATION, episode, scores
 
 from safestage_eval.metrics import by_policy_stage, outcomes
-from safestage_eval.report import FORMATS, as_table, render
-from safestage_eval.report.rows import COLUMNS, rows
-from safestage_eval.scoring import Scores
+from safestage_eval.report import FORMATS, render, results_text
+from safestage_eval.report.result_rows import COLUMNS, rows
+from safestage_eval.run.scores import Scores
 from safestage_eval.units import DIMENSIONS
 
 LISTS = ("bodies", "intervals", "notes")
@@ -211,7 +211,9 @@ def test_a_narrow_terminal_loses_no_letter(width):
     """Sentences and names are wrapped; only the ruled line is as wide as its table."""
 
     def letters(columns):
-        return Counter("".join(as_table.render(scores(), width=columns).replace("─", "").split()))
+        return Counter(
+            "".join(results_text.render(scores(), width=columns).replace("─", "").split())
+        )
 
     assert letters(width) == letters(300)
 
@@ -248,14 +250,14 @@ def several(prefix, count, verdict):
 
 
 def test_every_episode_is_shown_up_to_the_limit():
-    many = several("good", as_table.MOST, PASS)
+    many = several("good", results_text.MOST, PASS)
     text = render(Scores(tuple(many)), "table")
     assert shown(text, many) == many
     assert "--verbose" not in text
 
 
 def test_beyond_the_limit_findings_come_first_and_the_rest_is_counted():
-    good, bad = several("good", as_table.MOST, PASS), several("bad", 5, VIOLATION)
+    good, bad = several("good", results_text.MOST, PASS), several("bad", 5, VIOLATION)
     open_ = several("open", 3, INCONCLUSIVE)
     together = Scores((*good, *open_, *bad))
     text = render(together, "table")
@@ -265,20 +267,20 @@ def test_beyond_the_limit_findings_come_first_and_the_rest_is_counted():
     for count in (len(bad), len(open_), len(good)):
         assert f"{count} of {len(together.results)}" in text
     assert "--verbose" in text
-    whole = as_table.render(together, everything=True)
+    whole = results_text.render(together, everything=True)
     assert len(shown(whole, together.results)) == len(together.results)
 
 
 def test_what_is_left_out_is_counted():
-    bad = several("bad", as_table.MOST + 7, VIOLATION)
+    bad = several("bad", results_text.MOST + 7, VIOLATION)
     text = render(Scores(tuple(bad)), "table")
-    assert shown(text, bad) == bad[: as_table.MOST]
+    assert shown(text, bad) == bad[: results_text.MOST]
     assert "7 more" in text
 
 
 def test_other_stages_findings_on_request():
     assert "it followed" not in render(scores(), "table")
-    text = squeezed(as_table.render(scores(), everything=True))
+    text = squeezed(results_text.render(scores(), everything=True))
     assert "it followed" in text
     assert "follows FSH101" in text
 
@@ -288,7 +290,7 @@ def test_narrow_terminals_lose_nothing(width):
     """Lines are wrapped, never cut."""
     words = [f"word{i}" for i in range(40)]
     long = replace(VIOLATION, explanation=" ".join(words))
-    text = as_table.render(Scores((episode("one", long),)), width=width)
+    text = results_text.render(Scores((episode("one", long),)), width=width)
     assert "…" not in text
     assert all(word in text for word in words)
     assert all(len(line) <= width for line in text.splitlines())
@@ -301,7 +303,7 @@ def test_names_are_not_markup():
 
 
 def test_colours_only_when_asked():
-    assert "\x1b[" in as_table.render(scores(), color=True)
+    assert "\x1b[" in results_text.render(scores(), color=True)
 
 
 # ---- numbers without end
@@ -321,12 +323,12 @@ def test_what_has_no_size_is_left_open(endless):
 
 def test_an_absent_hazard_is_not_called_safe():
     absent = replace(NOT_APPLICABLE, assigned=True)
-    text = as_table.render(Scores((episode("one", absent), episode("two", PASS))))
+    text = results_text.render(Scores((episode("one", absent), episode("two", PASS))))
     heads = re.findall(r"^(\w.*): (\d) of 2 episodes", text, re.MULTILINE)
     assert heads == [
         ("Not at risk, counted as no violation", "1"), ("Safe", "1"), ("At risk", "1")
     ]  # fmt: skip
-    mixed = as_table.render(Scores((episode("one", absent, PASS),)))
+    mixed = results_text.render(Scores((episode("one", absent, PASS),)))
     assert "Safe: 1 of 1" in mixed
 
 
@@ -334,6 +336,6 @@ def test_a_stage_of_which_nothing_was_judged_has_no_row_of_rates():
     unjudged = replace(VIOLATION, assigned=False)
     found = scores().results[0]
     both = Scores((found, episode("other", unjudged, stage="ISH")))
-    rates = as_table.render(both).partition("Rates:")[2]
+    rates = results_text.render(both).partition("Rates:")[2]
     assert "FSH" in rates
     assert "ISH" not in rates

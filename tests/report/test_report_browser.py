@@ -5,9 +5,9 @@ from browser import PHONE, browser, tab  # noqa: F401
 from test_report_page import made_of, outcomes, row
 
 from safestage_eval.metrics import aggregate
-from safestage_eval.report.page import Report, build
-from safestage_eval.report.page.packed import packed
-from safestage_eval.report.page.sections import Sections
+from safestage_eval.viewer.campaign.campaign_page import Report, build
+from safestage_eval.viewer.campaign.episode_sections import Sections
+from safestage_eval.viewer.campaign.packed import packed
 
 EVIL = "<img src=x onerror=\"document.title='broken in'\">"
 

@@ -12,10 +12,10 @@ import pytest
 from safestage_eval.errors import InputError
 from safestage_eval.metrics import aggregate
 from safestage_eval.metrics.outcome import Outcome
-from safestage_eval.report.page import Report, build
-from safestage_eval.report.page.compose import chosen, compose
-from safestage_eval.report.page.packed import columns, packed, unpacked
-from safestage_eval.report.page.sections import Sections
+from safestage_eval.viewer.campaign.campaign_data import chosen, compose
+from safestage_eval.viewer.campaign.campaign_page import Report, build
+from safestage_eval.viewer.campaign.episode_sections import Sections
+from safestage_eval.viewer.campaign.packed import columns, packed, unpacked
 
 VOID = {"meta", "link", "input", "br", "img"}
 EVIL = "<script>alert(\"1\")</script> & 'quotes'"

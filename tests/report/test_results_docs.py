@@ -9,8 +9,8 @@ from fabricated import scores
 
 from safestage_eval.metrics import metrics, outcomes
 from safestage_eval.report import FORMATS
-from safestage_eval.report.as_parquet import SCHEMA
-from safestage_eval.report.rows import COLUMNS, document
+from safestage_eval.report.result_rows import COLUMNS, document
+from safestage_eval.report.results_parquet import SCHEMA
 from safestage_eval.units import DIMENSIONS, unit_of
 
 TEXT = (Path(__file__).parents[2] / "docs" / "results.md").read_text("utf-8")

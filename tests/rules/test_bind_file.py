@@ -8,10 +8,10 @@ from click.testing import CliRunner
 from scenes import G, Scene
 
 import safestage_eval
-from safestage_eval.cli.score import command
+from safestage_eval.cli.score_command import command
 from safestage_eval.errors import InputError, RuleError
 from safestage_eval.formats import save
-from safestage_eval.report.as_text import explain
+from safestage_eval.report.episode_report import explain
 from safestage_eval.rules import RuleErrors, bind_episode, bind_tables, load_bind, load_rules
 from safestage_eval.verdicts import judge
 

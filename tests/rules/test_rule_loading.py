@@ -1,5 +1,6 @@
 """Rule files are found, read through what they extend, and merged."""
 
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -7,11 +8,12 @@ from pathlib import Path
 import pytest
 
 from safestage_eval.errors import RuleError
-from safestage_eval.rules import builtin_names, check_rules, files, load_rules
+from safestage_eval.rules import builtin_names, check_rules, files, load_rules, rule_digest
 from safestage_eval.rules.syntax import Duration, Part, Quantity, Whole
 
 HEAD = '[ruleset]\nformat = 1\nname = "{name}"\nversion = "2"\n'
 RULE = '[[rule]]\ncode = "{code}"\ntitle = "t"\nroles = {{ a = "object" }}\nforbid = "moved(a)"\n'
+TILTED = RULE.replace('"moved(a)"', '{{ "tilt(a)" = ">= 20 deg" }}')
 
 
 def write(folder: Path, name: str, extends: list[str], rest: str = "") -> Path:
@@ -166,3 +168,35 @@ def test_nesting_beyond_reason_is_a_problem_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "deep.toml"
     path.write_text("x = " + "[" * 5000 + "]" * 5000, "utf-8")
     assert [d.code for d in check_rules([path])] == ["R102"]
+
+
+def test_unchanged_files_give_the_same_rule_set(tmp_path: Path) -> None:
+    base = write(tmp_path, "base", ["defaults"])
+    path = write(tmp_path, "own", ["base.toml"], TILTED.format(code="ETS900"))
+    before = load_rules([path])
+    assert load_rules([path]) is before
+    base.write_text(base.read_text("utf-8") + '[param]\nedge = "7 cm"\n', "utf-8")
+    after = load_rules([path])
+    assert before != after
+    assert after.params["edge"] == Quantity(0.07, "length", "7 cm")
+
+
+def test_equal_rule_sets_hash_alike_and_survive_pickling() -> None:
+    rules = load_rules(["ets"])
+    rule = next(iter(rules.rules.values()))
+    digest = rule_digest(rules, rule, rules.params)  # fills what is remembered by identity
+    copy = pickle.loads(pickle.dumps(rules))
+    assert copy == rules
+    assert hash(copy) == hash(rules)
+    assert copy.known == {}
+    assert rule_digest(copy, copy.rules[rule.code], copy.params) == digest
+
+
+def test_a_rule_knows_its_line_wherever_its_header_stands(tmp_path: Path) -> None:
+    rule = TILTED.format(code="ETS901").replace("[[rule]]", ' [[ "rule" ]] # first')
+    text = 'why = """\n[[rule]]\n"""\n'
+    path = write(tmp_path, "own", ["defaults"], rule + text + TILTED.format(code="ETS902"))
+    lines = path.read_text("utf-8").splitlines()
+    for found in load_rules([path]).rules.values():
+        assert lines[found.line - 1].lstrip().startswith("[[")
+        assert lines[found.line] == f'code = "{found.code}"'

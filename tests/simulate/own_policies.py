@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from simulate.policies import PolicyError
+from simulate.policy import PolicyError
 
 
 class Still:

@@ -11,11 +11,12 @@ import numpy as np
 from foreign_demos import demo_file
 
 from safestage_eval.episode import Episode
-from simulate import arm, world
-from simulate.policies import policy_named
-from simulate.recorder import Recorder
-from simulate.rollout import Setting, roll_out
-from simulate.task import task_named
+from simulate.arm import droid
+from simulate.policies.policy_names import policy_named
+from simulate.record.recorder import Recorder
+from simulate.record.rollout import Setting, roll_out
+from simulate.tasks.task import task_named
+from simulate.world import world
 
 
 def rolled_out(task: str, policy: str, to: Path) -> tuple[Episode, Path]:
@@ -43,9 +44,9 @@ def rolled_out(task: str, policy: str, to: Path) -> tuple[Episode, Path]:
 
 def renamed(text: str) -> str:
     """Bodies of the arm named as robosuite names them."""
-    model = mujoco.MjSpec.from_file(str(arm.default_mjcf()))
-    gripper = {body.name for body in model.body(arm.GRIPPER_ROOT).find_all("body")}
-    gripper.add(arm.GRIPPER_ROOT)
+    model = mujoco.MjSpec.from_file(str(droid.default_mjcf()))
+    gripper = {body.name for body in model.body(droid.GRIPPER_ROOT).find_all("body")}
+    gripper.add(droid.GRIPPER_ROOT)
 
     def name(match: re.Match[str]) -> str:
         start = "gripper0_" if match[2] in gripper else "robot0_"

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-import simulate.rollout
-from simulate.clients.arrays import pack
-from simulate.policies import Observation
+import simulate.record.rollout
+from simulate.clients.message_arrays import pack
+from simulate.policy import Observation
 from simulate.servers.websocket import WebsocketServer
 from simulate.servers.zeromq import ZeromqServer
 
@@ -82,6 +82,8 @@ class Flat:
 @pytest.fixture
 def blind(monkeypatch: pytest.MonkeyPatch) -> None:
     """Rollouts draw nothing, and load nothing that is only seen."""
-    start = simulate.rollout.start
-    monkeypatch.setattr(simulate.rollout, "Cameras", Flat)
-    monkeypatch.setattr(simulate.rollout, "start", lambda setting, visuals=False: start(setting))
+    start = simulate.record.rollout.start
+    monkeypatch.setattr(simulate.record.rollout, "Cameras", Flat)
+    monkeypatch.setattr(
+        simulate.record.rollout, "start", lambda setting, visuals=False: start(setting)
+    )

@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from safestage_eval.errors import InputError
-from simulate import arm
-from simulate.world import World
+from simulate.arm import droid
+from simulate.world.world import World
 
 pytestmark = pytest.mark.simulate
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.xml: no such MJCF file"):
-        arm.arm_spec(tmp_path / "nowhere.xml")
+        droid.arm_spec(tmp_path / "nowhere.xml")
 
 
 def test_another_robot_is_refused(tmp_path: Path) -> None:
@@ -26,23 +26,23 @@ def test_another_robot_is_refused(tmp_path: Path) -> None:
         encoding="utf-8",
     )
     with pytest.raises(InputError, match="it has no joint joint2"):
-        arm.arm_spec(other)
+        droid.arm_spec(other)
 
 
 def test_a_named_mjcf_of_the_same_arm_is_used() -> None:
-    world = World({}, robot_mjcf=arm.default_mjcf())
+    world = World({}, robot_mjcf=droid.default_mjcf())
     assert world.arm_range.shape == (7, 2)
 
 
 def test_what_is_only_seen_is_dropped_unless_drawn() -> None:
-    plain, full = arm.arm_spec(), arm.arm_spec(visuals=True)
+    plain, full = droid.arm_spec(), droid.arm_spec(visuals=True)
     assert len(plain.meshes) < len(full.meshes) / 2
     solid = [g.name for g in full.geoms if g.contype or g.conaffinity]
     assert [g.name for g in plain.geoms if g.contype or g.conaffinity] == solid
 
 
 def test_the_grip_is_gentle_and_the_pads_stick() -> None:
-    spec = arm.arm_spec()
+    spec = droid.arm_spec()
     finger = spec.actuator("fingers_actuator")
     assert list(finger.forcerange) == [-10, 10]
     pads = [g for g in spec.geoms if g.name.endswith(("_pad1", "_pad2"))]
@@ -54,9 +54,9 @@ def test_what_is_no_mjcf_is_named(tmp_path: Path) -> None:
     file = tmp_path / "arm.xml"
     file.write_text("no xml at all", encoding="utf-8")
     with pytest.raises(InputError, match="not an MJCF file"):
-        arm.arm_spec(file)
+        droid.arm_spec(file)
     file.write_text(
         "<mujoco><worldbody><body name='link0'/></worldbody></mujoco>", encoding="utf-8"
     )
     with pytest.raises(InputError, match="no actuator fingers_actuator, no site tcp, no body base"):
-        arm.arm_spec(file)
+        droid.arm_spec(file)

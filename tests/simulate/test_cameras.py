@@ -12,13 +12,13 @@ from own_policies import Still
 
 from safestage_eval.episode import Camera
 from safestage_eval.formats import load
-from simulate import arm
-from simulate.camera_video import NAMES
-from simulate.cameras import SIZE, Cameras, camera_facts
-from simulate.policies import policy_named
-from simulate.rollout import Setting, roll_out
-from simulate.task import task_named
-from simulate.world import World
+from simulate.arm import droid
+from simulate.cameras.camera_video import NAMES
+from simulate.cameras.droid_cameras import SIZE, Cameras, camera_facts
+from simulate.policies.policy_names import policy_named
+from simulate.record.rollout import Setting, roll_out
+from simulate.tasks.task import task_named
+from simulate.world.world import World
 
 pytestmark = [pytest.mark.simulate, pytest.mark.slow]
 
@@ -42,7 +42,7 @@ def projected(world: World, facts: Camera, point: Any) -> tuple[float, float]:
     """Row and column of a world point, from what the trace says of a camera."""
     turn, at = np.eye(3), np.zeros(3)
     if facts.body is not None:
-        body = world.data.body(facts.body.replace("robot_", arm.PREFIX, 1))
+        body = world.data.body(facts.body.replace("robot_", droid.PREFIX, 1))
         turn, at = body.xmat.reshape(3, 3), body.xpos
     x, y, z = (turn @ rotation(facts.orientation)).T @ (point - at - turn @ facts.position)
     return facts.cy + facts.fy * y / z, facts.cx - facts.fx * x / z
@@ -67,7 +67,7 @@ def test_a_thing_is_where_intrinsics_and_extrinsics_say(world: World) -> None:
 
 def test_pictures_are_of_now_and_not_of_a_step_ago(world: World) -> None:
     world.reset(TASK.layout(0))
-    ahead = np.append(arm.HOME, 0.0)
+    ahead = np.append(droid.HOME, 0.0)
     ahead[0] += 0.5
     for _ in range(4):
         world.act(ahead)

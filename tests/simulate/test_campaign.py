@@ -17,13 +17,13 @@ from click.testing import CliRunner
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover
-from simulate.campaign import Campaign, read_campaign
-from simulate.cli.record import record as record_command
-from simulate.estimate import Estimate, counted, share_of
-from simulate.policies import policy_named
-from simulate.record import plan, record, recorded_ids, summary, write_recording
-from simulate.rollout import roll_out
-from simulate.task import task_named
+from simulate.cli.record_command import record as record_command
+from simulate.policies.policy_names import policy_named
+from simulate.record.campaign import Campaign, read_campaign
+from simulate.record.estimate import Estimate, counted, share_of
+from simulate.record.jobs import plan, record, recorded_ids, summary, write_recording
+from simulate.record.rollout import roll_out
+from simulate.tasks.task import task_named
 
 pytestmark = pytest.mark.simulate
 

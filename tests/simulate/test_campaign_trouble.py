@@ -15,11 +15,11 @@ from click.testing import CliRunner
 
 from safestage_eval.formats import discover
 from safestage_eval.metrics import aggregate, outcomes
-from safestage_eval.scoring import score_paths
-from simulate.campaign import read_campaign
-from simulate.cli.record import record as record_command
-from simulate.record import GIVES_UP, Outcome, plan, record, recorded_ids
-from simulate.task import task_named
+from safestage_eval.run.score_many import score_paths
+from simulate.cli.record_command import record as record_command
+from simulate.record.campaign import read_campaign
+from simulate.record.jobs import GIVES_UP, Outcome, plan, record, recorded_ids
+from simulate.tasks.task import task_named
 
 pytestmark = pytest.mark.simulate
 

@@ -16,7 +16,7 @@ from safestage_eval.importers.map_tables import BodyTable
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts import EpisodeResult
 from safestage_eval.verdicts.judging import judge
-from simulate import arm
+from simulate.arm import droid
 
 pytestmark = pytest.mark.simulate
 
@@ -35,7 +35,7 @@ def there_and_back(task: str, reference: str, folder: Path) -> tuple[Episode, Ep
         if body.kind == "object"
     }
     back, _ = imported(
-        file, map_=MapFile(body=tables), assets=(arm.default_mjcf().parent,), dt=episode.dt
+        file, map_=MapFile(body=tables), assets=(droid.default_mjcf().parent,), dt=episode.dt
     )
     header = episode.header
     kept = back.header.model_copy(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from safestage_eval.verdicts.verdict import Verdict, VerdictName
-from simulate.feasibility import Trial, cases, trials
-from simulate.task import task_named
+from simulate.feasibility.feasibility import Trial, cases, trials
+from simulate.tasks.task import task_named
 
 pytestmark = pytest.mark.simulate
 

@@ -9,11 +9,11 @@ import pytest
 from click.testing import CliRunner
 
 from safestage_eval.verdicts.verdict import Verdict, VerdictName
-from simulate.cli.options import told
-from simulate.cli.validate import validate
-from simulate.feasibility import Trial
-from simulate.feasibility_table import kept, page
-from simulate.task import tasks
+from simulate.cli.simulate_options import told
+from simulate.cli.tasks_validate_command import validate
+from simulate.feasibility.feasibility import Trial
+from simulate.feasibility.feasibility_table import kept, page
+from simulate.tasks.task import tasks
 
 pytestmark = pytest.mark.simulate
 

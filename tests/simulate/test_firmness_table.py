@@ -7,9 +7,9 @@ import dataclasses
 import pytest
 
 from safestage_eval.verdicts.verdict import Verdict, VerdictName
-from simulate.feasibility import SHORT_CONTROL, Trial, control_cases
-from simulate.firmness_table import controls_page, noise_page
-from simulate.task import tasks
+from simulate.feasibility.feasibility import SHORT_CONTROL, Trial, control_cases
+from simulate.feasibility.firmness_table import controls_page, noise_page
+from simulate.tasks.task import tasks
 
 pytestmark = pytest.mark.simulate
 

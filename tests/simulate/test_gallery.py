@@ -11,10 +11,10 @@ import pytest
 
 from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.formats import TraceWriter
-from simulate import gallery
-from simulate.gallery import CAMERAS, SIZE, Strip, clearest, page, webp, write_gallery
-from simulate.render import EpisodeRenderer
-from simulate.task import tasks
+from simulate.feasibility import gallery
+from simulate.feasibility.gallery import CAMERAS, SIZE, Strip, clearest, page, webp, write_gallery
+from simulate.render.renderer import EpisodeRenderer
+from simulate.tasks.task import tasks
 
 pytestmark = pytest.mark.simulate
 

@@ -9,12 +9,12 @@ import pytest
 
 from safestage_eval.errors import InputError
 from safestage_eval.verdicts.verdict import Verdict
-from simulate.feasibility import Trial
-from simulate.grades import Grade, formula
-from simulate.grading import grade_result, grade_results
-from simulate.record import plan
-from simulate.rollout import Setting
-from simulate.task import FOLDER, read_task, task_named
+from simulate.feasibility.feasibility import Trial
+from simulate.feasibility.grading import grade_result, grade_results
+from simulate.record.jobs import plan
+from simulate.record.rollout import Setting
+from simulate.tasks.grades import Grade, formula
+from simulate.tasks.task import FOLDER, read_task, task_named
 
 pytestmark = pytest.mark.simulate
 

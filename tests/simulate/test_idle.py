@@ -5,9 +5,9 @@ from turns import in_turn
 
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import judge
-from simulate.controls import Idle
-from simulate.rollout import Setting, roll_out
-from simulate.task import tasks
+from simulate.policies.controls import Idle
+from simulate.record.rollout import Setting, roll_out
+from simulate.tasks.task import tasks
 
 
 @pytest.mark.slow

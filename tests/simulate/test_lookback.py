@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simulate.lookback import Lookback
+from simulate.cameras.lookback import Lookback
 
 
 def of(step: int) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from safestage_eval.episode import Body, Cavity
 from safestage_eval.geometry.extent import highest, lowest
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
-from simulate.objects import ObjectModel, Ring, Shape, catalogue
+from simulate.catalogue.objects import ObjectModel, Ring, Shape, catalogue
 
 pytestmark = pytest.mark.simulate
 

@@ -12,12 +12,13 @@ import pytest
 from own_policies import Seeing, Still
 
 from safestage_eval.errors import InputError
-from simulate.cameras import Cameras
-from simulate.policies import Observation, policy_name, policy_named
-from simulate.privileged import PrivilegedState
-from simulate.rollout import Setting, roll_out
-from simulate.task import Placement, Task, task_named
-from simulate.world import World
+from simulate.cameras.droid_cameras import Cameras
+from simulate.policies.policy_names import policy_name, policy_named
+from simulate.policy import Observation
+from simulate.record.rollout import Setting, roll_out
+from simulate.tasks.task import Placement, Task, task_named
+from simulate.world.privileged import PrivilegedState
+from simulate.world.world import World
 
 pytestmark = pytest.mark.simulate
 

@@ -10,10 +10,10 @@ import pytest
 from safestage_eval.errors import InputError
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import judge
-from simulate.policies import policy_named
-from simulate.record import Job
-from simulate.rollout import Setting, roll_out
-from simulate.task import task_named
+from simulate.policies.policy_names import policy_named
+from simulate.record.jobs import Job
+from simulate.record.rollout import Setting, roll_out
+from simulate.tasks.task import task_named
 
 pytestmark = pytest.mark.simulate
 

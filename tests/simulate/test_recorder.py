@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from worlds import STILL, force_on, put, recorder_of, recording, world_of
 
 from safestage_eval.episode import Episode, check
-from simulate.objects import ObjectModel, Shape
-from simulate.world import World
+from simulate.catalogue.objects import ObjectModel, Shape
+from simulate.world.world import World
 
 pytestmark = pytest.mark.simulate
 

@@ -12,7 +12,7 @@ from scenes import Scene
 
 from safestage_eval.episode import Geom
 from safestage_eval.errors import InputError
-from simulate.render import Camera, EpisodeRenderer, contact_sheet, write_png
+from simulate.render.renderer import Camera, EpisodeRenderer, contact_sheet, write_png
 
 pytestmark = pytest.mark.simulate
 

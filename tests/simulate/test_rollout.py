@@ -12,11 +12,12 @@ from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.rules.load import load_rules
 from safestage_eval.verdicts.judging import judge
-from simulate.controls import Idle
-from simulate.policies import Observation, policy_named
-from simulate.rollout import Setting, roll_out
-from simulate.task import Placement, Task, task_named
-from simulate.world import FRAMES_PER_ACTION
+from simulate.policies.controls import Idle
+from simulate.policies.policy_names import policy_named
+from simulate.policy import Observation
+from simulate.record.rollout import Setting, roll_out
+from simulate.tasks.task import Placement, Task, task_named
+from simulate.world.world import FRAMES_PER_ACTION
 
 pytestmark = pytest.mark.simulate
 

@@ -20,12 +20,12 @@ from safestage_eval.label import Ledger, sample
 from safestage_eval.label.question import question
 from safestage_eval.metrics.labels import read_labels
 from safestage_eval.rules import builtin_names, load_rules
-from simulate import sheet as drawing
-from simulate import viewpoint
-from simulate.cli.sheets import sheets
-from simulate.key_frames import key_frames
-from simulate.render import Camera, EpisodeRenderer
-from simulate.study import enter, number, read_sample
+from simulate.cli.sheets_command import sheets
+from simulate.render.renderer import Camera, EpisodeRenderer
+from simulate.study import sheet as drawing
+from simulate.study import viewpoint
+from simulate.study.key_frames import key_frames
+from simulate.study.study import enter, number, read_sample
 
 pytestmark = pytest.mark.simulate
 

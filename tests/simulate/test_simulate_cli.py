@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from safestage_eval.formats import discover, load
 from simulate.cli import COMMANDS
-from simulate.task import FOLDER, tasks
+from simulate.tasks.task import FOLDER, tasks
 
 pytestmark = pytest.mark.simulate
 

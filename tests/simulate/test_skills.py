@@ -10,12 +10,12 @@ import pytest
 from worlds import STILL, put, world_of
 
 from safestage_eval.errors import InputError
-from simulate.arm import HOME
-from simulate.objects import ObjectModel, Shape
-from simulate.privileged import PrivilegedState
+from simulate.arm.droid import HOME
+from simulate.catalogue.objects import ObjectModel, Shape
 from simulate.skills import run_skill
-from simulate.skills.motion import Motion
-from simulate.world import World
+from simulate.skills.arm_motion import Motion
+from simulate.world.privileged import PrivilegedState
+from simulate.world.world import World
 
 pytestmark = pytest.mark.simulate
 

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from safestage_eval.errors import InputError
 from safestage_eval.rules.load import load_rules
-from simulate.objects import catalogue
-from simulate.task import FOLDER, Jitter, Task, read_task, task_named, tasks
+from simulate.catalogue.objects import catalogue
+from simulate.tasks.task import FOLDER, Jitter, Task, read_task, task_named, tasks
 
 pytestmark = pytest.mark.simulate
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from safestage_eval.formats import load
-from simulate.feasibility import cases, trials
-from simulate.grading import grade_results
+from simulate.feasibility.feasibility import cases, trials
+from simulate.feasibility.grading import grade_results
 from simulate.skills import SKILLS
-from simulate.task import read_task
+from simulate.tasks.task import read_task
 
 pytestmark = pytest.mark.simulate
 

@@ -13,7 +13,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
 from safestage_eval.verdicts.verdict import Verdict
-from simulate.marks import BAR, VIOLATED, captioned, frame_at, moment, role_colors
+from simulate.render.marks import BAR, VIOLATED, captioned, frame_at, moment, role_colors
 
 pytestmark = pytest.mark.simulate
 
@@ -93,7 +93,7 @@ def test_frames_are_those_of_a_time() -> None:
 def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: int) -> None:
     av = pytest.importorskip("av")
     from safestage_eval.label.videos import shows_verdict
-    from simulate.video import STILL, film
+    from simulate.render.video import STILL, film
 
     episode, result = falls()
     path = tmp_path / f"film{ending}"
@@ -115,7 +115,7 @@ def test_a_film_stands_still_at_its_moment(tmp_path: Path, ending: str, rate: in
 
 
 def test_another_ending_is_refused(tmp_path: Path) -> None:
-    from simulate.video import film
+    from simulate.render.video import film
 
     episode, result = falls()
     with pytest.raises(InputError, match=r"\.mp4, \.gif"):

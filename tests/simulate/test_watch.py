@@ -11,9 +11,9 @@ from click.testing import CliRunner
 
 from safestage_eval.formats import load
 from safestage_eval.rules import load_rules
-from safestage_eval.scoring import score_paths
+from safestage_eval.run.score_many import score_paths
 from safestage_eval.verdicts import judge
-from simulate.cli.record import record
+from simulate.cli.record_command import record
 
 pytestmark = pytest.mark.simulate
 

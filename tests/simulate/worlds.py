@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.episode import Episode, Header
-from simulate import arm
-from simulate.objects import ObjectModel, catalogue
-from simulate.recorder import Recorder
-from simulate.world import FRAME_RATE, World
+from simulate.arm import droid
+from simulate.catalogue.objects import ObjectModel, catalogue
+from simulate.record.recorder import Recorder
+from simulate.world.world import FRAME_RATE, World
 
-STILL = np.append(arm.HOME, 0.0)
+STILL = np.append(droid.HOME, 0.0)
 
 
 def world_of(*names: str, substeps: int = 1, more: dict[str, ObjectModel] | None = None) -> World:

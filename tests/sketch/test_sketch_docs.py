@@ -7,8 +7,8 @@ import pytest
 
 from safestage_eval import sketch
 from safestage_eval.rules import load_rules
-from safestage_eval.sketch.model import STEPS, BodySketch
 from safestage_eval.sketch.quantities import SHAPES
+from safestage_eval.sketch.sketch_model import STEPS, BodySketch
 from safestage_eval.verdicts import judge
 
 PAGE = (Path(__file__).parents[2] / "docs" / "sketches.md").read_text("utf-8")

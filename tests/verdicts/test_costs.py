@@ -12,12 +12,12 @@ from scenes import Scene
 from toy import Facts, cost_toy, series
 
 from safestage_eval.report import render
-from safestage_eval.report.as_text import explain
-from safestage_eval.report.schema import row_schema
+from safestage_eval.report.episode_report import explain
+from safestage_eval.report.result_schema import row_schema
 from safestage_eval.rules import RuleSet, check_rules, load_rules, rule_digest
 from safestage_eval.rules.files import RuleFile
 from safestage_eval.rules.load import merge
-from safestage_eval.scoring import Scores
+from safestage_eval.run.scores import Scores
 from safestage_eval.verdicts import judge
 
 HEAD = '[[cost]]\ncode = "TOY201"\ntitle = "toy"\nroles = { a = "object" }\n'

@@ -11,7 +11,7 @@ from toy import ALONE, HEAD, Facts, judge_toy, ruleset
 from safestage_eval.rules.syntax import Quantity
 from safestage_eval.signals.series import Series
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.instance import judge_instance
+from safestage_eval.verdicts.instance_verdict import judge_instance
 from safestage_eval.verdicts.players import combinations
 from safestage_eval.verdicts.verdict import Verdict
 

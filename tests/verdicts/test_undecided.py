@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.episode import Episode
-from safestage_eval.report.as_text import explain
+from safestage_eval.report.episode_report import explain
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
 from tests.scenes import G, Scene

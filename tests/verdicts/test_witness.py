@@ -8,7 +8,7 @@ from scenes import G, Scene
 from toy import ALONE, Facts, judge_toy, series
 
 from safestage_eval.errors import RuleError
-from safestage_eval.report.as_text import explain
+from safestage_eval.report.episode_report import explain
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
 from safestage_eval.verdicts.explain import worded

@@ -16,8 +16,8 @@ from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.signals.reference import Baseline
 from safestage_eval.signals.series import Series
 from safestage_eval.signals.vocabulary import SIGNALS
-from safestage_eval.verdicts.cost import judge_cost
 from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.obligations.cost import judge_cost
 from safestage_eval.verdicts.rule_verdict import judge_rule
 from safestage_eval.verdicts.verdict import CostTotal, Verdict
 

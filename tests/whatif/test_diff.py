@@ -10,8 +10,8 @@ from studio import block, run
 from safestage_eval.formats import discover, save
 from safestage_eval.metrics import by_policy_stage, outcomes, outcomes_of
 from safestage_eval.report import render
-from safestage_eval.report.rows import rows
-from safestage_eval.scoring import score_paths
+from safestage_eval.report.result_rows import rows
+from safestage_eval.run.score_many import score_paths
 from safestage_eval.whatif.diff import diff
 from safestage_eval.whatif.read_results import read_results
 from safestage_eval.whatif.results import difference

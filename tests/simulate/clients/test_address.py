@@ -6,9 +6,9 @@ import pytest
 
 from safestage_eval.errors import InputError
 from simulate.clients.address import PROTOCOLS, address_of, is_address
-from simulate.policies import policy_name
-from simulate.record import plan
-from simulate.task import task_named
+from simulate.policies.policy_names import policy_name
+from simulate.record.jobs import plan
+from simulate.tasks.task import task_named
 
 pytestmark = pytest.mark.simulate
 

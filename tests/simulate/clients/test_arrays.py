@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
-from simulate.clients.arrays import Style, pack, unpack
+from simulate.clients.message_arrays import Style, pack, unpack
 
 STYLES: tuple[Style, ...] = ("openpi", "nd", "npy")
 DTYPES = npst.integer_dtypes() | npst.floating_dtypes() | npst.boolean_dtypes()

@@ -14,9 +14,10 @@ import pytest
 from served import Says, blind, seen  # noqa: F401 - blind is a fixture
 
 from safestage_eval.errors import InputError
-from simulate.clients.arrays import pack, unpack
-from simulate.policies import PolicyError, policy_named
-from simulate.servers.gathering import GatheringServer
+from simulate.clients.message_arrays import pack, unpack
+from simulate.policies.policy_names import policy_named
+from simulate.policy import PolicyError
+from simulate.servers.batching import GatheringServer
 from simulate.servers.serve import serve
 from simulate.servers.zeromq import ZeromqServer
 

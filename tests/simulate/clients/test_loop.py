@@ -14,11 +14,11 @@ from safestage_eval.episode import Episode
 from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import judge
-from simulate.policies import policy_named
-from simulate.record import plan, record
-from simulate.rollout import Setting, roll_out
+from simulate.policies.policy_names import policy_named
+from simulate.record.jobs import plan, record
+from simulate.record.rollout import Setting, roll_out
 from simulate.servers.serve import serve
-from simulate.task import task_named
+from simulate.tasks.task import task_named
 
 pytestmark = pytest.mark.simulate
 

@@ -11,17 +11,18 @@ import numpy as np
 import pytest
 from closed_loop import ByRote
 
-import simulate.rollout
+import simulate.record.rollout
 from safestage_eval.episode import Episode
 from simulate.clients.address import address_of
-from simulate.clients.arrays import unpack
 from simulate.clients.conversation import messages
-from simulate.policies import Observation, policy_named
-from simulate.rollout import Setting, roll_out
+from simulate.clients.message_arrays import unpack
+from simulate.policies.policy_names import policy_named
+from simulate.policy import Observation
+from simulate.record.rollout import Setting, roll_out
 from simulate.servers.serve import serve
 from simulate.servers.websocket import WebsocketServer
 from simulate.servers.zeromq import ZeromqServer
-from simulate.task import task_named
+from simulate.tasks.task import task_named
 
 pytestmark = pytest.mark.simulate
 
@@ -60,9 +61,11 @@ def rolled(
     monkeypatch: pytest.MonkeyPatch, protocol: str, steps: int, serving: str = ""
 ) -> tuple[list[Any], Episode]:
     """What a server was asked in a rollout, and the episode; ``serving``: options of the server's."""
-    start = simulate.rollout.start
-    monkeypatch.setattr(simulate.rollout, "Cameras", Clock)
-    monkeypatch.setattr(simulate.rollout, "start", lambda setting, visuals=False: start(setting))
+    start = simulate.record.rollout.start
+    monkeypatch.setattr(simulate.record.rollout, "Cameras", Clock)
+    monkeypatch.setattr(
+        simulate.record.rollout, "start", lambda setting, visuals=False: start(setting)
+    )
     asked: list[Any] = []
     name, _, options = protocol.partition("?")
     kind = ZeromqServer if name == "groot" else WebsocketServer

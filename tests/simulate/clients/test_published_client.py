@@ -10,10 +10,10 @@ import pytest
 from served import picture, seen
 
 from simulate.clients.address import address_of
-from simulate.clients.arrays import Style, pack, unpack
 from simulate.clients.conversation import messages
 from simulate.clients.images import resize_with_pad
-from simulate.policies import policy_named
+from simulate.clients.message_arrays import Style, pack, unpack
+from simulate.policies.policy_names import policy_named
 
 SAID = Path(__file__).with_name("openpi_client.talk")
 ACTIONS = (np.arange(120).reshape(15, 8) / 64).astype(np.float32)

@@ -14,12 +14,13 @@ from served import HOME, blind, saying, seen  # noqa: F401 - blind is a fixture
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import load
-from simulate.clients.arrays import pack
 from simulate.clients.conversation import messages
-from simulate.policies import PolicyError, policy_named
-from simulate.record import plan, record, recorded_ids
+from simulate.clients.message_arrays import pack
+from simulate.policies.policy_names import policy_named
+from simulate.policy import PolicyError
+from simulate.record.jobs import plan, record, recorded_ids
 from simulate.servers.zeromq import ZeromqServer
-from simulate.task import task_named
+from simulate.tasks.task import task_named
 
 pytestmark = pytest.mark.simulate
 
@@ -204,7 +205,7 @@ def test_what_is_no_conversation(tmp_path: Path) -> None:
 
 
 def test_a_token_goes_along_in_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    from simulate.clients.arrays import unpack
+    from simulate.clients.message_arrays import unpack
     from simulate.clients.remote import TOKEN
 
     monkeypatch.setenv(TOKEN, "abc")

@@ -1,0 +1,1 @@
+"""What a process holds and starts: memory limits, spawned children, compiled kernels."""

@@ -1,0 +1,63 @@
+"""Memory that stays with the process between episodes, where the C library would hand it back."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+
+from .memory_limit import resident
+
+_TRIM, _MAP = -1, -3
+"""M_TRIM_THRESHOLD and M_MMAP_THRESHOLD of glibc's malloc.h."""
+KEPT, LARGE = 64 << 20, 16 << 20
+"""Bytes of free memory that are kept; bytes from which on an array is mapped by itself."""
+AIM = 285 << 20
+"""Bytes that a process should hold at most, free ones included."""
+STEP = 16 << 20
+"""Bytes by which it has to grow before free memory is looked for once more."""
+
+
+def keep() -> None:
+    """Keep freed memory for the next episode; does nothing where there is no glibc.
+
+    An episode's arrays are of the size that glibc gives back to the system at once, and getting
+    them anew, page by page, takes a tenth of the time of scoring. For a process that scores and
+    does little else: it holds what it frees for the whole process.
+    """
+    mallopt = _function("mallopt")
+    if mallopt is not None:
+        mallopt(_TRIM, KEPT)
+        mallopt(_MAP, LARGE)
+
+
+class Bound:
+    """Hands free memory back where a process has come to hold much.
+
+    What is free lies between what is used: footers of datasets, say, that stay while arrays come and
+    go. So it grows beyond what ``KEPT`` says, episode by episode, unless it is looked for.
+    """
+
+    def __init__(self, aim: int = AIM) -> None:
+        """``aim``: bytes."""
+        self._aim = self._beyond = aim
+        self._trim = _function("malloc_trim")
+
+    def hold(self) -> bool:
+        """After an episode: whether free memory was looked for and handed back."""
+        if self._trim is None or resident(os.getpid()) <= self._beyond:
+            return False
+        self._trim(0)
+        self._beyond = max(self._aim, resident(os.getpid()) + STEP)
+        return True
+
+
+def _function(name: str) -> ctypes._NamedFuncPointer | None:
+    """A function of glibc; None where there is another C library."""
+    if sys.platform != "linux":
+        return None
+    try:
+        found: ctypes._NamedFuncPointer = getattr(ctypes.CDLL(None), name)
+    except (OSError, AttributeError):
+        return None
+    return found

@@ -1,0 +1,122 @@
+"""A process that was spawned to answer what it is sent, and the pipe to it."""
+
+from __future__ import annotations
+
+import multiprocessing
+import multiprocessing.connection
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import Any, Self
+
+from safestage_eval.errors import InputError
+
+from .memory_limit import resident
+
+READY = "ready"
+"""What a process says first."""
+
+STARTS = 5
+"""Processes in a row that may end before they begin."""
+
+WORTH_A_POOL = 24
+"""Episodes below which starting worker processes costs more than it saves."""
+
+LOOK = 0.05
+"""s between two looks at what the processes hold."""
+
+
+@dataclass
+class Spawned:
+    """A process, the pipe to it, and how far it has come."""
+
+    process: BaseProcess
+    pipe: Connection
+    began: float = field(default_factory=time.monotonic)
+    """When it began with the first of what it was sent and has not answered."""
+    ready: bool = False
+    warm: bool = False
+    """It has answered before."""
+
+    @classmethod
+    def start(cls, work: Callable[..., None], *args: Any, **named: Any) -> Self:
+        """Call a module's function in a new process, its end of the pipe first."""
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(target=work, args=(theirs, *args), kwargs=named, daemon=True)
+        process.start()
+        theirs.close()
+        return cls(process, ours)
+
+    def send(self, what: Any) -> None:
+        """Only to one that has answered everything: it reads nothing else meanwhile."""
+        self.began = time.monotonic()
+        try:
+            self.pipe.send(what)
+        except OSError:
+            return  # it died; reading from it will tell
+
+    def taken(self) -> float:
+        """S since it began with what it was sent."""
+        return time.monotonic() - self.began
+
+    def swollen(self, memory: int | None) -> str:
+        """That it holds more than so many bytes, as the end of a sentence; empty if it does not."""
+        if memory is None or not self.process.pid or resident(self.process.pid) <= memory:
+            return ""
+        return f"took more than {memory / 2**20:.0f} MiB of memory (--memory)"
+
+    def end(self, patience: float = 0.0) -> str:
+        """Ends it, after so many s in which it may end by itself; how it ended, in words."""
+        self.process.join(patience)
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+        return ended(self.process.exitcode)
+
+
+class Births:
+    """Counts processes that ended before they began, lest they be started for ever."""
+
+    def __init__(self) -> None:
+        self._dead = 0
+
+    def alive(self) -> None:
+        """One has begun."""
+        self._dead = 0
+
+    def dead(self, how: str) -> None:
+        """One has not. Raises InputError after too many in a row."""
+        self._dead += 1
+        if self._dead >= STARTS:
+            raise InputError("worker processes", f"{STARTS} in a row could not begin: {how}.")
+
+
+def follow() -> None:
+    """This process does not outlive the one that started it, whatever it is busy with."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this process ends it
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_wait_for, args=(parent.sentinel,), daemon=True).start()
+
+
+def _wait_for(sentinel: int) -> None:
+    multiprocessing.connection.wait([sentinel])
+    os._exit(1)
+
+
+def ended(code: int | None) -> str:
+    """How a process ended, in words, from its exit code."""
+    if code is None or code >= 0:
+        return f"exit code {code}"
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        return f"signal {-code}"
+    why = {"SIGKILL": " (out of memory, or killed)", "SIGSEGV": " (a library crashed)"}
+    return name + why.get(name, "")

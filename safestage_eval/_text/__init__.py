@@ -1,0 +1,1 @@
+"""Text files that somebody else wrote, parsed without trust in their depth or size."""

@@ -1,0 +1,73 @@
+"""``safestage agreement``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .shared_options import written
+
+
+@click.command("agreement")
+@click.argument("labels", nargs=-1, required=True, metavar="LABELS...")
+@click.option(
+    "--results", required=True, multiple=True, metavar="RESULTS",
+    help="Result file written by score. Repeatable.",
+)  # fmt: skip
+@click.option(
+    "--reviewer", multiple=True, metavar="NAME", help="Use only this reviewer's labels. Repeatable."
+)
+@click.option(
+    "--format", "-f", "form", type=click.Choice(["table", "json", "csv", "markdown"]),
+    default="table", show_default=True,
+)  # fmt: skip
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
+def command(
+    labels: tuple[str, ...],
+    results: tuple[str, ...],
+    reviewer: tuple[str, ...],
+    form: str,
+    output: Path | None,
+) -> None:
+    """Compare verdicts with what people said.
+
+    LABELS are tables (CSV, Parquet, JSON) with the columns episode_id and label, which is safe,
+    unsafe or unsure, and perhaps reviewer and note: what "safestage label" writes. RESULTS are
+    files that score wrote, or tables with the columns episode_id, stage and violation.
+
+    Precision, recall, F1 and Cohen's kappa have violations as the positive class. With
+    several reviewers the majority counts; their agreement with each other is reported too.
+
+    \b
+    Examples:
+      safestage agreement labels.csv --results rows.parquet
+      safestage agreement ada.csv bob.csv --results rows.jsonl -f json
+    """
+    from safestage_eval.errors import InputError
+    from safestage_eval.metrics.agreement import agreement
+    from safestage_eval.metrics.judged_rows import read_judged
+    from safestage_eval.metrics.labels import read_labels
+    from safestage_eval.report.agreement_report import render
+
+    several = len(labels) > 1  # then a file without names is a reviewer
+    given = [
+        label for path in labels for label in read_labels(path, Path(path).stem if several else "")
+    ]
+    if reviewer:
+        known = sorted({label.reviewer for label in given})
+        for name in reviewer:
+            if name not in known:
+                raise InputError(f"--reviewer {name}", "no label is theirs.", ", ".join(known))
+        given = [label for label in given if label.reviewer in reviewer]
+    found = agreement(given, read_judged(results))
+    written(render(found, form), output)
+    if form == "csv":
+        for what, names in (
+            ("labels without a result", found.only_labels),
+            ("results without a label", found.only_results),
+        ):
+            if names:
+                click.echo(f"{what}: {len(names)}", err=True)

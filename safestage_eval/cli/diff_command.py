@@ -1,0 +1,131 @@
+"""``safestage diff``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from .shared_options import (
+    announce_compiling,
+    bind_option,
+    pairs,
+    progress,
+    rules_option,
+    set_option,
+    where_option,
+    written,
+)
+
+
+@click.command("diff")
+@click.argument("what", nargs=-1, required=True, metavar="BEFORE AFTER | TRACES...")
+@rules_option
+@click.option(
+    "--against", "-a", multiple=True, metavar="RULES",
+    help="Rules of the second side. Default: those of --rules. Repeatable.",
+)  # fmt: skip
+@set_option
+@bind_option
+@where_option
+@click.option(
+    "--format", "-f", "form", type=click.Choice(["table", "json", "csv", "markdown"]),
+    default="table", show_default=True,
+)  # fmt: skip
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
+@click.option("--fail-on-change", is_flag=True, help="Exit 1 if any verdict changed.")
+@click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    what: tuple[str, ...],
+    rules: tuple[str, ...],
+    against: tuple[str, ...],
+    settings: tuple[str, ...],
+    bind: Path | None,
+    where: tuple[str, ...],
+    form: str,
+    output: Path | None,
+    fail_on_change: bool,
+    jobs: int | None,
+) -> None:
+    """Say which verdicts flipped, and what flipped each.
+
+    BEFORE and AFTER are result files that score wrote as json, jsonl, csv or parquet. For each
+    flipped verdict it says whether the trace, the rule or the evaluator changed.
+
+    With --against or --set, the arguments are traces. They are judged by --rules, then by --against
+    with --set applied, and for each flipped verdict the differences between the two are switched
+    one at a time, then in pairs, triples and so on: it names the smallest set that flips the verdict,
+    or says up to which size all sets were tried.
+
+    \b
+    Examples:
+      safestage diff old.jsonl new.jsonl
+      safestage diff traces/ --rules fsh --against my_fsh.toml
+      safestage diff traces/ --rules fsh --set edge="4 cm"
+      safestage diff traces/ -r old/ -a new/ -f markdown --fail-on-change
+    """
+    if against or settings:
+        found = _of_rules(what, rules, against, settings, bind, where, jobs)
+    else:
+        found = _of_results(what, rules, bind, where)
+    from safestage_eval.report import flips_report
+
+    written(flips_report.render(found, form), output)
+    if form == "csv":
+        for problem in found.problems:
+            click.echo(f"problem: {problem}", err=True)
+    ctx.exit(2 if found.problems else 1 if fail_on_change and not found.empty else 0)
+
+
+def _of_rules(
+    traces: tuple[str, ...],
+    rules: tuple[str, ...],
+    against: tuple[str, ...],
+    settings: tuple[str, ...],
+    bind: Path | None,
+    where: tuple[str, ...],
+    jobs: int | None,
+) -> Any:
+    from safestage_eval.formats import discover
+    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.rules import builtin_names
+    from safestage_eval.whatif.diff import diff
+
+    before = list(rules) or builtin_names()
+    overrides = pairs(settings, "--set")
+    refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
+    announce_compiling()
+    with progress("comparing") as tell:
+        return diff(
+            refs,
+            before,
+            list(against) or before,
+            overrides=overrides,
+            bind=bind,
+            jobs=jobs,
+            progress=tell,
+        )
+
+
+def _of_results(
+    files: tuple[str, ...], rules: tuple[str, ...], bind: Path | None, where: tuple[str, ...]
+) -> Any:
+    if rules or bind or where:
+        raise click.UsageError(
+            "--rules, --bind and --where are about traces: name the other rules with --against, "
+            "or other values with --set"
+        )
+    if len(files) != 2 or any(Path(file).is_dir() for file in files):
+        raise click.UsageError(
+            "give two result files, BEFORE and AFTER; or traces, with --rules and --against"
+        )
+    from safestage_eval.whatif.read_results import read_results
+    from safestage_eval.whatif.results import difference
+
+    before, after = map(read_results, files)
+    return difference(before, after)

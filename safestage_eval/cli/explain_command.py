@@ -1,0 +1,64 @@
+"""``safestage explain``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .shared_options import (
+    announce_compiling,
+    bind_option,
+    chosen_ref,
+    episode_argument,
+    episode_option,
+    pairs,
+    rules_option,
+    set_option,
+)
+
+
+@click.command("explain")
+@click.argument("trace")
+@episode_argument
+@episode_option
+@rules_option
+@bind_option
+@set_option
+@click.option(
+    "--all",
+    "-a",
+    "everything",
+    is_flag=True,
+    help="Also show rules that do not apply, and every unknown value.",
+)
+def command(
+    trace: str,
+    name: str | None,
+    episode: str | None,
+    rules: tuple[str, ...],
+    bind: Path | None,
+    settings: tuple[str, ...],
+    everything: bool,
+) -> None:
+    """Say why an episode got its verdicts, one sentence per finding.
+
+    \b
+    Examples:
+      safestage explain rollout.mcap
+      safestage explain traces/ fsh_orange_on_plate.reference-safe --rules fsh
+    """
+    from safestage_eval.report.episode_report import explain
+    from safestage_eval.rules import builtin_names, load_bind, load_rules
+    from safestage_eval.verdicts import judge
+
+    ref = chosen_ref(trace, name, episode)
+    loaded = load_rules(list(rules) or builtin_names())
+    announce_compiling()
+    result = judge(
+        ref.open(),
+        loaded,
+        overrides=pairs(settings, "--set"),
+        bind=None if bind is None else load_bind(bind, loaded),
+    )
+    click.echo(explain(result, everything=everything), nl=False)

@@ -1,0 +1,169 @@
+"""``safestage import``."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .shared_options import progress, rules_option
+
+if TYPE_CHECKING:
+    from safestage_eval.importers import Outcome
+
+
+@click.command("import")
+@click.argument("source", type=click.Path(path_type=Path), metavar="SOURCE")
+@click.option(
+    "--to", "to", type=click.Path(path_type=Path), required=True, metavar="DATASET",
+    help="Dataset folder to write to; existing episodes are kept.",
+)  # fmt: skip
+@click.option(
+    "--map", "map_", type=click.Path(path_type=Path), metavar="FILE",
+    help="Map file with what the source lacks: shapes, masses, tags, roles, success, columns.",
+)  # fmt: skip
+@click.option(
+    "--bind", type=click.Path(path_type=Path), metavar="FILE",
+    help="Bind file: roles, goal, rules and values to write into the headers.",
+)  # fmt: skip
+@rules_option
+@click.option(
+    "--from", "only", metavar="NAME", help="Format of SOURCE. Default: detected from its content."
+)
+@click.option(
+    "--quaternion", type=click.Choice(["wxyz", "xyzw"]),
+    help="Quaternion order of the source, where it does not say.",
+)  # fmt: skip
+@click.option(
+    "--dt", metavar="TIME",
+    help='Time between the source\'s rows, where it does not tell: "50 ms", 0.05, 1/20.',
+)  # fmt: skip
+@click.option(
+    "--assets", type=click.Path(path_type=Path, exists=True, file_okay=False), multiple=True,
+    metavar="DIR", help="Folder to search for mesh files that the source names. "
+    "Repeatable.",
+)  # fmt: skip
+@click.option("--prefix", default="", metavar="TEXT", help="Prefix for every episode id.")
+@click.option(
+    "--limit", type=click.IntRange(min=1), metavar="N", help="Import only the first N episodes."
+)
+@click.option("--jobs", "-j", type=click.IntRange(min=1), default=1, metavar="N",
+              help="Worker processes.")  # fmt: skip
+@click.option(
+    "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
+    help="Abort an episode, or a look at a source, after SECONDS and list it as a "
+    "problem. Default: 120 s plus 2 s per MB.",
+)  # fmt: skip
+@click.option(
+    "--memory", metavar="SIZE", help="Abort an episode whose worker exceeds SIZE, such as 800MB or 2GB.",
+)  # fmt: skip
+@click.option("--mcap", is_flag=True, help="One MCAP file per episode instead of a dataset.")
+@click.option(
+    "--format", "-f", "form", type=click.Choice(["table", "json"]), default="table",
+    help="Format of the import report.",
+)  # fmt: skip
+@click.pass_context
+def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind: Path | None,
+            rules: tuple[str, ...], only: str | None, quaternion: Any, dt: str | None,
+            assets: tuple[Path, ...], prefix: str,
+            limit: int | None, jobs: int, timeout: float | None, memory: str | None,
+            mcap: bool, form: str) -> None:  # fmt: skip
+    """Import other people's recordings, and report what they lack.
+
+    The format is detected from the content. Nothing is invented: what a source lacks stays out, the
+    report of every episode lists it, and rules that need it are inconclusive.
+    Episodes that the dataset already has are kept; a stopped import continues where it stopped.
+    Sources are read in separate processes, which are ended if they hang.
+
+    \b
+    Examples:
+      safestage import demos.hdf5 --to dataset/
+      safestage import runs/ --to dataset/ --map scene.toml --quaternion xyzw
+    """
+    from safestage_eval._process.memory_limit import limit as most
+    from safestage_eval.importers import Settings, import_all, load_map
+    from safestage_eval.importers.bind_headers import load_bound
+    from safestage_eval.importers.import_limits import Limits
+
+    limits = Limits(timeout, None if memory is None else most(memory))
+    settings = Settings(
+        **({} if map_ is None else {"map": load_map(map_)}),
+        quaternion=quaternion,
+        dt=None if dt is None else _seconds(dt),
+        assets=assets,
+    )
+    bound = None if bind is None else load_bound(bind, rules)
+    with progress("importing") as tell:
+        outcome = import_all(
+            source, to, settings, only=only, bind=bound, prefix=prefix, limit=limit, jobs=jobs,
+            mcap=mcap, limits=limits, progress=tell,
+        )  # fmt: skip
+    click.echo(_as_json(outcome) if form == "json" else _as_table(outcome), nl=False)
+    for problem in outcome.failed:
+        click.echo(f"problem: {problem.message}", err=True)
+    new = sum(each.new for each in outcome.imported)
+    click.echo(
+        f"{new} imported, {len(outcome.imported) - new} there already, "
+        f"{len(outcome.failed)} not imported",
+        err=True,
+    )
+    ctx.exit(2 if outcome.failed else 0)
+
+
+def _seconds(text: str) -> float:
+    """``50 ms``, ``0.05``, ``1/20``, in s."""
+    match = re.fullmatch(r"\s*([0-9.eE+-]+)\s*(?:/\s*([0-9.eE+-]+))?\s*(s|ms)?\s*", text)
+    try:
+        assert match is not None
+        value = float(match[1]) / float(match[2] or 1) * (1e-3 if match[3] == "ms" else 1)
+        assert value > 0
+    except (AssertionError, ValueError, ZeroDivisionError):
+        raise click.UsageError(f'--dt {text}: a time, as "50 ms", 0.05 or 1/20') from None
+    return value
+
+
+def _as_table(outcome: Outcome) -> str:
+    """Each episode in a line, then the remarks on all, with how many episodes have each."""
+    from safestage_eval.importers.account import summed
+
+    lines = [f"{path}: {name} ({why})" for path, (name, why) in outcome.formats.items()]
+    for each in outcome.imported:
+        state = f"{each.frames} frames" if each.new else "there already"
+        kinds = [remark.kind for remark in each.account]
+        counts = ", ".join(
+            f"{kinds.count(kind)} {kind}" for kind in ("missing", "recomputed", "guessed")
+        )
+        lines.append(f"{each.episode_id}  {state}  {counts}")
+    total = len(outcome.imported)
+    for remark, count in summed(each.account for each in outcome.imported):
+        lines.append(f"{count} of {total}  {remark}")
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _as_json(outcome: Outcome) -> str:
+    from safestage_eval.importers.account import summed
+
+    accounts = [each.account for each in outcome.imported]
+    data = {
+        "sources": [
+            {"path": path, "format": name, "recognised_by": why}
+            for path, (name, why) in outcome.formats.items()
+        ],
+        "episodes": [
+            {
+                "episode_id": each.episode_id,
+                "source": each.source,
+                "path": each.path,
+                "frames": each.frames if each.new else None,
+                "new": each.new,
+                "account": [remark.model_dump() for remark in each.account],
+            }
+            for each in outcome.imported
+        ],
+        "summary": [{**remark.model_dump(), "episodes": n} for remark, n in summed(accounts)],
+        "problems": [{"source": p.source, "message": p.message} for p in outcome.failed],
+    }
+    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"

@@ -1,0 +1,30 @@
+"""``safestage inspect``."""
+
+from __future__ import annotations
+
+import click
+
+from .shared_options import chosen_ref, episode_argument, episode_option
+
+
+@click.command("inspect")
+@click.argument("trace")
+@episode_argument
+@episode_option
+@click.option("--json", "as_json", is_flag=True, help="The header as JSON.")
+def command(trace: str, name: str | None, episode: str | None, as_json: bool) -> None:
+    """Show one episode: header, bodies, roles, timeline.
+
+    \b
+    Examples:
+      safestage inspect rollout.mcap
+      safestage inspect traces/ dumbbell_near_glasses.reference-safe
+    """
+    ref = chosen_ref(trace, name, episode)
+    opened = ref.open()
+    if as_json:
+        click.echo(opened.header.model_dump_json(indent=1))
+        return
+    from safestage_eval.report.episode_report import describe
+
+    click.echo(describe(opened), nl=False)

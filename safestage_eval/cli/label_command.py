@@ -1,0 +1,187 @@
+"""``safestage label``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from .shared_options import bind_option, pairs, rules_option, traces_argument, where_option
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from safestage_eval.formats import EpisodeRef
+    from safestage_eval.label import Server, Session
+    from safestage_eval.rules import BindFile, RuleSet
+
+PORT = 8350
+
+
+@click.command("label")
+@traces_argument
+@click.option(
+    "--labels", "-l", "file", type=click.Path(path_type=Path, dir_okay=False),
+    default=Path("labels.csv"), show_default=True, help="Where answers are kept; a CSV file.",
+)  # fmt: skip
+@click.option(
+    "--reviewer", metavar="NAME", help="Name of the reviewer. Default: asked on the page."
+)
+@click.option(
+    "--sample", "-n", "count", type=click.IntRange(1), metavar="N",
+    help="Number of rollouts, spread evenly over the stages. Default: all.",
+)  # fmt: skip
+@click.option("--seed", type=int, default=0, show_default=True, help="Another one chooses others.")
+@click.option(
+    "--results", multiple=True, type=click.Path(path_type=Path, dir_okay=False),
+    help="Label only the episodes in these result files; verdicts are not read. Repeatable.",
+)  # fmt: skip
+@click.option(
+    "--videos", type=click.Path(path_type=Path, file_okay=False, exists=True),
+    help="Folder with EPISODE_ID.mp4 files. Default: beside the traces.",
+)  # fmt: skip
+@rules_option
+@bind_option
+@where_option
+@click.option(
+    "--port", type=click.IntRange(0, 65535), help=f"Default: {PORT}, or any that is free."
+)
+@click.option("--no-open", is_flag=True, help="Start no browser.")
+def command(
+    traces: tuple[str, ...],
+    file: Path,
+    reviewer: str | None,
+    count: int | None,
+    seed: int,
+    results: tuple[Path, ...],
+    videos: Path | None,
+    rules: tuple[str, ...],
+    bind: Path | None,
+    where: tuple[str, ...],
+    port: int | None,
+    no_open: bool,
+) -> None:
+    """Let people judge rollouts, without seeing what the evaluator says.
+
+    Serves a page to this machine alone: the video or a 3-D replay of each rollout, its safety
+    requirement, and three answers: safe, unsafe, unsure. Each answer is on disk before the page
+    goes on; start again at any time to continue. Several people can answer, each under a name.
+
+    \b
+    Examples:
+      safestage label traces/
+      safestage label runs/ --sample 240 --reviewer ada --labels ada.csv
+      safestage agreement labels.csv --results rows.parquet      what comes next
+    """
+    from safestage_eval.label import Ledger, Session, sample
+    from safestage_eval.rules import builtin_names, load_bind, load_rules
+
+    loaded = load_rules(list(rules) or builtin_names())
+    bound = None if bind is None else load_bind(bind, loaded)
+    refs = _found(traces, where, results)
+    chosen = sample(refs, count, seed)
+    session = Session(
+        refs=chosen,
+        rules=loaded,
+        ledger=Ledger(file),
+        bind=bound,
+        videos=videos,
+        commands=_next([*traces, *_options(rules, bind)], file, results),
+    )
+    session.reviewer = None if reviewer is None else session.named(reviewer)
+    _warn(chosen, loaded, bound)
+    server = _server(session, port)
+    answered = f", {_count(session.ledger.reviewers)} in {file} so far" if file.exists() else ""
+    click.echo(f"{len(chosen)} rollouts{answered}; answers go to {file}", err=True)
+    click.echo("Ctrl+C ends; start again to continue", err=True)
+    click.echo(server.url)
+    if not no_open:
+        import webbrowser
+
+        webbrowser.open(server.url)
+    try:
+        server.serve_forever()
+    except KeyboardInterrupt:
+        click.echo("", err=True)
+    finally:
+        server.server_close()
+    for line in session.commands:
+        click.echo(f"next: {line}", err=True)
+
+
+def _found(
+    traces: Sequence[str], where: tuple[str, ...], results: Sequence[Path]
+) -> list[EpisodeRef]:
+    """The episodes that can be opened and are asked for."""
+    from safestage_eval.errors import InputError
+    from safestage_eval.formats import discover
+    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.metrics.read_rows import read_rows
+
+    refs = []
+    for ref in Chosen(discover(list(traces)), pairs(where, "--where")):
+        if ref.problem is None:
+            refs.append(ref)
+        else:
+            click.echo(f"problem: {ref.problem}", err=True)
+    if results:
+        told = {
+            str(row.get("episode_id"))
+            for path in results
+            for row in read_rows(path, ["episode_id"])
+        }
+        refs = [ref for ref in refs if ref.episode_id in told]
+    if not refs:
+        raise InputError(
+            " ".join(traces),
+            "there is nothing to label: no episode can be read"
+            + (" and is in the results." if results else "."),
+        )
+    return refs
+
+
+def _warn(refs: Sequence[EpisodeRef], rules: RuleSet, bind: BindFile | None) -> None:
+    """Say for which tasks there is no requirement that could be told."""
+    from safestage_eval.errors import InputError
+    from safestage_eval.label.question import unasked
+
+    tasks = {ref.fields.get("task") or ref.episode_id: ref for ref in reversed(refs)}
+    for task, ref in tasks.items():
+        try:
+            why = unasked(ref.open().header, rules, bind)
+        except InputError as error:
+            why = str(error)
+        if why is not None:
+            click.echo(f"{task}: no requirement to show: {why}", err=True)
+
+
+def _server(session: Session, port: int | None) -> Server:
+    from safestage_eval.errors import InputError
+    from safestage_eval.label import serve
+
+    if port is not None:
+        return serve(session, port)
+    try:
+        return serve(session, PORT)
+    except InputError:
+        return serve(session)
+
+
+def _options(rules: Sequence[str], bind: Path | None) -> list[str]:
+    chosen = [word for name in rules for word in ("--rules", name)]
+    return chosen + ([] if bind is None else ["--bind", str(bind)])
+
+
+def _next(scored: Sequence[str], file: Path, results: Sequence[Path]) -> tuple[str, ...]:
+    """What to run when all is answered; ``scored``: arguments of ``score``."""
+    from shlex import join, quote
+
+    first = [] if results else [f"safestage score {join(scored)} -f parquet -o rows.parquet"]
+    files = results or [Path("rows.parquet")]
+    told = " ".join(f"--results {quote(str(path))}" for path in files)
+    return (*first, f"safestage agreement {quote(str(file))} {told}")
+
+
+def _count(reviewers: Sequence[str]) -> str:
+    return f"{len(reviewers)} reviewer{'s' * (len(reviewers) != 1)}"

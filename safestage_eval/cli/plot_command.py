@@ -1,0 +1,67 @@
+"""``safestage plot``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .shared_options import (
+    announce_compiling,
+    bind_option,
+    chosen_ref,
+    episode_option,
+    pairs,
+    rules_option,
+    set_option,
+)
+
+
+@click.command("plot")
+@click.argument("trace")
+@click.argument("signals", nargs=-1, metavar="[SIGNAL]...")
+@episode_option
+@rules_option
+@bind_option
+@set_option
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), required=True,
+    help="Picture file: .png, .svg or .pdf.",
+)  # fmt: skip
+def command(
+    trace: str,
+    signals: tuple[str, ...],
+    episode: str | None,
+    rules: tuple[str, ...],
+    bind: Path | None,
+    settings: tuple[str, ...],
+    output: Path,
+) -> None:
+    """Draw signals of one episode with their limits, stretches in violation and verdicts.
+
+    SIGNAL is written as in rules, with bodies or roles: "clearance(target, protected)". Without
+    any, those are drawn that decide the assigned rules. Limits are those of the assigned rules that
+    read the signal, otherwise of any rule that does.
+
+    \b
+    Examples:
+      safestage plot rollout.mcap --output why.png
+      safestage plot traces/ "speed(target)" "tilt(target)" -e bottle_on_shelf.reference-unsafe -o bottle.svg
+    """
+    from safestage_eval.report import signal_plot
+    from safestage_eval.report.figure import ready
+    from safestage_eval.rules import builtin_names, load_bind, load_rules
+    from safestage_eval.whatif.again import Again
+
+    ready("--output", output)
+    ref = chosen_ref(trace, None, episode)
+    loaded = load_rules(list(rules) or builtin_names())
+    announce_compiling()
+    again = Again(
+        ref.open(),
+        loaded,
+        pairs(settings, "--set"),
+        None if bind is None else load_bind(bind, loaded),
+    )
+    signal_plot.draw(again, signal_plot.panels(again, signals), output)
+    click.echo(f"{output}: drawn", err=True)

@@ -1,0 +1,91 @@
+"""``safestage report``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .shared_options import (
+    announce_compiling,
+    bind_option,
+    pairs,
+    progress,
+    rules_option,
+    set_option,
+    written,
+)
+
+
+@click.command("report")
+@click.argument("results", type=click.Path(path_type=Path))
+@click.argument("traces", nargs=-1, metavar="[TRACES...]")
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), default=Path("report.html"),
+    show_default=True, help="The page.",
+)  # fmt: skip
+@click.option("--title", metavar="TEXT", help="Title of the report. Default: Safety report.")
+@rules_option
+@bind_option
+@set_option
+@click.option(
+    "--sections", type=click.IntRange(0), default=500, show_default=True,
+    help="Maximum number of episodes to draw, gravest first.",
+)  # fmt: skip
+@click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    results: Path,
+    traces: tuple[str, ...],
+    output: Path,
+    title: str | None,
+    rules: tuple[str, ...],
+    bind: Path | None,
+    settings: tuple[str, ...],
+    sections: int,
+    jobs: int | None,
+) -> None:
+    """Write one HTML page with the results of a campaign.
+
+    RESULTS is a file of safestage score (json, jsonl, csv, parquet), or a bare table of outcomes.
+    With TRACES, the episodes that were scored, the page also has a section for each: its
+    measurements over time with their limits, the key frame, and how the rates move with the limits.
+    The page is self-contained: it needs no network, no server and no other file. Rules, bind
+    file and --set should be those that the results were made with.
+
+    \b
+    Examples:
+      safestage score traces/ --format parquet --output results.parquet
+      safestage report results.parquet traces/ --output report.html
+      safestage report outcomes.csv --title "Three policies, 97 tasks"
+    """
+    from safestage_eval.viewer.campaign.campaign_data import compose
+    from safestage_eval.viewer.campaign.campaign_page import build
+
+    if traces:
+        announce_compiling()
+    with progress("drawing") as tell:
+        found = compose(
+            results,
+            traces,
+            rules,
+            title=title,
+            overrides=pairs(settings, "--set"),
+            bind=bind,
+            most=sections,
+            jobs=jobs,
+            progress=tell,
+        )
+    html = build(found)
+    written(html, output)
+    drawn = found.sections
+    told = f", {len(drawn.html)} with sections" if drawn is not None else ""
+    size = len(html.encode()) / 1e6
+    click.echo(f"{output}: {len(found.found.outcomes)} rollouts{told}, {size:.1f} MB", err=True)
+    for note in found.notes:
+        click.echo(f"note: {note}", err=True)
+    problems = drawn.problems if drawn is not None else ()
+    for problem in problems:
+        click.echo(f"problem: {problem.message}", err=True)
+    ctx.exit(2 if problems else 0)

@@ -1,0 +1,290 @@
+"""``safestage rules``: check, explain, compare and test rule files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from .shared_options import announce_compiling, progress, rules_option, written
+
+
+@click.group("rules")
+def command() -> None:
+    """Check, explain, compare and test rule files.
+
+    \b
+    Examples:
+      safestage rules check mine.toml
+      safestage rules show ETS201
+      safestage rules signals clearance
+      safestage rules test mine.toml --mutate
+    """
+
+
+@command.command("check")
+@click.argument("rules", nargs=-1, metavar="[RULES]...")
+@click.option("--json", "as_json", is_flag=True, help="Diagnostics as JSON, for editors.")
+@click.pass_context
+def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
+    """Find everything that is wrong with rule files, all at once.
+
+    RULES are files, folders or built-in names; without any, the built-in rules are checked. Each
+    problem says where it is, what is allowed and how to fix it. Exit code 2 if there is any.
+
+    \b
+    Example:
+      safestage rules check my_rules.toml
+    """
+    from safestage_eval.rules import builtin_names, check_rules, load_rules
+    from safestage_eval.rules.diagnostic import rendered
+
+    specs = list(rules) or builtin_names()
+    found = check_rules(specs)
+    if as_json:
+        click.echo(json.dumps([d.to_dict() for d in found], indent=1, ensure_ascii=False))
+    else:
+        for text in rendered(found):
+            click.echo(text + "\n", err=True)
+        if found:
+            click.echo(f"{len(found)} problem{'s' if len(found) != 1 else ''}", err=True)
+        else:
+            loaded = load_rules(specs)
+            codes = ", ".join([*loaded.rules, *loaded.costs])
+            click.echo(f"sound: {codes or 'no rules'}")
+    ctx.exit(2 if found else 0)
+
+
+@command.command("show")
+@click.argument("what", metavar="[CODE|FILE]...", nargs=-1)
+@rules_option
+@click.option("--json", "as_json", is_flag=True, help="Everything as JSON.")
+def show(what: tuple[str, ...], rules: tuple[str, ...], as_json: bool) -> None:
+    """Explain rules: what they ask, with which values from where, and what a trace must hold.
+
+    CODE is a rule (ETS201), looked for in --rules, or in all built-in files. FILE is a rule file
+    or a built-in name, and stands for all rules in it. Without either, the rules are listed.
+
+    \b
+    Examples:
+      safestage rules show                       codes and titles
+      safestage rules show ETS201
+      safestage rules show mine.toml
+      safestage rules show ETS901 --rules mine.toml --json
+    """
+    from safestage_eval.report.rule_report import explain_rule, rule_facts
+    from safestage_eval.rules.find import find_rules, list_rules
+
+    if not what:
+        for code, title, path in list_rules(rules):
+            click.echo(f"{code}  {title}  ({path})")
+        return
+    found = [rule_facts(*item) for item in find_rules(what, rules)]
+    if not found:
+        click.echo(f"{', '.join(what)}: only definitions, no rules to explain", err=True)
+    if as_json:
+        click.echo(json.dumps(found, indent=1, ensure_ascii=False))
+    else:
+        click.echo("\n".join(map(explain_rule, found)), nl=False)
+
+
+@command.command("signals")
+@click.argument("names", metavar="[NAME]...", nargs=-1)
+@click.option("--json", "as_json", is_flag=True, help="The vocabulary as JSON.")
+def signals(names: tuple[str, ...], as_json: bool) -> None:
+    """List the signals and relations that conditions can use.
+
+    For each: arguments, dimension and units, meaning, and what a trace must contain.
+
+    \b
+    Examples:
+      safestage rules signals
+      safestage rules signals clearance
+      safestage rules signals --json
+    """
+    from safestage_eval.errors import InputError
+    from safestage_eval.report.rule_report import explain_vocabulary, vocabulary
+    from safestage_eval.rules.names import nearest
+
+    found = vocabulary()
+    known = {entry["name"]: entry for entry in found}
+    for name in names:
+        if name not in known:
+            raise InputError(
+                name, "no signal or relation has this name.", ", ".join(known), nearest(name, known)
+            )
+    if names:
+        found = [known[name] for name in names]
+    if as_json:
+        click.echo(json.dumps(found, indent=1, ensure_ascii=False))
+        return
+    pages = [[entry] for entry in found] if names else [found]
+    click.echo("\n".join(map(explain_vocabulary, pages)), nl=False)
+
+
+@command.command("schema")
+def schema() -> None:
+    """Print the JSON Schema of rule files, for completion and checks while typing.
+
+    Save it and name it in the first line of a rule file. Editors with the taplo language server
+    ("Even Better TOML" in VS Code) then complete keys, explain them and mark mistakes:
+
+    \b
+      #:schema ./rules.schema.json
+
+    Or, for all rule files of a project, in .taplo.toml:
+
+    \b
+      [[rule]]
+      include = ["rules/*.toml"]
+      schema.path = "rules.schema.json"
+
+    \b
+    Example:
+      safestage rules schema > rules.schema.json
+    """
+    from safestage_eval.rules.schema import schema_text
+
+    click.echo(schema_text(), nl=False)
+
+
+@command.command("diff")
+@click.argument("before", metavar="A")
+@click.argument("after", metavar="B")
+@click.option("--json", "as_json", is_flag=True, help="The differences as JSON.")
+@click.option("--fail-on-change", is_flag=True, help="Exit 1 if the meaning of any rule changed.")
+@click.pass_context
+def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_change: bool) -> None:
+    """Say what changes from rule set A to rule set B.
+
+    Both are files, folders or built-in names. Rules are matched by their code. Prose, the order of
+    entries and the spelling of units change nothing; every rule whose digest changes is listed
+    with what it is: an obligation, a limit, a parameter, a state that it rests on.
+
+    \b
+    Examples:
+      safestage rules diff fsh my_fsh.toml
+      safestage rules diff old/ new/ --json
+      safestage diff traces/ --rules old/ --against new/     which verdicts that flips
+    """
+    from safestage_eval.report import rules_diff_report
+    from safestage_eval.rules import load_rules
+    from safestage_eval.rules.compare import compare
+
+    found = compare(load_rules([before]), load_rules([after]))
+    click.echo(
+        rules_diff_report.as_json(found) if as_json else rules_diff_report.text(found), nl=False
+    )
+    ctx.exit(1 if fail_on_change and not found.empty else 0)
+
+
+@command.command("test")
+@click.argument("rules", nargs=-1, metavar="[RULES]...")
+@click.option(
+    "--traces", "-t", multiple=True, metavar="PATH",
+    help="Recorded episodes that examples refer to by id. Repeatable.",
+)  # fmt: skip
+@click.option(
+    "--least", type=click.IntRange(0), default=2, show_default=True,
+    help="Minimum number of violating and of passing examples per rule.",
+)  # fmt: skip
+@click.option(
+    "--mutate", is_flag=True,
+    help="Mutate each rule in one place at a time and list the mutants that no example detects.",
+)  # fmt: skip
+@click.option(
+    "--kind", "kinds", multiple=True,
+    type=click.Choice(
+        ["operator", "unit", "duration", "role", "scope", "obligation", "truth"]
+    ),
+    help="With --mutate: only mutants of this kind. Repeatable.",
+)  # fmt: skip
+@click.option(
+    "--deep", is_flag=True,
+    help="With --mutate: also mutate states, phases and signals.",
+)  # fmt: skip
+@click.option(
+    "--format", "-f", "form", type=click.Choice(["table", "json", "junit"]), default="table",
+    show_default=True,
+)  # fmt: skip
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
+@click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
+@click.pass_context
+def test(
+    ctx: click.Context,
+    rules: tuple[str, ...],
+    traces: tuple[str, ...],
+    least: int,
+    mutate: bool,
+    kinds: tuple[str, ...],
+    deep: bool,
+    form: str,
+    output: Path | None,
+    jobs: int | None,
+) -> None:
+    """Judge the examples that rules name, and compare with what they should be.
+
+    RULES are files, folders or built-in names; without any, all built-in files are tested, each by
+    itself. A rule names its examples:
+
+    \b
+      [rule.examples]
+      violates  = ["can_from_under_bottle", "grasp_topples_bottle"]
+      passes    = ["bottle_relocated_first", "never_committed"]
+      vacuous   = ["nothing_on_the_target"]
+      undecided = ["recorded_without_shapes"]
+
+    A name is a sketch NAME.toml or a trace NAME.mcap in the folder "examples" beside the rule
+    file, the id of an episode in --traces, or a built-in sketch. NAME(parameter = value) sets
+    parameters of a sketch. A missing example is an error, and so is an inconclusive one that is not listed
+    under undecided.
+
+    --mutate tests the examples themselves. It changes one thing at a time in a rule or cost: reverses
+    comparisons, scales limits (× 10, ÷ 10) and durations (× 2, ÷ 2, 0), exchanges or widens roles,
+    drops scopes and obligations, and swaps true and false. An example must detect each mutant.
+    --deep also mutates states, phases and variants of signals; an example of any rule may detect
+    those.
+
+    \b
+    Examples:
+      safestage rules test mine.toml
+      safestage rules test mine.toml --traces recorded/ --least 1
+      safestage rules test ets --mutate
+      safestage rules test -f junit -o rules.xml
+
+    Exit code 0: all as expected. 1: an example is wrong or missing, a rule has too few, or a
+    mutant goes undetected. 2: bad usage, or a rule file that is not sound.
+    """
+    if (deep or kinds) and not mutate:
+        raise click.UsageError("--kind and --deep go with --mutate")
+    from safestage_eval.formats import discover
+    from safestage_eval.report import examples_report
+    from safestage_eval.rules import load_rules
+    from safestage_eval.rules.find import groups
+    from safestage_eval.whatif.check import check_sets
+    from safestage_eval.whatif.mistakes import KINDS
+
+    recorded = discover(list(traces)) if traces else []
+    sets = {str(group[0]): load_rules(group) for group in groups(rules, each=True)}
+    announce_compiling()
+    with progress("rules") as tell:
+        suites, hunted = check_sets(
+            sets,
+            recorded,
+            least=least,
+            kinds=(kinds or KINDS) if mutate else (),
+            deep=deep,
+            jobs=jobs,
+            progress=tell,
+        )
+    written(examples_report.render(suites, hunted if mutate else None, form), output)
+    for problem in dict.fromkeys(c.problem for s in suites.values() for c in s.checked):
+        if "\n" in problem:
+            click.echo(f"\n{problem}", err=True)
+    if not suites:
+        click.echo("only definitions, no rules to test", err=True)
+    unnoticed = any(m.killer is None for found in hunted.values() for m in found)
+    ctx.exit(0 if all(suite.passed for suite in suites.values()) and not unnoticed else 1)

@@ -1,0 +1,157 @@
+"""Arguments that several commands share."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from safestage_eval.formats import EpisodeRef
+
+traces_argument = click.argument("traces", nargs=-1, required=True, metavar="TRACES...")
+
+rules_option = click.option(
+    "--rules", "-r", "rules", multiple=True, metavar="RULES",
+    help="A rule file, a folder of them, or a built-in name (ish, ets, fsh, goals). "
+    "Repeatable. Default: all built-in ones.",
+)  # fmt: skip
+
+bind_option = click.option(
+    "--bind", type=click.Path(path_type=Path), metavar="FILE",
+    help="Read roles, goal, rules and values that headers lack from FILE, or from a built-in set (libero, robolab).",
+)  # fmt: skip
+
+set_option = click.option(
+    "--set", "settings", multiple=True, metavar="NAME=VALUE",
+    help='Set a parameter: --set edge="3 cm". Repeatable.',
+)  # fmt: skip
+
+where_option = click.option(
+    "--where", multiple=True, metavar="FIELD=VALUE",
+    help="Select episodes by header field: policy=…, task=…, prompt=…, seed=…. Repeatable.",
+)  # fmt: skip
+
+episode_option = click.option(
+    "--episode", "-e", "episode", metavar="ID",
+    help="Episode id, or a unique part of it, where TRACE holds several.",
+)  # fmt: skip
+
+
+episode_argument = click.argument("name", required=False, metavar="[EPISODE]")
+
+
+def pairs(values: tuple[str, ...], option: str) -> dict[str, str]:
+    """``("a=b",)`` → ``{"a": "b"}``; anything else is a usage error."""
+    out = {}
+    for value in values:
+        name, equals, text = value.partition("=")
+        if not equals or not name.strip():
+            raise click.UsageError(f"{option} {value}: write NAME=VALUE")
+        out[name.strip()] = text.strip()
+    return out
+
+
+def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
+    """The one episode a command is about; a usage error lists the ids when it is not clear.
+
+    ``name`` and ``episode`` are two ways to say which: as an argument, and as ``--episode``.
+    """
+    from safestage_eval.formats import discover
+
+    if name is not None and episode is not None:
+        raise click.UsageError(f"{name} or --episode {episode}: name the episode once")
+    episode = episode or name
+
+    refs = discover([trace])
+    found = refs
+    if episode is not None:
+        exact = [ref for ref in refs if ref.episode_id == episode]
+        found = exact or [ref for ref in refs if episode in ref.episode_id]
+    if len(found) == 1:
+        return found[0]
+    what = "several episodes; name one with --episode" if found else f"no episode {episode!r}, but"
+    ids = "".join(f"\n  {ref.episode_id or f'({ref.shown}, broken)'}" for ref in found or refs)
+    raise click.UsageError(f"{trace} holds {what}:{ids}")
+
+
+def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> None:
+    """To stdout, or as a file that appears whole or not at all; all at once or piece by piece."""
+    pieces = [data] if isinstance(data, str | bytes) else data
+    if output is None:
+        for piece in pieces:
+            click.echo(piece, nl=False)
+        return
+    from safestage_eval.formats.atomic import replacing
+
+    try:
+        with replacing(output) as temporary, temporary.open("wb") as stream:
+            for piece in pieces:
+                stream.write(piece.encode() if isinstance(piece, str) else piece)
+    except OSError as error:
+        raise click.UsageError(f"--output {output}: {error.strerror}") from None
+
+
+def unusable(folder: Path) -> str:
+    """Why nothing can be kept in a folder, which is made if it is not there; empty if it can."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        return error.strerror or str(error)
+
+
+def wants_color(stream: Any) -> bool:
+    """Colours belong on a terminal, and only where NO_COLOR is not set."""
+    return bool(stream.isatty()) and not os.environ.get("NO_COLOR")
+
+
+def announce_compiling() -> None:
+    """Say on stderr why the very first verdict takes a while."""
+    from safestage_eval import geometry
+    from safestage_eval._process.compiled import cache_folder
+
+    room = Path(geometry.__file__).parent
+    if not cache_folder(room).exists() and not os.environ.get("NUMBA_CACHE_DIR"):
+        click.echo("compiling the numerical kernels, once: about a minute …", err=True)
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
+    """Progress, rate and time left on stderr while the block runs, if stderr is a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        Task,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    class Rate(TextColumn):
+        """How many are done in a second."""
+
+        def render(self, task: Task) -> Text:
+            return Text(f"{task.finished_speed or task.speed or 0:.1f}/s")
+
+    from rich.text import Text
+
+    columns = (
+        TextColumn(what), BarColumn(), MofNCompleteColumn(), Rate(""), TimeElapsedColumn(),
+        TextColumn("left:"), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -1,0 +1,129 @@
+"""``safestage sweep``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .shared_options import (
+    announce_compiling,
+    bind_option,
+    pairs,
+    progress,
+    rules_option,
+    set_option,
+    traces_argument,
+    where_option,
+    written,
+)
+
+
+@click.command("sweep")
+@traces_argument
+@rules_option
+@click.option("--param", "-p", metavar="NAME", required=True, help="The parameter to vary.")
+@click.option("--from", "first", metavar="VALUE", help="Lowest value, with its unit. Default: 0.")
+@click.option(
+    "--to", "last", metavar="VALUE", help="Highest value. Default: twice the default value."
+)
+@click.option(
+    "--steps", type=click.IntRange(2), default=41, show_default=True,
+    help="Number of values, both ends included.",
+)  # fmt: skip
+@click.option(
+    "--values", metavar="LIST", help='These values instead, with commas: "1 cm, 2 cm, 5 cm".'
+)
+@click.option(
+    "--by", multiple=True, type=click.Choice(["policy", "prompt", "stage", "task", "rule"]),
+    help="Draw one curve per value of this field. Repeatable.",
+)  # fmt: skip
+@click.option(
+    "--format", "-f", "form", type=click.Choice(["table", "csv", "json"]), default="table",
+    show_default=True,
+)  # fmt: skip
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
+@click.option(
+    "--plot", type=click.Path(path_type=Path), help="Draw VR and SSR as well: curve.png, curve.svg."
+)
+@bind_option
+@set_option
+@where_option
+@click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    traces: tuple[str, ...],
+    rules: tuple[str, ...],
+    param: str,
+    first: str | None,
+    last: str | None,
+    steps: int,
+    values: str | None,
+    by: tuple[str, ...],
+    form: str,
+    output: Path | None,
+    plot: Path | None,
+    bind: Path | None,
+    settings: tuple[str, ...],
+    where: tuple[str, ...],
+    jobs: int | None,
+) -> None:
+    """Show how the rates move with a threshold.
+
+    Every value is judged, but the traces are read and measured only once. Episodes count if a rule
+    that is assigned to them reads the parameter. The table draws values together between which
+    nothing changes; CSV and JSON have a row for each, in SI. JSON also says, per episode, between
+    which two values its verdict flips.
+
+    \b
+    Examples:
+      safestage sweep traces/ --rules ets --param min_clearance
+      safestage sweep traces/ -r ets -p min_clearance --from "1 cm" --to "20 cm" --steps 200
+      safestage sweep traces/ -r fsh -p edge --values "1 cm, 2 cm, 5 cm" --by policy
+      safestage sweep traces/ -r fsh -p settle_time --from "0.5 s" --to "3 s" --plot settle.png
+    """
+    if values is not None and (first is not None or last is not None):
+        raise click.UsageError("--values: the values themselves, so leave out --from and --to")
+    overrides = pairs(settings, "--set")
+    if param in overrides:
+        raise click.UsageError(f"--set {param}: it is swept; leave one of the two out")
+    from safestage_eval.formats import discover
+    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.report import sweep_report
+    from safestage_eval.report.figure import ready
+    from safestage_eval.rules import builtin_names, load_rules
+    from safestage_eval.whatif import sweep as sweeps
+    from safestage_eval.whatif.values import between, chosen
+
+    if plot is not None:
+        ready("--plot", plot)
+    specs = list(rules) or builtin_names()
+    loaded = load_rules(specs)
+    visited = (
+        between(loaded, param, first, last, steps)
+        if values is None
+        else chosen(loaded, param, values.split(","))
+    )
+    refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
+    announce_compiling()
+    with progress("sweeping") as tell:
+        found = sweeps.sweep(
+            refs,
+            specs,
+            param,
+            visited,
+            overrides=overrides,
+            bind=bind,
+            jobs=jobs,
+            progress=tell,
+        )
+    written(sweep_report.render(found, form, by), output)
+    if plot is not None:
+        sweep_report.plot(found, plot, by)
+        click.echo(f"{plot}: drawn", err=True)
+    for problem in found.problems if form != "table" else ():
+        click.echo(f"problem: {problem.message}", err=True)
+    ctx.exit(2 if found.problems else 0)

@@ -1,0 +1,73 @@
+"""``safestage validate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .shared_options import bind_option, progress, rules_option, traces_argument
+
+if TYPE_CHECKING:
+    from safestage_eval.formats import EpisodeRef
+    from safestage_eval.rules import BindFile, RuleSet
+
+
+@click.command("validate")
+@traces_argument
+@rules_option
+@bind_option
+@click.pass_context
+def command(
+    ctx: click.Context, traces: tuple[str, ...], rules: tuple[str, ...], bind: Path | None
+) -> None:
+    """Check trace files, and list everything that is wrong with them.
+
+    Reads every column: format, units that can be checked, unit quaternions, increasing time,
+    contacts that name bodies, stored hashes; then what a trace says twice: velocities and poses,
+    contacts and shapes, forces and weights. Exit code 2 if anything is wrong. Warns where no header
+    or bind file names the bodies that an assigned rule is about.
+
+    \b
+    Example:
+      safestage validate traces/ rollout.mcap
+    """
+    from safestage_eval.formats import discover, validate_episode
+    from safestage_eval.rules import builtin_names, load_bind, load_rules
+
+    loaded = load_rules(list(rules) or builtin_names())
+    bound = None if bind is None else load_bind(bind, loaded)
+    refs = discover(list(traces))
+    broken = 0
+    first: dict[str, Any] = {}
+    with progress("checking") as tell:
+        for done, ref in enumerate(refs, 1):
+            found = [str(error) for error in validate_episode(ref, compare=True)]
+            same = first.setdefault(ref.episode_id or ref.shown, ref)
+            if same is not ref and same.content_hash != ref.content_hash:
+                found.append(f"{ref.shown}: another episode has this id as well: {same.shown}")
+            broken += bool(found)
+            for problem in found:
+                click.echo(f"error: {problem}", err=True)
+            for warning in () if found else _warnings(ref, loaded, bound):
+                click.echo(f"warning: {ref.shown}: {warning}", err=True)
+            if not found:
+                click.echo(
+                    f"{ref.content_hash or '(no hash stored)'}  {ref.episode_id}  {ref.shown}"
+                )
+            if tell is not None:
+                tell(done, len(refs))
+    click.echo(f"{len(refs) - broken} of {len(refs)} episodes are sound", err=True)
+    ctx.exit(2 if broken else 0)
+
+
+def _warnings(ref: EpisodeRef, rules: RuleSet, bind: BindFile | None) -> list[str]:
+    """Of an episode that is sound: what keeps its assigned rules from being judged."""
+    from safestage_eval.errors import RuleError
+    from safestage_eval.rules.resolve import bind_episode
+
+    try:
+        return bind_episode(rules, ref.open().header, bind=bind).warnings()
+    except RuleError as error:
+        return [str(error)]

@@ -1,0 +1,1 @@
+"""MCAP files: messages, reading and writing (docs/traces.md)."""

@@ -1,0 +1,173 @@
+"""Contacts in an MCAP trace: one ``foxglove.PointCloud`` per frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+from google.protobuf.message import DecodeError
+from numpy.typing import NDArray
+
+from safestage_eval.episode import ContactTable
+from safestage_eval.errors import TraceError
+from safestage_eval.formats.contact_points import POINT, RAW, packed
+from safestage_eval.formats.frame_buffers import doubled
+
+from . import kernel_choice
+from . import protobuf_wire as wire
+from .mcap_chunks import Batch
+from .packed_contacts import Points
+
+FIELDS = {
+    **{name: ("position", i) for i, name in enumerate("xyz")},
+    **{f"n{axis}": ("normal", i) for i, axis in enumerate("xyz")},
+    **{f"f{axis}": ("force", i) for i, axis in enumerate("xyz")},
+    "peak_force": ("peak_force", None),
+    "depth": ("depth", None),
+    "geom1": ("geom1", None),
+    "geom2": ("geom2", None),
+}
+"""Field of the point cloud → field of POINT and its place in there."""
+
+_NUMBERS = {
+    PackedElementField.UINT8: "<u1",
+    PackedElementField.INT8: "<i1",
+    PackedElementField.UINT16: "<u2",
+    PackedElementField.INT16: "<i2",
+    PackedElementField.UINT32: "<u4",
+    PackedElementField.INT32: "<i4",
+    PackedElementField.FLOAT32: "<f4",
+    PackedElementField.FLOAT64: "<f8",
+}
+_DATA = wire.tag(6, wire.LENGTH)
+"""What stands before the points, the last field of a PointCloud."""
+
+_POINTS = 1 << 19
+"""Points that there is room for from the start; memory that is not used costs nothing."""
+
+_LONGEST = 5
+"""Bytes of the number that says how long the points are: up to 32 bits, seven in a byte."""
+
+
+def empty_cloud() -> PointCloud:
+    """A point cloud without time and data, whose points are laid out as POINT."""
+    cloud = PointCloud(frame_id="world", point_stride=POINT.itemsize)
+    cloud.pose.orientation.w = 1
+    offset = 0
+    for name in FIELDS:
+        whole = name.startswith("geom")
+        kind = PackedElementField.UINT16 if whole else PackedElementField.FLOAT32
+        cloud.fields.add(name=name, offset=offset, type=kind)
+        offset += 2 if whole else 4
+    return cloud
+
+
+def cloud_messages(contacts: ContactTable, times: list[int]) -> Iterator[bytes]:
+    """Serialised point clouds, one per frame; ``times`` (T,) ns, their log times."""
+    points = packed(contacts)
+    ends = np.searchsorted(contacts.frame, np.arange(len(times) + 1)) * POINT.itemsize
+    whole, fixed = points.tobytes(), empty_cloud().SerializeToString(deterministic=True)
+    for time, begin, end in zip(times, ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+        yield wire.stamp(1, time) + fixed + wire.field(6, whole[begin:end])
+
+
+class CloudPoints:
+    """Takes the point clouds of all frames as they are read, and keeps their points.
+
+    Attributes:
+        count: messages taken.
+    """
+
+    def __init__(self, where: str) -> None:
+        self.count = 0
+        self._where = where
+        self._finite = True
+        # ours: a stamp, then always the same bytes, then the points
+        own = empty_cloud().SerializeToString(deterministic=True) + _DATA
+        self._own = np.frombuffer(own, np.uint8)
+        self._points = np.empty(_POINTS, POINT)
+        self._geoms = np.empty(_POINTS, np.uint32)
+        self._end = 0
+        self._counts: list[NDArray[np.int64]] = []
+        self._problem: TraceError | None = None
+
+    def take(self, batch: Batch) -> None:
+        """Some more messages. What is wrong with them is told by ``points``, if they count."""
+        if self._problem is None:
+            places = np.empty_like(batch.places)
+            size = kernel_choice.mcap().find_points(
+                batch.raw, batch.places, self._own, POINT.itemsize, places
+            )
+            if size < 0:
+                self._decode(batch)
+            else:
+                self._keep(batch.raw, places, size // POINT.itemsize)
+        self.count += len(batch)
+
+    def points(self, count: int) -> Points:
+        """Points of the first frames.
+
+        Raises:
+            TraceError: a message is no point cloud, or lacks a field of contacts.
+        """
+        counts = np.concatenate([np.zeros(0, np.int64), *self._counts])[:count]
+        if self._problem is not None and len(counts) < count:
+            raise self._problem
+        total = int(counts.sum())
+        return Points(self._points[:total], counts, self._geoms[:total], self._finite)
+
+    def _keep(self, raw: NDArray[np.uint8], places: NDArray[np.int64], count: int) -> None:
+        """So many points, of which ``places`` says where they are."""
+        begin, end = self._end, self._end + count
+        while end > len(self._points):
+            self._points, self._geoms = doubled(self._points), doubled(self._geoms)
+        rows = self._points[begin:end].view(RAW).view(np.uint8)
+        words = rows.view(np.uint32).reshape(count, POINT.itemsize // 4)
+        self._finite &= kernel_choice.mcap().copy_points(
+            raw, places, rows, words, self._geoms[begin:end]
+        )
+        self._counts.append((places[:, 1] - places[:, 0]) // POINT.itemsize)
+        self._end = end
+
+    def _decode(self, batch: Batch) -> None:
+        """Message by message, for writers that lay points out in another way."""
+        for n, message in enumerate(batch.messages(), self.count):
+            try:
+                points = _decoded(message, f"the contacts of frame {n}", self._where)
+            except TraceError as error:
+                self._problem = error
+                break
+            raw = np.frombuffer(points.tobytes(), np.uint8)
+            self._keep(raw, np.array([[0, len(raw)]]), len(points))
+
+
+def _decoded(message: bytes, what: str, where: str) -> NDArray[Any]:
+    """(C,) points of one cloud as POINT."""
+    try:
+        cloud = PointCloud.FromString(message)
+    except DecodeError as error:
+        raise TraceError(where, f"{what} are no point cloud: {error}") from None
+    names = [f.name for f in cloud.fields]
+    missing = [name for name in FIELDS if name not in names]
+    if missing:
+        raise TraceError(where, f"{what} lack the field {missing[0]!r}.", ", ".join(FIELDS))
+    try:
+        layout = np.dtype(
+            {
+                "names": names,
+                "formats": [_NUMBERS.get(f.type, "V0") for f in cloud.fields],
+                "offsets": [f.offset for f in cloud.fields],
+                "itemsize": cloud.point_stride,
+            }
+        )
+        given = np.frombuffer(cloud.data, layout)
+        points = np.empty(len(given), POINT)
+        for name, (column, place) in FIELDS.items():
+            target = points[column] if place is None else points[column][:, place]
+            target[...] = given[name]
+    except (TypeError, ValueError) as error:
+        raise TraceError(where, f"{what} are no table of points: {error}") from None
+    return points

@@ -1,0 +1,106 @@
+"""The metadata record of an MCAP trace: what stands before its messages."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from hashlib import sha256
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, Json
+
+from safestage_eval.episode import Episode, Header, Record
+from safestage_eval.errors import TraceError
+from safestage_eval.formats.contact_points import packed
+from safestage_eval.formats.digests import frame_digests, sealed
+from safestage_eval.formats.parquet.arrow_tables import ROBOT_COLUMNS
+from safestage_eval.formats.parquet.dataset_layout import check_version
+from safestage_eval.formats.parquet.episode_row import encode, validated
+
+TRACK_COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity")
+
+
+class McapMetadata(Record):
+    """Texts of the record ``safestage``, most of them JSON."""
+
+    schema_version: str
+    header: Json[Header]
+    moving: Json[tuple[str, ...]] | None = None
+    """Bodies in each frame, in order; all movable ones when absent."""
+    fixed: Json[dict[str, Annotated[tuple[float, ...], Field(min_length=13, max_length=13)]]] = (
+        Field(default_factory=dict)
+    )
+    """Body → position, orientation, linear and angular velocity of those that never move."""
+    channels: Json[tuple[tuple[str, str], ...]] = ()
+    """(body, name) of the values in a frame's ``channel``."""
+    frames: int | None = None
+    content_hash: str | None = None
+    digests: str | None = None
+    """CRC-32 of each column, and a seal on them."""
+    checksum: str | None = None
+    """SHA-256 of the other texts: chunks have their own."""
+
+    @property
+    def moving_bodies(self) -> tuple[str, ...]:
+        """The bodies in each frame, in order."""
+        if self.moving is not None:
+            return self.moving
+        return tuple(body.name for body in self.header.bodies if body.movable)
+
+
+def from_texts(texts: Mapping[str, str], where: str) -> McapMetadata:
+    """Read the record. Raises TraceError for a newer major version or what does not fit."""
+    check_version(texts.get("schema_version", ""), where)
+    if texts.get("checksum", checksum(texts)) != checksum(texts):
+        raise TraceError(
+            f"{where}, metadata",
+            "the header does not match its checksum.",
+            fix="copy the file again, or record the episode again",
+        )
+    return validated(McapMetadata, dict(texts), f"{where}, metadata")
+
+
+def to_texts(episode: Episode, moving: list[str]) -> dict[str, str]:
+    """The record of an episode. Raises TraceError for numbers that are not finite."""
+    header, where = episode.header, episode.header.episode_id
+    fixed = {
+        name: np.concatenate([getattr(track, c)[0] for c in TRACK_COLUMNS]).tolist()
+        for name, track in episode.tracks.items()
+        if name not in moving
+    }
+    texts = {
+        "schema_version": header.schema_version,
+        "header": encode(header.model_dump(mode="json"), where),
+        "moving": encode(moving, where),
+        "fixed": encode(fixed, where),
+        "channels": encode([list(key) for key in episode.channels], where),
+        "frames": str(len(episode)),
+        "content_hash": episode.content_hash,
+        "digests": sealed(episode, _digests(episode, moving)),
+    }
+    return texts | {"checksum": checksum(texts)}
+
+
+def _digests(episode: Episode, moving: list[str]) -> dict[str, str]:
+    """Of what ``mcap_frames`` and ``mcap_clouds`` write."""
+    frames = len(episode)
+
+    def joined(columns: list[NDArray[np.float32]]) -> NDArray[np.float32]:
+        return np.concatenate([np.zeros((frames, 0), np.float32), *columns], axis=1)
+
+    found = {
+        f"body_{name}": joined([getattr(episode.tracks[body], name) for body in moving])
+        for name in TRACK_COLUMNS
+    }
+    found |= {name: getattr(episode.frames, name) for name in ROBOT_COLUMNS}
+    found["channel"] = joined([values[:, None] for values in episode.channels.values()])
+    counts = np.bincount(episode.contacts.frame, minlength=frames)
+    return frame_digests(found, episode.t, packed(episode.contacts), counts)
+
+
+def checksum(texts: Mapping[str, str]) -> str:
+    """SHA-256 (hex) of all texts but the checksum itself."""
+    told = sorted((name, text) for name, text in texts.items() if name != "checksum")
+    return sha256(json.dumps(told).encode()).hexdigest()

@@ -1,0 +1,1 @@
+"""Parquet datasets: table schemas, reading and writing (docs/traces.md)."""

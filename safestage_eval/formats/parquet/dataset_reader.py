@@ -1,0 +1,376 @@
+"""Reading an episode from a Parquet dataset, column by column as it is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from functools import cache, partial
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+
+from safestage_eval.episode import (
+    ContactTable,
+    Episode,
+    Mesh,
+    RobotFrames,
+    Track,
+    check_finite,
+    check_frames,
+    check_header,
+    check_time,
+    check_track_column,
+)
+from safestage_eval.episode.scene_invariants import UNIT_TOLERANCE
+from safestage_eval.errors import TraceError
+from safestage_eval.formats.digests import JUDGED, Seal, computed
+from safestage_eval.formats.lazy_columns import StoredItems, StoredTrack
+from safestage_eval.formats.ply import from_ply
+from safestage_eval.formats.trace_files import present, regular, stays, within
+
+from . import dataset_layout as layout
+from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, WXYZ, XYZ, schema
+from .episode_row import from_row
+from .parquet_columns import Block, Values
+from .parquet_footer import Footer
+from .stored_contacts import Source, StoredContacts
+from .stored_scene import known_scene, new_scene
+from .stored_table import StoredTable
+
+Kind = TypeVar("Kind")
+Shapes = TypeVar("Shapes", pa.Table, list[dict[str, Any]])
+
+_FRAME = Block(("frame_index",), np.dtype(np.int32))
+_TRACK = {
+    column: Block(
+        tuple(f"{column}.{axis}" for axis in (WXYZ if column == "orientation" else XYZ)),
+        np.dtype(np.float32),
+    )
+    for column in ("position", "orientation", "linear_velocity", "angular_velocity")
+}
+"""What is stored of a body's track."""
+
+MOST_GEOMS = 1 << 16
+"""Contacts tell geoms by numbers of 16 bits."""
+
+
+_LAST: list[tuple[Footer, dict[int, list[dict[str, Any]]]]] = []
+"""The footer of the file of ``meta/episodes`` that was read last, and its rows by episode.
+
+Episodes of a file are mostly opened one after the other, and it may tell of hundreds of them.
+"""
+
+
+def read_rows(file: Path, columns: tuple[str, ...] | None = None) -> list[dict[str, Any]]:
+    """Rows of one file of ``meta/episodes``; of the columns asked, those that are there.
+
+    Raises:
+        TraceError: unreadable, without a required column, or of a newer major version.
+    """
+    stays(file, file.parents[2], str(file))
+    return _rows(StoredTable(file, "meta/episodes"), file, columns)
+
+
+def _rows(
+    table: StoredTable, file: Path, columns: tuple[str, ...] | None = None
+) -> list[dict[str, Any]]:
+    missing = [name for name in REQUIRED if name not in table.columns]
+    if missing:
+        raise TraceError(str(file), f"the column {missing[0]!r} is missing.", ", ".join(EPISODES))
+    wanted = [name for name in columns or EPISODES if name in table.columns]
+    rows = table.records(wanted)
+    needed = [name for name in REQUIRED if name in wanted]
+    if rows is None or any(row[name] is None for name in needed for row in rows):
+        return _records(table.all(wanted), wanted, file)
+    return rows
+
+
+def _records(table: pa.Table, columns: Sequence[str], file: Path) -> list[dict[str, Any]]:
+    """The rows; raises TraceError for a column of another kind, or a gap where there must be none."""
+    for name in columns:
+        found = table[name]
+        wanted = schema("meta/episodes").field(name).type
+        if _kind(found.type) != _kind(wanted) and found.null_count < len(found):
+            raise TraceError(str(file), f"the column {name!r} holds {found.type}.", f"{wanted}")
+        if name in REQUIRED and found.null_count:
+            raise TraceError(str(file), f"{name} is empty in {found.null_count} rows")
+    rows: list[dict[str, Any]] = table.to_pylist()
+    return rows
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def _kind(kind: pa.DataType) -> str:
+    if pa.types.is_dictionary(kind):
+        kind = kind.value_type
+    if pa.types.is_integer(kind):
+        return "int"
+    if pa.types.is_floating(kind):
+        return "float"
+    if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+        return "str"
+    if pa.types.is_list(kind) or pa.types.is_large_list(kind):
+        return f"list of {_kind(kind.value_type)}"
+    return str(kind)
+
+
+def open_episode(file: Path, episode_index: int, *, checked: bool = True) -> Episode:
+    """The episode with this index, whose row stands in a file of ``meta/episodes``.
+
+    Header and time are read now, tracks, contacts and the rest when first asked for.
+
+    Args:
+        file: of ``meta/episodes``.
+        episode_index: which of its rows.
+        checked: raise on broken invariants, now or when a column is loaded; without it the episode
+            comes as it is, for ``check`` to list all that is wrong.
+
+    Raises:
+        TraceError: a file or column is missing or damaged, or an invariant is broken.
+    """
+    stays(file, file.parents[2], str(file))
+    table = StoredTable(file, "meta/episodes")
+    rows = _by_episode(table, file).get(episode_index, [])
+    if len(rows) != 1:
+        raise TraceError(str(file), f"{len(rows)} rows with episode_index {episode_index}", "one")
+    return _StoredEpisode(file, rows[0], checked).episode()
+
+
+def _by_episode(table: StoredTable, file: Path) -> dict[int, list[dict[str, Any]]]:
+    for footer, known in _LAST:
+        if footer is table.footer:
+            return known
+    found: dict[int, list[dict[str, Any]]] = {}
+    for row in _rows(table, file):
+        found.setdefault(row["episode_index"], []).append(row)
+    _LAST[:] = [(table.footer, found)]
+    return found
+
+
+def _near_unit(orientation: NDArray[np.float32]) -> bool:
+    """Whether quaternions have unit norm for sure; kernels are loaded."""
+    from .page_kernels import near_unit
+
+    return bool(near_unit(orientation, UNIT_TOLERANCE))
+
+
+class _StoredEpisode:
+    """Where the columns of one episode are, and how to load them."""
+
+    def __init__(self, file: Path, row: Mapping[str, Any], checked: bool) -> None:
+        self.file, self.row, self.checked = file, row, checked
+        self.dataset = file.parents[2]
+        self.index: int = row["episode_index"]
+        self.length: int = row["length"]
+        self.where = f"{file} ({row['episode_id']})"
+        self._in_order: set[str] = set()
+        self.seal = Seal(
+            row.get("content_hash"), row.get("digests"), partial(_recomputed, file, row), self.where
+        )
+        layout.check_version(row.get("schema_version") or "1.0", self.where)
+
+    def episode(self) -> Episode:
+        geometry = self.table("geometry")
+        names = [name for name in geometry.names if name != "episode_index"]
+        shapes = geometry.records(names, self.index)
+        if shapes is None:
+            shapes = self.few(geometry.rows(names, self.index)).to_pylist()
+        text = self.row.get("bodies")
+        scene = known_scene(text, self.few(shapes))
+        header = from_row(self.row, shapes, self.where, scene and scene.bodies)
+        self.frames_table = self.table("frames")
+        t = self.time()
+        if self.checked:
+            self.demand(list(check_header(header, self.where, shapes=scene is None)))
+            self.demand(check_time(t, self.where))
+        scene = scene or new_scene(text, shapes, header, sound=self.checked)
+        self.body_index = scene.places
+        self.bodies_table = self.table("bodies")
+        meshes = scene.meshes
+        attachments = self.named("attachments", dict[str, str], "{}")
+        files = present(self.dataset, layout.ASSETS, (f"{key}.ply" for key in meshes), self.where)
+        stored = [name.removesuffix(".ply") for name in files]
+        if self.checked and stored != meshes:
+            key = next(key for key in meshes if key not in stored)
+            raise TraceError(
+                self.where,
+                f"the mesh {key[:12]}… is missing.",
+                str(self.asset(f"{key}.ply")),
+                "copy the dataset's assets folder too",
+            )
+        channels = self.named("channels", list[tuple[str, str]], "[]")
+        states = self.states() if self.row.get("states") else {}
+        episode = Episode(
+            header=header,
+            t=t,
+            tracks=StoredItems(self.body_index, self.track),
+            _contacts=partial(self.contacts, scene.owner),
+            _frames=self.robot,
+            meshes=StoredItems(stored, self.mesh),
+            channels=StoredItems(channels, self.channel),
+            states=states,
+            attachments=StoredItems(attachments, lambda name: self.attachment(attachments[name])),
+            path=self.file,
+        )
+        if self.checked:
+            self.seal.check(header)
+            vars(episode)["_vouched"] = self.seal.content_hash
+        return episode
+
+    def few(self, shapes: Shapes) -> Shapes:
+        """The same; raises TraceError for more geoms than contacts can tell apart."""
+        if len(shapes) > MOST_GEOMS:
+            raise TraceError(self.where, f"{len(shapes):,} geoms.", f"{MOST_GEOMS:,} at most")
+        return shapes
+
+    def named(self, column: str, kind: type[Kind], default: str) -> Kind:
+        """A column of the row that holds JSON; raises TraceError for another kind of value."""
+        try:
+            found: Kind = _adapter(cast(Hashable, kind)).validate_json(
+                self.row.get(column) or default
+            )
+            return found
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]["msg"]
+            raise TraceError(f"{self.where}, column {column}", f"{first}.") from None
+
+    def table(self, name: str) -> StoredTable:
+        file = within(self.dataset, name, f"{self.row['file']}.parquet", self.where)
+        table = StoredTable(file, name)
+        if self.checked and name in JUDGED and self.seal.open:
+            table.compare(self.index, self.seal)
+        return table
+
+    def asset(self, name: str) -> Path:
+        return within(self.dataset, layout.ASSETS, name, self.where)
+
+    def asset_bytes(self, name: str) -> bytes:
+        """Raises TraceError when there is no such file, or it holds something else."""
+        path = self.asset(name)
+        try:
+            regular(path)
+            return path.read_bytes()
+        except OSError as error:
+            raise TraceError(
+                self.where,
+                f"{path} cannot be read: {error.strerror}.",
+                fix="copy the dataset's assets folder too",
+            ) from None
+
+    def attachment(self, name: str) -> bytes:
+        """A file under the name of its content; raises TraceError as ``asset_bytes`` does."""
+        data = self.asset_bytes(name)
+        if sha256(data).hexdigest() != Path(name).stem:
+            raise TraceError(
+                self.where,
+                f"the file {name} in {layout.ASSETS} has changed since it was written.",
+                "files named after the SHA-256 of their content",
+                "restore the file",
+            )
+        return data
+
+    def demand(self, errors: list[TraceError]) -> None:
+        """Raise the first of the errors, when the episode is to be checked."""
+        if self.checked and errors:
+            raise errors[0]
+
+    def in_order(self, frames: Values, what: str, rows: int) -> None:
+        """Rows must stand for frames 0, 1, 2, …; otherwise they would be taken for others."""
+        frame = frames.array
+        if len(frame) == rows and frames.sound:
+            return
+        if len(frame) != rows or (frame[:, 0] != np.arange(rows, dtype=frame.dtype)).any():
+            raise TraceError(
+                self.where,
+                f"{what} has {len(frame)} rows that are not the frames 0…{rows - 1} in order.",
+                "one row per frame, ascending",
+            )
+
+    def time(self) -> NDArray[np.float64]:
+        [frame] = self.frames_table.several((_FRAME,), self.index)
+        self.in_order(frame, "frames", self.length)
+        return self.frames_table.values(("timestamp",), np.float64, self.index)[:, 0]
+
+    def track(self, body: str) -> Track:
+        return StoredTrack(lambda columns: self.track_columns(body, columns))
+
+    def track_columns(self, body: str, columns: tuple[str, ...]) -> dict[str, NDArray[np.float32]]:
+        source = self.bodies_table
+        blocks = tuple(_TRACK[column] for column in columns)
+        first = () if body in self._in_order else (_FRAME,)
+        found = source.several((*first, *blocks), self.index, body)
+        loaded: dict[str, NDArray[np.float32]] = {}
+        for column, (values, sound) in zip(columns, found[len(first) :], strict=True):
+            if len(values) == 0:
+                raise TraceError(self.where, f"body {body!r} has no poses in {source.path}")
+            if body not in self._in_order:
+                rows = 1 if len(values) == 1 else self.length
+                self.in_order(found[0], f"body {body!r}", rows)
+                self._in_order.add(body)
+            usual = sound and len(values) in (1, self.length)
+            if not usual or (column == "orientation" and not _near_unit(values)):
+                self.demand(check_track_column(column, values, body, self.length, self.where))
+            loaded[column] = values
+        return loaded
+
+    def contacts(self, geom_owner: NDArray[np.int16]) -> ContactTable:
+        return StoredContacts(
+            Source(
+                self.table("contacts"),
+                self.index,
+                self.row["contacts"],
+                self.length,
+                self.body_index,
+                geom_owner,
+                self.checked,
+                self.where,
+            )
+        )
+
+    def robot(self) -> RobotFrames:
+        source = self.frames_table
+        table = source.rows(tuple(ROBOT_COLUMNS.values()), self.index)
+        frames = RobotFrames(
+            *(source.lists(table, column, np.float32) for column in ROBOT_COLUMNS.values())
+        )
+        self.demand(check_frames(frames, self.length, self.where))
+        return frames
+
+    def mesh(self, key: str) -> Mesh:
+        name = f"{key}.ply"
+        return from_ply(self.asset_bytes(name), key, str(self.asset(name)))
+
+    def channel(self, key: tuple[str, str]) -> NDArray[np.float32]:
+        source = self.table("channels")
+        table = source.rows(("frame_index", "name", "value"), self.index, key[0])
+        table = table.filter([name == key[1] for name in table["name"].to_pylist()])
+        frame = source.numbers(table, "frame_index", np.int32)[:, None]
+        self.in_order(Values(frame, False), f"channel {key[1]!r} of {key[0]!r}", self.length)
+        values: NDArray[np.float32] = source.numbers(table, "value", np.float32)
+        self.demand(check_finite(values, f"channel {key[1]!r} of {key[0]!r}", self.where))
+        return values
+
+    def states(self) -> StoredItems[int, NDArray[np.float64]]:
+        source = self.table("states")
+        column = source.rows(("frame_index",), self.index)
+        frames = source.numbers(column, "frame_index", np.int64).tolist()
+
+        def load(frame: int) -> NDArray[np.float64]:
+            table = source.rows(("state",), self.index)
+            row = table.slice(frames.index(frame), 1)
+            state: NDArray[np.float64] = source.lists(row, "state", np.float64)[0]
+            return state
+
+        return StoredItems(frames, load)
+
+
+def _recomputed(file: Path, row: Mapping[str, Any]) -> str:
+    """The content hash, of everything. Raises TraceError for the first thing that is wrong with it."""
+    return computed(_StoredEpisode(file, row, checked=False).episode())

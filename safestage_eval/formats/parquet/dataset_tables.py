@@ -1,0 +1,181 @@
+"""An episode as Arrow tables, one for each row group that a dataset stores."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from safestage_eval.episode import ContactTable, Episode, Track
+from safestage_eval.formats.digests import Digests, sealed
+
+from .arrow_tables import CONTACT_VECTORS, ROBOT_COLUMNS, XYZ, schema
+from .episode_row import encode, to_geometry, to_row
+
+CONTACT_GROUP = 2048
+"""Least rows of a row group of contacts; it ends where the pair of bodies changes."""
+
+TRACK_COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity")
+
+
+def episode_tables(episode: Episode, index: int) -> dict[str, Iterator[pa.Table]]:
+    """Table name → its row groups for this episode, made as they are asked for.
+
+    The optional tables ``channels`` and ``states`` are there only when the episode has any.
+
+    Raises:
+        TraceError: a column that is looked at for the first time is damaged.
+    """
+    tables = {
+        "bodies": _bodies(episode, index),
+        "contacts": _contacts(episode, index),
+        "frames": iter([_frames(episode, index)]),
+        "geometry": iter([as_rows("geometry", to_geometry(episode.header, index))]),
+    }
+    if episode.channels:
+        tables["channels"] = _channels(episode, index)
+    if episode.states:
+        tables["states"] = iter([_states(episode, index)])
+    return tables
+
+
+def episode_entry(
+    episode: Episode, index: int, file: str, attachments: Mapping[str, str], digests: Digests
+) -> dict[str, Any]:
+    """The episode's row of ``meta/episodes``.
+
+    ``attachments`` maps names to files in ``assets``; ``digests``: of its tables.
+
+    Raises:
+        TraceError: the header holds a number that is not finite.
+    """
+    name = episode.header.episode_id
+    return to_row(episode.header) | {
+        "episode_index": index,
+        "file": file,
+        "length": len(episode),
+        "contacts": len(episode.contacts),
+        "channels": encode([list(key) for key in episode.channels], name),
+        "states": len(episode.states),
+        "attachments": encode(dict(attachments), name),
+        "content_hash": episode.content_hash,
+        "digests": sealed(episode, digests),
+    }
+
+
+def as_rows(table: str, rows: list[dict[str, Any]]) -> pa.Table:
+    """Records as an Arrow table with the columns of ``table``."""
+    return pa.Table.from_pylist(rows, schema(table))
+
+
+def _table(table: str, columns: Mapping[str, Any]) -> pa.Table:
+    return pa.table([columns[name] for name in schema(table).names], schema(table))
+
+
+def _constant(value: str, rows: int) -> pa.DictionaryArray:
+    return pa.DictionaryArray.from_arrays(np.zeros(rows, np.int16), pa.array([value]))
+
+
+def _axes(name: str, values: NDArray[np.float32], axes: tuple[str, ...]) -> dict[str, Any]:
+    return {f"{name}.{a}": np.ascontiguousarray(values[:, i]) for i, a in enumerate(axes)}
+
+
+def _bodies(episode: Episode, index: int) -> Iterator[pa.Table]:
+    """Moving bodies first: `datasets` reads in batches as long as a file's first row group."""
+    for body in sorted(episode.header.bodies, key=lambda body: not body.movable):
+        track: Track = episode.tracks[body.name]
+        columns: dict[str, Any] = {
+            "episode_index": np.full(len(track), index, np.int32),
+            "frame_index": np.arange(len(track), dtype=np.int32),
+            "body": _constant(body.name, len(track)),
+        }
+        for name in TRACK_COLUMNS:
+            axes = ("w", *XYZ) if name == "orientation" else XYZ
+            columns |= _axes(name, getattr(track, name), axes)
+        yield _table("bodies", columns)
+
+
+def _contacts(episode: Episode, index: int) -> Iterator[pa.Table]:
+    contacts = episode.contacts
+    slot = slots(contacts)
+    order = np.lexsort((contacts.frame, slot, contacts.body2, contacts.body1))
+    contacts, slot = contacts.where(order), slot[order]
+    names = pa.array([body.name for body in episode.header.bodies], pa.string())
+    columns: dict[str, Any] = {
+        "episode_index": np.full(len(slot), index, np.int32),
+        "frame_index": contacts.frame,
+        "slot": slot,
+        "body1": pa.DictionaryArray.from_arrays(contacts.body1, names),
+        "body2": pa.DictionaryArray.from_arrays(contacts.body2, names),
+        "geom1": contacts.geom1,
+        "geom2": contacts.geom2,
+        "peak_force": contacts.peak_force,
+        "depth": contacts.depth,
+    }
+    for name in CONTACT_VECTORS:
+        columns |= _axes(name, getattr(contacts, name), XYZ)
+    whole = _table("contacts", columns)
+    new_pair = np.diff(contacts.body1, prepend=-1) != 0
+    new_pair |= np.diff(contacts.body2, prepend=-1) != 0
+    begin = 0
+    for end in (*np.flatnonzero(new_pair).tolist(), len(slot)):
+        if end - begin >= CONTACT_GROUP or end == len(slot):
+            yield whole.slice(begin, end - begin)
+            begin = end
+
+
+def slots(contacts: ContactTable) -> NDArray[np.int16]:
+    """(C,) number of each contact within its frame and pair, in the table's order."""
+    if not len(contacts):
+        return np.zeros(0, np.int16)
+    first = np.ones(len(contacts), bool)
+    first[1:] = contacts.frame[1:] != contacts.frame[:-1]
+    first[1:] |= contacts.body1[1:] != contacts.body1[:-1]
+    first[1:] |= contacts.body2[1:] != contacts.body2[:-1]
+    rows = np.arange(len(contacts))
+    return (rows - np.maximum.accumulate(np.where(first, rows, 0))).astype(np.int16)
+
+
+def _lists(values: NDArray[Any]) -> pa.ListArray:
+    rows, width = values.shape
+    offsets = np.arange(rows + 1, dtype=np.int32) * width
+    return pa.ListArray.from_arrays(offsets, np.ascontiguousarray(values).ravel())
+
+
+def _frames(episode: Episode, index: int) -> pa.Table:
+    columns: dict[str, Any] = {
+        "episode_index": np.full(len(episode), index, np.int32),
+        "frame_index": np.arange(len(episode), dtype=np.int32),
+        "timestamp": episode.t,
+    }
+    for attribute, column in ROBOT_COLUMNS.items():
+        columns[column] = _lists(getattr(episode.frames, attribute))
+    return _table("frames", columns)
+
+
+def _channels(episode: Episode, index: int) -> Iterator[pa.Table]:
+    for (body, name), values in episode.channels.items():
+        rows = len(values)
+        yield _table(
+            "channels",
+            {
+                "episode_index": np.full(rows, index, np.int32),
+                "frame_index": np.arange(rows, dtype=np.int32),
+                "body": _constant(body, rows),
+                "name": _constant(name, rows),
+                "value": np.ascontiguousarray(values),
+            },
+        )
+
+
+def _states(episode: Episode, index: int) -> pa.Table:
+    return as_rows(
+        "states",
+        [
+            {"episode_index": index, "frame_index": frame, "state": state}
+            for frame, state in sorted(episode.states.items())
+        ],
+    )

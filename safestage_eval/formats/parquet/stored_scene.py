@@ -1,0 +1,61 @@
+"""The scene of stored episodes: most of a task have the same bodies, which are understood once."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Body, Header
+from safestage_eval.formats.contact_points import GeomNames
+
+from .episode_row import mesh_keys
+
+_KEPT = 8
+
+Shapes = list[dict[str, Any]]
+
+
+class Scene(NamedTuple):
+    """What is known of a scene.
+
+    Attributes:
+        text: its bodies as they are stored.
+        shapes: rows of ``geometry``, as ``read_records`` gives them.
+        bodies: the same, understood.
+        places: name → index among them.
+        owner: (G,) index of each geom's body.
+        meshes: keys of the meshes that geoms have, each once.
+        sound: they were checked, and nothing was wrong with them.
+    """
+
+    text: str | None
+    shapes: Shapes
+    bodies: tuple[Body, ...]
+    places: dict[str, int]
+    owner: NDArray[np.int16]
+    meshes: list[str]
+    sound: bool
+
+
+_SCENES: list[Scene] = []
+"""Those that were met last."""
+
+
+def known_scene(text: str | None, shapes: Shapes) -> Scene | None:
+    """The same, if it was met lately; rows of ``geometry`` must be the very same object."""
+    for scene in _SCENES:
+        if scene.shapes is shapes and scene.text == text:
+            return scene
+    return None
+
+
+def new_scene(text: str | None, shapes: Shapes, header: Header, *, sound: bool) -> Scene:
+    """Of the header that was made of them; kept if it is sound."""
+    index = {body.name: i for i, body in enumerate(header.bodies)}
+    owner = GeomNames(header).owner
+    scene = Scene(text, shapes, header.bodies, index, owner, mesh_keys(header), sound)
+    if sound:
+        _SCENES[:] = [scene, *_SCENES[: _KEPT - 1]]
+    return scene

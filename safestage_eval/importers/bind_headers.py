@@ -1,0 +1,61 @@
+"""A bind file whose roles, goal, rules and values go into the headers of what is imported."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from safestage_eval._text.toml_text import from_toml
+from safestage_eval.episode import Header
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A checked bind file as TOML gives it; picklable.
+
+    Attributes:
+        path: where it is.
+        task, episode: name or id → ``{"roles": …, "goal": …, "rules": …, "set": …}``.
+    """
+
+    path: str
+    task: Mapping[str, Mapping[str, Any]]
+    episode: Mapping[str, Mapping[str, Any]]
+
+    def onto(self, header: Header, name: str) -> Header:
+        """The header with what is bound for its task, and for itself by id or name in the source."""
+        tables = (
+            self.task.get(header.task or "", {}),
+            self.episode.get(name, {}),
+            self.episode.get(header.episode_id, {}),
+        )
+        for table in tables:
+            roles = {
+                role: (players,) if isinstance(players, str) else tuple(players)
+                for role, players in table.get("roles", {}).items()
+            }
+            header = header.model_copy(
+                update={
+                    "family": table.get("family", header.family),
+                    "roles": {**header.roles, **roles},
+                    "goal": table.get("goal", header.goal),
+                    "rules": tuple(table.get("rules", header.rules)),
+                    "parameters": {**header.parameters, **table.get("set", {})},
+                }
+            )
+        return header
+
+
+def load_bound(path: str | Path, rules: Sequence[str | Path] = ()) -> Bound:
+    """Read a bind file and check it against rule files (all built-in ones if none are given).
+
+    Raises:
+        RuleErrors, RuleError: it cannot be used.
+    """
+    from safestage_eval.rules import builtin_names, find_bind, load_bind, load_rules
+
+    load_bind(path, load_rules(list(rules) or builtin_names()))
+    tables = from_toml(find_bind(path).read_text("utf-8"))
+    return Bound(str(path), tables.get("task", {}), tables.get("episode", {}))

@@ -1,0 +1,171 @@
+"""Importing all episodes of a source into a dataset: again and again, and none by halves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from safestage_eval.errors import InputError, readable
+from safestage_eval.formats import EpisodeRef, discover
+
+from .bind_headers import Bound
+from .import_episode import Failed, Imported, Target, Task
+from .import_limits import Limits
+from .importer import Settings, SourceError
+from .open_source import Fingerprint, Look, Names, Unknown
+from .read_in_child import Apart, Here, Reading
+from .registry import walk
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What importing came to.
+
+    Attributes:
+        formats: file or folder → (format, by what it was recognised).
+        imported, failed: in the order of the source.
+    """
+
+    formats: dict[str, tuple[str, str]]
+    imported: tuple[Imported, ...]
+    failed: tuple[Failed, ...]
+
+
+def import_all(
+    source: Path,
+    to: Path,
+    settings: Settings | None = None,
+    *,
+    only: str | None = None,
+    bind: Bound | None = None,
+    prefix: str = "",
+    limit: int | None = None,
+    jobs: int = 1,
+    mcap: bool = False,
+    limits: Limits | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Outcome:
+    """Import what an importer recognises under a path; an episode that is there already is kept.
+
+    Args:
+        source: a file or folder.
+        to: a dataset's folder, or with ``mcap`` a folder of MCAP files.
+        settings: what the user adds to the source.
+        only: the format to take it for, instead of asking all.
+        bind: roles, goal, rules and values (docs/rules.md) to put into the headers.
+        prefix: of the episode ids, to keep apart sources whose names are the same.
+        limit: import the first so many.
+        jobs: worker processes.
+        mcap: write MCAP files.
+        limits: what each look and each episode may take; they are then read in processes of their own,
+            as they are with more than one job. Without it nothing is bounded.
+        progress: told (done, total) after each episode.
+
+    Raises:
+        SourceError: nothing was recognised, or the map file speaks of no episode of the source.
+    """
+    settings = settings or Settings()
+    target = Target(to, mcap, settings, bind)
+    apart = limits is not None or jobs > 1
+    with Apart(target, limits or Limits(), jobs) if apart else Here(target) as reading:
+        tasks, failed, formats = _tasks(source, to, reading, only, prefix)
+        if tasks:
+            _episodes_exist(settings, {task.name for task in tasks})
+        tasks = tasks[:limit]
+        there = _there(to)
+        imported: dict[str, Imported] = {}
+        todo = []
+        for task in tasks:
+            if task.episode_id not in there:
+                todo.append(task)
+                continue
+            try:
+                imported[task.source] = _kept(task, target, there[task.episode_id], reading)
+            except InputError as error:
+                failed.append(Failed(task.source, str(error)))
+        for done, (task, result) in enumerate(reading.run(todo), len(tasks) - len(todo) + 1):
+            if isinstance(result, Imported):
+                imported[task.source] = result
+            else:
+                failed.append(result)
+            if progress is not None:
+                progress(done, len(tasks))
+    order = {task.source: i for i, task in enumerate(tasks)}
+    return Outcome(
+        formats,
+        tuple(imported[task.source] for task in tasks if task.source in imported),
+        tuple(sorted(failed, key=lambda f: order.get(f.source, -1))),
+    )
+
+
+def _tasks(
+    source: Path, to: Path, reading: Reading, only: str | None, prefix: str
+) -> tuple[list[Task], list[Failed], dict[str, tuple[str, str]]]:
+    tasks: list[Task] = []
+    failed: list[Failed] = []
+    formats: dict[str, tuple[str, str]] = {}
+    root = source.resolve().parent
+
+    def claim(path: Path) -> tuple[str, str] | InputError | None:
+        try:
+            found: tuple[str, str] | None = reading.ask(Look(path, only), path)
+        except InputError as error:
+            return error
+        return found
+
+    found: list[tuple[Path, tuple[str, str] | InputError]] = list(walk(source, claim, to))
+    if not found:
+        reading.ask(Unknown(source, only), source)
+    for path, whose in found:
+        place = readable(path.resolve().relative_to(root).as_posix())
+        try:
+            if isinstance(whose, InputError):
+                raise whose
+            formats[str(path)] = whose
+            kind, _ = whose
+            names: list[str] = reading.ask(Names(kind, path), path)
+        except InputError as error:
+            if len(found) == 1:
+                raise
+            failed.append(Failed(place, str(error)))
+            continue
+        stem = place.removesuffix(readable(path.suffix)) if path.is_file() else place
+        tasks += [
+            Task(kind, path, name, f"{prefix}{stem}/{name}", f"{place}:{name}") for name in names
+        ]
+    return tasks, failed, formats
+
+
+def _episodes_exist(settings: Settings, names: set[str]) -> None:
+    """Raises SourceError when the map file speaks of episodes that the source does not have."""
+    unknown = sorted(set(settings.map.episode) - names)
+    if unknown:
+        some = ", ".join(sorted(names)[:6])
+        raise SourceError(
+            settings.map.path, f"[episode.{unknown[0]}] names no episode of the source.", some
+        )
+
+
+def _there(folder: Path) -> dict[str, EpisodeRef]:
+    """Id → where it is, of the episodes that the target has already."""
+    if not folder.is_dir():
+        return {}
+    return {ref.episode_id: ref for ref in discover([folder], maybe_none=True)}
+
+
+def _kept(task: Task, target: Target, ref: EpisodeRef, reading: Reading) -> Imported:
+    """The episode that is there already, if it came from the same data with the same settings.
+
+    Raises:
+        InputError: it is another one.
+    """
+    there = ref.open().header
+    if there.source.fingerprint != reading.ask(Fingerprint(task), task.path):
+        raise InputError(
+            str(target.folder),
+            f"holds another episode {task.episode_id!r}, from other data or imported with "
+            "another map or other flags.",
+            fix="another --to, or --prefix TEXT for another id",
+        )
+    return Imported(task.episode_id, task.source, ref.shown, 0, there.source.account, new=False)

@@ -1,0 +1,29 @@
+"""The labelling page: one document, everything inline."""
+
+from __future__ import annotations
+
+from functools import cache
+from html import escape
+
+from safestage_eval.viewer.html_page import THEME_SWITCH, page, part
+from safestage_eval.viewer.replay import script
+
+ALLOW = {"connect-src": "'self'", "media-src": "'self'"}
+
+
+@cache
+def label_page(total: int, reviewer: str | None) -> str:
+    """The page for so many rollouts; ``reviewer`` is None where it is to ask for a name."""
+
+    def own(name: str) -> str:
+        return part(name, "safestage_eval.label")
+
+    known = f'data-reviewer="{escape(reviewer)}"' if reviewer is not None else ""
+    body = [
+        own("label.html")
+        .replace("{total}", str(total))
+        .replace("{reviewer}", known)
+        .replace("{theme}", THEME_SWITCH)
+    ]
+    scripts = [script(), own("label.js")]
+    return page("Safe or unsafe?", body, styles=[own("label.css")], scripts=scripts, allow=ALLOW)

@@ -1,0 +1,219 @@
+"""How far evaluator and people agree, for people, papers and programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from safestage_eval.metrics.agreement import Agreement, Disagreement, Witness
+from safestage_eval.metrics.confusion import Confusion
+from safestage_eval.metrics.rates import ALL
+from safestage_eval.version import __version__
+
+from .table import Sheet, as_markdown, as_text
+
+FORMATS = ("table", "json", "csv", "markdown")
+COUNTS = ("n", "tp", "fp", "fn", "tn")
+METRICS = ("precision", "recall", "f1", "accuracy", "kappa")
+HEADS = {"f1": "F1", "n": "N", "tp": "TP", "fp": "FP", "fn": "FN", "tn": "TN"}
+MOST = 8
+"""Ids that are listed of those that have no partner."""
+MAJORITY = "majority"
+
+
+def render(found: Agreement, form: str) -> str:
+    """A comparison in one of ``FORMATS``. Raises KeyError for another."""
+    return {"table": _table, "json": _json, "csv": _csv, "markdown": _markdown}[form](found)
+
+
+def _table(found: Agreement) -> str:
+    lines = [as_text(list(_sheets(found)), _notes(found))]
+    if found.disagreements:
+        lines.append(f"Disagreements: {len(found.disagreements)}")
+        for one in found.disagreements:
+            lines.append(f"  {one.judged.episode_id}, {one.judged.stage}: {_said(one)}")
+            lines += [f"    {text}" for text in _reasons(one)]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _markdown(found: Agreement) -> str:
+    lines = [as_markdown(list(_sheets(found)), _notes(found))]
+    if found.disagreements:
+        lines += ["## Disagreements", ""]
+        for one in found.disagreements:
+            lines.append(f"- `{one.judged.episode_id}`, {one.judged.stage}: {_said(one)}")
+            lines += [f"  - {text}" for text in _reasons(one)]
+    return "\n".join(lines).rstrip("\n") + "\n"
+
+
+def _json(found: Agreement) -> str:
+    document = {
+        "version": __version__,
+        "by_stage": [_row(MAJORITY, *item) for item in found.stages.items()],
+        "by_reviewer": [
+            _row(who, *item) for who, stages in found.reviewers.items() for item in stages.items()
+        ],
+        "between_reviewers": {
+            "pairs": [asdict(pair) for pair in found.pairs],
+            "fleiss": {"kappa": found.fleiss, "n": found.fleiss_n, "why": found.why_no_fleiss},
+        },
+        "disagreements": [_difference(one) for one in found.disagreements],
+        "left_out": {
+            "unsure": dict(found.unsure),
+            "tied": dict(found.tied),
+            "undecided": list(found.undecided),
+            "only_labels": list(found.only_labels),
+            "only_results": list(found.only_results),
+            "replaced": found.replaced,
+        },
+    }
+    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _csv(found: Agreement) -> str:
+    buffer = io.StringIO()
+    columns = ("reviewer", "stage", *COUNTS, *METRICS)
+    writer = csv.DictWriter(buffer, columns, lineterminator="\n", extrasaction="ignore")
+    writer.writeheader()
+    for who, stages in ((MAJORITY, found.stages), *found.reviewers.items()):
+        writer.writerows(_row(who, stage, counts) for stage, counts in stages.items())
+    return buffer.getvalue()
+
+
+def _row(reviewer: str, stage: str, counts: Confusion) -> dict[str, Any]:
+    return {
+        "reviewer": reviewer,
+        "stage": stage,
+        **{name: getattr(counts, name) for name in (*COUNTS, *METRICS)},
+        "intervals": {name: list(ends) for name, ends in counts.intervals.items()},
+        "undefined": counts.undefined,
+    }
+
+
+def _difference(one: Disagreement) -> dict[str, Any]:
+    return {
+        "episode_id": one.judged.episode_id,
+        "stage": one.judged.stage,
+        "violation": one.judged.violation,
+        "label": _word(one.unsafe),
+        "labels": [{"reviewer": x.reviewer, "label": x.label, "note": x.note} for x in one.labels],
+        "witnesses": [asdict(witness) for witness in one.judged.witnesses],
+    }
+
+
+def _sheets(found: Agreement) -> Iterator[Sheet]:
+    heads = tuple(HEADS.get(name, name) for name in (*COUNTS, *METRICS))
+    rows = [(stage, *_cells(counts, intervals=True)) for stage, counts in found.stages.items()]
+    title = "Evaluator against labels, violations positive; shares in %, [Wilson's 95 % interval]"
+    yield Sheet(title, ("stage", *heads), rows, 1)
+    if len(found.reviewers) > 1:
+        each = [
+            (who, stage, *_cells(counts))
+            for who, stages in found.reviewers.items()
+            for stage, counts in stages.items()
+            if counts.n or stage == ALL
+        ]
+        yield Sheet("Evaluator against each reviewer", ("reviewer", "stage", *heads), each, 2)
+    if found.pairs:
+        pairs = [
+            (x.first, x.second, str(x.n), _percent(x.alike / x.n if x.n else None), _kappa(x.kappa))
+            for x in found.pairs
+        ]
+        head = ("reviewer", "and", "N", "alike", "Cohen's kappa")
+        yield Sheet("Reviewers with each other", head, pairs, 2)
+
+
+def _cells(counts: Confusion, *, intervals: bool = False) -> tuple[str, ...]:
+    shares = []
+    for name in METRICS[:-1]:
+        ends = counts.intervals.get(name) if intervals else None
+        within = "" if ends is None else f" [{100 * ends[0]:.1f}, {100 * ends[1]:.1f}]"
+        shares.append(_percent(getattr(counts, name)) + within)
+    return (*(str(getattr(counts, name)) for name in COUNTS), *shares, _kappa(counts.kappa))
+
+
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{100 * value:.2f}"
+
+
+def _kappa(value: float | None) -> str:
+    return "–" if value is None else f"{value:.3f}"
+
+
+def _notes(found: Agreement) -> list[str]:
+    """What is left out, what has no value and why."""
+    notes = []
+    if len(found.reviewers) > 2:
+        value = _kappa(found.fleiss)
+        reason = f": {found.why_no_fleiss}" if found.why_no_fleiss else f", N = {found.fleiss_n}"
+        notes.append(f"Fleiss' kappa of all {len(found.reviewers)} reviewers: {value}{reason}")
+    notes += [
+        f"{what}: {sum(counts.values())} ({_by_stage(counts)}), in no count"
+        for what, counts in (
+            ("nobody is sure", found.unsure),
+            ("as many reviewers say safe as unsafe", found.tied),
+        )
+        if counts
+    ]
+    notes += [
+        f"{what}: {len(names)}, in no count: {_some(names)}"
+        for what, names in (
+            ("labelled, but inconclusive or not judged", found.undecided),
+            ("labels without a result", found.only_labels),
+            ("results without a label", found.only_results),
+        )
+        if names
+    ]
+    if found.replaced:
+        notes.append(f"labels that their reviewer replaced by a later one: {found.replaced}")
+    for stage, counts in found.stages.items():
+        reasons: dict[str, list[str]] = {}
+        for name, why in counts.undefined.items():
+            reasons.setdefault(why, []).append(HEADS.get(name, name))
+        notes += [f"–, {stage}: {', '.join(names)}: {why}" for why, names in reasons.items()]
+    for pair in found.pairs:
+        if pair.kappa is None:
+            why = "both gave one and the same answer throughout" if pair.n else "nothing in common"
+            notes.append(f"–, {pair.first} and {pair.second}: kappa: {why}")
+    return notes
+
+
+def _by_stage(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{stage} {number}" for stage, number in counts.items())
+
+
+def _some(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
+    return ", ".join(names[:MOST]) + more
+
+
+def _said(one: Disagreement) -> str:
+    evaluator = "violation" if one.judged.violation else "no violation"
+    named = [f"{x.reviewer}: {x.label}" for x in one.labels if x.reviewer]
+    votes = f" ({', '.join(named)})" if len(named) > 1 else ""
+    return f"evaluator {evaluator}, labels {_word(one.unsafe)}{votes}"
+
+
+def _reasons(one: Disagreement) -> Iterable[str]:
+    """The witnesses, and what reviewers noted."""
+    for witness in one.judged.witnesses:
+        yield _told(witness)
+    for label in one.labels:
+        if label.note:
+            whose = f" of {label.reviewer}" if label.reviewer else ""
+            yield f"note{whose}: {' '.join(label.note.split())}"
+
+
+def _told(witness: Witness) -> str:
+    when = "" if witness.time is None else f"at {witness.time:.2f} s"
+    head = " ".join(part for part in (witness.rule, when) if part)
+    bodies = f" [{', '.join(witness.bodies)}]" if witness.bodies else ""
+    return (f"{head}: " if head else "") + (witness.explanation or witness.verdict) + bodies
+
+
+def _word(unsafe: bool) -> str:
+    return "unsafe" if unsafe else "safe"

@@ -1,0 +1,145 @@
+"""What became of a rule's examples, and which broken rules they let through."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree as ET
+
+from safestage_eval.units import format_quantity, in_unit, unit_of
+
+from .ci_report import junit_text
+
+if TYPE_CHECKING:
+    from safestage_eval.whatif.examples import Checked, Suite
+    from safestage_eval.whatif.mutants import Hunted
+
+FORMATS = ("table", "json", "junit")
+
+
+def render(
+    suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None, form: str
+) -> str:
+    """Results in one of ``FORMATS``. Raises KeyError for another.
+
+    Args:
+        suites: rule file as asked for → its examples.
+        hunted: rule file → its mutants; None if none were made.
+        form: the format.
+    """
+    return {"table": _table, "json": _json, "junit": _junit}[form](suites, hunted)
+
+
+def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:
+    rows = [["", "rule", "example", "expected", "got", "margin", "why"]]
+    for suite in suites.values():
+        rows += [
+            [
+                "ok" if c.right else "NO",
+                c.rule,
+                c.name,
+                c.expected,
+                c.got.replace("_", " "),
+                _margin(c),
+                c.why.partition("\n")[0],
+            ]
+            for c in suite.checked
+        ]
+    lines = _columns(rows) if len(rows) > 1 else []
+    for suite in suites.values():
+        lines += [f"NO  {_lacks(code, *counts)}" for code, counts in suite.lacking.items()]
+    checked = [c for suite in suites.values() for c in suite.checked]
+    right = sum(c.right for c in checked)
+    rules = len({c.rule for c in checked})
+    lines.append(f"{right} of {len(checked)} examples of {rules} rules as expected")
+    if hunted is not None:
+        every = [m for found in hunted.values() for m in found]
+        alive = [m for m in every if m.killer is None]
+        if alive:
+            lines += ["", "Mistakes that no example notices:"]
+            lines += _columns([[f"  {m.where}", m.kind, m.what] for m in alive])
+        lines.append(f"{len(every) - len(alive)} of {len(every)} mistakes noticed")
+    return "\n".join(lines) + "\n"
+
+
+def _json(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:
+    document: dict[str, Any] = {
+        "examples": [
+            {"rules": name, **_facts(c)} for name, suite in suites.items() for c in suite.checked
+        ],
+        "lacking": [
+            {"rules": name, "rule": code, "violating": counts[0], "passing": counts[1]}
+            for name, suite in suites.items()
+            for code, counts in suite.lacking.items()
+        ],
+    }
+    if hunted is not None:
+        document["mutants"] = [
+            {"rules": name, "rule": m.where, "kind": m.kind, "what": m.what, "killer": m.killer}
+            for name, found in hunted.items()
+            for m in found
+        ]
+    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+
+
+def _junit(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:
+    root = ET.Element("testsuites", name="safestage rules test")
+    for name, suite in suites.items():
+        node = ET.SubElement(root, "testsuite", name=name)
+        for c in suite.checked:
+            case = ET.SubElement(node, "testcase", classname=f"{name}.{c.rule}", name=c.name)
+            if c.verdict is None:
+                ET.SubElement(case, "error", message=c.problem)
+            elif not c.right:
+                said = f"expected {c.expected}, got {c.got}: {c.why}"
+                ET.SubElement(case, "failure", message=said)
+        for code, counts in suite.lacking.items():
+            case = ET.SubElement(
+                node, "testcase", classname=f"{name}.{code}", name="enough examples"
+            )
+            ET.SubElement(case, "failure", message=_lacks(code, *counts))
+        for m in (hunted or {}).get(name, ()):
+            case = ET.SubElement(
+                node, "testcase", classname=f"{name}.{m.where}.mutants", name=m.what
+            )
+            if m.killer is None:
+                ET.SubElement(case, "failure", message="no example notices this mistake")
+    return junit_text(root)
+
+
+def _facts(c: Checked) -> dict[str, Any]:
+    v = c.verdict
+    dimension = v.dimension if v is not None else None
+    margin = v.margin if v is not None else None
+    return {
+        "rule": c.rule,
+        "example": c.name,
+        "expected": c.expected,
+        "got": c.got,
+        "right": c.right,
+        "margin": margin if margin is None or not dimension else in_unit(margin, dimension),
+        "unit": unit_of(dimension) if dimension else None,
+        "why": c.why,
+    }
+
+
+def _margin(c: Checked) -> str:
+    if c.verdict is None or c.verdict.margin is None:
+        return ""
+    return format_quantity(c.verdict.margin, c.verdict.dimension or "")
+
+
+def _lacks(code: str, violating: int, passing: int) -> str:
+    return (
+        f"{code} has {violating} violating and {passing} passing examples: name more under "
+        "[rule.examples], or ask for fewer with --least"
+    )
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
+    return [
+        "  ".join([*(c.ljust(w) for c, w in zip(row, widths, strict=False)), row[-1]]).rstrip()
+        for row in rows
+    ]

@@ -1,0 +1,233 @@
+"""A paired comparison, for people and for programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from typing import Any
+
+from safestage_eval.metrics.comparison import Comparison, Line
+from safestage_eval.metrics.paired import KEYS
+from safestage_eval.metrics.rates import CONDITIONS, Rates, headline, rates
+from safestage_eval.metrics.seeds import decimal
+from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
+from safestage_eval.version import __version__
+
+from .summary import share
+from .table import Sheet, as_markdown, as_text
+
+FORMATS = ("table", "json", "csv", "markdown")
+
+
+def render(found: Comparison, form: str) -> str:
+    """The comparison in one of ``FORMATS``. Raises KeyError for another."""
+    if form == "json":
+        return json.dumps(document(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    if form == "csv":
+        return _csv(found)
+    lay = {"table": as_text, "markdown": as_markdown}[form]
+    return lay([_sheet(found), *_engagement(found)], notes(found))
+
+
+def document(found: Comparison) -> dict[str, Any]:
+    """Everything as one object; rates in percent, differences in percentage points."""
+    return {
+        "version": __version__,
+        "unit": "percent",
+        "a": found.names[0],
+        "b": found.names[1],
+        "by": found.pairs.by,
+        "paired_on": list(KEYS[found.pairs.by]),
+        "pairs": len(found.pairs.both),
+        "undecided": len(found.pairs.undecided),
+        "not_judged": found.pairs.not_judged,
+        "only_in_a": len(found.pairs.alone[0]),
+        "only_in_b": len(found.pairs.alone[1]),
+        "sides": {name: headline(cell) for name, cell in _sides(found).items()},
+        "lines": [_row(line) for line in found.lines],
+        "warnings": warnings(found),
+    }
+
+
+def warnings(found: Comparison) -> list[str]:
+    """What the sample cannot carry, over all pairs, and how many rollouts would."""
+    return [
+        f"{line.of.metric}: {_why_not(line)}"
+        for line in found.lines
+        if line.of.level == "all" and not line.carried
+    ]
+
+
+def notes(found: Comparison) -> list[str]:
+    """How much was compared, what is not in it, and how to read the columns."""
+    pairs = found.pairs
+    lines = [
+        f"{len(pairs.both)} pairs, matched by {', '.join(KEYS[pairs.by])}; difference: "
+        f"{found.names[1]} minus {found.names[0]}, percentage points.",
+        "95 % interval: tasks drawn anew. p: McNemar, exact; Holm: adjusted for the stages, or "
+        "families, of a metric.",
+        "needs: pairs that would show this difference four times out of five, if independent.",
+    ]
+    if pairs.undecided:
+        bounds = [
+            f"{c.of.metric} {_signed(c.of.least)} … {_signed(c.of.most)}"
+            for c in found.lines
+            if c.of.level == "all"
+        ]
+        said = f"{len(pairs.undecided)} pairs could not be decided and are not in N: whatever they"
+        lines.append(f"{said} are, the differences over all lie within {', '.join(bounds)}.")
+    if pairs.not_judged:
+        lines.append(f"{pairs.not_judged} pairs were judged by no assigned rule.")
+    for name, alone in zip(found.names, pairs.alone, strict=True):
+        if alone:
+            first = alone[0]
+            lines.append(
+                f"{len(alone)} rollouts of {name} have no partner (task {first.task}, seed "
+                f"{first.seed}, rollout {first.rollout}{', …' * (len(alone) > 1)})."
+            )
+    reasons: dict[str, list[str]] = {}
+    for line in found.lines:
+        if line.reason:
+            reasons.setdefault(line.reason, []).append(f"{line.of.scope} {line.of.metric}")
+    lines += [f"–: {reason} ({', '.join(where[:4])})." for reason, where in reasons.items()]
+    return lines
+
+
+def _sheet(found: Comparison) -> Sheet:
+    a, b = found.names
+    return Sheet(
+        f"{a} → {b}",
+        ("of", "metric", "pairs", f"{a} %", f"{b} %", "difference", "95 % interval",
+         "only first", "only second", "p", "Holm", "needs"),
+        [
+            [
+                line.of.scope,
+                line.of.metric,
+                str(line.of.n),
+                _rate(line.of.sums[1], line.of.n),
+                _rate(line.of.sums[2], line.of.n),
+                _signed(line.of.difference),
+                _interval(line),
+                str(line.of.sums[3]),
+                str(line.of.sums[4]),
+                _p(line.p),
+                _p(line.p_holm) + " *" * line.carried,
+                "–" if line.need is None or line.need.pairs is None else str(line.need.pairs),
+            ]
+            for line in found.lines
+        ],
+        2,
+    )  # fmt: skip
+
+
+def _sides(found: Comparison) -> dict[str, Rates]:
+    """Each side's counts over the pairs."""
+    return {name: rates(pair[i] for pair in found.pairs.both) for i, name in enumerate(found.names)}
+
+
+def _engagement(found: Comparison) -> list[Sheet]:
+    """How far the rollouts of each side got, and who was at risk; nothing where neither is known."""
+    sides = _sides(found)
+    known = any(
+        cell.given["at risk"]["N"] or any(n for stage, n in cell.engagement.items() if stage)
+        for cell in sides.values()
+    )
+    if not known:
+        return []
+    return [
+        Sheet(
+            "How far the paired rollouts got with the target, and VR by it: %, k/n",
+            ("of", *ENGAGEMENT, "unknown", *(f"VR given {name}" for name in CONDITIONS)),
+            [
+                [
+                    name,
+                    *map(str, cell.engagement.values()),
+                    *(share(cell, "VR", condition) for condition in CONDITIONS),
+                ]
+                for name, cell in sides.items()
+            ],
+            1,
+        )
+    ]
+
+
+def _why_not(line: Line) -> str:
+    if not line.of.n or line.need is None:
+        return f"{line.reason}; nothing can be claimed"
+    need, pairs = line.need, line.of.n
+    least = f"{100 * need.smallest:.1f} points is the least that this sample would show"
+    if need.pairs is None:
+        return f"{pairs} pairs show no difference; {least}"
+    said = (
+        f"{pairs} pairs cannot carry a difference of {_signed(line.of.difference)} points "
+        f"(Holm p {_p(line.p_holm)}, interval {_interval(line)}); {least}"
+    )
+    here = pairs / len(line.of.tasks)
+    if need.per_task is None:
+        would = f"more rollouts of these {len(line.of.tasks)} tasks would not"
+        return f"{said}; {would}, about {need.tasks} tasks with {here:.0f} pairs each would"
+    return f"{said}; about {need.per_task} pairs per task would, where there are {here:.0f}"
+
+
+def _row(line: Line) -> dict[str, Any]:
+    n, k_a, k_b, only_a, only_b = line.of.sums
+    need = line.need
+    return {
+        "scope": line.of.scope,
+        "level": line.of.level,
+        "metric": line.of.metric,
+        "n": n,
+        "k_a": k_a,
+        "k_b": k_b,
+        "only_a": only_a,
+        "only_b": only_b,
+        "rate_a": 100 * k_a / n if n else None,
+        "rate_b": 100 * k_b / n if n else None,
+        "difference": _percent(line.of.difference),
+        "low": _percent(line.interval[0]) if line.interval else None,
+        "high": _percent(line.interval[1]) if line.interval else None,
+        "p": line.p,
+        "p_holm": line.p_holm,
+        "carried": line.carried,
+        "least": _percent(line.of.least),
+        "most": _percent(line.of.most),
+        "needed_pairs": need and need.pairs,
+        "needed_pairs_per_task": need and need.per_task,
+        "needed_tasks": need and need.tasks,
+        "smallest_difference": _percent(need.smallest) if need else None,
+        "alike": need and need.alike,
+        "reason": line.reason,
+    }
+
+
+def _csv(found: Comparison) -> str:
+    rows = [{"a": found.names[0], "b": found.names[1], **_row(line)} for line in found.lines]
+    buffer = io.StringIO()
+    writer = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return buffer.getvalue()
+
+
+def _percent(value: float | None) -> float | None:
+    return None if value is None else 100 * value
+
+
+def _rate(k: int, n: int) -> str:
+    return decimal(100 * k / n) if n else "–"
+
+
+def _signed(value: float | None) -> str:
+    text = decimal(_percent(value))
+    return text if text.startswith(("-", "–")) or not text.strip("0.") else f"+{text}"
+
+
+def _interval(line: Line) -> str:
+    return f"{_signed(line.interval[0])} … {_signed(line.interval[1])}" if line.interval else "–"
+
+
+def _p(value: float | None) -> str:
+    if value is None:
+        return "–"
+    return "< 0.0001" if value < 1e-4 else f"{value:.4f}"

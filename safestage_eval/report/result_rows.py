@@ -1,0 +1,55 @@
+"""Results as rows and as one JSON object: what every machine-readable format is made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from safestage_eval.metrics import metrics, outcomes
+from safestage_eval.run.scores import Scores
+from safestage_eval.version import __version__
+
+COLUMNS = (
+    "episode_id", "path", "task", "stage", "family", "policy", "prompt", "seed", "rollout",
+    "success", "success_time", "engagement", "rule", "assigned", "verdict", "violation", "time", "worst_time",
+    "phase", "signal", "value", "limit", "unit", "margin", "margin_normalised", "bodies",
+    "intervals", "exposure_time", "raw_intervals", "undersampled", "vacuity", "instances", "violated_instances", "severity", "consequence_of",
+    "explanation", "notes", "sources", "rule_digest", "trace_hash", "version",
+)  # fmt: skip
+"""Names of the columns of a result row, in order (docs/results.md)."""
+
+
+MEASURED = (
+    "success_time", "time", "worst_time", "value", "limit", "margin", "margin_normalised",
+    "exposure_time",
+)  # fmt: skip
+"""Those that hold one real number."""
+
+
+def rows(scores: Scores) -> list[dict[str, Any]]:
+    """One row per episode and rule."""
+    return list(each_row(scores))
+
+
+def each_row(scores: Scores) -> Iterator[dict[str, Any]]:
+    """The same one by one."""
+    for result in scores.results:
+        for row in result.rows():
+            for name in MEASURED:  # infinite or NaN: JSON has no such numbers, rows leave them open
+                value = row[name]
+                if value is not None and not math.isfinite(value):
+                    row[name] = None
+            yield row
+
+
+def document(scores: Scores) -> dict[str, Any]:
+    """Everything as one object: version, rules, episodes, metrics, problems, and what sample it is."""
+    return {
+        "version": __version__,
+        "rules": dict(scores.rules),
+        "episodes": rows(scores),
+        "metrics": metrics(outcomes(scores.results)),
+        "problems": [{"path": p.path, "message": p.message} for p in scores.problems],
+        **({"sample": scores.sample} if scores.sample else {}),
+    }

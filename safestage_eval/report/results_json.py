@@ -1,0 +1,38 @@
+"""Results as one JSON object, or as one JSON object per line and row."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from safestage_eval.metrics import metrics, outcomes
+from safestage_eval.run.scores import Scores
+
+from .result_rows import document, each_row
+
+_EPISODES = ' "episodes": []'
+
+
+def pieces(scores: Scores) -> Iterator[str]:
+    """``{"version", "rules", "episodes", "metrics", "problems"}``, the rows one by one."""
+    around = document(replace(scores, results=()))
+    around["metrics"] = metrics(outcomes(scores.results))
+    before, after = _json(around).split(_EPISODES)
+    yield before + _EPISODES[:-1]
+    separator = "\n"
+    for row in each_row(scores):
+        yield separator + "  " + _json(row).replace("\n", "\n  ")
+        separator = ",\n"
+    yield ("\n ]" if separator != "\n" else "]") + after + "\n"
+
+
+def lines(scores: Scores) -> Iterator[str]:
+    """One row per line."""
+    for row in each_row(scores):
+        yield json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False)

@@ -1,0 +1,305 @@
+"""Results as text for people: findings first, then the rates, then what is not in them."""
+
+from __future__ import annotations
+
+import io
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+
+from rich import box
+from rich.console import Console
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from safestage_eval.metrics import METRICS, Rates, by_policy_stage, outcomes, rates
+from safestage_eval.metrics.rates import CONDITIONS
+from safestage_eval.run.scores import Scores
+from safestage_eval.units import format_quantity
+from safestage_eval.verdicts import EpisodeResult, Verdict
+
+from .summary import share, summary
+
+MOST = 40
+"""Episodes that are listed one by one; more are only counted unless asked for."""
+
+WIDTH = 100
+"""Characters per line where there is no terminal; lines are wrapped, never cut off."""
+
+LEAST = 50
+"""Below this the columns leave no room for sentences, and letters would be lost."""
+
+SECTIONS = {
+    "violation": ("Violations", "red"),
+    "inconclusive": ("Inconclusive", "yellow"),
+    "not_applicable": ("Not at risk, counted as no violation", "yellow"),
+    "pass": ("Safe", "green"),
+}
+"""What became of an episode → heading and colour, in this order."""
+
+BAD = ("violation", "inconclusive")
+"""Verdicts that are told of rules that are not assigned, too."""
+
+_ORDER = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
+
+
+def render(
+    scores: Scores, *, width: int | None = None, color: bool = False, everything: bool = False
+) -> str:
+    """The whole report.
+
+    Args:
+        scores: what scoring came to.
+        width: of the terminal, in characters.
+        color: with terminal colours.
+        everything: list every episode, and the findings of rules that are not assigned.
+    """
+    buffer = io.StringIO()
+    console = Console(
+        file=buffer,
+        width=max(width or WIDTH, LEAST),
+        color_system="standard" if color else None,
+        force_terminal=color,
+        no_color=not color,
+        highlight=False,
+        markup=False,
+    )
+    _findings(console, scores, everything=everything)
+    _unassigned(console, scores, everything=everything)
+    if scores.sample:
+        console.print(f"{scores.sample}\n", style="yellow", soft_wrap=True)
+    _rates(console, scores)
+    _leftovers(console, scores)
+    _hint(console, scores)
+    return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
+
+
+def by_importance(verdicts: Iterable[Verdict]) -> list[Verdict]:
+    """Assigned ones first; among them violations, the earliest first."""
+    return sorted(
+        verdicts,
+        key=lambda v: (not v.assigned, _ORDER[v.verdict], v.time if v.time is not None else 0.0),
+    )
+
+
+def goal_of(result: EpisodeResult) -> str:
+    """Native success in words: ``success at 9.62 s``."""
+    when = "" if result.success_time is None else f" at {result.success_time:.2f} s"
+    said = {True: f"success{when}", False: "no success", None: "success unknown"}
+    return said[result.success]
+
+
+def _reached(result: EpisodeResult) -> str:
+    """How far a rollout without success got with its target, after a comma; empty if unknown."""
+    if result.engagement in (None, "success"):
+        return ""
+    idle = result.engagement == "idle"
+    return ", never reached its target" if idle else f", target {result.engagement}"
+
+
+def _outcome(result: EpisodeResult) -> str:
+    """V of an episode; where nothing was at risk, that: it says nothing of safety."""
+    if result.violation is not False:
+        return "violation" if result.violation else "inconclusive"
+    return "pass" if result.at_risk else "not_applicable"
+
+
+def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
+    counts = dict.fromkeys(SECTIONS, 0)
+    found: dict[str, list[EpisodeResult]] = {outcome: [] for outcome in SECTIONS}
+    for result in scores.results:
+        if result.assigned:
+            outcome = _outcome(result)
+            counts[outcome] += 1
+            if everything or len(found[outcome]) < MOST:
+                found[outcome].append(result)
+    judged = sum(counts.values())
+    all_shown = everything or judged <= MOST
+    left = judged if all_shown else MOST
+    for outcome, (heading, style) in SECTIONS.items():
+        shown = found[outcome][:left] if all_shown or outcome != "pass" else []
+        left -= len(shown)
+        if not counts[outcome]:
+            continue
+        console.print(Text(f"{heading}: {counts[outcome]} of {judged} episodes", f"bold {style}"))
+        for result in shown:
+            head = Text(f"  {result.episode_id}, {goal_of(result)}{_reached(result)}", "bold")
+            console.print(head, soft_wrap=True)
+            told = result.verdicts if everything else scores.gates.counted(result)
+            console.print(Padding(_lines(told, style), (0, 0, 0, 4)))
+        if len(shown) < counts[outcome]:
+            some = "they are" if not shown else f"{counts[outcome] - len(shown)} more are"
+            console.print(f"  {some} listed with --verbose, or as rows with --format csv")
+        console.print()
+
+
+def _unassigned(console: Console, scores: Scores, *, everything: bool) -> None:
+    """What rules found in episodes to which none of them is assigned: those named, or all."""
+
+    def told(result: EpisodeResult) -> Sequence[Verdict]:
+        return result.verdicts if everything else scores.gates.counted(result)
+
+    shown = [r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in told(r))]
+    if not shown:
+        return
+    console.print(Text(f"By rules that are not assigned: {len(shown)} episodes", "bold"))
+    for result in shown if everything else shown[:MOST]:
+        console.print(Text(f"  {result.episode_id}, {goal_of(result)}", "bold"), soft_wrap=True)
+        console.print(Padding(_lines(told(result), ""), (0, 0, 0, 4)))
+    if not everything and len(shown) > MOST:
+        console.print(f"  {len(shown) - MOST} more are listed with --verbose")
+    console.print()
+
+
+def _hint(console: Console, scores: Scores) -> None:
+    """Where to find the verdicts of rules that no episode's header assigns."""
+    words: Counter[str] = Counter(
+        v.verdict for r in scores.results if not r.assigned for v in r.verdicts
+    )
+    if words:
+        counts = ", ".join(f"{words[w]} {w.replace('_', ' ')}" for w in _ORDER if w in words)
+        console.print(
+            f"the loaded rules found there: {counts}. --format csv lists all of it, --verbose what "
+            "is not safe; --bind assigns rules to episodes",
+            style="yellow",
+            soft_wrap=True,
+        )
+
+
+def _lines(told: Sequence[Verdict], style: str) -> Table:
+    """The assigned verdicts, and what is not safe among those of ``told``."""
+    grid = Table.grid(padding=(0, 2, 0, 0))
+    grid.add_column(overflow="fold")
+    grid.add_column(no_wrap=True)
+    grid.add_column(justify="right", min_width=8)
+    grid.add_column(overflow="fold", ratio=1)
+    for v in by_importance(told):
+        bad = v.verdict in BAD
+        if v.assigned or bad:
+            at = f"{v.time:.2f} s" if v.verdict == "violation" and v.time is not None else ""
+            word = v.verdict.replace("_", " ")
+            grid.add_row(v.rule, Text(word, style if v.assigned else ""), at, Text(_sentence(v)))
+    return grid
+
+
+def _sentence(v: Verdict) -> str:
+    """What happened, with value and limit; then margin, severity, and why it is told at all."""
+    facts = []
+    if v.margin is not None and v.dimension is not None:
+        facts.append(f"margin {format_quantity(v.margin, v.dimension)}")
+    if v.severity:
+        facts.append(v.severity)
+    if not v.assigned:
+        facts.append(f"follows {v.consequence_of}" if v.consequence_of else "not assigned")
+    said = v.explanation or "; ".join(v.notes) or v.title
+    return said + (f" ({', '.join(facts)})" if facts else "")
+
+
+def _rates(console: Console, scores: Scores) -> None:
+    every = outcomes(scores.results)
+    found = by_policy_stage(every)
+    for line in summary(rates(every)):
+        console.print(line)
+    console.print()
+    if not any(cell.n or cell.inconclusive for cell in found.values()):
+        return
+    _rate_table(console, "Rates: percent, k/N", found, None)
+    risk = [(cell.given["at risk"]["N"], cell.n) for cell in found.values()]
+    if len(found) > 1 and any(0 < k < n for k, n in risk):
+        _rate_table(console, "Over those at risk: percent, k/N", found, "at risk")
+    if len(found) > 1:
+        _given_table(console, found)
+
+
+Cells = Mapping[tuple[str, ...], Rates]
+
+
+def _given_table(console: Console, found: Cells) -> None:
+    """VR among those that got somewhere, where any is known to have."""
+    columns = [name for name in CONDITIONS[1:] if any(c.given[name]["N"] for c in found.values())]
+    if not columns:
+        return
+    rows = {
+        names: [share(cell, "VR", given) for given in columns]
+        for names, cell in found.items()
+        if cell.n
+    }
+    _cells(console, "VR given: percent, k/N", columns, rows)
+
+
+def _rate_table(console: Console, title: str, found: Cells, given: str | None) -> None:
+    rows = {
+        names: [share(cell, metric, given) for metric in METRICS]
+        for names, cell in found.items()
+        if cell.n or cell.inconclusive  # else nothing was judged of the stage
+    }
+    _cells(console, title, [f"{name} %" for name in METRICS], rows)
+
+
+def _cells(
+    console: Console,
+    title: str,
+    columns: Sequence[str],
+    rows: Mapping[tuple[str, ...], Sequence[str]],
+) -> None:
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    for name in ("policy", "prompt", "stage"):
+        table.add_column(name, overflow="fold")
+    for name in columns:
+        table.add_column(name, justify="right", overflow="fold")
+    above = ("", "")
+    for (policy, prompt, stage), values in rows.items():
+        names = ("", "") if (policy, prompt) == above else (policy, prompt)
+        table.add_row(*map(Text, names), stage, *values)
+        above = (policy, prompt)
+    console.print(Text(title, "bold"))
+    console.print(table)
+    console.print()
+
+
+def _leftovers(console: Console, scores: Scores) -> None:
+    total = rates(outcomes(scores.results))
+    for line in left_out(total, scores):
+        console.print(line, style="yellow", soft_wrap=True)
+    notes = [f"{r.episode_id}: {note}" for r in scores.results for note in r.notes]
+    for line in notes[:MOST]:
+        console.print(f"note: {line}", style="yellow", soft_wrap=True)
+    if len(notes) > MOST:
+        console.print(f"and {len(notes) - MOST} more notes", style="yellow")
+    for problem in scores.problems:
+        console.print(f"problem: {problem.message}", style="red", soft_wrap=True)
+    if scores.problems:
+        count = len(scores.problems)
+        console.print(f"{count} episode{'s' * (count > 1)} could not be judged", style="bold red")
+
+
+def ended_in_error(ids: Sequence[str]) -> str:
+    """Which rollouts were not judged because what recorded them failed."""
+    some = ", ".join(ids[:3]) + ", …" * (len(ids) > 3)
+    return (
+        f"{len(ids)} rollout{'s' * (len(ids) > 1)} ended in an error: not judged, not in N; recording "
+        f"again tries again: {some}"
+    )
+
+
+def left_out(total: Rates, scores: Scores) -> list[str]:
+    """Which episodes are not in N, and what they could change."""
+    lines = []
+    bounds = total.bounds("VR")
+    if total.inconclusive and bounds is not None:
+        low, high = (100 * bound for bound in bounds)
+        lines.append(
+            f"{total.inconclusive} inconclusive, not in N: whatever they are, VR over all lies "
+            f"between {low:.1f} % and {high:.1f} %"
+        )
+    if total.not_judged:
+        missing = sorted({code for r in scores.results for code in r.not_loaded})
+        why = (
+            f"rules not loaded: {', '.join(missing)}" if missing else "no rule is assigned to them"
+        )
+        lines.append(f"{total.not_judged} not judged, not in N: {why}")
+    if scores.copies:
+        lines.append(f"{len(scores.copies)} files hold copies of episodes, which count once")
+    if scores.aborted:
+        lines.append(ended_in_error(scores.aborted))
+    return lines

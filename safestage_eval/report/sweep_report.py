@@ -1,0 +1,181 @@
+"""A sweep for people and programs: table, CSV, JSON, and a plot of the rates."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from safestage_eval.metrics import METRICS
+from safestage_eval.version import __version__
+from safestage_eval.whatif.values import amount, factor_of, text_of, unit_name
+
+from .figure import ready, write
+from .summary import share
+
+if TYPE_CHECKING:
+    from safestage_eval.whatif.sweep import Sweep
+
+FORMATS = ("table", "csv", "json")
+
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
+"""Okabe and Ito's palette, told apart by colour-blind readers as well."""
+
+STYLES = ("-", (0, (4, 2)), (0, (1, 1.5)))
+"""Of lines, in turn, so that two that coincide are both seen."""
+
+DRAWN = {"VR": "violations", "SSR": "safe successes"}
+"""The rates that are drawn, in words."""
+
+FEW = 30
+"""Up to so many values each is marked on its curve."""
+
+
+def render(sweep: Sweep, form: str, by: Sequence[str] = ()) -> str:
+    """A sweep in one of ``FORMATS``. Raises KeyError for another."""
+    return {"table": _table, "csv": _csv, "json": _json}[form](sweep, by)
+
+
+def _table(sweep: Sweep, by: Sequence[str]) -> str:
+    """Values at which nothing changes are drawn together into one line."""
+    head = [*by, sweep.param, *(f"{metric} %" for metric in METRICS), "inconclusive"]
+    rows = [head]
+    for key, cells in sweep.curves(by).items():
+        shown = [[share(cell, metric) for metric in METRICS] for cell in cells]
+        facts = [[*r, str(c.inconclusive)] for r, c in zip(shown, cells, strict=True)]
+        first = 0
+        for i in range(1, len(facts) + 1):
+            if i == len(facts) or facts[i] != facts[first]:
+                ends = [text_of(sweep.values[first]), text_of(sweep.values[i - 1])]
+                rows.append([*key, " … ".join(dict.fromkeys(ends)), *facts[first]])
+                first = i
+    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    left = len(by) + 1
+    lines = [
+        "  ".join(
+            cell.ljust(w) if i < left else cell.rjust(w)
+            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    return "\n".join([*lines, "", *_remarks(sweep)]) + "\n"
+
+
+def _remarks(sweep: Sweep) -> list[str]:
+    """What was judged, and what was not."""
+    episodes = len(sweep.episodes)
+    said = [
+        f"{sweep.param} is {text_of(sweep.default)} by default and read by "
+        f"{', '.join(sweep.readers)}; {len(sweep.values)} values, {_count(episodes, 'episode')}."
+    ]
+    if sweep.unread:
+        said.append(
+            f"{_count(sweep.unread, 'episode')} left out: no rule assigned to them reads it."
+        )
+    return said + [f"problem: {problem.message}" for problem in sweep.problems]
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
+def _csv(sweep: Sweep, by: Sequence[str]) -> str:
+    rows = sweep.rows(by)
+    buffer = io.StringIO()
+    writer = csv.DictWriter(buffer, list(rows[0]) if rows else [], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return buffer.getvalue()
+
+
+def _json(sweep: Sweep, by: Sequence[str]) -> str:
+    document: dict[str, Any] = {
+        "version": __version__,
+        "param": sweep.param,
+        "default": amount(sweep.default),
+        "rules": list(sweep.readers),
+        "curve": sweep.rows(by),
+        "flips": sweep.flips(),
+        "unread": sweep.unread,
+        "problems": [{"path": p.path, "message": p.message} for p in sweep.problems],
+    }
+    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+
+
+def plot(sweep: Sweep, path: Path, by: Sequence[str] = ()) -> None:
+    """Draw VR and SSR against the parameter, its default marked.
+
+    One panel with both, or, where groups are told apart, a panel for each with a colour per group.
+
+    Args:
+        sweep: what to draw.
+        path: where to; the ending says in which format (png, svg, pdf).
+        by: groups.
+
+    Raises:
+        InputError: matplotlib is not installed, or cannot write such a file.
+    """
+    ready("--plot", path)
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    groups = len(sweep.curves(by)) > 1
+    size = (9.6, 4.2) if groups else (7.2, 4.2)
+    figure, panels = plt.subplots(
+        1, 2 if groups else 1, figsize=size, layout="constrained", sharey=True, squeeze=False
+    )
+    if groups:
+        for panel, metric in zip(panels[0], DRAWN, strict=True):
+            _draw(panel, sweep, by, (metric,))
+            panel.set_title(f"{metric}: {DRAWN[metric]}", loc="left", fontsize=10, pad=18)
+    else:
+        _draw(panels[0][0], sweep, by, tuple(DRAWN))
+    panels[0][0].set_ylabel("share of the decided episodes (%)")
+    figure.suptitle(f"Rates against {sweep.param}, read by {', '.join(sweep.readers)}", fontsize=11)
+    handles, labels = panels[0][0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, fontsize=9)
+    write(figure, "--plot", path)
+
+
+def _draw(axes: Any, sweep: Sweep, by: Sequence[str], metrics: Sequence[str]) -> None:
+    """The curves of one panel, with the default and the axes."""
+    factor, unit = factor_of(sweep.values[0]), unit_name(sweep.values[0])
+    numbers = [amount(value) / factor for value in sweep.values]
+    lines = [(key, cells, metric) for key, cells in sweep.curves(by).items() for metric in metrics]
+    for i, (key, cells, metric) in enumerate(lines):
+        heights = [float("nan") if (v := cell.value(metric)) is None else 100 * v for cell in cells]
+        name = ", ".join(key) or f"{metric}: {DRAWN[metric]}"
+        axes.plot(
+            numbers,
+            heights,
+            color=COLORS[i % len(COLORS)],
+            ls=STYLES[i % len(STYLES)],
+            drawstyle="steps-mid",  # rates jump; where between two values is not known
+            marker="o" if len(numbers) <= FEW else "",
+            ms=4,
+            lw=1.8,
+            label=f"{name} (N = {max(cell.n for cell in cells)})",
+        )
+    if unit_name(sweep.default) == unit:
+        default = amount(sweep.default) / factor
+        axes.axvline(default, color="0.45", lw=1, ls=":")
+        axes.annotate(
+            f"default {text_of(sweep.default)}",
+            (default, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 4),
+            textcoords="offset points",
+            ha="center",
+            color="0.35",
+            fontsize=9,
+        )
+    axes.set_xlabel(f"{sweep.param} ({unit})" if unit else sweep.param)
+    axes.set_ylim(-3, 103)
+    axes.grid(color="0.9", lw=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)

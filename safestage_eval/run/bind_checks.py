@@ -1,0 +1,44 @@
+"""Bind files that match no episode, or misspell the name of a role."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from safestage_eval.errors import InputError
+from safestage_eval.formats import EpisodeRef
+
+if TYPE_CHECKING:
+    from safestage_eval.rules import BindFile, RuleSet
+
+
+def require_match(bind: BindFile | None, refs: Iterable[EpisodeRef]) -> None:
+    """Raises InputError where a bind file speaks of none of the episodes."""
+    if bind is None:
+        return
+    count = 0
+    for ref in refs:
+        if bind.speaks_of(ref.fields.get("task"), ref.episode_id):
+            return
+        count += 1
+    raise InputError(
+        bind.path, f"it speaks of none of the {count} episodes.",
+        fix="name their tasks under [task.NAME], or their ids under [episode.ID]",
+    )  # fmt: skip
+
+
+def misspelt_roles(bind: BindFile | None, rules: RuleSet) -> list[str]:
+    """What is told of roles in a bind file that no rule has, where one has a role of a similar name.
+
+    A role without such a namesake is no mistake: rules that are not loaded may ask for it.
+    """
+    scoped = [*rules.scoped.values(), *rules.goals.values()]
+    there = {role for item in scoped for role, _ in item.roles}
+    found: dict[str, None] = {}
+    for name, task in ({} if bind is None else {**bind.tasks, **bind.episodes}).items():
+        for role, _ in task.roles:
+            near = get_close_matches(role, there, 1, 0.8)
+            if role not in there and near:
+                found[f'{name}: no loaded rule has a role {role}: did you mean "{near[0]}"?'] = None
+    return [f"{bind.path}: {told}" for told in found] if bind is not None else []

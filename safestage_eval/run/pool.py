@@ -1,0 +1,175 @@
+"""Worker processes on this machine: one that dies, hangs or swells costs one episode at most."""
+
+from __future__ import annotations
+
+import multiprocessing.connection
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Self
+
+from safestage_eval._process.children import LOADING
+from safestage_eval._process.spawned import LOOK, READY, Births, Spawned
+from safestage_eval.verdicts.problem import Problem
+
+from .engine import Engine, Found, Numbered
+from .settings import Settings
+from .sharing import Place, Shares, place
+from .worker import work
+
+CHUNK = 0.25
+"""s that the episodes which a process is sent at a time should take."""
+
+FIRST, MOST = 2, 64
+"""Episodes that a process is sent at first, and at most."""
+
+COMPILING = 180.0
+"""s more that the very first episode of a run may take: kernels are compiled then, and loaded
+in the first of each process."""
+
+
+class Local(Engine):
+    """Spawned processes, each with a pipe of its own.
+
+    A process answers in the order in which it was asked, so the episode that it died over is
+    known without a search. That one is tried once more, alone in a new process, because a process may be killed for
+    no fault of its own; if that dies as well, the episode is a problem. The others go on.
+    """
+
+    def __init__(self, workers: int, settings: Settings, *, lines: bool = False) -> None:
+        """``lines``: give results as they are stored (``Line``)."""
+        self._settings, self._lines = settings, lines
+        self._size = workers
+        self._workers: list[_Worker] = []
+        self._suspects: set[int] = set()
+        self._back: deque[list[Numbered]] = deque()
+        self._warm, self._births = False, Births()
+
+    def __enter__(self) -> Self:
+        """Processes stay between runs until the block ends."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
+    ) -> None:
+        """Ends the processes."""
+        for worker in self._workers:
+            worker.end()
+        self._workers.clear()
+
+    def run(self, episodes: Iterable[Numbered]) -> Iterator[tuple[int, Found]]:
+        """See ``Engine.run``; within a ``with`` block."""
+        shares = Shares(iter(episodes), self._size)
+        while True:
+            self._hand_out(shares)
+            busy = [worker for worker in self._workers if worker.asked]
+            if not busy:
+                return
+            pause = LOOK if self._settings.timeout or self._settings.memory else None
+            ready = multiprocessing.connection.wait([worker.pipe for worker in busy], pause)
+            for worker in busy:
+                if worker.pipe in ready:
+                    yield from self._answer(worker)
+                elif why := self._exceeds(worker):
+                    number, ref = worker.asked.popleft()
+                    self._dismiss(worker)
+                    yield number, Problem(ref.shown, f"{ref.shown}: {why}")
+
+    def _hand_out(self, shares: Shares) -> None:
+        """Give every process something to do, as far as there is something."""
+        while True:
+            worker = next((worker for worker in self._workers if not worker.asked), None)
+            if worker is None and len(self._workers) >= self._size:
+                return
+            chunk = self._back.popleft() if self._back else self._share(shares, worker)
+            if not chunk:
+                return
+            if worker is None:
+                worker = _Worker.start(work, self._settings, lines=self._lines)
+                self._workers.append(worker)
+            worker.give(chunk)
+
+    def _share(self, shares: Shares, worker: _Worker | None) -> list[Numbered]:
+        """What a process is to judge next; ``worker``: None for a new one."""
+        others = {other.place for other in self._workers if other is not worker}
+        if worker is None:
+            return shares.take(FIRST, None, others)
+        return shares.take(worker.appetite, worker.place, others)
+
+    def _answer(self, worker: _Worker) -> Iterator[tuple[int, Found]]:
+        """What a process has to say, its death included."""
+        try:
+            answer = worker.pipe.recv()
+        except (EOFError, OSError):
+            yield from self._death(worker)
+            return
+        worker.began = time.monotonic()
+        if answer == READY:
+            worker.ready = True
+            self._births.alive()
+            return
+        self._warm = worker.warm = True
+        number, _ = worker.asked.popleft()
+        self._suspects.discard(number)
+        worker.answered()
+        yield number, answer
+
+    def _death(self, worker: _Worker) -> Iterator[tuple[int, Found]]:
+        how = worker.end(patience=5.0)
+        if not worker.ready:
+            self._dismiss(worker)
+            self._births.dead(how)
+            return
+        number, ref = worker.asked.popleft()
+        self._dismiss(worker)
+        if number in self._suspects:
+            self._suspects.discard(number)
+            yield number, Problem(ref.shown, f"{ref.shown}: its process died twice: {how}")
+        else:
+            self._suspects.add(number)
+            self._back.append([(number, ref)])
+
+    def _dismiss(self, worker: _Worker) -> None:
+        """End a process; another one gets what it was asked and has not answered."""
+        worker.end()
+        self._workers.remove(worker)
+        if worker.asked:
+            self._back.append(list(worker.asked))
+
+    def _exceeds(self, worker: _Worker) -> str:
+        """Which bound a process is beyond; empty if none."""
+        most, limit = self._settings.memory, self._settings.timeout
+        if why := worker.swollen(most):
+            return f"judging it {why}"
+        if limit is not None and worker.ready:
+            more = 0.0 if worker.warm else LOADING if self._warm else COMPILING
+            if worker.taken() > limit + more:
+                return f"judging it took longer than {limit:g} s (--timeout)"
+        return ""
+
+
+@dataclass
+class _Worker(Spawned):
+    """A process and what it was asked and has not answered, in order."""
+
+    asked: deque[Numbered] = field(default_factory=deque)
+    appetite: int = FIRST
+    place: Place | None = None
+    """Files that the last episode it was asked for is in."""
+    _given: tuple[int, float] = (0, 0.0)
+
+    def give(self, chunk: list[Numbered]) -> None:
+        """Only to one that has answered everything."""
+        self.place = place(chunk[-1])
+        self.asked.extend(chunk)
+        self.send([ref for _, ref in chunk])
+        self._given = len(chunk), self.began
+
+    def answered(self) -> None:
+        """After each answer: how many episodes fill the time, if this was the last one."""
+        if not self.asked:
+            count, began = self._given
+            fits = CHUNK * count / max(time.monotonic() - began, 1e-6)
+            self.appetite = int(min(max(fits, 1), 2 * self.appetite, MOST))

@@ -1,0 +1,67 @@
+"""Open and judge one episode: the pure function that every process of a run calls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from safestage_eval.errors import InputError
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.verdicts.problem import Problem
+
+if TYPE_CHECKING:
+    from safestage_eval.cache import CacheFolder, Memory
+    from safestage_eval.episode import Episode
+    from safestage_eval.rules import BindFile, RuleSet
+    from safestage_eval.verdicts import EpisodeResult
+
+
+def score_episode(
+    ref: EpisodeRef,
+    rules: RuleSet,
+    overrides: Mapping[str, str] | None = None,
+    bind: BindFile | None = None,
+    backend: str = "gjk",
+    *,
+    assigned_only: bool = False,
+    cache: str | Path | CacheFolder | None = None,
+) -> EpisodeResult | Problem:
+    """Open and judge one episode; whatever is wrong with it becomes a problem, not an exception."""
+    from safestage_eval._process import blas
+    from safestage_eval.verdicts import judge
+
+    blas.postpone()
+    try:
+        if ref.problem is not None:
+            raise ref.problem
+
+        def judged(episode: Episode, memory: Memory | None = None) -> EpisodeResult:
+            return judge(
+                episode, rules, overrides=overrides, bind=bind, backend=backend,
+                assigned_only=assigned_only, memory=memory,
+            )  # fmt: skip
+
+        if cache is None:
+            return judged(ref.open())
+        from safestage_eval.cache import CacheFolder, Memory, question
+
+        folder = cache if isinstance(cache, CacheFolder) else CacheFolder(cache)
+        asked = question(ref, rules, overrides, bind, backend, assigned_only=assigned_only)
+        memory = Memory(folder, ref)
+        found = memory.result(asked, lambda: judged(memory.episode, memory))
+        memory.save()
+        return found
+    except InputError as error:
+        return Problem(ref.shown, str(error))
+    except Exception as error:  # noqa: BLE001 — one episode must not cost the others
+        return Problem(ref.shown, f"{ref.shown}: cannot be judged: {_told(error)}")
+
+
+def _told(error: Exception) -> str:
+    """An unforeseen error in one line, with the place in the code where it came up."""
+    place, trace = "", error.__traceback__
+    while trace is not None:
+        code = trace.tb_frame.f_code
+        place, trace = f"{Path(code.co_filename).name}:{trace.tb_lineno}", trace.tb_next
+    return f"{type(error).__name__}: {error} ({place})"

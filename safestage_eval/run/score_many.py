@@ -1,0 +1,124 @@
+"""Judge the episodes of a short run, in this process or in several; results stay in memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from safestage_eval._process.spawned import WORTH_A_POOL
+from safestage_eval.formats import EpisodeRef, discover
+from safestage_eval.formats.episode_filter import Chosen
+from safestage_eval.verdicts.problem import Problem
+
+from .bind_checks import require_match
+from .gates import Gates
+from .score_episode import score_episode
+from .scores import Scores, deduplicate, titles
+from .settings import Settings, load_settings
+
+if TYPE_CHECKING:
+    from safestage_eval.verdicts import EpisodeResult
+
+
+def score_many(
+    refs: Sequence[EpisodeRef],
+    rules: Sequence[str | Path] = (),
+    *,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    settings: Settings | None = None,
+    **asked: Any,
+) -> list[EpisodeResult | Problem]:
+    """Judge episodes; what comes back is in the order of what went in.
+
+    Args:
+        refs: the episodes.
+        rules: paths, folders or built-in names of rule files.
+        jobs: worker processes. If None, as many as there are processors, or none at all for a few
+            episodes. A script that uses several needs the usual ``__main__`` guard.
+        progress: told (done, total) after each episode.
+        settings: from ``load_settings``, instead of rules and what follows.
+        asked: the other arguments of ``load_settings``.
+
+    Raises:
+        RuleErrors, RuleError, InputError: as ``load_settings``, and a bind file that speaks of none of
+            the episodes.
+    """
+    settings = settings or load_settings(rules, **asked)
+    require_match(settings.bind, refs)
+    workers = min(jobs or os.cpu_count() or 1, len(refs))
+    several = workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL)
+    if refs and (several or settings.timeout is not None or settings.memory is not None):
+        found = _in_processes(refs, settings, workers if several else 1, progress)
+    else:
+        loaded, found = settings.load(), []
+        for ref in refs:
+            found.append(score_episode(ref, loaded, **settings.arguments()))
+            if progress is not None:
+                progress(len(found), len(refs))
+    if settings.cache is not None:
+        from safestage_eval.cache import CacheFolder
+
+        CacheFolder(settings.cache).prune()
+    return found
+
+
+def score_paths(
+    traces: Iterable[str | Path],
+    rules: Sequence[str | Path] = (),
+    *,
+    where: Mapping[str, str] | None = None,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    **asked: Any,
+) -> Scores:
+    """Find, open and judge episodes; all results are held in memory (``score_traces`` holds none).
+
+    Args:
+        traces: files and folders.
+        rules: paths, folders or built-in names of rule files; all built-in ones if empty.
+        where: header field → value; only episodes that match are judged.
+        jobs: worker processes; see ``score_many``.
+        progress: told (done, total) after each episode.
+        asked: the other arguments of ``load_settings``.
+
+    Raises:
+        TraceError: nothing was found.
+        InputError: nothing matches ``where``.
+        RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
+    """
+    from safestage_eval.rules import builtin_names
+
+    specs = list(rules) or builtin_names()
+    settings = load_settings(specs, **asked)
+    chosen = Chosen(discover(list(traces)), where)
+    found = score_many([*chosen], settings=settings, jobs=jobs, progress=progress)
+    results, problems, copies = deduplicate(found)
+    aborted = tuple(chosen.aborted)
+    return Scores(
+        tuple(results),
+        tuple(problems),
+        titles(specs),
+        tuple(copies),
+        aborted,
+        gates=Gates.of(specs),
+    )
+
+
+def _in_processes(
+    refs: Sequence[EpisodeRef],
+    settings: Settings,
+    workers: int,
+    progress: Callable[[int, int], None] | None,
+) -> list[EpisodeResult | Problem]:
+    from .pool import Local
+
+    found: dict[int, Any] = {}
+    with Local(workers, settings) as engine:
+        for number, result in engine.run(enumerate(refs)):
+            found[number] = result
+            if progress is not None:
+                progress(len(found), len(refs))
+    return [found[number] for number in range(len(refs))]

@@ -1,0 +1,290 @@
+"""A whole run: found, chosen, judged by an engine, kept in parts, and given back in order."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import time
+from array import array
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, redirect_stdout
+from dataclasses import dataclass, replace
+from itertools import chain, islice
+from pathlib import Path
+from tempfile import mkdtemp
+from weakref import finalize
+
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.formats.discover import find
+from safestage_eval.formats.episode_filter import Chosen
+from safestage_eval.verdicts.problem import Problem
+
+from .bind_checks import require_match
+from .engine import Line, Numbered
+from .gates import Gates
+from .pool import Local
+from .result_keys import Keys
+from .result_parts import Parts
+from .score_many import score_many
+from .scores import Scores, deduplicate, taken, titles
+from .settings import Settings
+from .stored_results import StoredResults
+from .stratified_sample import sample
+
+IN_MEMORY = 1000
+"""Results that are held; those of a longer run go to disk at once."""
+
+PART_RESULTS, PART_BYTES, PART_TIME = 64, 1 << 21, 10.0
+"""A part is written when it has so many results or bytes, or when its first one has waited so long (s)."""
+
+ANSWERS = "answers"
+"""Folder of verdicts by rule, beside the parts: for the next run under other rules."""
+
+HEADERS = "headers"
+"""File of digests of headers, beside the parts."""
+
+Tell = Callable[[int, int | None], None]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Which episodes, and where and how they are judged.
+
+    Attributes:
+        where: header field → wanted value.
+        sample: judge only so many, spread over stages, tasks and policies; None: all.
+        seed: of the sample.
+        resume: folder that keeps finished results; None: none is kept.
+        engine: ``local`` or ``ray``.
+        address: of the Ray cluster; None: the one of this environment, or a new one right here.
+        jobs: worker processes; None: one per processor.
+    """
+
+    where: Mapping[str, str] | None = None
+    sample: int | None = None
+    seed: int = 0
+    resume: Path | None = None
+    engine: str = "local"
+    address: str | None = None
+    jobs: int | None = None
+
+
+def score_traces(
+    traces: Sequence[str | Path],
+    settings: Settings,
+    choice: Choice | None = None,
+    progress: Tell | None = None,
+    starting: Callable[[], None] | None = None,
+) -> Scores:
+    """Judge what is found under the paths.
+
+    A short run is held in memory. Of a long one, or one that is to be resumed, each result goes to
+    disk when it is reached, and a run that was killed goes on after the last part that it wrote.
+
+    Args:
+        traces: files and folders.
+        settings: from ``load_settings``.
+        choice: which episodes, and where.
+        progress: told (done, total) after each episode; total is None as long as it is not known.
+        starting: called before the first episode is judged, if any is.
+
+    Raises:
+        TraceError, InputError: as ``score_paths``, and when results cannot be written.
+    """
+    choice = choice or Choice()
+    if settings.bind is not None:
+        require_match(settings.bind, Chosen(find(traces), choice.where))
+    chosen = Chosen(find(traces), choice.where)
+    refs, told, starting = iter(chosen), "", starting or (lambda: None)
+    if choice.sample is not None:
+        picked = sample(refs, choice.sample, choice.seed)
+        refs, told = iter(picked.refs), picked.told
+    held = None
+    if choice.resume is None and choice.engine == "local":
+        first = list(islice(refs, IN_MEMORY + 1))
+        refs = chain(first, refs)
+        held = first if len(first) <= IN_MEMORY else None
+    if held is not None:
+        starting()
+        scores = _in_memory(held, settings, choice.jobs, progress)
+    else:
+        scores = _on_disk(refs, settings, choice, progress, starting)
+    left_out = dict.fromkeys(chosen.aborted)
+    for result in scores.results if left_out else ():
+        left_out.pop(result.episode_id, None)  # it was tried again
+    return replace(scores, sample=told, aborted=tuple(left_out), gates=Gates.of(settings.rules))
+
+
+def _in_memory(
+    refs: Sequence[EpisodeRef], settings: Settings, jobs: int | None, progress: Tell | None
+) -> Scores:
+    results, problems, copies = deduplicate(
+        score_many(refs, settings=settings, jobs=jobs, progress=progress)
+    )
+    return Scores(tuple(results), tuple(problems), titles(settings.rules), tuple(copies))
+
+
+def _on_disk(
+    refs: Iterable[EpisodeRef],
+    settings: Settings,
+    choice: Choice,
+    progress: Tell | None,
+    starting: Callable[[], None],
+) -> Scores:
+    with ExitStack() as until:
+        if choice.resume is None:
+            folder = _Passing()
+            place = folder.path
+        else:
+            folder, place = None, choice.resume
+            if settings.cache is None and choice.engine == "local":
+                settings = replace(settings, cache=place / ANSWERS, verdicts_only=True)
+        keys = (
+            None if choice.resume is None else Keys(settings, place / HEADERS)
+        )  # else nobody asks
+        ledger = _Ledger(Parts(place / "parts"), keys, progress, folder)
+        if choice.engine == "ray":
+            from .ray_cluster import judge
+
+            starting()
+            with redirect_stdout(sys.stderr):  # where Ray tells of processes that died
+                judge(ledger.todo(refs), ledger, settings, choice.address)
+        else:
+            engine = until.enter_context(
+                Local(choice.jobs or os.cpu_count() or 1, settings, lines=True)
+            )
+            try:
+                for number, found in engine.run(_announced(ledger.todo(refs), starting)):
+                    ledger.note(number, found)
+            finally:
+                ledger.flush()
+    prune(settings)
+    return ledger.scores(titles(settings.rules))
+
+
+def _announced(todo: Iterable[Numbered], starting: Callable[[], None]) -> Iterator[Numbered]:
+    """The same; what is to happen before the first one happens."""
+    for count, episode in enumerate(todo):
+        if not count:
+            starting()
+        yield episode
+
+
+def prune(settings: Settings) -> None:
+    """Keep the cache within its size."""
+    if settings.cache is not None:
+        from safestage_eval.cache import CacheFolder
+
+        CacheFolder(settings.cache).prune()
+
+
+class _Passing:
+    """A folder that goes with the last one who holds this."""
+
+    def __init__(self) -> None:
+        self.path = Path(mkdtemp(prefix="safestage-results-"))
+        finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+
+class _Ledger:
+    """What became of each episode by its number: a result among the parts, or a problem."""
+
+    def __init__(
+        self, parts: Parts, keys: Keys | None, progress: Tell | None, folder: object | None
+    ) -> None:
+        """``keys``: None where nothing is known from before; ``folder``: is kept with the results."""
+        self.parts, self._keys, self._progress = parts, keys, progress
+        self._folder = folder
+        self._rows = array("q")
+        self._paths: list[str] = []
+        self._problems: dict[int, Problem] = {}
+        self._waiting: list[tuple[int, str, Line]] = []
+        self._asked: dict[int, str] = {}
+        self._bytes = self._done = 0
+        self._since = 0.0
+        self._all = False
+
+    @property
+    def folder(self) -> Path:
+        """Of the parts."""
+        return self.parts.folder.absolute()
+
+    def todo(self, refs: Iterable[EpisodeRef]) -> Iterator[Numbered]:
+        """The episodes of which nothing is known yet."""
+        for number, ref in enumerate(refs):
+            path = ref.shown
+            self._paths.append(self._paths[-1] if self._paths and self._paths[-1] == path else path)
+            key = None if self._keys is None else self._keys.of(ref)
+            row = self.parts.find(key) if key is not None else None
+            self._rows.append(-1 if row is None else row)
+            if row is not None:
+                self._tell()
+                continue
+            self._asked[number] = key or f"{number:032x}"
+            yield number, ref
+        self._all = True
+
+    def key(self, number: int) -> str:
+        """Under which the result of an episode that is being judged is kept."""
+        return self._asked[number]
+
+    def note(self, number: int, found: object) -> None:
+        """What an engine found; it is written together with others."""
+        key = self._asked.pop(number)
+        if isinstance(found, Problem):
+            self._problems[number] = found
+        else:
+            assert isinstance(found, Line)
+            self._waiting.append((number, key, found))
+            self._bytes += len(found.text)
+            if len(self._waiting) == 1:
+                self._since = time.monotonic()
+            waited = time.monotonic() - self._since
+            enough = len(self._waiting) >= PART_RESULTS or self._bytes >= PART_BYTES
+            if enough or waited >= PART_TIME:
+                self.flush()
+        self._tell()
+
+    def written(self, name: str, numbers: Sequence[int]) -> None:
+        """A part that somebody else wrote, and whose results are in it, in its order."""
+        for number, row in zip(numbers, self.parts.adopt(name), strict=True):
+            del self._asked[number]
+            self._rows[number] = row
+            self._tell()
+
+    def flush(self) -> None:
+        """Write what waits."""
+        if not self._waiting:
+            return
+        rows = self.parts.add([(key, line) for _, key, line in self._waiting])
+        for (number, _, _), row in zip(self._waiting, rows, strict=True):
+            self._rows[number] = row
+        self._waiting.clear()
+        self._bytes = 0
+
+    def _tell(self) -> None:
+        self._done += 1
+        if self._progress is not None:
+            self._progress(self._done, len(self._rows) if self._all else None)
+
+    def scores(self, rules: Mapping[str, str]) -> Scores:
+        """Each episode once, in the order in which they were found (see ``deduplicate``)."""
+        rows, paths = array("q"), list[str]()
+        first: dict[int, int] = {}
+        problems, copies = [], []
+        for number, row in enumerate(self._rows):
+            if row < 0:
+                problems.append(self._problems[number])
+                continue
+            before = first.setdefault(self.parts.episode(row), number)
+            if before == number:
+                rows.append(row)
+                paths.append(self._paths[number])
+            elif self.parts.trace(self._rows[before]) == self.parts.trace(row):
+                copies.append(self._paths[number])
+            else:
+                again = StoredResults(self.parts, [row], [self._paths[number]])[0]
+                problems.append(taken(again.episode_id, again.path, self._paths[before]))
+        results = StoredResults(self.parts, rows, paths, self._folder)
+        return Scores(results, tuple(problems), rules, tuple(copies))

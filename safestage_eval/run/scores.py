@@ -1,0 +1,80 @@
+"""The results of a run, each episode counted once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from safestage_eval.errors import InputError
+from safestage_eval.verdicts.problem import Problem
+
+from .gates import Gates
+
+if TYPE_CHECKING:
+    from safestage_eval.verdicts import EpisodeResult
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Everything that scoring came to, in the order in which the episodes were found.
+
+    Attributes:
+        results: of the episodes that could be judged; those of a long run stay on disk and are
+            read as they are looked at.
+        problems: the others.
+        rules: code → title of the rules that were loaded.
+        copies: files that hold an episode which another one holds as well, bit for bit; counted
+            once.
+        aborted: ids of rollouts that ended in an error (of a server, say): not judged.
+        sample: which share of the episodes was judged, in words; empty if all were.
+        gates: which verdicts count where a build may fail.
+    """
+
+    results: Sequence[EpisodeResult] = ()
+    problems: tuple[Problem, ...] = ()
+    rules: Mapping[str, str] = field(default_factory=dict)
+    copies: tuple[str, ...] = ()
+    aborted: tuple[str, ...] = ()
+    sample: str = ""
+    gates: Gates = field(default_factory=Gates)
+
+
+def titles(rules: Sequence[str | Path]) -> dict[str, str]:
+    """Code → title of all rules and costs."""
+    from safestage_eval.rules import load_rules
+
+    loaded = load_rules(list(rules))
+    found = {rule.code: rule.title for rule in loaded.rules.values()}
+    return found | {cost.code: cost.title for cost in loaded.costs.values()}
+
+
+def deduplicate(
+    found: Iterable[EpisodeResult | Problem],
+) -> tuple[list[EpisodeResult], list[Problem], list[str]]:
+    """Each episode once; what could not be judged, or has the id of another; paths of copies."""
+    results: dict[str, EpisodeResult] = {}
+    problems, copies = [], []
+    for item in found:
+        if isinstance(item, Problem):
+            problems.append(item)
+            continue
+        first = results.setdefault(item.episode_id, item)
+        if first is item:
+            continue
+        if first.trace_hash == item.trace_hash:
+            copies.append(item.path)
+            continue
+        problems.append(taken(item.episode_id, item.path, first.path))
+    return [*results.values()], problems, copies
+
+
+def taken(episode_id: str, path: str, first: str) -> Problem:
+    """What is said of an episode whose id another one has."""
+    error = InputError(
+        path,
+        f"the id {episode_id!r} is taken by another episode, in {first}.",
+        fix="give each episode its own id",
+    )
+    return Problem(path, str(error))

@@ -1,0 +1,104 @@
+"""How every episode of a run is judged, and what it may take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from safestage_eval.rules import BindFile, RuleSet, load_rules
+
+if TYPE_CHECKING:
+    from safestage_eval.cache import CacheFolder
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a worker needs to know; can be pickled.
+
+    Attributes:
+        rules: paths, folders or built-in names of rule files.
+        overrides: parameter → value as written.
+        bind: a bind file that was read already.
+        backend: whose clearances.
+        assigned_only: judge each episode by its own assigned rules alone.
+        cache: folder in which measurements are kept.
+        verdicts_only: keep verdicts there, and no measurements, which are a hundred times larger.
+        timeout: s that an episode may take; None: any.
+        memory: bytes that the process which judges it may hold; None: any.
+    """
+
+    rules: tuple[str | Path, ...]
+    overrides: Mapping[str, str] | None = None
+    bind: BindFile | None = None
+    backend: str = "gjk"
+    assigned_only: bool = False
+    cache: str | Path | None = None
+    verdicts_only: bool = False
+    timeout: float | None = None
+    memory: int | None = None
+
+    def _folder(self) -> CacheFolder | None:
+        if self.cache is None:
+            return None
+        from safestage_eval.cache import CacheFolder
+
+        return CacheFolder(self.cache, measurements=not self.verdicts_only)
+
+    def load(self) -> RuleSet:
+        """The rules themselves."""
+        return load_rules(list(self.rules))
+
+    def arguments(self) -> dict[str, Any]:
+        """Those of ``score_episode`` besides the episode and the rules."""
+        return {
+            "overrides": self.overrides,
+            "bind": self.bind,
+            "backend": self.backend,
+            "assigned_only": self.assigned_only,
+            "cache": self._folder(),
+        }
+
+
+def load_settings(
+    rules: Sequence[str | Path],
+    *,
+    overrides: Mapping[str, str] | None = None,
+    bind: str | Path | None = None,
+    backend: str = "gjk",
+    assigned_only: bool = False,
+    cache: str | Path | None = None,
+    timeout: float | None = None,
+    memory: int | None = None,
+) -> Settings:
+    """Settings of which everything means something.
+
+    Args:
+        rules: paths, folders or built-in names of rule files.
+        overrides: parameter → value as written; beats every other source.
+        bind: a bind file: roles, goal, rules and values that the traces' headers lack.
+        backend: whose clearances: ``gjk``, our own, or ``fcl`` or ``coal`` for comparison.
+        assigned_only: judge each episode by its own assigned rules alone.
+        cache: a folder in which measurements are kept between runs (docs/performance.md).
+        timeout: s that an episode may take; one that takes longer is a problem.
+        memory: bytes that the process which judges an episode may hold; likewise. Either needs a
+            worker process, so there is one at least.
+
+    Raises:
+        RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
+        InputError: a backend that does not exist, or is not installed.
+    """
+    from safestage_eval.rules import load_bind, parse_overrides
+    from safestage_eval.rules.digest import BACKEND
+
+    if backend != BACKEND:  # which is there always, and takes long to load
+        from safestage_eval.geometry.backend import check_backend
+
+        check_backend(backend)
+    loaded = load_rules(list(rules))
+    parse_overrides(loaded, overrides or {})
+    bound = None if bind is None else load_bind(bind, loaded)
+    return Settings(
+        tuple(rules), overrides, bound, backend, assigned_only, cache, False, timeout, memory
+    )

@@ -1,0 +1,48 @@
+"""A process that judges what it is sent, one episode after the other."""
+
+from __future__ import annotations
+
+import json
+from multiprocessing.connection import Connection
+
+from safestage_eval._process import heap
+from safestage_eval._process.spawned import READY, follow
+from safestage_eval.verdicts import EpisodeResult
+from safestage_eval.verdicts.problem import Problem
+
+from .engine import Line
+from .score_episode import score_episode
+from .settings import Settings
+
+
+def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
+    """Judge lists of episodes until None comes; answers in the order of the questions.
+
+    Args:
+        pipe: to the process that started this one. The first answer is ``READY``.
+        settings: of the run.
+        lines: answer with results as they are stored.
+    """
+    follow()
+    heap.keep()
+    bound = heap.Bound()
+    rules, arguments = settings.load(), settings.arguments()
+    try:
+        pipe.send(READY)
+        while (refs := pipe.recv()) is not None:
+            for ref in refs:
+                found = score_episode(ref, rules, **arguments)
+                pipe.send(line_of(found) if lines else found)
+                bound.hold()
+    except (EOFError, OSError):
+        return  # nobody is there any more to be told
+
+
+def line_of(found: EpisodeResult | Problem) -> Line | Problem:
+    """A result as it is stored; a problem as it is."""
+    if isinstance(found, Problem):
+        return found
+    from safestage_eval.cache.stored import plain
+
+    text = json.dumps(plain(found), separators=(",", ":"), ensure_ascii=False).encode()
+    return Line(text, found.episode_id, found.trace_hash)

@@ -1,0 +1,18 @@
+"""An episode that could not be judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Why an episode has no result.
+
+    Attributes:
+        path: of the episode, as printed.
+        message: the error in one line, path included.
+    """
+
+    path: str
+    message: str

@@ -1,0 +1,333 @@
+"""Success against safety, stage profiles of each policy, and rates against limits."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+from itertools import pairwise
+
+from safestage_eval.metrics.aggregate import Aggregate, quadrants
+from safestage_eval.metrics.interval import wilson
+from safestage_eval.metrics.rates import STAGES, Rates
+from safestage_eval.viewer.episode.svg import (
+    SHAPES,
+    Scale,
+    drawing,
+    line,
+    mark,
+    short,
+    text,
+    tick_text,
+    ticks,
+)
+from safestage_eval.whatif.sweep import Sweep
+from safestage_eval.whatif.values import amount, factor_of, text_of, unit_name
+
+QUADRANTS = {
+    "safe_success": "safe success",
+    "unsafe_success": "unsafe success",
+    "safe_failure": "safe failure",
+    "unsafe_failure": "unsafe failure",
+}
+"""Part of N → in words, in the order in which bars show them."""
+
+SERIES = 6
+"""Colours that are told apart; further policies begin again with the first, in another dash."""
+
+
+def series(index: int) -> str:
+    """Class of the n-th line or mark."""
+    return f"s{index % SERIES + 1}" + (" again" if index >= SERIES else "")
+
+
+def shape(index: int) -> str:
+    """Mark of the n-th prompt."""
+    return SHAPES[index % len(SHAPES)]
+
+
+def success_and_safety(found: Aggregate) -> str:
+    """A mark per policy and prompt, and what became of the rollouts of each."""
+    pairs = [(p, q, found.group(p, q).whole) for p, q in found.pairs]
+    pairs = [(p, q, cell) for p, q, cell in pairs if cell.n]
+    if not pairs:
+        return ""
+    return (
+        '<section id="quadrants" aria-labelledby="quadrants-title">'
+        '<h2 id="quadrants-title">Success and safety</h2><div class="two">'
+        f"<figure>{_scatter(found, pairs)}{_legend(found)}"
+        "<figcaption>Each mark is a policy under a prompt; whiskers are 95 % intervals. "
+        "The best place is top right.</figcaption></figure>"
+        f"<figure>{_bars(pairs)}<figcaption>What became of the rollouts. Hatched: unsafe.</figcaption>"
+        "</figure></div></section>"
+    )
+
+
+def _scatter(found: Aggregate, pairs: Sequence[tuple[str, str, Rates]]) -> str:
+    width, height = 460.0, 400.0
+    x, y = Scale(0, 100, 50, width - 16), Scale(0, 100, height - 46, 16)
+    parts = [
+        f'<rect class="quadrant best" x="{short(x(50))}" y="{short(y(100))}"'
+        f' width="{short(x(100) - x(50))}" height="{short(y(50) - y(100))}"/>',
+        f'<rect class="quadrant worst" x="{short(x(50))}" y="{short(y(50))}"'
+        f' width="{short(x(100) - x(50))}" height="{short(y(0) - y(50))}"/>',
+    ]
+    for tick in (0, 25, 50, 75, 100):
+        css = "axis" if tick in (0, 50) else "grid"
+        parts += [
+            line(x(tick), y(0), x(tick), y(100), css),
+            line(x(0), y(tick), x(100), y(tick), css),
+            text(x(tick), y(0) + 16, str(tick), anchor="middle", css="tick soft"),
+            text(x(0) - 6, y(tick) + 4, str(tick), anchor="end", css="tick soft"),
+        ]
+    for (h, v), said in {
+        (100, 100): "successful and safe", (100, 0): "successful, unsafe",
+        (0, 100): "safe, fails", (0, 0): "unsafe, fails",
+    }.items():  # fmt: skip
+        anchor, dx = ("end", -8) if h else ("start", 8)
+        dy = 18 if v else -10
+        parts.append(text(x(h) + dx, y(v) + dy, said, anchor=anchor, css="corner soft"))
+    parts.append(
+        text((x(0) + x(100)) / 2, height - 8, "success rate (%)", anchor="middle", css="label")
+    )
+    turned = f'transform="rotate(-90 14 {short(y(50))})"'
+    parts.append(
+        text(14, y(50), "free of violations (%)", anchor="middle", css="label", more=turned)
+    )
+    for policy in found.policies:
+        own = [
+            (100 * (c.value("SR") or 0), 100 - 100 * (c.value("VR") or 0))
+            for p, _, c in pairs
+            if p == policy
+        ]
+        css = f"trail {series(found.policies.index(policy))}"
+        parts += [line(x(a[0]), y(a[1]), x(b[0]), y(b[1]), css) for a, b in pairwise(own)]
+    for policy, prompt, cell in pairs:
+        css = series(found.policies.index(policy))
+        sr, vr = wilson(cell.counts["SR"], cell.n), wilson(cell.counts["VR"], cell.n)
+        assert sr is not None and vr is not None  # n > 0
+        at_x, at_y = 100 * (cell.value("SR") or 0), 100 - 100 * (cell.value("VR") or 0)
+        said = (
+            f"{policy}, {prompt}: success {at_x:.1f} %, violations {100 - at_y:.1f} %, N = {cell.n}"
+        )
+        parts += [
+            line(x(100 * sr[0]), y(at_y), x(100 * sr[1]), y(at_y), f"whisker {css}"),
+            line(x(at_x), y(100 - 100 * vr[1]), x(at_x), y(100 - 100 * vr[0]), f"whisker {css}"),
+            mark(shape(found.prompts.index(prompt)), x(at_x), y(at_y), 6, f"mark {css}", said),
+        ]
+    return drawing(
+        width, height, "Success rate against the share free of violations", parts, css="chart"
+    )
+
+
+def _legend(found: Aggregate) -> str:
+    def item(inner: str, name: str) -> str:
+        return f'<li><svg viewBox="0 0 16 16" aria-hidden="true">{inner}</svg>{escape(name)}</li>'
+
+    policies = "".join(
+        item(mark("circle", 8, 8, 5.5, f"mark {series(i)}"), name)
+        for i, name in enumerate(found.policies)
+    )
+    prompts = "".join(
+        item(mark(shape(i), 8, 8, 5, "mark plain"), name) for i, name in enumerate(found.prompts)
+    )
+    both = f'<ul class="legend">{policies}</ul>'
+    return both + (f'<ul class="legend">{prompts}</ul>' if len(found.prompts) > 1 else "")
+
+
+def _bars(pairs: Sequence[tuple[str, str, Rates]]) -> str:
+    width, row = 460.0, 26.0
+    left = min(170.0, 14 + 6.6 * max(len(_short(p, q)) for p, q, _ in pairs))
+    x = Scale(0, 100, left, width - 8)
+    parts = [
+        '<defs><pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse"'
+        ' patternTransform="rotate(45)"><path class="hatch" d="M0 0V6"/></pattern></defs>'
+    ]
+    top = 8.0
+    for policy, prompt, cell in pairs:
+        said = _short(policy, prompt)
+        parts.append(
+            text(
+                left - 8,
+                top + 16,
+                said if len(said) < 26 else said[:25] + "…",
+                anchor="end",
+                css="tick",
+            )
+        )
+        at = 0.0
+        for name, count in quadrants(cell).items():
+            share = 100 * count / cell.n
+            box = (
+                f'x="{short(x(at))}" y="{short(top)}" width="{short(x(at + share) - x(at), 2)}"'
+                f' height="{short(row - 6)}"'
+            )
+            title = f"{policy}, {prompt}: {share:.1f} % {QUADRANTS[name]}, {count} of {cell.n}"
+            parts.append(f'<rect class="q {name}" {box}><title>{escape(title)}</title></rect>')
+            if name.startswith("unsafe"):
+                parts.append(f'<rect fill="url(#hatch)" pointer-events="none" {box}/>')
+            if share >= 9:
+                parts.append(
+                    text(
+                        x(at + share / 2), top + 14.5, f"{share:.0f}", anchor="middle", css="inside"
+                    )
+                )
+            at += share
+        top += row
+    key = []
+    for i, (name, said) in enumerate(QUADRANTS.items()):
+        kx, ky = left + (i % 2) * 150, top + 8 + (i // 2) * 20
+        box = f'x="{short(kx)}" y="{short(ky)}" width="14" height="12"'
+        key.append(f'<rect class="q {name}" {box}/>')
+        if name.startswith("unsafe"):
+            key.append(f'<rect fill="url(#hatch)" {box}/>')
+        key.append(text(kx + 20, ky + 10.5, f"{said} (%)", css="tick"))
+    return drawing(
+        width,
+        top + 52,
+        "Outcomes of each policy and prompt, in percent",
+        [*parts, *key],
+        css="chart",
+    )
+
+
+def _short(policy: str, prompt: str) -> str:
+    return policy if prompt in ("–", "default") else f"{policy}, {prompt}"
+
+
+def profiles(found: Aggregate) -> str:
+    """Violation rate by stage, a panel for each policy."""
+    panels = "".join(_profile(found, policy, i) for i, policy in enumerate(found.policies))
+    legend = ""
+    if len(found.prompts) > 1:
+        items = "".join(
+            f'<li><svg viewBox="0 0 16 16" aria-hidden="true">'
+            f"{mark(shape(i), 8, 8, 5, 'mark plain')}</svg>{escape(name)}</li>"
+            for i, name in enumerate(found.prompts)
+        )
+        legend = f'<ul class="legend">{items}</ul>'
+    return (
+        '<section id="profiles" aria-labelledby="profiles-title">'
+        '<h2 id="profiles-title">Stage profiles</h2>'
+        '<p class="soft">Violation rate by stage: hazards that were there before (ISH), while the robot '
+        "worked (ETS), and in what it left behind (FSH). Whiskers are 95 % intervals.</p>"
+        f'{legend}<div class="panels">{panels}</div></section>'
+    )
+
+
+def _profile(found: Aggregate, policy: str, index: int) -> str:
+    prompts = [q for p, q in found.pairs if p == policy]
+    row = 14.0
+    width, block = 340.0, row * len(prompts) + 10
+    x = Scale(0, 100, 44, width - 62)
+    parts, top = [], 6.0
+    height = top + block * len(STAGES)
+    for tick in (0, 25, 50, 75, 100):
+        parts += [
+            line(x(tick), top, x(tick), height, "grid"),
+            text(x(tick), height + 14, str(tick), anchor="middle", css="tick soft"),
+        ]
+    for stage in STAGES:
+        parts.append(text(36, top + block / 2 + 4, stage, anchor="end", css="stage"))
+        for i, prompt in enumerate(prompts):
+            y = top + 5 + row * (i + 0.5)
+            cell = found.group(policy, prompt, stage).whole
+            ends = wilson(cell.counts["VR"], cell.n)
+            if ends is None:
+                parts.append(text(x(0) + 4, y + 4, "no rollouts", css="tick soft"))
+                continue
+            value = 100 * (cell.value("VR") or 0)
+            said = f"{policy}, {prompt}, {stage}: {value:.1f} %, {cell.counts['VR']} of {cell.n}"
+            parts += [
+                line(x(100 * ends[0]), y, x(100 * ends[1]), y, f"whisker {series(index)}"),
+                mark(
+                    shape(found.prompts.index(prompt)),
+                    x(value),
+                    y,
+                    5,
+                    f"mark {series(index)}",
+                    said,
+                ),
+                text(width - 4, y + 4, f"{value:.1f} %", anchor="end", css="tick"),
+            ]
+        top += block
+        parts.append(line(8, top, width - 4, top, "grid"))
+    title = f"Violation rate of {policy} by stage"
+    return (
+        f'<figure class="panel"><h3>{escape(policy)}</h3>'
+        f"{drawing(width, height + 20, title, parts, css='chart')}</figure>"
+    )
+
+
+def sensitivity(sweeps: Sequence[Sweep]) -> str:
+    """Rates against the limits on which most verdicts hang."""
+    if not sweeps:
+        return ""
+    panels = "".join(_sweep(sweep) for sweep in sweeps)
+    return (
+        '<section id="sensitivity" aria-labelledby="sensitivity-title">'
+        '<h2 id="sensitivity-title">Threshold sensitivity</h2>'
+        '<p class="soft">How the violation rate of the episodes with sections moves with a limit, all '
+        "other limits as they are. A steep line where the default stands says that the limit, and not "
+        "only the policy, makes the number.</p>"
+        f'<div class="panels wide">{panels}</div></section>'
+    )
+
+
+def _sweep(sweep: Sweep) -> str:
+    width, height = 460.0, 250.0
+    curves = sweep.curves(("policy",))
+    factor, unit = factor_of(sweep.values[0]), unit_name(sweep.values[0])
+    numbers = [amount(value) / factor for value in sweep.values]
+    x, y = Scale(numbers[0], numbers[-1], 44, width - 12), Scale(0, 100, height - 44, 24)
+    parts = []
+    for tick in (0, 25, 50, 75, 100):
+        parts += [
+            line(x.start, y(tick), x.stop, y(tick), "grid"),
+            text(x.start - 6, y(tick) + 4, str(tick), anchor="end", css="tick soft"),
+        ]
+    parts += [
+        text(x(at), y(0) + 16, tick_text(at), anchor="middle", css="tick soft")
+        for at in ticks(numbers[0], numbers[-1], 6)
+    ]
+    default = amount(sweep.default) / factor
+    parts += [
+        line(x(default), y(0), x(default), y(100), "moment"),
+        text(x(default), 14, f"default {text_of(sweep.default)}", anchor="middle", css="tick"),
+        text(
+            (x.start + x.stop) / 2,
+            height - 8,
+            f"{sweep.param} ({unit})" if unit else sweep.param,
+            anchor="middle",
+            css="label",
+        ),
+    ]
+    items = []
+    for i, (key, cells) in enumerate(curves.items()):
+        values = [None if (v := cell.value("VR")) is None else 100 * v for cell in cells]
+        path, up = [], False
+        for j, value in enumerate(values):
+            if value is None:
+                up = False
+                continue
+            here = x(numbers[j])
+            if up:
+                half = (x(numbers[j - 1]) + here) / 2
+                path.append(f"H{short(half)}V{short(y(value))}H{short(here)}")
+            else:
+                path.append(f"M{short(here)} {short(y(value))}")
+            up = True
+        name, n = key[0], max(cell.n for cell in cells)
+        parts.append(
+            f'<path class="rate {series(i)}" d="{"".join(path)}"><title>{escape(name)}</title></path>'
+        )
+        swatch = f'<path class="rate {series(i)}" d="M0 8H16"/>'
+        items.append(
+            f'<li><svg viewBox="0 0 16 16" aria-hidden="true">{swatch}</svg>{escape(name)} (N = {n})</li>'
+        )
+    title = f"Violation rate in percent against {sweep.param}"
+    return (
+        f'<figure class="panel"><h3>{escape(sweep.param)} <span class="soft">read by '
+        f"{escape(', '.join(sweep.readers))}</span></h3>"
+        f"{drawing(width, height, title, parts, css='chart')}"
+        f'<ul class="legend">{"".join(items)}</ul></figure>'
+    )

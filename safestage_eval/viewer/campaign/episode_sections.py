@@ -1,0 +1,167 @@
+"""Many episodes opened, drawn and swept: once each, in one process or several."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.rules import RuleSet, load_bind, load_rules
+from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.bind_file import BindFile
+from safestage_eval.verdicts.players import nodes
+from safestage_eval.verdicts.problem import Problem
+from safestage_eval.viewer.episode.episode_section import Said, section
+from safestage_eval.whatif.again import Again, Value
+from safestage_eval.whatif.many import each_episode
+from safestage_eval.whatif.sweep import Sweep, Swept, swept
+from safestage_eval.whatif.values import amount, between
+
+from .packed import packed
+
+STEPS = 41
+"""Values of a limit that are visited, from nothing to twice its default."""
+
+DRAWN = 4
+"""Limits whose sensitivity is drawn: those on which most verdicts hang."""
+
+
+@dataclass(frozen=True)
+class Sections:
+    """What came of the traces.
+
+    Attributes:
+        html: episode id → its section, compressed.
+        sweeps: limits against rates.
+        differences: episode id → where results and rules disagree.
+        problems: what could not be opened or judged.
+    """
+
+    html: Mapping[str, str]
+    sweeps: tuple[Sweep, ...]
+    differences: Mapping[str, tuple[str, ...]]
+    problems: tuple[Problem, ...]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One episode: its section, and its verdicts under other limits."""
+
+    episode_id: str
+    html: str
+    differences: tuple[str, ...]
+    swept: Mapping[str, Swept]
+
+
+def sections(
+    refs: Sequence[EpisodeRef],
+    said: Mapping[str, Said],
+    specs: Sequence[str | Path],
+    *,
+    overrides: Mapping[str, str] | None = None,
+    bind: str | Path | None = None,
+    jobs: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Sections:
+    """Draw episodes and see on which limits their verdicts hang.
+
+    Args:
+        refs: the episodes.
+        said: episode id → what the results say of it.
+        specs: rule files.
+        overrides: parameters, as written; these are not swept.
+        bind: a bind file.
+        jobs: worker processes.
+        progress: told (done, total).
+
+    Raises RuleErrors, RuleError, InputError as ``scoring.score_many``.
+    """
+    rules = load_rules(list(specs))
+    visited = {
+        name: tuple(sorted(between(rules, name, None, None, STEPS), key=amount))
+        for name in {name for rule in rules.rules.values() for name in limits(rule)}
+        if amount(rules.params[name]) > 0 and name not in (overrides or {})
+    }
+    work = partial(
+        draw,
+        rules=rules,
+        said=dict(said),
+        visited=visited,
+        overrides=dict(overrides or {}),
+        bind=None if bind is None else load_bind(bind, rules),
+    )
+    found = each_episode(refs, work, jobs=jobs, progress=progress)
+    drawn = [item for item in found if isinstance(item, Drawn)]
+    return Sections(
+        {item.episode_id: item.html for item in drawn},
+        _sweeps(rules, visited, drawn),
+        {item.episode_id: item.differences for item in drawn if item.differences},
+        tuple(item for item in found if isinstance(item, Problem)),
+    )
+
+
+def draw(
+    ref: EpisodeRef,
+    rules: RuleSet,
+    said: Mapping[str, Said],
+    visited: Mapping[str, tuple[Value, ...]],
+    overrides: Mapping[str, str],
+    bind: BindFile | None,
+) -> Drawn:
+    """One episode. Raises TraceError for one that cannot be read."""
+    episode = ref.open()
+    furthest = max(
+        (amount(v) for values in visited.values() for v in values[-1:] if _is_length(v)),
+        default=0.0,
+    )
+    again = Again(episode, rules, overrides, bind, furthest=furthest * (1 + 1e-6) + 1e-6)
+    name = episode.header.episode_id
+    html, differences = section(again, said.get(name, Said({})))
+    read = {
+        param for rule in again.assigned if isinstance(rule, ast.Rule) for param in limits(rule)
+    }
+    moved = {
+        param: swept(again, ref.shown, param, visited[param])
+        for param in sorted(read & visited.keys())
+    }
+    return Drawn(name, packed(html), differences, moved)
+
+
+def limits(rule: ast.Rule) -> set[str]:
+    """Parameters that a rule compares a measurement with."""
+    return {
+        node.name
+        for clause in rule.clauses
+        for atom in nodes(clause.what)
+        if isinstance(atom, ast.SignalAtom)
+        for limit in atom.limits
+        for node in [limit.value]
+        if isinstance(node, ast.Parameter)
+    }
+
+
+def _is_length(value: Value) -> bool:
+    return isinstance(value, ast.Quantity) and value.dimension == "length"
+
+
+def _sweeps(
+    rules: RuleSet, visited: Mapping[str, tuple[Value, ...]], drawn: Sequence[Drawn]
+) -> tuple[Sweep, ...]:
+    """Of the limits at which any verdict flips, those that most flip at."""
+    found = []
+    flips: Counter[str] = Counter()
+    for param, values in visited.items():
+        episodes = [item.swept[param] for item in drawn if param in item.swept]
+        read = tuple(e for e in episodes if not e.unread)
+        if not read:
+            continue
+        codes = sorted({code for e in read for code in e.moved or ()})
+        sweep = Sweep(param, values, rules.params[param], tuple(codes), read, 0, ())
+        flips[param] = len(sweep.flips())
+        if flips[param]:
+            found.append(replace(sweep, unread=len(drawn) - len(read)))
+    found.sort(key=lambda sweep: (-flips[sweep.param], sweep.param))
+    return tuple(found[:DRAWN])

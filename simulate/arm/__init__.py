@@ -1,0 +1,1 @@
+"""The DROID arm as a MuJoCo model."""

@@ -1,0 +1,126 @@
+"""What the DROID cameras see, drawn off screen: two stand outside, one is on the wrist."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Camera
+from safestage_eval.errors import InputError
+from simulate.arm import droid
+from simulate.world.describe import body_name
+from simulate.world.world import World
+
+from .graphics import graphics_context
+
+F64 = NDArray[np.float64]
+Image = NDArray[np.uint8]
+"""(H, W, 3), red green blue."""
+
+CAMERAS = ("exterior_left", "exterior_right", "wrist", "external")
+"""Two over the robot's shoulders, one at its wrist; ``external`` is the arm model's own, on the right."""
+SIZE = (180, 320)
+"""Pixels: height, width."""
+SHADOW = 1024
+"""Pixels of a shadow's side: with MuJoCo's 4096, shadows take most of the time where there is no GPU."""
+
+
+class Cameras:
+    """Draws a world that was made with ``visuals``, as it is at the moment; one at a time per process.
+
+    After a step, MuJoCo's poses still are those of before it. So the picture is drawn of poses worked
+    out anew from the present joints, in a place of their own: the world is not touched.
+    """
+
+    def __init__(self, world: World, names: Sequence[str], size: tuple[int, int] = SIZE) -> None:
+        """``size``: height, width. Raises InputError for a camera that there is not."""
+        height, width = size
+        self._ids = {name: _camera(world, name) for name in names}
+        self._world, self._now = world, mujoco.MjData(world.model)
+        self._context = graphics_context(width, height)
+        self._context.make_current()
+        world.model.vis.quality.shadowsize = SHADOW
+        self._scene = mujoco.MjvScene(world.model, maxgeom=4000)
+        self._target = mujoco.MjrContext(world.model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
+        self._rect = mujoco.MjrRect(0, 0, width, height)
+
+    def images(self) -> dict[str, Image]:
+        """What each camera sees now."""
+        model, now = self._world.model, self._now
+        self._context.make_current()
+        now.qpos[:], now.time = self._world.data.qpos, self._world.data.time
+        mujoco.mj_kinematics(model, now)
+        mujoco.mj_comPos(model, now)
+        mujoco.mj_camlight(model, now)
+        mujoco.mj_tendon(model, now)
+        return {name: self._image(camera) for name, camera in self._ids.items()}
+
+    def _image(self, camera: int) -> Image:
+        view = mujoco.MjvCamera()
+        view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, camera
+        option = mujoco.MjvOption()
+        every = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(self._world.model, self._now, option, None, view, every, self._scene)
+        out = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
+        mujoco.mjr_render(self._rect, self._scene, self._target)
+        mujoco.mjr_readPixels(out, None, self._rect, self._target)
+        return np.ascontiguousarray(out[::-1])
+
+    def close(self) -> None:
+        """Give the graphics context back."""
+        self._target.free()
+        self._context.free()
+
+
+def camera_facts(world: World, names: Sequence[str], size: tuple[int, int]) -> tuple[Camera, ...]:
+    """Intrinsics and places of cameras, as a trace's header has them.
+
+    A camera that stands still is told in the world's frame, any other in that of the body on it.
+    """
+    height, width = size
+    found = []
+    for name in names:
+        i = _camera(world, name)
+        body = int(world.model.cam_bodyid[i])
+        stands = bool(world.model.body_weldid[body] == 0)
+        focal = float(height / 2 / np.tan(np.radians(world.model.cam_fovy[i]) / 2))
+        position, orientation = world.model.cam_pos[i], world.model.cam_quat[i]
+        if stands:
+            position, orientation = _in_world(world, body, position, orientation)
+        (x, y, z), (qw, qx, qy, qz) = position, orientation
+        found.append(
+            Camera(
+                name=name,
+                width=width,
+                height=height,
+                fx=focal,
+                fy=focal,
+                cx=width / 2,
+                cy=height / 2,
+                body=None if stands else body_name(world.model.body(body).name),
+                position=(float(x), float(y), float(z)),
+                orientation=(float(qw), float(qx), float(qy), float(qz)),
+            )
+        )
+    return tuple(found)
+
+
+def _in_world(world: World, body: int, position: F64, orientation: F64) -> tuple[F64, F64]:
+    """A pose in the frame of a body that stands still, in the world's."""
+    place, turn = np.empty(3), np.empty(4)
+    mujoco.mju_rotVecQuat(place, position, world.data.xquat[body])
+    mujoco.mju_mulQuat(turn, world.data.xquat[body], orientation)
+    return place + world.data.xpos[body], turn
+
+
+def _camera(world: World, name: str) -> int:
+    found = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_CAMERA, droid.PREFIX + name)
+    if found < 0:
+        cameras = [world.model.camera(i).name for i in range(world.model.ncam)]
+        there = ", ".join(camera.removeprefix(droid.PREFIX) for camera in cameras)
+        raise InputError(f"camera {name!r}", "the arm's model has none of that name.", there)
+    return int(found)

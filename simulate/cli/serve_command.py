@@ -1,0 +1,67 @@
+"""``safestage serve``."""
+
+from __future__ import annotations
+
+import click
+
+from .simulate_options import explains
+
+
+@click.command()
+@click.argument("policy")
+@click.option(
+    "--protocol",
+    required=True,
+    help="Protocol: openpi, groot, dreamzero or cosmos3, with options as in an address: openpi?actions=velocity.",
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", type=click.IntRange(0, 65535), help="Port, instead of the protocol's own.")
+@click.option(
+    "--seed", default=0, show_default=True, help="Environment seed that clients roll out."
+)
+@click.option("--task", help="Task to serve, where several tasks have the same prompt.")
+@click.option(
+    "--batch",
+    type=click.IntRange(1),
+    default=16,
+    show_default=True,
+    help="Number of observations per request, where POLICY is a served GR00T.",
+)
+@explains
+def serve(
+    policy: str,
+    protocol: str,
+    host: str,
+    port: int | None,
+    seed: int,
+    task: str | None,
+    batch: int,
+) -> None:
+    """Serve a policy in a model's protocol, to test a client, a campaign or a network.
+
+    POLICY is reference:safe, reference:unsafe, noisy:SIGMA, idle or another as in `record --policy`:
+    these act in their own simulation with the client's task and seed, so that the client's rollout
+    really succeeds. Your own my_module:MyPolicy receives the contents of each request.
+
+    POLICY may also be a GR00T that is served already. Then requests that wait for it are sent on
+    as one batch: serve its address, and point `record --jobs` at this server.
+
+    \b
+    Examples:
+      safestage serve reference:safe --protocol openpi
+      safestage record fsh_orange_on_plate --seeds 0 --policy openpi:ws://127.0.0.1:8000
+      safestage serve my_module:MyPolicy --protocol "groot?horizon=16" --port 5556
+      safestage serve groot:tcp://gpu:5555 --protocol groot --port 5556
+    """
+    from simulate.servers.serve import serve as start
+
+    with start(
+        policy, protocol, host=host, port=port, seed=seed, task=task, most=batch,
+        tell=lambda line: click.echo(f"episode: {line}", err=True),
+    ) as server:  # fmt: skip
+        name, mark, options = protocol.partition("?")
+        click.echo(f"{policy} is served at {name}:{server.url}{mark}{options}")
+        try:
+            server.wait()
+        except KeyboardInterrupt:
+            click.echo("stopped", err=True)

@@ -1,0 +1,167 @@
+"""``safestage sheets``."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import click
+
+from safestage_eval.cli.shared_options import (
+    bind_option,
+    pairs,
+    rules_option,
+    traces_argument,
+    where_option,
+)
+
+from .simulate_options import BadInput, explains, progress
+
+folder_argument = click.argument(
+    "folder", type=click.Path(path_type=Path, file_okay=False, exists=True)
+)
+
+
+@click.group()
+def sheets() -> None:
+    """Draw rollouts as picture sheets, to be judged without seeing a verdict.
+
+    For reviewers without a browser, for papers, and for vision models. See docs/labels.md.
+    """
+
+
+@sheets.command()
+@traces_argument
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    required=True,
+    help="Folder for label_sample.csv, NNN_a.png (front), _b (side), _c (top) and NNN.txt.",
+)
+@click.option("--sample", "-n", "count", type=click.IntRange(1), metavar="N",
+              help="Number of rollouts, spread evenly over the stages. Default: all.")  # fmt: skip
+@click.option("--seed", type=int, default=0, show_default=True, help="Another one chooses others.")
+@click.option(
+    "--list",
+    "listed",
+    type=click.Path(path_type=Path, dir_okay=False, exists=True),
+    help="CSV file with a column episode_id: draw these rollouts in this order.",
+)
+@rules_option
+@bind_option
+@where_option
+@explains
+def draw(
+    traces: tuple[str, ...],
+    out: Path,
+    count: int | None,
+    seed: int,
+    listed: Path | None,
+    rules: tuple[str, ...],
+    bind: Path | None,
+    where: tuple[str, ...],
+) -> None:
+    """Draw sheets of rollouts, numbered in random order; existing sheets are kept.
+
+    \b
+    Examples:
+      safestage sheets draw runs/ --out study --sample 240
+      safestage sheets draw rollout.mcap --out pictures
+    """
+    from safestage_eval.formats import discover
+    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.label import sample
+    from safestage_eval.rules import builtin_names, load_bind, load_rules
+    from simulate.study.study import draw as drawn
+    from simulate.study.study import number
+
+    loaded = load_rules(list(rules) or builtin_names())
+    bound = None if bind is None else load_bind(bind, loaded)
+    refs = [r for r in Chosen(discover(list(traces)), pairs(where, "--where")) if not r.problem]
+    if listed is None:
+        chosen = sample(refs, count, seed)
+    else:
+        known = {ref.episode_id: ref for ref in refs}
+        with listed.open(newline="", encoding="utf-8") as handle:
+            names = [row.get("episode_id", "") for row in csv.DictReader(handle)][:count]
+        missing = [name for name in names if name not in known]
+        if missing:
+            raise BadInput(f"{listed}: not among the traces: {', '.join(missing[:5])}")
+        chosen = [known[name] for name in names]
+    if not chosen:
+        raise BadInput(f"{' '.join(traces)}: no episode can be read")
+    numbered = number(chosen, out)
+    with progress(len(chosen), "rollout") as show:
+        new = drawn(zip(numbered, chosen, strict=True), out, loaded, bound, show)
+    click.echo(f"{out}: {new} drawn, {len(chosen) - new} there already")
+
+
+@sheets.command("close-up")
+@folder_argument
+@click.argument("number", type=int)
+@click.option("--from", "start", type=float, required=True, metavar="S", help="First moment.")
+@click.option("--to", "end", type=float, required=True, metavar="S", help="Last moment.")
+@click.option("--count", type=click.IntRange(1, 60), default=12, show_default=True)
+@click.option(
+    "--view",
+    type=click.Choice(["side", "front", "top", "robot"]),
+    default="side",
+    show_default=True,
+)
+@click.option("--zoom", multiple=True, metavar="BODY", help="Body to follow closely. Repeatable.")
+@click.option("--output", "-o", type=click.Path(path_type=Path, dir_okay=False), required=True)
+@rules_option
+@bind_option
+@explains
+def close_up(
+    folder: Path,
+    number: int,
+    start: float,
+    end: float,
+    count: int,
+    view: str,
+    zoom: tuple[str, ...],
+    output: Path,
+    rules: tuple[str, ...],
+    bind: Path | None,
+) -> None:
+    """Look closer at a rollout of FOLDER by its NUMBER, without learning which it is.
+
+    \b
+    Example:
+      safestage sheets close-up study 17 --from 3.1 --to 3.6 --zoom cup -o cup.png
+    """
+    from safestage_eval.rules import builtin_names, load_bind, load_rules
+    from simulate.render.renderer import write_png
+    from simulate.study.study import look
+
+    loaded = load_rules(list(rules) or builtin_names())
+    bound = None if bind is None else load_bind(bind, loaded)
+    image = look(
+        folder, number, loaded, bound, start=start, end=end, count=count, view=view, zoom=zoom
+    )
+    write_png(image, output)
+    click.echo(f"{output}: {image.shape[1]} x {image.shape[0]} pixels")
+
+
+@sheets.command()
+@folder_argument
+@click.argument(
+    "answers", nargs=-1, required=True, type=click.Path(path_type=Path, dir_okay=False, exists=True)
+)
+@click.option(
+    "--labels", "-l", "file", type=click.Path(path_type=Path, dir_okay=False),
+    default=Path("labels.csv"), show_default=True, help="Where labels are kept; a CSV file.",
+)  # fmt: skip
+@explains
+def enter(folder: Path, answers: tuple[Path, ...], file: Path) -> None:
+    """Turn ANSWERS by number (number,label,reviewer,note) into labels by episode.
+
+    \b
+    Example:
+      safestage sheets enter study ada.csv ben.csv --labels labels.csv
+    """
+    from safestage_eval.label import Ledger
+    from simulate.study.study import enter as entered
+
+    click.echo(f"{file}: {entered(folder, answers, Ledger(file))} labels entered")

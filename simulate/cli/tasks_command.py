@@ -1,0 +1,120 @@
+"""``safestage tasks list|show``."""
+
+from __future__ import annotations
+
+import json
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .simulate_options import PROMPTS, BadInput, explains
+
+if TYPE_CHECKING:
+    from simulate.tasks.task import Task
+
+
+@click.group()
+def tasks() -> None:
+    """The benchmark's tasks: scenes, prompts, roles, rules and their references."""
+
+
+@tasks.command("list")
+@click.option(
+    "--stage",
+    "stages",
+    multiple=True,
+    type=click.Choice(["ISH", "ETS", "FSH"], case_sensitive=False),
+    help="Select tasks by stage. Repeatable.",
+)
+@click.option("--family", metavar="PATTERN", help="Select tasks by family, such as stacking*.")
+@click.option("--json", "as_json", is_flag=True, help="As JSON, with everything that `show` tells.")
+@explains
+def list_(stages: tuple[str, ...], family: str | None, as_json: bool) -> None:
+    """List the tasks: id, stage, assigned rules, default prompt."""
+    from simulate.tasks.task import tasks as all_tasks
+
+    everything = list(all_tasks().values())
+    found = [
+        task
+        for task in everything
+        if (not stages or task.stage in stages)
+        and (family is None or fnmatchcase(task.family, family))
+    ]
+    if not found:
+        families = ", ".join(dict.fromkeys(task.family for task in everything))
+        raise BadInput(f"no task is of this stage and family; families are {families}")
+    if as_json:
+        click.echo(json.dumps([_table(task) for task in found], indent=2, ensure_ascii=False))
+        return
+    width = max(len(task.id) for task in found)
+    codes = max(len(" ".join(task.rules)) for task in found)
+    for task in found:
+        click.echo(
+            f"{task.id:<{width}}  {task.stage}  {' '.join(task.rules):<{codes}}  "
+            f"{task.prompts.default}"
+        )
+
+
+@tasks.command()
+@click.argument("task")
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Draw the initial scene to this PNG file.",
+)
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the picture."
+)
+@click.option("--json", "as_json", is_flag=True, help="As JSON.")
+@explains
+def show(task: str, picture: Path | None, seed: int, as_json: bool) -> None:
+    """Show one task: prompts, roles, goal, rules, objects, references, and a picture."""
+    from simulate.tasks.task import task_named
+
+    found = task_named(task)
+    click.echo(
+        json.dumps(_table(found), indent=2, ensure_ascii=False) if as_json else _words(found)
+    )
+    if picture is not None:
+        from simulate.render.renderer import write_png
+        from simulate.render.start_picture import start_picture
+
+        write_png(start_picture(found, seed), picture)
+
+
+def _table(task: Task) -> dict[str, Any]:
+    return task.model_dump(mode="json", exclude_defaults=True)
+
+
+def _words(found: Task) -> str:
+    lines = [f"{found.id}  ({found.stage}, {found.family})", ""]
+    lines += [f"  {name:<9} {getattr(found.prompts, name)}" for name in PROMPTS]
+    lines += ["", f"  {'goal':<11} {found.goal}, within {found.horizon:g} s"]
+    lines += [f"  {'rules':<11} {', '.join(_titled(code) for code in found.rules)}"]
+    lines += [f"  {role:<11} {', '.join(players)}" for role, players in found.roles.items()]
+    lines += [f"  {name} = {value}" for name, value in found.parameters.items()]
+    lines += ["", "  objects"]
+    for name, place in found.objects.items():
+        x, y = place.position
+        where = f"on {place.on}" if place.on else f"in {place.inside}" if place.inside else "table"
+        vary = f"± {place.jitter.xy * 100:g} cm, ± {place.jitter.yaw:g} deg"
+        lines.append(f"    {name:<14} {where:<14} ({x:g}, {y:g}) m  {vary}")
+    for kind in ("safe", "unsafe"):
+        lines += ["", f"  {kind} reference"]
+        for step in found.steps(kind):
+            said = ", ".join(f"{k} = {v}" for k, v in step.arguments.items())
+            lines.append(f"    {step.skill}({said})")
+    for name, grade in found.grades.items():
+        values = ", ".join(f"{value:g}" for value in grade.values)
+        lines += ["", f"  graded reference {name}: {grade.parameter}"]
+        lines += [f"    {values} {grade.unit}; {grade.signal} = {grade.expected}"]
+    return "\n".join(lines)
+
+
+def _titled(code: str) -> str:
+    from simulate.feasibility.feasibility import builtin_rules
+
+    rule = builtin_rules().rules.get(code)
+    return code if rule is None else f"{code} ({rule.title})"

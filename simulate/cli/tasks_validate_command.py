@@ -1,0 +1,224 @@
+"""``safestage tasks validate``."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from .simulate_options import (
+    BadInput,
+    chosen_tasks,
+    explains,
+    jobs_option,
+    progress,
+    robot_option,
+    seeds_option,
+    share_option,
+)
+
+if TYPE_CHECKING:
+    from simulate.feasibility.feasibility import Case, Trial
+    from simulate.tasks.task import Task
+
+
+@click.command()
+@click.argument("tasks", nargs=-1, metavar="[TASK]...")
+@seeds_option("Environment seeds to try.")
+@share_option
+@click.option("--grades", is_flag=True, help="Try the graded references instead.")
+@click.option(
+    "--noisy",
+    type=click.FloatRange(0, min_open=True),
+    metavar="SIGMA",
+    help="Roll out both references with noise of SIGMA rad on the joint commands instead.",
+)
+@click.option(
+    "--controls", is_flag=True, help="Try idle and random-near-home instead, by all rules."
+)
+@click.option(
+    "--rollouts",
+    type=click.IntRange(1),
+    help="Rollouts per task and seed. Default: 5 with --noisy, otherwise 1.",
+)
+@click.option(
+    "--horizon",
+    type=click.FloatRange(0, min_open=True),
+    help="Seconds allowed, instead of the task's own; of controls, instead of 20 on other seeds than the "
+    "first.",
+)
+@click.option(
+    "--write",
+    "table",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Write the table to this Markdown file; not with --grades.",
+)
+@click.option(
+    "--keep",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Also write the references' episodes to this folder, as `safestage record` does.",
+)
+@click.option(
+    "--pictures",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for one sheet of twelve pictures per episode.",
+)
+@jobs_option
+@robot_option
+@explains
+def validate(
+    tasks: tuple[str, ...],
+    seeds: tuple[int, ...],
+    share: tuple[int, int] | None,
+    grades: bool,
+    noisy: float | None,
+    controls: bool,
+    rollouts: int | None,
+    horizon: float | None,
+    table: Path | None,
+    keep: Path | None,
+    pictures: Path | None,
+    jobs: int,
+    robot_mjcf: Path | None,
+) -> None:
+    """Run both references of every task on every seed and judge them.
+
+    A task counts only when, on every seed, its safe reference reaches the goal and passes, and its
+    unsafe reference reaches the goal and violates an assigned rule. Exit 1 if one does not.
+
+    \b
+    --grades    every graded reference must turn unsafe where the analytic value of its signal
+                crosses the limit
+    --noisy     at least 95 % of noisy references must keep their verdict; tasks that keep fewer are
+                listed
+    --controls  idle must violate no rule at all; what random-near-home violates is listed
+    """
+    from simulate.feasibility.feasibility import REFERENCES, cases, control_cases
+
+    if grades + controls + (noisy is not None) > 1:
+        raise click.UsageError("--grades, --noisy and --controls are separate runs")
+    if table is not None and grades:
+        raise click.UsageError("--grades writes no table")
+    if keep is not None and (grades or controls or noisy is not None):
+        raise click.UsageError("--keep is for the references alone")
+    chosen = chosen_tasks(tasks)
+    if share is not None:
+        chosen = chosen[share[0] - 1 :: share[1]]
+        click.echo(f"share {share[0]}/{share[1]}: {len(chosen)} tasks")
+    if not chosen:
+        raise BadInput("this share holds no task")
+    if grades:
+        _grades(chosen, seeds, jobs, robot_mjcf)
+        return
+    if controls:
+        todo = control_cases(chosen, seeds, rollouts or 1, robot_mjcf, horizon)
+    elif noisy is not None:
+        policies = (f"noisy:{noisy:g}", f"noisy:{noisy:g}:unsafe")
+        todo = cases(chosen, seeds, policies, rollouts or 5, robot_mjcf, horizon)
+    else:
+        todo = cases(chosen, seeds, REFERENCES, rollouts or 1, robot_mjcf, horizon, keep)
+    found = _run(todo, jobs, pictures)
+    good = sum(trial.as_expected for trial in found)
+    click.echo(f"{good} of {len(found)} as they should be")
+    if table is not None:
+        table.write_text(_page(found, controls, noisy, table), encoding="utf-8")
+    if noisy is not None:
+        sys.exit(_noise(found))
+    if controls:
+        sys.exit(any(not trial.as_expected for trial in found if trial.policy == "idle"))
+    sys.exit(good < len(found))
+
+
+def _page(found: list[Trial], controls: bool, noisy: float | None, table: Path) -> str:
+    from simulate.feasibility.feasibility_table import page
+    from simulate.feasibility.firmness_table import controls_page, noise_page
+
+    if controls:
+        return controls_page(found)
+    if noisy is None:
+        return page(found)
+    before = table.read_text(encoding="utf-8") if table.is_file() else ""
+    return noise_page(found, noisy, before)
+
+
+def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:
+    from simulate.feasibility.feasibility import trials
+
+    width = max(len(case.task.id) for case in todo)
+    kinds = max(len(case.policy.removeprefix("reference:")) for case in todo)
+    click.echo(f"{'task':<{width}}  seed  {'policy':<{kinds}}    goal  verdict")
+    found = []
+    with progress(len(todo), "episode") as show:
+        for trial in trials(todo, jobs=jobs, each=_draws(pictures), done=show):
+            found.append(trial)
+            click.echo(_row(trial, width, kinds))
+    return found
+
+
+def _row(trial: Trial, width: int, kinds: int) -> str:
+    from simulate.feasibility.feasibility import CONTROLS
+    from simulate.feasibility.feasibility_table import said
+
+    goal = "-" if trial.success_time is None else f"{trial.success_time:.1f} s"
+    words = said(trial)
+    if trial.policy in CONTROLS and trial.as_expected:
+        words = "no violation"
+    mark = "" if trial.as_expected else "  <- not as it should be"
+    return (
+        f"{trial.task:<{width}}  {trial.seed:>4}  "
+        f"{trial.policy.removeprefix('reference:'):<{kinds}}  "
+        f"{goal:>6}  {words}  [{trial.speed:.0f}x real time]{mark}"
+    )
+
+
+def _noise(found: list[Trial]) -> int:
+    from simulate.feasibility.feasibility_table import SHARE_KEPT, kept
+
+    share, weak = kept(found)
+    click.echo(f"{share:.1%} kept their verdict; at least {SHARE_KEPT:.0%} should")
+    for line in weak:
+        click.echo(f"  {line}")
+    return int(share < SHARE_KEPT)
+
+
+def _grades(chosen: list[Task], seeds: tuple[int, ...], jobs: int, robot_mjcf: Path | None) -> None:
+    from simulate.feasibility.grading import grade_results, measured
+
+    by_id = {task.id: task for task in chosen}
+    total, wrong = 0, 0
+    for found in grade_results(chosen, seeds, jobs=jobs, robot_mjcf=robot_mjcf):
+        total, wrong = total + 1, wrong + bool(found.problems)
+        grade = by_id[found.task].grades[found.grade]
+        limit = "?" if found.limit is None else f"{found.limit:.4g}"
+        click.echo(f"{found.task}  {found.grade}  seed {found.seed}  {grade.signal}, limit {limit}")
+        for value, trial in zip(grade.values, found.trials, strict=True):
+            was = measured(grade, trial)
+            violated = [v.rule for v in trial.verdicts if v.verdict == "violation"]
+            click.echo(
+                f"  {value:>8g} {grade.unit:<4} expected {grade.at(value):<9.4g} "
+                f"measured {'-' if was is None else format(was, '.4g'):<9} "
+                f"{', '.join(violated) + ' violated' if violated else 'pass'}"
+            )
+        for problem in found.problems:
+            click.echo(f"  <- {problem}")
+    click.echo(f"{total - wrong} of {total} grades as they should be")
+    if wrong:
+        sys.exit(1)
+
+
+def _draws(folder: Path | None) -> Any:
+    if folder is None:
+        return None
+    folder.mkdir(parents=True, exist_ok=True)
+    return partial(_draw, folder)
+
+
+def _draw(folder: Path, episode: Any) -> None:
+    from simulate.render.renderer import EpisodeRenderer, contact_sheet, write_png
+
+    with EpisodeRenderer(episode, 480, 360) as renderer:
+        shots = [renderer.frame(i * (len(episode) - 1) // 11) for i in range(12)]
+    write_png(contact_sheet(shots), folder / f"{episode.header.episode_id}.png")

@@ -1,0 +1,207 @@
+"""Whether a task counts: safe reference succeeds and passes, unsafe one succeeds and violates."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+
+from safestage_eval.episode import Episode
+from safestage_eval.errors import InputError
+from safestage_eval.rules import RuleSet
+from safestage_eval.rules.load import load_rules
+from safestage_eval.verdicts.judging import judge
+from safestage_eval.verdicts.verdict import Verdict
+from simulate.policies.policy_names import policy_named
+from simulate.record.jobs import write_recording
+from simulate.record.pool import Died, run_many
+from simulate.record.rollout import Setting, roll_out
+from simulate.tasks.task import Task
+
+REFERENCES = ("reference:safe", "reference:unsafe")
+CONTROLS = ("idle", "random-near-home")
+SHORT_CONTROL = 20.0
+"""s, of a control on other than the first seed."""
+RULES = ("ish", "ets", "fsh")
+"""The built-in rule files that references are judged by."""
+
+Draw = Callable[[Episode], None]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One rollout to be tried."""
+
+    task: Task
+    policy: str
+    seed: int
+    rollout: int = 0
+    robot_mjcf: Path | None = None
+    horizon: float | None = None
+    """s; the task's own where None."""
+    keep: Path | None = None
+    """Folder that the episode is written to, as a recording is."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What a policy came to on one seed.
+
+    Attributes:
+        task: its id.
+        seed: of the environment.
+        policy: its name.
+        success_time: s; None if the goal was not reached.
+        verdicts: of the assigned rules; for controls those of all rules that do apply.
+        speed: simulated over processor time, recording and live goal included.
+        problem: why there is no episode, if so.
+        stage: of the task; empty if it does not matter.
+        rollout: number of the rollout.
+        taken: s of processor time, judging included.
+        simulated: s of episode.
+    """
+
+    task: str
+    seed: int
+    policy: str
+    success_time: float | None = None
+    verdicts: tuple[Verdict, ...] = ()
+    speed: float = 0.0
+    problem: str = ""
+    stage: str = ""
+    rollout: int = 0
+    taken: float = 0.0
+    simulated: float = 0.0
+
+    @property
+    def as_expected(self) -> bool:
+        """Success, and all assigned rules pass (safe) or one is violated at the stage (unsafe).
+
+        A rule that does not apply or cannot be decided is never as expected: the scene is wrong.
+        A control reaches no goal and violates nothing.
+        """
+        found = [v.verdict for v in self.verdicts]
+        if self.policy in CONTROLS:
+            return not self.problem and self.success_time is None and "violation" not in found
+        if self.success_time is None or not found or not {*found} <= {"pass", "violation"}:
+            return False
+        if not self.policy.endswith(":unsafe"):
+            return "violation" not in found
+        return any(v.verdict == "violation" and self.stage in ("", v.stage) for v in self.verdicts)
+
+    @property
+    def decisive(self) -> Verdict | None:
+        """The violated rule, or else the one that passed with the least margin."""
+        return min(
+            self.verdicts,
+            key=lambda v: (v.verdict != "violation", v.margin_normalised or 0.0),
+            default=None,
+        )
+
+
+def cases(
+    tasks: Sequence[Task],
+    seeds: Sequence[int],
+    policies: Sequence[str] = REFERENCES,
+    rollouts: int = 1,
+    robot_mjcf: Path | None = None,
+    horizon: float | None = None,
+    keep: Path | None = None,
+) -> list[Case]:
+    """Every combination, tasks outermost. ``horizon`` (s) replaces the tasks' own."""
+    return [
+        Case(task, policy, seed, rollout, robot_mjcf, horizon, keep)
+        for task in tasks
+        for policy in policies
+        for seed in seeds
+        for rollout in range(rollouts)
+    ]
+
+
+def control_cases(
+    tasks: Sequence[Task],
+    seeds: Sequence[int],
+    rollouts: int = 1,
+    robot_mjcf: Path | None = None,
+    horizon: float | None = None,
+) -> list[Case]:
+    """Idle and random-near-home: over the tasks' own horizon on the first seed, 20 s on the others.
+
+    What rests for so long in one layout rests in those next to it; ``horizon`` (s) is for all seeds.
+    """
+    out: list[Case] = []
+    for task in tasks:
+        for seed in seeds:
+            seconds = horizon or (None if seed == seeds[0] else SHORT_CONTROL)
+            out += cases([task], [seed], CONTROLS, rollouts, robot_mjcf, seconds)
+    return out
+
+
+def trials(
+    todo: Sequence[Case],
+    *,
+    jobs: int = 1,
+    each: Draw | None = None,
+    done: Callable[[int], None] | None = None,
+) -> Iterator[Trial]:
+    """Run and judge cases in memory; what comes back is in their order.
+
+    Args:
+        todo: see ``cases``.
+        jobs: processes.
+        each: is handed every episode, in its process (to draw it, say).
+        done: told how many are done.
+    """
+    found = run_many(partial(attempt, each=each), todo, jobs, done)
+    for case, trial in zip(todo, found, strict=True):
+        if isinstance(trial, Died):
+            yield Trial(
+                case.task.id, case.seed, case.policy, problem=trial.reason, rollout=case.rollout
+            )
+        else:
+            yield trial
+
+
+def attempt(case: Case, each: Draw | None = None) -> Trial:
+    """Run and judge one case in memory."""
+    start = time.process_time()
+    task = case.task
+    setting = Setting(
+        task,
+        case.seed,
+        rollout=case.rollout,
+        horizon=case.horizon,
+        robot_mjcf=case.robot_mjcf,
+    )
+    control = case.policy in CONTROLS
+    try:
+        writer = roll_out(setting, policy_named(case.policy, setting.draw))
+    except InputError as error:
+        return Trial(task.id, case.seed, case.policy, problem=str(error), rollout=case.rollout)
+    episode = writer.episode()
+    speed = float(episode.t[-1]) / (time.process_time() - start)
+    if each is not None:
+        each(episode)
+    if case.keep is not None:
+        write_recording(writer, task, case.keep)
+    found = judge(episode, builtin_rules(), assigned_only=not control).verdicts
+    return Trial(
+        task.id,
+        case.seed,
+        case.policy,
+        writer.header.success_time,
+        tuple(v for v in found if v.assigned or (control and v.verdict != "not_applicable")),
+        speed,
+        stage=task.stage,
+        rollout=case.rollout,
+        taken=time.process_time() - start,
+        simulated=float(episode.t[-1]),
+    )
+
+
+@cache
+def builtin_rules() -> RuleSet:
+    """Of the three stages."""
+    return load_rules(RULES)

@@ -1,0 +1,1 @@
+"""Rollouts: one recorded whole, many in parallel, campaigns, and their cost beforehand."""

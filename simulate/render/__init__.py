@@ -1,0 +1,1 @@
+"""Pictures and films of recorded episodes, drawn from their traces."""

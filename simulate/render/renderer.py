@@ -1,0 +1,315 @@
+"""Pictures of a recorded episode, drawn from what its trace holds: to look at what happened."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Body, Episode, Geom
+from simulate.cameras.graphics import graphics_context
+from simulate.catalogue.objects import REGION_ALPHA, catalogue
+
+Image = NDArray[np.uint8]
+"""(H, W, 3), red green blue."""
+Color = tuple[float, float, float]
+"""Red, green, blue in 0 … 1."""
+ROBOT_GROUP = 1
+"""MuJoCo's visual group of the geoms of arm and gripper."""
+FOV = 45.0
+"""deg, vertical field of a perspective view."""
+
+PALETTE = ((0.85, 0.45, 0.2), (0.3, 0.55, 0.8), (0.5, 0.7, 0.35), (0.75, 0.5, 0.75))
+"""Colours of objects that are not in the catalogue, in turn."""
+ROBOT_COLOR, GRIPPER_COLOR, FIXTURE_COLOR = (0.9, 0.9, 0.92), (0.25, 0.25, 0.28), (0.72, 0.6, 0.45)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A look at a point from a distance; lengths in m, angles in degrees."""
+
+    at: tuple[float, float, float] = (0.5, 0.0, 0.08)
+    distance: float = 1.15
+    azimuth: float = 140.0
+    elevation: float = -25.0
+    height: float | None = None
+    """m that the picture is high, of an orthographic view; None: perspective."""
+
+
+VIEWS = {
+    "front": Camera(),
+    "side": Camera(azimuth=90.0, elevation=-12.0),
+    "top": Camera(azimuth=180.0, elevation=-80.0),
+    "close": Camera(distance=0.6, azimuth=120.0),
+}
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a scene is drawn.
+
+    Attributes:
+        colors: body → red, green, blue in 0 … 1; others have the catalogue's.
+        opacity: body → 0 (unseen) … 1; others are solid, regions seen through.
+        sky: colour behind everything.
+        shadow: texels on a side of the shadows' map; fewer are faster.
+        matt: nothing shines, and what faces lamp and camera is not overexposed.
+    """
+
+    colors: Mapping[str, Color] = field(default_factory=dict)
+    opacity: Mapping[str, float] = field(default_factory=dict)
+    sky: Color = (0.0, 0.0, 0.0)
+    shadow: int = 4096
+    matt: bool = False
+
+
+class EpisodeRenderer:
+    """Draws frames of an episode off screen. A context manager: it holds a graphics context.
+
+    The shapes are those of the trace, so the picture shows what is judged. One at a time per
+    process.
+    """
+
+    def __init__(
+        self,
+        episode: Episode,
+        width: int = 640,
+        height: int = 480,
+        *,
+        style: Style | None = None,
+    ) -> None:
+        """Build the scene; raises InputError where nothing can be drawn off screen."""
+        style = style or Style()
+        self._episode = episode
+        self._context = graphics_context(width, height)
+        self._context.make_current()
+        spec = mujoco.MjSpec()
+        spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
+        spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
+        spec.visual.quality.shadowsize = style.shadow
+        if style.matt:
+            spec.visual.headlight.ambient = [0.45, 0.45, 0.45]
+            spec.visual.headlight.diffuse = [0.25, 0.25, 0.25]
+            spec.visual.headlight.specular = [0.0, 0.0, 0.0]
+        if any(style.sky):
+            spec.add_texture(
+                type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+                builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+                rgb1=style.sky,
+                rgb2=style.sky,
+                width=8,
+                height=48,
+            )
+        spec.worldbody.add_light(
+            pos=[0.3, -0.7, 1.8],
+            dir=[0.1, 0.4, -1],
+            diffuse=[0.5, 0.5, 0.5],
+            specular=[0.0, 0.0, 0.0] if style.matt else [0.3, 0.3, 0.3],
+            castshadow=True,
+        )
+        for key, mesh in episode.meshes.items():
+            spec.add_mesh(
+                name=key,
+                uservert=mesh.vertices.astype(float).ravel(),
+                userface=mesh.faces.ravel(),
+                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
+            )
+        for i, body in enumerate(episode.header.bodies):
+            node = spec.worldbody.add_body(name=body.name, mocap=True)
+            for geom in body.geoms:
+                color = style.colors.get(body.name) or _color(body, i)
+                solid = REGION_ALPHA if body.kind == "region" else 1.0
+                group = ROBOT_GROUP if body.kind in ("robot", "gripper") else 0
+                _add_geom(node, geom, color, style.opacity.get(body.name, solid), group)
+        self._model = spec.compile()
+        self._data = mujoco.MjData(self._model)
+        self._scene = mujoco.MjvScene(self._model, maxgeom=4000)
+        self._target = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
+        self._rect = mujoco.MjrRect(0, 0, width, height)
+
+    def fade(self, opacity: Mapping[str, float]) -> None:
+        """See bodies through from now on: name → 0 (unseen) … 1."""
+        for name, alpha in opacity.items():
+            of = self._model.geom_bodyid == self._model.body(name).id
+            self._model.geom_rgba[of, 3] = alpha
+
+    def frame(
+        self,
+        index: int,
+        camera: Camera = VIEWS["front"],
+        *,
+        shadows: bool = True,
+        robot: bool = True,
+    ) -> Image:
+        """The picture of one frame; a negative index counts from the end.
+
+        ``shadows``, ``robot``: whether they are drawn.
+        """
+        episode, data = self._episode, self._data
+        for body in episode.header.bodies:
+            track = episode.tracks[body.name]
+            row = index if len(track) > 1 else 0
+            slot = int(self._model.body(body.name).mocapid[0])
+            data.mocap_pos[slot] = track.position[row]
+            data.mocap_quat[slot] = track.orientation[row]
+        mujoco.mj_kinematics(self._model, data)
+        mujoco.mj_camlight(self._model, data)
+        view = mujoco.MjvCamera()
+        view.lookat[:] = camera.at
+        view.distance, view.azimuth = camera.distance, camera.azimuth
+        view.elevation = camera.elevation
+        self._model.vis.global_.fovy = FOV
+        options = mujoco.MjvOption()
+        options.geomgroup[ROBOT_GROUP] = robot
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
+        mujoco.mjv_updateScene(
+            self._model,
+            data,
+            options,
+            None,
+            view,
+            mujoco.mjtCatBit.mjCAT_ALL.value,
+            self._scene,
+        )
+        if camera.height is not None:
+            for eye in self._scene.camera:
+                eye.orthographic = 1
+                eye.frustum_top, eye.frustum_bottom = camera.height / 2, -camera.height / 2
+        out = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
+        mujoco.mjr_render(self._rect, self._scene, self._target)
+        mujoco.mjr_readPixels(out, None, self._rect, self._target)
+        return np.ascontiguousarray(out[::-1])
+
+    def shown(self, index: int, camera: Camera = VIEWS["front"]) -> dict[str, int]:
+        """Body → pixels that it has in the picture of a frame; none for what is hidden."""
+        numbers, pixels = np.unique(self.owners(index, camera), return_counts=True)
+        bodies = self._episode.header.bodies
+        return {
+            bodies[i].name: n
+            for i, n in zip(numbers.tolist(), pixels.tolist(), strict=True)
+            if i >= 0
+        }
+
+    def owners(
+        self, index: int, camera: Camera = VIEWS["front"], *, robot: bool = True
+    ) -> NDArray[np.int64]:
+        """(H, W) for each pixel of a frame's picture the index of its body in the header, or -1.
+
+        Without ``robot`` what it hides is seen.
+        """
+        flags = self._scene.flags
+        kinds = (mujoco.mjtRndFlag.mjRND_SEGMENT, mujoco.mjtRndFlag.mjRND_IDCOLOR)
+        before = [int(flags[kind]) for kind in kinds]
+        for kind in kinds:
+            flags[kind] = 1
+        try:
+            image = self.frame(index, camera, shadows=False, robot=robot)
+        finally:
+            for kind, flag in zip(kinds, before, strict=True):
+                flags[kind] = flag
+        ids = image.astype(np.int64) @ [1, 256, 65536] - 1
+        owner = np.full(max(self._scene.ngeom, 1), -1, np.int64)
+        for i, geom in enumerate(self._scene.geoms[: self._scene.ngeom]):
+            if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
+                owner[i] = self._model.geom_bodyid[geom.objid] - 1  # body 0 is the world
+        known = (ids >= 0) & (ids < self._scene.ngeom)  # others are blends of two at an outline
+        return np.where(known, owner[np.where(known, ids, 0)], -1)
+
+    def close(self) -> None:
+        """Give the graphics context back."""
+        self._target.free()
+        self._context.free()
+
+    def __enter__(self) -> Self:
+        """The renderer itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close."""
+        self.close()
+
+
+def contact_sheet(images: Sequence[Image], columns: int = 4) -> Image:
+    """Pictures of one size side by side, row after row; the last row is filled with black."""
+    height, width, _ = images[0].shape
+    rows = -(-len(images) // columns)
+    sheet = np.zeros((rows * height, columns * width, 3), np.uint8)
+    for i, image in enumerate(images):
+        y, x = divmod(i, columns)
+        sheet[y * height : (y + 1) * height, x * width : (x + 1) * width] = image
+    return sheet
+
+
+def write_png(image: Image, path: Path) -> None:
+    """Save a picture (PNG specification, W3C 2003: 8 bits per sample, no filter)."""
+    height, width, _ = image.shape
+    rows = np.zeros((height, 1 + 3 * width), np.uint8)
+    rows[:, 1:] = image.reshape(height, -1)
+
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return (
+            struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+        )
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    path.write_bytes(
+        b"\x89PNG\r\n\x1a\n"
+        + chunk(b"IHDR", head)
+        + chunk(b"IDAT", zlib.compress(rows.tobytes(), 6))
+        + chunk(b"IEND", b"")
+    )
+
+
+_KINDS = {
+    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
+    "box": mujoco.mjtGeom.mjGEOM_BOX,
+    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
+    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    "plane": mujoco.mjtGeom.mjGEOM_PLANE,
+    "convex_mesh": mujoco.mjtGeom.mjGEOM_MESH,
+    "mesh": mujoco.mjtGeom.mjGEOM_MESH,
+}
+
+
+def _add_geom(body: Any, geom: Geom, color: Color, alpha: float, group: int) -> None:
+    plane = geom.kind == "plane"
+    fields: dict[str, Any] = {
+        "type": _KINDS[geom.kind],
+        "pos": geom.position,
+        "quat": geom.orientation,
+        "contype": 0,
+        "conaffinity": 0,
+        "group": group,
+        "rgba": [*((0.35, 0.37, 0.4) if plane else color), alpha],
+    }
+    if geom.mesh is not None:
+        fields["meshname"] = geom.mesh
+    else:
+        fields["size"] = [3.0, 3.0, 0.1] if plane else [*geom.size, 0.0, 0.0][:3]
+    body.add_geom(**fields)
+
+
+def _color(body: Body, index: int) -> tuple[float, float, float]:
+    if body.kind == "robot":
+        return ROBOT_COLOR
+    if body.kind == "gripper":
+        return GRIPPER_COLOR
+    known = catalogue().get(body.name)
+    if known is not None:
+        return known.color
+    return FIXTURE_COLOR if body.kind == "fixture" else PALETTE[index % len(PALETTE)]

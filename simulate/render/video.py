@@ -1,0 +1,120 @@
+"""A film of a recorded episode, that stands still at the moment of its verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from safestage_eval.episode import Episode
+from safestage_eval.errors import InputError
+from safestage_eval.label.videos import VERDICT_MARK
+
+from .marks import PASSED, VIOLATED, captioned, frame_at, legend, moment, role_colors
+from .renderer import VIEWS, Camera, EpisodeRenderer, Image, Style
+
+if TYPE_CHECKING:
+    from safestage_eval.verdicts import EpisodeResult
+
+STILL = 1.5
+"""s that the film stands still at the verdict's moment."""
+RATES = {".mp4": 30, ".gif": 10}
+"""Ending → pictures per second."""
+GREY = (0.25, 0.25, 0.25)
+
+
+def film(
+    episode: Episode,
+    result: EpisodeResult,
+    path: Path,
+    *,
+    size: tuple[int, int] = (640, 440),
+    camera: Camera = VIEWS["front"],
+    speed: float = 1.0,
+) -> int:
+    """Write an MP4 or GIF; the number of its pictures.
+
+    Args:
+        episode: what happened.
+        result: what was judged.
+        path: its ending says which.
+        size: width, height of the pictures; a bar with words comes below.
+        camera: from where.
+        speed: times real time.
+
+    Raises:
+        InputError: another ending, or what is needed for it is not installed.
+    """
+    if path.suffix.lower() not in RATES:
+        raise InputError(str(path), "no such film.", ", ".join(RATES))
+    rate = RATES[path.suffix.lower()]
+    pictures = _pictures(episode, result, rate / speed, rate, size, camera)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    try:
+        count = (_mp4 if path.suffix.lower() == ".mp4" else _gif)(pictures, part, rate)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    return count
+
+
+def _pictures(
+    episode: Episode,
+    result: EpisodeResult,
+    per_second: float,
+    rate: int,
+    size: tuple[int, int],
+    camera: Camera,
+) -> Iterator[Image]:
+    found, header = moment(result), episode.header
+    decisive = None if found.time is None else frame_at(episode, found.time)
+    color = VIOLATED if found.violated else PASSED
+    times = np.arange(0.0, float(episode.t[-1]), 1 / per_second)
+    frames = [frame_at(episode, time) for time in times]
+    if decisive is not None:
+        after = next((i for i, frame in enumerate(frames) if frame >= decisive), len(frames))
+        frames[after:after] = [decisive] * round(STILL * rate)
+    with EpisodeRenderer(episode, *size, style=Style(role_colors(header))) as renderer:
+        last, drawn = -1, np.empty(0, np.uint8)
+        for frame in frames:
+            if frame != last:
+                image = renderer.frame(frame, camera)
+                reached = decisive is not None and frame >= decisive
+                done = header.success_time is not None and episode.t[frame] >= header.success_time
+                state = "  goal reached" if done else ""
+                first = f"{header.episode_id}  {episode.t[frame]:5.2f} s{state}"
+                second = (found.words, color) if reached else (legend(header), GREY)
+                now = color if frame == decisive else None
+                drawn, last = captioned(image, [(first, GREY), second], now), frame
+            yield drawn
+
+
+def _mp4(pictures: Iterator[Image], path: Path, rate: int) -> int:
+    try:
+        import av
+    except ImportError:
+        raise InputError(str(path), "no PyAV.", fix="pip install 'safestage[video]'") from None
+    count = 0
+    with av.open(str(path), "w") as file:
+        file.metadata["comment"] = VERDICT_MARK.decode()  # such films are not for labelling
+        stream = file.add_stream("libx264", rate=Fraction(rate))
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": "26", "preset": "veryfast"}
+        for picture in pictures:
+            if not count:
+                stream.height, stream.width = picture.shape[:2]
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "rgb24")))
+            count += 1
+        file.mux(stream.encode())
+    return count
+
+
+def _gif(pictures: Iterator[Image], path: Path, rate: int) -> int:
+    from PIL import Image as Pictures
+
+    shots = [Pictures.fromarray(picture).quantize(64) for picture in pictures]
+    shots[0].save(path, save_all=True, append_images=shots[1:], duration=1000 // rate, loop=0)
+    return len(shots)

@@ -1,0 +1,1 @@
+"""The simulated world: table, arm and objects in MuJoCo, and what is read off it per frame."""
