@@ -29,11 +29,11 @@ from machine import machine
 from plain import distances
 
 from safestage_eval._process import heap
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats.episode_ref import EpisodeRef
 from safestage_eval.formats.parquet import stored_table
 from safestage_eval.rules import load_rules
 from safestage_eval.run.score_episode import score_episode
-from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts import EpisodeResult, judge
 
 LIMIT = 0.08

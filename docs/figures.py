@@ -23,12 +23,12 @@ from drawing import draw_scene, frame_of_interest
 
 import safestage_eval
 from safestage_eval.api import Episode
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import discover
 from safestage_eval.relations.measure import Relations
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import parse
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 from safestage_eval.sketch import read
 from safestage_eval.units import in_unit, unit_of
 

@@ -49,7 +49,7 @@ class Episode(model.Episode):
         import pandas as pd
 
         from safestage_eval.rules import builtin_names, load_rules
-        from safestage_eval.signals.measure import CAPPED
+        from safestage_eval.signals import SIGNALS
         from safestage_eval.verdicts.ask import ask
 
         asked = tuple(map(str, [rules] if isinstance(rules, str | Path) else rules))
@@ -60,7 +60,8 @@ class Episode(model.Episode):
         lower, upper = series.lower, series.upper
         known = lower == upper
         known |= np.isfinite(lower) & np.isfinite(upper) & (upper - lower <= EXACT)
-        if expression.partition("(")[0].strip() in CAPPED:
+        signal = SIGNALS.get(expression.partition("(")[0].strip())
+        if signal is not None and signal.capped:
             known |= np.isfinite(lower) & np.isposinf(upper)
         values = np.where(known, upper, np.nan)
         return pd.Series(values, pd.Index(seen.t, name="time"), name=expression)
@@ -68,8 +69,8 @@ class Episode(model.Episode):
     @cached_property
     def _relations(self) -> Relations:
         """What was measured stays."""
+        from safestage_eval.evidence.measure import Signals
         from safestage_eval.relations.measure import Relations
-        from safestage_eval.signals.measure import Signals
 
         return Relations(Signals(model.with_holes(self)))
 

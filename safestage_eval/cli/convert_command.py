@@ -17,6 +17,7 @@ from .shared_options import (
     set_option,
     traces_argument,
 )
+from .terminal import say
 
 
 @click.command("convert")
@@ -78,7 +79,7 @@ def command(
                 episode = ref.open(recover=recover)
                 name = episode.header.episode_id
                 if there.get(name) == episode.content_hash:
-                    click.echo(f"{episode.content_hash}  {name}  there already")
+                    say(f"{episode.content_hash}  {name}  there already")
                     continue
                 target = out if form == "parquet" else _file_for(name, out)
                 if name in there:
@@ -87,10 +88,10 @@ def command(
                     _may_write(target, ref.path, written, force=force)
                 copy = _copied(episode, target, form, remarks(episode) if remarks else ())
                 written.add(target)
-                click.echo(f"{episode.content_hash}  {name}  {copy}")
+                say(f"{episode.content_hash}  {name}  {copy}")
             except InputError as error:
                 failed += 1
-                click.echo(f"problem: {error}", err=True)
+                say(f"problem: {error}", err=True)
             finally:
                 if tell is not None:
                     tell(done, len(refs))
@@ -129,7 +130,7 @@ def _may_write(target: Path, source: Path, written: set[Path], *, force: bool) -
 def _judge(
     rules: tuple[str, ...], bind: Path | None, settings: tuple[str, ...]
 ) -> Callable[[Any], Sequence[Any]]:
-    """What the rules say of an episode, as events."""
+    """Verdicts on an episode, as events."""
     from safestage_eval.errors import InputError
     from safestage_eval.report.verdict_events import events
     from safestage_eval.rules import builtin_names, load_bind, load_rules, parse_overrides
@@ -145,7 +146,7 @@ def _judge(
         try:
             result = judge(episode, loaded, overrides=overrides, bind=bound)
         except InputError as error:  # the copy is what was asked for
-            click.echo(f"warning: no verdicts in the copy: {error}", err=True)
+            say(f"warning: no verdicts in the copy: {error}", err=True)
             return ()
         return events(result, float(episode.t[-1]))
 

@@ -16,6 +16,7 @@ from .shared_options import (
     rules_option,
     set_option,
 )
+from .terminal import say
 
 
 @click.command("explain")
@@ -61,4 +62,4 @@ def command(
         overrides=pairs(settings, "--set"),
         bind=None if bind is None else load_bind(bind, loaded),
     )
-    click.echo(explain(result, everything=everything), nl=False)
+    say(explain(result, everything=everything), nl=False)

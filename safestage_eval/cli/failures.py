@@ -1,4 +1,4 @@
-"""How commands fail: one clear message on stderr, and exit code 2."""
+"""Failures of commands: one message on stderr, and exit code 2."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from io import TextIOWrapper
 import click
 
 from safestage_eval.errors import InputError
+
+from .terminal import say
 
 _DISK = {errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG, errno.EDQUOT}
 """Full disks, and folders that may not be written to."""
@@ -25,11 +27,11 @@ def run(command: click.Command) -> None:
         error.show()
         sys.exit(2)
     except click.Abort:
-        click.echo("interrupted", err=True)
+        say("interrupted", err=True)
         sys.exit(130)
     except InputError as error:
         text = str(error)
-        click.echo(text if text.startswith("error[") else f"error: {text}", err=True)
+        say(text if text.startswith("error[") else f"error: {text}", err=True)
         sys.exit(2)
     except BrokenPipeError:
         sys.stderr.close()
@@ -38,7 +40,7 @@ def run(command: click.Command) -> None:
         if error.errno not in _DISK:
             raise
         where = f"{error.filename}: " if error.filename else ""
-        click.echo(f"error: {where}cannot be written: {error.strerror}.", err=True)
+        say(f"error: {where}cannot be written: {error.strerror}.", err=True)
         sys.exit(2)
     except SystemExit:
         if sys.stdout is not stdout:  # click muffles it when the reader of a pipe has gone:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .shared_options import progress, rules_option
+from .terminal import say
 
 if TYPE_CHECKING:
     from safestage_eval.importers import Outcome
@@ -101,11 +102,14 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
             source, to, settings, only=only, bind=bound, prefix=prefix, limit=limit, jobs=jobs,
             mcap=mcap, limits=limits, progress=tell,
         )  # fmt: skip
-    click.echo(_as_json(outcome) if form == "json" else _as_table(outcome), nl=False)
+    if form == "json":
+        click.echo(_as_json(outcome), nl=False)
+    else:
+        say(_as_table(outcome), nl=False)
     for problem in outcome.failed:
-        click.echo(f"problem: {problem.message}", err=True)
+        say(f"problem: {problem.message}", err=True)
     new = sum(each.new for each in outcome.imported)
-    click.echo(
+    say(
         f"{new} imported, {len(outcome.imported) - new} there already, "
         f"{len(outcome.failed)} not imported",
         err=True,

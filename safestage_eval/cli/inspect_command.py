@@ -5,6 +5,7 @@ from __future__ import annotations
 import click
 
 from .shared_options import chosen_ref, episode_argument, episode_option
+from .terminal import say
 
 
 @click.command("inspect")
@@ -27,4 +28,4 @@ def command(trace: str, name: str | None, episode: str | None, as_json: bool) ->
         return
     from safestage_eval.report.episode_report import describe
 
-    click.echo(describe(opened), nl=False)
+    say(describe(opened), nl=False)

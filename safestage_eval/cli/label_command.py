@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .shared_options import bind_option, pairs, rules_option, traces_argument, where_option
+from .terminal import say
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -93,8 +94,8 @@ def command(
     _warn(chosen, loaded, bound)
     server = _server(session, port)
     answered = f", {_count(session.ledger.reviewers)} in {file} so far" if file.exists() else ""
-    click.echo(f"{len(chosen)} rollouts{answered}; answers go to {file}", err=True)
-    click.echo("Ctrl+C ends; start again to continue", err=True)
+    say(f"{len(chosen)} rollouts{answered}; answers go to {file}", err=True)
+    say("Ctrl+C ends; start again to continue", err=True)
     click.echo(server.url)
     if not no_open:
         import webbrowser
@@ -103,11 +104,11 @@ def command(
     try:
         server.serve_forever()
     except KeyboardInterrupt:
-        click.echo("", err=True)
+        say("", err=True)
     finally:
         server.server_close()
     for line in session.commands:
-        click.echo(f"next: {line}", err=True)
+        say(f"next: {line}", err=True)
 
 
 def _found(
@@ -124,7 +125,7 @@ def _found(
         if ref.problem is None:
             refs.append(ref)
         else:
-            click.echo(f"problem: {ref.problem}", err=True)
+            say(f"problem: {ref.problem}", err=True)
     if results:
         told = {
             str(row.get("episode_id"))
@@ -142,9 +143,9 @@ def _found(
 
 
 def _warn(refs: Sequence[EpisodeRef], rules: RuleSet, bind: BindFile | None) -> None:
-    """Say for which tasks there is no requirement that could be told."""
+    """Warn of tasks without a requirement that could be shown."""
     from safestage_eval.errors import InputError
-    from safestage_eval.label.question import unasked
+    from safestage_eval.label.review_question import unasked
 
     tasks = {ref.fields.get("task") or ref.episode_id: ref for ref in reversed(refs)}
     for task, ref in tasks.items():
@@ -153,7 +154,7 @@ def _warn(refs: Sequence[EpisodeRef], rules: RuleSet, bind: BindFile | None) -> 
         except InputError as error:
             why = str(error)
         if why is not None:
-            click.echo(f"{task}: no requirement to show: {why}", err=True)
+            say(f"{task}: no requirement to show: {why}", err=True)
 
 
 def _server(session: Session, port: int | None) -> Server:
@@ -174,7 +175,7 @@ def _options(rules: Sequence[str], bind: Path | None) -> list[str]:
 
 
 def _next(scored: Sequence[str], file: Path, results: Sequence[Path]) -> tuple[str, ...]:
-    """What to run when all is answered; ``scored``: arguments of ``score``."""
+    """Commands to run when all is answered; ``scored``: arguments of ``score``."""
     from shlex import join, quote
 
     first = [] if results else [f"safestage score {join(scored)} -f parquet -o rows.parquet"]

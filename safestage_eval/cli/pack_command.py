@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from .shared_options import pairs, progress, traces_argument, written
+from .terminal import say
 
 FIELDS = ("policy", "task", "stage", "family", "prompt", "seed")
 
@@ -68,14 +69,14 @@ def command(
     with progress("packing") as tell:
         result = pack(refs, out, by=fields, shard_episodes=shard_episodes, tell=tell)
     for name, problem in result.problems:
-        click.echo(f"problem: {name}: {problem}", err=True)
+        say(f"problem: {name}: {problem}", err=True)
     if result.packed or result.there:
         card = dataset_card(
             out, discover(out), title=title or readable(out.resolve().name), licence=licence
         )
         written(card, out / "README.md")
     shards = len(set(result.packed.values()))
-    click.echo(
+    say(
         f"{len(result.packed)} episodes packed into {shards} shards of {out}"
         + (f"; {len(result.there)} were there already" if result.there else "")
         + (f"; {len(result.problems)} left out" if result.problems else "")

@@ -15,6 +15,7 @@ from .shared_options import (
     rules_option,
     set_option,
 )
+from .terminal import say
 
 
 @click.command("plot")
@@ -64,4 +65,4 @@ def command(
         None if bind is None else load_bind(bind, loaded),
     )
     signal_plot.draw(again, signal_plot.panels(again, signals), output)
-    click.echo(f"{output}: drawn", err=True)
+    say(f"{output}: drawn", err=True)

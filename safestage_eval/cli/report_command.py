@@ -15,6 +15,7 @@ from .shared_options import (
     set_option,
     written,
 )
+from .terminal import say
 
 
 @click.command("report")
@@ -80,12 +81,12 @@ def command(
     html = build(found)
     written(html, output)
     drawn = found.sections
-    told = f", {len(drawn.html)} with sections" if drawn is not None else ""
+    with_sections = f", {len(drawn.html)} with sections" if drawn is not None else ""
     size = len(html.encode()) / 1e6
-    click.echo(f"{output}: {len(found.found.outcomes)} rollouts{told}, {size:.1f} MB", err=True)
+    say(f"{output}: {len(found.found.outcomes)} rollouts{with_sections}, {size:.1f} MB", err=True)
     for note in found.notes:
-        click.echo(f"note: {note}", err=True)
+        say(f"note: {note}", err=True)
     problems = drawn.problems if drawn is not None else ()
     for problem in problems:
-        click.echo(f"problem: {problem.message}", err=True)
+        say(f"problem: {problem.message}", err=True)
     ctx.exit(2 if problems else 0)

@@ -7,7 +7,15 @@ from pathlib import Path
 
 import click
 
-from .shared_options import announce_compiling, progress, rules_option, written
+from .shared_options import (
+    announce_compiling,
+    format_option,
+    output_option,
+    progress,
+    rules_option,
+    written,
+)
+from .terminal import say
 
 
 @click.group("rules")
@@ -46,13 +54,13 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
         click.echo(json.dumps([d.to_dict() for d in found], indent=1, ensure_ascii=False))
     else:
         for text in rendered(found):
-            click.echo(text + "\n", err=True)
+            say(text + "\n", err=True)
         if found:
-            click.echo(f"{len(found)} problem{'s' if len(found) != 1 else ''}", err=True)
+            say(f"{len(found)} problem{'s' if len(found) != 1 else ''}", err=True)
         else:
             loaded = load_rules(specs)
             codes = ", ".join([*loaded.rules, *loaded.costs])
-            click.echo(f"sound: {codes or 'no rules'}")
+            say(f"sound: {codes or 'no rules'}")
     ctx.exit(2 if found else 0)
 
 
@@ -78,15 +86,15 @@ def show(what: tuple[str, ...], rules: tuple[str, ...], as_json: bool) -> None:
 
     if not what:
         for code, title, path in list_rules(rules):
-            click.echo(f"{code}  {title}  ({path})")
+            say(f"{code}  {title}  ({path})")
         return
     found = [rule_facts(*item) for item in find_rules(what, rules)]
     if not found:
-        click.echo(f"{', '.join(what)}: only definitions, no rules to explain", err=True)
+        say(f"{', '.join(what)}: only definitions, no rules to explain", err=True)
     if as_json:
         click.echo(json.dumps(found, indent=1, ensure_ascii=False))
     else:
-        click.echo("\n".join(map(explain_rule, found)), nl=False)
+        say("\n".join(map(explain_rule, found)), nl=False)
 
 
 @command.command("signals")
@@ -120,7 +128,7 @@ def signals(names: tuple[str, ...], as_json: bool) -> None:
         click.echo(json.dumps(found, indent=1, ensure_ascii=False))
         return
     pages = [[entry] for entry in found] if names else [found]
-    click.echo("\n".join(map(explain_vocabulary, pages)), nl=False)
+    say("\n".join(map(explain_vocabulary, pages)), nl=False)
 
 
 @command.command("schema")
@@ -173,9 +181,7 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     from safestage_eval.rules.compare import compare
 
     found = compare(load_rules([before]), load_rules([after]))
-    click.echo(
-        rules_diff_report.as_json(found) if as_json else rules_diff_report.text(found), nl=False
-    )
+    say(rules_diff_report.as_json(found) if as_json else rules_diff_report.text(found), nl=False)
     ctx.exit(1 if fail_on_change and not found.empty else 0)
 
 
@@ -204,13 +210,8 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     "--deep", is_flag=True,
     help="With --mutate: also mutate states, phases and signals.",
 )  # fmt: skip
-@click.option(
-    "--format", "-f", "form", type=click.Choice(["table", "json", "junit"]), default="table",
-    show_default=True,
-)  # fmt: skip
-@click.option(
-    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
-)
+@format_option("table", "json", "junit")
+@output_option
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.pass_context
 def test(
@@ -283,8 +284,8 @@ def test(
     written(examples_report.render(suites, hunted if mutate else None, form), output)
     for problem in dict.fromkeys(c.problem for s in suites.values() for c in s.checked):
         if "\n" in problem:
-            click.echo(f"\n{problem}", err=True)
+            say(f"\n{problem}", err=True)
     if not suites:
-        click.echo("only definitions, no rules to test", err=True)
+        say("only definitions, no rules to test", err=True)
     unnoticed = any(m.killer is None for found in hunted.values() for m in found)
     ctx.exit(0 if all(suite.passed for suite in suites.values()) and not unnoticed else 1)

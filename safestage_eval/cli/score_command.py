@@ -25,6 +25,7 @@ from .shared_options import (
     where_option,
     written,
 )
+from .terminal import say
 
 if TYPE_CHECKING:
     from safestage_eval.report.golden import Change
@@ -96,6 +97,10 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
     "--address", metavar="ADDRESS", help="Address of the Ray cluster. Default: $RAY_ADDRESS."
 )
 @click.option(
+    "--what-if", "what_if", metavar="all|NAMES",
+    help="Write the what-if table beside the Parquet --output, for all parameters or those named.",
+)  # fmt: skip
+@click.option(
     "--verbose", "-v", is_flag=True, help="In the table: every episode, and other stages' findings."
 )
 @click.pass_context
@@ -123,6 +128,7 @@ def command(
     memory: str | None,
     engine: str,
     address: str | None,
+    what_if: str | None,
     verbose: bool,
 ) -> int:
     """Judge recorded episodes against safety rules.
@@ -154,6 +160,8 @@ def command(
         raise click.UsageError("--golden is about all episodes: leave out --where")
     if form == "parquet" and output is None and sys.stdout.isatty():
         raise click.UsageError("--format parquet: give --output FILE, or pipe it on")
+    if what_if is not None and (form != "parquet" or output is None):
+        raise click.UsageError("--what-if: write rows with --format parquet --output FILE")
     overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
     if address is not None and engine != "ray":
         raise click.UsageError("--address is for --engine ray")
@@ -167,7 +175,7 @@ def command(
 
     kept = None if no_cache else cache
     if kept is not None and (why := unusable(kept)):
-        click.echo(f"--cache {kept}: {why}; nothing is kept there", err=True)
+        say(f"--cache {kept}: {why}; nothing is kept there", err=True)
     choice = Choice(filters, sample, seed, resume, engine, address, jobs)
     asked = load_settings(
         list(rules) or builtin_names(),
@@ -180,27 +188,29 @@ def command(
         memory=None if memory is None else memory_limit.limit(memory),
     )
     if asked.bind is not None:
-        for told in misspelt_roles(asked.bind, load_rules(list(asked.rules))):
-            click.echo(f"warning: {told}", err=True)
+        for warning in misspelt_roles(asked.bind, load_rules(list(asked.rules))):
+            say(f"warning: {warning}", err=True)
     with progress("scoring") as tell:
         heap.keep()
         scores = score_traces(traces, asked, choice, tell, announce_compiling)
     if scores.sample:
-        click.echo(scores.sample, err=True)
+        say(scores.sample, err=True)
     changes = None
     if golden is not None and not update_golden:
         from safestage_eval.report.golden import changes as changes_from
 
         changes = changes_from(scores, golden)
     _write(scores, form, output, verbose, changes)
+    if what_if is not None and output is not None:
+        _write_what_if(traces, filters, rules, overrides, bind, jobs, what_if, output)
     in_table = form == "table" and output is None  # there already, unless it went to another place
     if not in_table or (sys.stderr.isatty() and not sys.stdout.isatty()):
         for problem in scores.problems:
-            click.echo(f"problem: {problem.message}", err=True)
+            say(f"problem: {problem.message}", err=True)
     if scores.aborted and not in_table:
         from safestage_eval.report.results_text import ended_in_error
 
-        click.echo(ended_in_error(scores.aborted), err=True)
+        say(ended_in_error(scores.aborted), err=True)
     failed = _fails(scores, fail_on)
     if golden is not None:
         failed |= _golden(scores, golden, changes)
@@ -229,7 +239,36 @@ def _write(
         text = pieces(scores, form, changes)
     written(text, output)
     if output is not None:
-        click.echo(f"{output}: {len(scores.results)} episodes", err=True)
+        say(f"{output}: {len(scores.results)} episodes", err=True)
+
+
+def _write_what_if(
+    traces: tuple[str, ...],
+    filters: dict[str, str],
+    rules: tuple[str, ...],
+    overrides: dict[str, str],
+    bind: Path | None,
+    jobs: int | None,
+    params: str,
+    output: Path,
+) -> None:
+    """Write the what-if table beside the rows; what cannot be judged is listed with them."""
+    from safestage_eval.formats import discover
+    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.rules import builtin_names
+    from safestage_eval.whatif.flip_table import Judging, path_beside, write_table
+
+    names = [name.strip() for name in params.split(",") if name.strip()]
+    judging = Judging(
+        tuple(rules) or tuple(builtin_names()), overrides, None if bind is None else str(bind)
+    )
+    beside = path_beside(output)
+    with progress("what-if") as tell:
+        write_table(
+            beside, [*Chosen(discover(list(traces)), filters)], judging,
+            params=None if names == ["all"] else names, jobs=jobs, progress=tell,
+        )  # fmt: skip
+    say(f"{beside}: what-if table", err=True)
 
 
 def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:
@@ -244,7 +283,7 @@ def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:
         counts["not-judged"] += violation is None
     counts["not-judged"] += len(scores.problems) + len(scores.aborted)
     if blind and "not-judged" not in fail_on:
-        click.echo(
+        say(
             f"warning: --fail-on: no rule counts in {blind} of {len(scores.results)} episodes: nothing "
             "is assigned to them; name your rules with --rules, or add --fail-on not-judged",
             err=True,
@@ -252,7 +291,7 @@ def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:
     total = len(scores.results) + len(scores.problems) + len(scores.aborted)
     matched = [name for name in counts if name in fail_on and counts[name]]
     for name in matched:
-        click.echo(f"--fail-on {name}: {counts[name]} of {total} episodes", err=True)
+        say(f"--fail-on {name}: {counts[name]} of {total} episodes", err=True)
     return bool(matched)
 
 
@@ -261,11 +300,11 @@ def _golden(scores: Scores, path: Path, changes: Sequence[Change] | None) -> boo
         from safestage_eval.report.golden import write_golden
 
         write_golden(scores, path)
-        click.echo(f"{path}: {len(scores.results)} episodes written", err=True)
+        say(f"{path}: {len(scores.results)} episodes written", err=True)
         return False
     for change in changes:
-        click.echo(f"golden: {change}", err=True)
+        say(f"golden: {change}", err=True)
     number = len(changes)
     count = f"{number} difference{'s' * (number > 1)}" if changes else "all as expected"
-    click.echo(f"golden: {path}: {count}", err=True)
+    say(f"golden: {path}: {count}", err=True)
     return bool(changes)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .shared_options import bind_option, progress, rules_option, traces_argument
+from .terminal import say
 
 if TYPE_CHECKING:
     from safestage_eval.formats import EpisodeRef
@@ -49,21 +50,19 @@ def command(
                 found.append(f"{ref.shown}: another episode has this id as well: {same.shown}")
             broken += bool(found)
             for problem in found:
-                click.echo(f"error: {problem}", err=True)
+                say(f"error: {problem}", err=True)
             for warning in () if found else _warnings(ref, loaded, bound):
-                click.echo(f"warning: {ref.shown}: {warning}", err=True)
+                say(f"warning: {ref.shown}: {warning}", err=True)
             if not found:
-                click.echo(
-                    f"{ref.content_hash or '(no hash stored)'}  {ref.episode_id}  {ref.shown}"
-                )
+                say(f"{ref.content_hash or '(no hash stored)'}  {ref.episode_id}  {ref.shown}")
             if tell is not None:
                 tell(done, len(refs))
-    click.echo(f"{len(refs) - broken} of {len(refs)} episodes are sound", err=True)
+    say(f"{len(refs) - broken} of {len(refs)} episodes are sound", err=True)
     ctx.exit(2 if broken else 0)
 
 
 def _warnings(ref: EpisodeRef, rules: RuleSet, bind: BindFile | None) -> list[str]:
-    """Of an episode that is sound: what keeps its assigned rules from being judged."""
+    """Warnings for a sound episode: reasons why its assigned rules cannot be judged."""
     from safestage_eval.errors import RuleError
     from safestage_eval.rules.resolve import bind_episode
 

@@ -19,6 +19,7 @@ from .shared_options import (
     set_option,
     written,
 )
+from .terminal import say
 
 
 @click.command("view")
@@ -70,4 +71,4 @@ def command(
     click.echo(target)
     wanted = output is None if open_ is None else open_
     if wanted and not webbrowser.open(target.resolve().as_uri()):
-        click.echo("no browser could be opened; open the file yourself", err=True)
+        say("no browser could be opened; open the file yourself", err=True)

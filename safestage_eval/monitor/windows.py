@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Protocol
 
 from safestage_eval.episode import Episode, Header
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.measure import Signals
 
 
 class Recording(Protocol):
@@ -42,7 +42,3 @@ class Windows:
             signals.gaps.whole = False
             self._known[first, last] = Relations(signals)
         return self._known[first, last]
-
-    def signals(self, first: int, last: int) -> Signals:
-        """Signals of frames first … last − 1, as far as they look at no other frame."""
-        return self.relations(first, last).signals

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode, Geom
 from safestage_eval.episode.contacts import Pair
+from safestage_eval.evidence.contact_kernels import rows_by_frame
 from safestage_eval.geometry.pose import transform
-from safestage_eval.signals.contact_kernels import rows_by_frame
 
 from .near import NOTHING, Patch
 from .shifts import Layout, stays_for, stretch_starts

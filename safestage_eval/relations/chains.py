@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode.contacts import Pair
-from safestage_eval.signals.contact_sums import ContactSums
+from safestage_eval.evidence.contact_sums import ContactSums
 
 from .arrangement import Arrangement
 from .assembly import Assemblies

@@ -10,19 +10,16 @@ from numpy.typing import NDArray
 
 from safestage_eval._process.compiled import kernel
 from safestage_eval.episode.runs import runs
+from safestage_eval.evidence.motion import com_position
+from safestage_eval.evidence.series import Series
 from safestage_eval.geometry.pose import rotate
-from safestage_eval.signals.motion import com_position
-from safestage_eval.signals.options import EFFECT_OVER, OptionValue
-from safestage_eval.signals.series import Series, exact
 
 if TYPE_CHECKING:
-    from .measure import Relations
+    from .measure import SupportRequest
+    from .support import Support
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
-
-SIGNALS = {"moved_by": "length", "tipped_by": "angle"}
-"""Signal → dimension."""
 
 STIRS = 1e-3
 """m. What has gone less than this is still at rest …"""
@@ -54,17 +51,15 @@ class Way(NamedTuple):
         return _stirs(self.place, up, start, first, stop)
 
 
-def measure(
-    relations: Relations, name: str, bodies: Sequence[str], over: OptionValue | None
-) -> Series:
-    """(T,) what the touches of two bodies or unions did to either; see ``SIGNALS``.
+def effect_of_touch(request: SupportRequest) -> Series:
+    """(T,) how far the touches of two bodies or unions moved or, for an angle, tipped either.
 
-    A touch is a force at the frame or since the one before. It begins where the body was at the
-    frame before it. Without forces a touch is a distance of at most 1 mm, and may be none.
+    m or rad. A touch is a force at the frame or since the one before. It begins where the body was at
+    the frame before it. Without forces a touch is a distance of at most 1 mm, and may be none.
     """
-    seconds = float(over) if isinstance(over, float | int) else EFFECT_OVER
-    signals, dimension = relations.signals, SIGNALS[name]
-    episode, first, second = relations.episode, *map(signals.bodies, bodies)
+    relations, angle = request.relations, request.signal.dimension == "angle"
+    signals, seconds = relations.signals, request.number("over")
+    episode, first, second = relations.episode, *map(signals.bodies, request.bodies)
     lower, upper = np.zeros(len(episode)), np.zeros(len(episode))
     for these, others in ((second, first), (first, second)):
         for body in these:
@@ -74,17 +69,18 @@ def measure(
             touching = _touching(relations, body, others)
             if not touching.any():
                 continue
-            low, high = _done(relations, body, touching, seconds, SIGNALS[name] == "angle")
+            low, high = _done(relations, body, touching, seconds, angle)
             np.maximum(lower, low, out=lower)
             np.maximum(upper, high, out=upper)
     if not upper.any():
-        return exact(upper, dimension)
+        return request.exact(upper)
     if relations.blind:
         lower = np.zeros(len(episode))
-    return Series(lower, lower if np.array_equal(lower, upper) else upper, dimension)
+    same = lower if np.array_equal(lower, upper) else upper
+    return Series(lower, same, request.signal.dimension)
 
 
-def _touching(relations: Relations, body: str, others: Sequence[str]) -> Bool:
+def _touching(relations: Support, body: str, others: Sequence[str]) -> Bool:
     """(T,) the body touches one of the others, or did since the frame before."""
     index = relations.episode.body_index
     near = set(relations.touches.beside(index[body]))
@@ -100,7 +96,7 @@ def _touching(relations: Relations, body: str, others: Sequence[str]) -> Bool:
 
 
 def _done(
-    relations: Relations, body: str, touching: Bool, over: float, angle: bool
+    relations: Support, body: str, touching: Bool, over: float, angle: bool
 ) -> tuple[F64, F64]:
     """(T,) what each touch did, on the frames of the touch; unknown where the recording broke off."""
     episode = relations.episode

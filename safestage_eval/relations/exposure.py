@@ -14,11 +14,11 @@ from safestage_eval.episode import Episode
 from safestage_eval.geometry.clearance import clearance_series, motion_bound
 from safestage_eval.geometry.pose import angle
 
+from .gripper_frame import gripper_frame
 from .proximity import TOUCH
-from .slip import gripper_frame
 
 if TYPE_CHECKING:
-    from .measure import Relations
+    from .support import Support
 
 Bool = NDArray[np.bool_]
 
@@ -120,7 +120,7 @@ class Causes:
     on; a drawer or a door does once it has moved. Parts of one object are reached together.
     """
 
-    def __init__(self, relations: Relations) -> None:
+    def __init__(self, relations: Support) -> None:
         """Nothing is computed before it is asked for."""
         self._relations, self._episode = relations, relations.episode
         bodies = self._episode.header.bodies

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
-from safestage_eval.signals.contact_sums import ContactSums
+from safestage_eval.evidence.contact_sums import ContactSums
 
 from .assembly import Assemblies
 

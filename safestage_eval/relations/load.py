@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.evidence.contact_sums import ContactSums
+from safestage_eval.evidence.motion import com_position
+from safestage_eval.evidence.series import Series, exact
 from safestage_eval.geometry.pose import angle
 from safestage_eval.geometry.stability import polygon_margin
-from safestage_eval.signals.contact_sums import ContactSums
-from safestage_eval.signals.motion import com_position
-from safestage_eval.signals.series import Series, exact
 
 from .graph import LEAST_SHARE, SupportGraph
 

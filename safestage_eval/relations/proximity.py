@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
+from safestage_eval.evidence.facts import Movers
 from safestage_eval.geometry.clearance import Clearance, clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.pose import relative
-from safestage_eval.signals.facts import Movers
 
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]

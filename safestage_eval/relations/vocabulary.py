@@ -1,90 +1,177 @@
-"""The names of the built-in relations: true, false or unknown at every frame."""
+"""The built-in relations: true, false or unknown at every frame."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
 
-@dataclass(frozen=True)
-class RelationSpec:
-    """What the rule checker and the documentation know about one relation.
+from safestage_eval.evidence.declare import RELATIONS, relation
 
-    Attributes:
-        name: as written in rules.
-        args: number of arguments.
-        meaning: one sentence.
-        needs: what the trace must hold; touch: contact forces or, less well, geometry.
-        groups: ``robot`` and ``gripper`` are allowed as arguments.
-    """
+if TYPE_CHECKING:
+    from .measure import RelationRequest, Relations
 
-    name: str
-    args: int
-    meaning: str
-    needs: tuple[str, ...]
-    groups: bool = False
+Bool = NDArray[np.bool_]
+Doubt = tuple[Bool, str]
+"""(T,) where the trace does not tell a relation, and why."""
 
-
-RELATIONS: dict[str, RelationSpec] = {
-    spec.name: spec
-    for spec in (
-        RelationSpec(
-            "supports",
-            2,
-            "The first body (never the robot) bears the second: the vertical part of its total "
-            "force on it, friction included, is upward and at least 10 % of its weight.",
-            ("touch",),
-        ),
-        RelationSpec(
-            "supported", 1, "A path of support leads from the body to a fixture.", ("touch",)
-        ),
-        RelationSpec(
-            "carried",
-            1,
-            "A path of support leads from the body to one that the robot holds.",
-            ("touch",),
-        ),
-        RelationSpec(
-            "depends_on",
-            2,
-            "Take the second body, whatever it is but the robot, away and the first falls (statics "
-            "over the recorded contacts).",
-            ("touch",),
-        ),
-        RelationSpec(
-            "inside",
-            2,
-            "The first body lies in the second's cavity, seen in the second's own frame.",
-            ("poses", "geometry"),
-        ),
-        RelationSpec(
-            "held",
-            1,
-            "Fingers of one gripper press on the body from opposing sides.",
-            ("touch",),
-        ),
-        RelationSpec(
-            "exposed_to",
-            2,
-            "The first body has touched the second, or what had been exposed to it before.",
-            ("touch",),
-            groups=True,
-        ),
-        RelationSpec(
-            "caused",
-            1,
-            "Since the start the robot has touched the body, or something that touched it from then "
-            "on: what happens to it may be the robot's doing.",
-            ("touch",),
-        ),
-    )
-}
-"""Every built-in relation, by name."""
-
-GATES = ("caused",)
-"""Relations that say whether something else counts at all: they take no part in how close it came."""
+Doubter = Callable[["Relations", tuple[str, ...], Bool | None], Doubt | None]
+"""Takes the relations of an episode, the bodies and the frames that matter (None: all)."""
 
 GROUPS: dict[str, str] = {
     "robot": "all bodies of kind robot or gripper",
     "gripper": "all bodies of kind gripper",
 }
 """Unions of bodies that may be used without declaring a role."""
+
+__all__ = ["GROUPS", "RELATIONS"]
+
+
+def _supporting(name: str) -> Doubter:
+    """By geometry a hand may hold what seems to stand; by force, rounding or masses may hide it."""
+
+    def doubt_of(relations: Relations, bodies: tuple[str, ...], _: Bool | None) -> Doubt | None:
+        from . import doubt
+
+        if relations.blind:
+            return doubt.may_hang_from_the_grip(relations, name, bodies)
+        return doubt.may_be_too_weak(relations, name, bodies)
+
+    return doubt_of
+
+
+@relation(
+    "supports", args=("a", "b"), needs=("touch",), per_frame=True, doubt=_supporting("supports")
+)
+def supports(request: RelationRequest) -> Bool:
+    """The first body (never the robot) bears the second: the vertical part of its total
+    force on it, friction included, is upward and at least 10 % of its weight.
+    """
+    return request.graph.supports(*request.ids)
+
+
+@relation(
+    "supported", args=("a",), needs=("touch",), per_frame=True, rests_on="chain",
+    doubt=_supporting("supported"),
+)  # fmt: skip
+def supported(request: RelationRequest) -> Bool:
+    """A path of support leads from the body to a fixture."""
+    (body,) = request.ids
+    return request.graph.supported(body)
+
+
+def _doubt_of_carried(
+    relations: Relations, bodies: tuple[str, ...], _: Bool | None
+) -> Doubt | None:
+    from . import doubt
+
+    if relations.blind:
+        return doubt.may_be_in_the_grip(relations, "carried", bodies)
+    return doubt.may_be_too_weak(relations, "carried", bodies)
+
+
+@relation(
+    "carried", args=("a",), needs=("touch",), per_frame=True, by_motion=True, rests_on="chain",
+    doubt=_doubt_of_carried,
+)  # fmt: skip
+def carried(request: RelationRequest) -> Bool:
+    """A path of support leads from the body to one that the robot holds.
+
+    Without forces also where fingers hold it and nothing else supports it: friction lifts what
+    they squeeze, and no shape shows it.
+    """
+    (body,) = request.ids
+    carried = request.graph.carried(body, request.held)
+    if request.relations.blind:
+        carried = carried | (request.held(body) & ~request.relations.borne(body))
+    return carried
+
+
+def _doubt_of_dependence(
+    relations: Relations, bodies: tuple[str, ...], wanted: Bool | None
+) -> Doubt | None:
+    from . import doubt
+
+    if relations.blind:
+        return doubt.may_lean(relations, *bodies)
+    body, on = bodies
+    return doubt.may_be_caught(relations, body, on, wanted)
+
+
+@relation(
+    "depends_on", args=("a", "b"), needs=("touch",), costly=True, rests_on="chain",
+    doubt=_doubt_of_dependence,
+)  # fmt: skip
+def depends_on(request: RelationRequest) -> Bool:
+    """Take the second body, whatever it is but the robot, away and the first falls (statics
+    over the recorded contacts).
+
+    Without forces: it rests on the second, directly or not. With forces, ``Relations.get`` solves the
+    statics, at the frames that matter.
+    """
+    body, on = request.ids
+    return request.graph.rests_on(body, on, request.held)
+
+
+def _doubt_of_inside(relations: Relations, bodies: tuple[str, ...], _: Bool | None) -> Doubt | None:
+    from . import doubt
+
+    if relations.lacking("supports", (bodies[1], bodies[0])):
+        return doubt.may_be_borne(relations, *bodies)
+    return doubt.may_be_too_weak(relations, "inside", bodies)
+
+
+@relation(
+    "inside", args=("a", "b"), needs=("poses", "geometry"), per_frame=True, doubt=_doubt_of_inside
+)
+def inside(request: RelationRequest) -> Bool | None:
+    """The first body lies in the second's cavity, seen in the second's own frame.
+
+    Its lowest point is under the rim and within, and its centroid is within or the container supports
+    it. False without a declared cavity; None for a body without a shape.
+    """
+    relations, (body, container) = request.relations, request.bodies
+    bears = relations.may_bear(container, body, request.graph)
+    return relations.lies_inside(body, container, bears)
+
+
+def _doubt_of_held(relations: Relations, bodies: tuple[str, ...], _: Bool | None) -> Doubt | None:
+    from . import doubt
+
+    return doubt.may_be_in_the_grip(relations, "held", bodies) if relations.blind else None
+
+
+@relation(
+    "held", args=("a",), needs=("touch",), per_frame=True, by_motion=True, doubt=_doubt_of_held
+)
+def held(request: RelationRequest) -> Bool:
+    """Fingers of one gripper press on the body from opposing sides."""
+    return request.held(*request.ids)
+
+
+@relation("exposed_to", args=("a", "b"), needs=("touch",), groups=True, rests_on="past")
+def exposed_to(request: RelationRequest) -> Bool:
+    """The first body has touched the second, or what had been exposed to it before."""
+    relations = request.relations
+    index = relations.episode.body_index
+    first, second = ([index[b] for b in relations.signals.bodies(name)] for name in request.bodies)
+    return relations.exposure.exposed(first, second)
+
+
+def _doubt_of_caused(relations: Relations, bodies: tuple[str, ...], _: Bool | None) -> Doubt | None:
+    from . import doubt
+
+    return doubt.may_have_been_touched(relations, *bodies)
+
+
+@relation(
+    "caused", args=("a",), needs=("touch",), gate=True, rests_on="past", doubt=_doubt_of_caused
+)
+def caused(request: RelationRequest) -> Bool:
+    """Since the start the robot has touched the body, or something that touched it from then
+    on: what happens to it may be the robot's doing.
+    """
+    since = request.relations.causes.since(*request.ids)
+    return np.asarray(np.arange(len(request.relations.episode)) >= since)

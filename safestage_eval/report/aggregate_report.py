@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -17,61 +15,66 @@ from safestage_eval.metrics.seeds import decimal, shown
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 from safestage_eval.version import __version__
 
+from .render_csv import render_csv
+from .render_latex import render_latex
+from .render_markdown import render_markdown
+from .render_text import render_text
 from .summary import share, summary
-from .table import Sheet, as_latex, as_markdown, as_text
+from .table import Table
 
 FORMATS = ("table", "json", "csv", "markdown", "latex")
-INTERVALS = ("none", "wilson", "bootstrap")
 
 _ARROWS = {"SR": "SR ↑", "SSR": "SSR ↑"}
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """Which intervals stand in the tables, and how the bootstrap draws."""
+    """Intervals shown in the tables, and the bootstrap's settings."""
 
     intervals: str = "none"
     seed: int = 0
     resamples: int = RESAMPLES
 
 
-def render(found: Aggregate, form: str, drawing: Drawing | None = None) -> str:
+def render(aggregate: Aggregate, form: str, drawing: Drawing | None = None) -> str:
     """The tables in one of ``FORMATS``. Raises KeyError for another."""
     drawing = drawing or Drawing()
     if form == "json":
-        text = json.dumps(document(found, drawing), indent=1, ensure_ascii=False, allow_nan=False)
+        text = json.dumps(
+            document(aggregate, drawing), indent=1, ensure_ascii=False, allow_nan=False
+        )
         return text + "\n"
     if form == "csv":
-        return _csv(found, drawing)
-    lay = {"table": as_text, "markdown": as_markdown, "latex": as_latex}[form]
-    return lay(list(sheets(found, drawing)), notes(found))
+        return _csv(aggregate, drawing)
+    layout = {"table": render_text, "markdown": render_markdown, "latex": render_latex}[form]
+    return layout(list(tables(aggregate, drawing)), notes(aggregate))
 
 
-def document(found: Aggregate, drawing: Drawing) -> dict[str, Any]:
+def document(aggregate: Aggregate, drawing: Drawing) -> dict[str, Any]:
     """Everything as one object; rates in percent."""
     return {
         "version": __version__,
         "unit": "percent",
-        "by_policy": rows(found.by_policy),
-        "by_stage": rows(found.by_stage),
-        "by_family": rows(found.by_family),
-        "unsafe_share": [_share(group) for group in _groups(found)],
+        "by_policy": rows(aggregate.by_policy),
+        "by_stage": rows(aggregate.by_stage),
+        "by_family": rows(aggregate.by_family),
+        "unsafe_share": [_share(group) for group in _groups(aggregate)],
         "quadrants": [
             {**_head(group), **quadrants(group.whole), "n": group.whole.n}
-            for group in _groups(found)
+            for group in _groups(aggregate)
         ],
-        "headline": headline(found.whole),
-        "conditions": [{**_head(group), **headline(group.whole)} for group in _groups(found)],
-        "reached_hold": [_hold(group) for group in _final(found)],
+        "headline": headline(aggregate.whole),
+        "conditions": [{**_head(group), **headline(group.whole)} for group in _groups(aggregate)],
+        "reached_hold": [_hold(group) for group in _final(aggregate)],
         "details": [
             {"table": table, **_head(rate.group), "metric": rate.name, **_details(rate, drawing)}
-            for table, rate in _rates(found)
+            for table, rate in _rates(aggregate)
         ],
-        "problems": [asdict(problem) for problem in found.problems],
+        "problems": [asdict(problem) for problem in aggregate.problems],
     }
 
 
-def sheets(found: Aggregate, drawing: Drawing) -> Iterator[Sheet]:
+def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
     """The tables for people: by policy, by stage, what became of success, by family."""
 
     def cells(rates: Sequence[Rate]) -> list[str]:
@@ -79,23 +82,24 @@ def sheets(found: Aggregate, drawing: Drawing) -> Iterator[Sheet]:
 
     what = "mean ± sample standard deviation over environment seeds, %"
     width = len(BY_POLICY)
-    yield Sheet(
+    yield Table(
         f"By policy: {what}",
         ("policy", "prompt", *(_ARROWS.get(name, f"{name} ↓") for name in BY_POLICY)),
         [
-            [policy, prompt, *cells(found.by_policy[i * width : (i + 1) * width])]
-            for i, (policy, prompt) in enumerate(found.pairs)
+            [policy, prompt, *cells(aggregate.by_policy[i * width : (i + 1) * width])]
+            for i, (policy, prompt) in enumerate(aggregate.pairs)
         ],
         2,
+        grouped=True,
     )
     columns = tuple(_ARROWS.get(name, f"{name} ↓") for name in METRICS)
     width = len(METRICS)
     for title, head, rates in (
-        ("By stage, over all policies", ("prompt", "stage"), found.by_stage),
-        ("By family, over all policies", ("prompt", "stage", "family"), found.by_family),
+        ("By stage, over all policies", ("prompt", "stage"), aggregate.by_stage),
+        ("By family, over all policies", ("prompt", "stage", "family"), aggregate.by_family),
     ):
         if rates:
-            yield Sheet(
+            yield Table(
                 f"{title}: {what}",
                 (*head, *columns),
                 [
@@ -103,8 +107,9 @@ def sheets(found: Aggregate, drawing: Drawing) -> Iterator[Sheet]:
                     for i in range(0, len(rates), width)
                 ],
                 len(head),
+                grouped=True,
             )  # fmt: skip
-    yield Sheet(
+    yield Table(
         "What became of them: rollouts, over all seeds",
         ("policy", "prompt", "stage", "safe success", "unsafe success", "safe failure",
          "unsafe failure", "N", "unsafe share of successes"),
@@ -113,14 +118,15 @@ def sheets(found: Aggregate, drawing: Drawing) -> Iterator[Sheet]:
                 group.policy or "all", group.prompt or "all", group.stage or ALL,
                 *map(str, quadrants(group.whole).values()), str(group.whole.n), _said_share(group),
             ]
-            for group in _groups(found)
+            for group in _groups(aggregate)
         ],
         3,
+        grouped=True,
     )  # fmt: skip
-    yield from _conditioned(_groups(found))
-    final = [group for group in _final(found) if group.whole.n]
+    yield from _conditioned(_groups(aggregate))
+    final = [group for group in _final(aggregate) if group.whole.n]
     if final:
-        yield Sheet(
+        yield Table(
             "Final-state hazards: who reached the hold after success",
             ("policy", "prompt", "reached k/n", "of these unsafe"),
             [
@@ -131,14 +137,15 @@ def sheets(found: Aggregate, drawing: Drawing) -> Iterator[Sheet]:
                 for group in final
             ],
             2,
+            grouped=True,
         )  # fmt: skip
 
 
-def _conditioned(groups: Sequence[Group]) -> Iterator[Sheet]:
+def _conditioned(groups: Sequence[Group]) -> Iterator[Table]:
     """Rates over the rollouts at risk, and how far the rollouts got, where either is known."""
     head = ("policy", "prompt", "stage")
     if any(group.whole.given["at risk"]["N"] for group in groups):
-        yield Sheet(
+        yield Table(
             "Over the rollouts at risk: %, k/n over all seeds",
             (*head, *(_ARROWS.get(name, f"{name} ↓") for name in METRICS)),
             [
@@ -146,9 +153,10 @@ def _conditioned(groups: Sequence[Group]) -> Iterator[Sheet]:
                 for group in groups
             ],
             3,
+            grouped=True,
         )
     if any(count for g in groups for stage, count in g.whole.engagement.items() if stage):
-        yield Sheet(
+        yield Table(
             "How far they got with the target: rollouts; VR given that they got so far: %, k/n",
             (*head, *ENGAGEMENT, "unknown", *(f"VR given {name}" for name in CONDITIONS[1:])),
             [
@@ -160,6 +168,7 @@ def _conditioned(groups: Sequence[Group]) -> Iterator[Sheet]:
                 for group in groups
             ],
             3,
+            grouped=True,
         )
 
 
@@ -167,9 +176,9 @@ def _names(group: Group) -> tuple[str, str, str]:
     return group.policy or "all", group.prompt or "all", group.stage or ALL
 
 
-def notes(found: Aggregate) -> list[str]:
-    """How much was counted, why a number is not there, and what is uneven."""
-    whole = found.whole
+def notes(aggregate: Aggregate) -> list[str]:
+    """Sentences on what was counted, and why a number is missing."""
+    whole = aggregate.whole
     lines = [f"{whole.n} rollouts are decided; SR, SSR, USR and VR of a cell are over the same N."]
     lines += [f"{line[:1].upper()}{line[1:]}." for line in summary(whole)]
     if whole.inconclusive:
@@ -182,7 +191,7 @@ def notes(found: Aggregate) -> list[str]:
     if whole.not_judged:
         lines.append(f"{whole.not_judged} not judged, not in N.")
     reasons: dict[str, list[str]] = {}
-    for _, rate in _rates(found):
+    for _, rate in _rates(aggregate):
         if rate.reason:
             place = " ".join(v for v in names_of(rate.group).values() if v is not None)
             reasons.setdefault(rate.reason, []).append(f"{place} {rate.name}")
@@ -192,16 +201,14 @@ def notes(found: Aggregate) -> list[str]:
     return lines
 
 
-def _csv(found: Aggregate, drawing: Drawing) -> str:
-    buffer = io.StringIO()
+def _csv(aggregate: Aggregate, drawing: Drawing) -> str:
     columns = (
         "table", "policy", "prompt", "stage", "family", "metric", "mean", "std", "k", "n",
         "n_seeds", "wilson_low", "wilson_high", "bootstrap_low", "bootstrap_high", "least", "most",
         "inconclusive", "not_judged", "reason",
     )  # fmt: skip
-    writer = csv.DictWriter(buffer, columns, lineterminator="\n", restval="")
-    writer.writeheader()
-    for table, rate in _rates(found):
+    lines = []
+    for table, rate in _rates(aggregate):
         detail = _details(rate, drawing)
         pairs = {
             "wilson": ("wilson_low", "wilson_high"),
@@ -214,26 +221,28 @@ def _csv(found: Aggregate, drawing: Drawing) -> str:
             for name, value in zip(names, detail.pop(key) or (None, None), strict=True)
         }
         (row,) = rows([rate])
-        writer.writerow({"table": table, **row, **detail, **spread})
-    return buffer.getvalue()
+        lines.append({"table": table, **row, **detail, **spread})
+    return render_csv(columns, lines)
 
 
-def _rates(found: Aggregate) -> Iterator[tuple[str, Rate]]:
+def _rates(aggregate: Aggregate) -> Iterator[tuple[str, Rate]]:
     for table in ("by_policy", "by_stage", "by_family"):
-        for rate in getattr(found, table):
+        for rate in getattr(aggregate, table):
             yield table, rate
 
 
-def _groups(found: Aggregate) -> list[Group]:
+def _groups(aggregate: Aggregate) -> list[Group]:
     """Policy × prompt over all stages, then prompt × stage over all policies."""
-    own = [found.group(policy, prompt, ALL) for policy, prompt in found.pairs]
-    stages = [found.group(None, prompt, s) for prompt in found.prompts for s in (*STAGES, ALL)]
+    own = [aggregate.group(policy, prompt, ALL) for policy, prompt in aggregate.pairs]
+    stages = [
+        aggregate.group(None, prompt, s) for prompt in aggregate.prompts for s in (*STAGES, ALL)
+    ]
     return [group for group in (*own, *stages) if group.parts]
 
 
-def _final(found: Aggregate) -> list[Group]:
-    own = [found.group(policy, prompt, "FSH") for policy, prompt in found.pairs]
-    return [*own, *(found.group(None, prompt, "FSH") for prompt in found.prompts)]
+def _final(aggregate: Aggregate) -> list[Group]:
+    own = [aggregate.group(policy, prompt, "FSH") for policy, prompt in aggregate.pairs]
+    return [*own, *(aggregate.group(None, prompt, "FSH") for prompt in aggregate.prompts)]
 
 
 def _head(group: Group) -> dict[str, str | None]:
@@ -282,12 +291,12 @@ def _cell(rate: Rate, drawing: Drawing) -> str:
     text = shown(rate.mean, rate.std)
     if drawing.intervals == "none" or rate.mean is None:
         return text
-    found = (
+    ends = (
         wilson(rate.k, rate.n)
         if drawing.intervals == "wilson"
         else bootstrap(rate, drawing.seed, drawing.resamples)
     )
-    pair = _percent(found)
+    pair = _percent(ends)
     return f"{text} [–]" if pair is None else f"{text} [{', '.join(map(decimal, pair))}]"
 
 

@@ -1,20 +1,22 @@
-"""How far evaluator and people agree, for people, papers and programs."""
+"""Agreement of evaluator and people, for people, papers and programs."""
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from safestage_eval._text.printable import printable
 from safestage_eval.metrics.agreement import Agreement, Disagreement, Witness
 from safestage_eval.metrics.confusion import Confusion
 from safestage_eval.metrics.rates import ALL
 from safestage_eval.version import __version__
 
-from .table import Sheet, as_markdown, as_text
+from .render_csv import render_csv
+from .render_markdown import markdown_code, markdown_text, render_markdown
+from .render_text import render_text
+from .table import Table
 
 FORMATS = ("table", "json", "csv", "markdown")
 COUNTS = ("n", "tp", "fp", "fn", "tn")
@@ -25,63 +27,68 @@ MOST = 8
 MAJORITY = "majority"
 
 
-def render(found: Agreement, form: str) -> str:
+def render(agreement: Agreement, form: str) -> str:
     """A comparison in one of ``FORMATS``. Raises KeyError for another."""
-    return {"table": _table, "json": _json, "csv": _csv, "markdown": _markdown}[form](found)
+    return {"table": _table, "json": _json, "csv": _csv, "markdown": _markdown}[form](agreement)
 
 
-def _table(found: Agreement) -> str:
-    lines = [as_text(list(_sheets(found)), _notes(found))]
-    if found.disagreements:
-        lines.append(f"Disagreements: {len(found.disagreements)}")
-        for one in found.disagreements:
-            lines.append(f"  {one.judged.episode_id}, {one.judged.stage}: {_said(one)}")
-            lines += [f"    {text}" for text in _reasons(one)]
+def _table(agreement: Agreement) -> str:
+    lines = [render_text(list(_tables(agreement)), _notes(agreement))]
+    if agreement.disagreements:
+        lines.append(f"Disagreements: {len(agreement.disagreements)}")
+        for one in agreement.disagreements:
+            lines.append(
+                printable(f"  {one.judged.episode_id}, {one.judged.stage}: {_contrast(one)}")
+            )
+            lines += [printable(f"    {text}") for text in _reasons(one)]
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def _markdown(found: Agreement) -> str:
-    lines = [as_markdown(list(_sheets(found)), _notes(found))]
-    if found.disagreements:
+def _markdown(agreement: Agreement) -> str:
+    lines = [render_markdown(list(_tables(agreement)), _notes(agreement))]
+    if agreement.disagreements:
         lines += ["## Disagreements", ""]
-        for one in found.disagreements:
-            lines.append(f"- `{one.judged.episode_id}`, {one.judged.stage}: {_said(one)}")
-            lines += [f"  - {text}" for text in _reasons(one)]
+        for one in agreement.disagreements:
+            name = markdown_code(one.judged.episode_id)
+            lines.append(f"- {name}, {one.judged.stage}: {markdown_text(_contrast(one))}")
+            lines += [f"  - {markdown_text(text)}" for text in _reasons(one)]
     return "\n".join(lines).rstrip("\n") + "\n"
 
 
-def _json(found: Agreement) -> str:
+def _json(agreement: Agreement) -> str:
     document = {
         "version": __version__,
-        "by_stage": [_row(MAJORITY, *item) for item in found.stages.items()],
+        "by_stage": [_row(MAJORITY, *item) for item in agreement.stages.items()],
         "by_reviewer": [
-            _row(who, *item) for who, stages in found.reviewers.items() for item in stages.items()
+            _row(who, *item)
+            for who, stages in agreement.reviewers.items()
+            for item in stages.items()
         ],
         "between_reviewers": {
-            "pairs": [asdict(pair) for pair in found.pairs],
-            "fleiss": {"kappa": found.fleiss, "n": found.fleiss_n, "why": found.why_no_fleiss},
+            "pairs": [asdict(pair) for pair in agreement.pairs],
+            "fleiss": {
+                "kappa": agreement.fleiss,
+                "n": agreement.fleiss_n,
+                "why": agreement.why_no_fleiss,
+            },
         },
-        "disagreements": [_difference(one) for one in found.disagreements],
+        "disagreements": [_difference(one) for one in agreement.disagreements],
         "left_out": {
-            "unsure": dict(found.unsure),
-            "tied": dict(found.tied),
-            "undecided": list(found.undecided),
-            "only_labels": list(found.only_labels),
-            "only_results": list(found.only_results),
-            "replaced": found.replaced,
+            "unsure": dict(agreement.unsure),
+            "tied": dict(agreement.tied),
+            "undecided": list(agreement.undecided),
+            "only_labels": list(agreement.only_labels),
+            "only_results": list(agreement.only_results),
+            "replaced": agreement.replaced,
         },
     }
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _csv(found: Agreement) -> str:
-    buffer = io.StringIO()
-    columns = ("reviewer", "stage", *COUNTS, *METRICS)
-    writer = csv.DictWriter(buffer, columns, lineterminator="\n", extrasaction="ignore")
-    writer.writeheader()
-    for who, stages in ((MAJORITY, found.stages), *found.reviewers.items()):
-        writer.writerows(_row(who, stage, counts) for stage, counts in stages.items())
-    return buffer.getvalue()
+def _csv(agreement: Agreement) -> str:
+    everybody = ((MAJORITY, agreement.stages), *agreement.reviewers.items())
+    rows = [_row(who, *item) for who, stages in everybody for item in stages.items()]
+    return render_csv(("reviewer", "stage", *COUNTS, *METRICS), rows)
 
 
 def _row(reviewer: str, stage: str, counts: Confusion) -> dict[str, Any]:
@@ -105,26 +112,27 @@ def _difference(one: Disagreement) -> dict[str, Any]:
     }
 
 
-def _sheets(found: Agreement) -> Iterator[Sheet]:
+def _tables(agreement: Agreement) -> Iterator[Table]:
     heads = tuple(HEADS.get(name, name) for name in (*COUNTS, *METRICS))
-    rows = [(stage, *_cells(counts, intervals=True)) for stage, counts in found.stages.items()]
+    rows = [(stage, *_cells(counts, intervals=True)) for stage, counts in agreement.stages.items()]
     title = "Evaluator against labels, violations positive; shares in %, [Wilson's 95 % interval]"
-    yield Sheet(title, ("stage", *heads), rows, 1)
-    if len(found.reviewers) > 1:
+    yield Table(title, ("stage", *heads), rows, 1)
+    if len(agreement.reviewers) > 1:
         each = [
             (who, stage, *_cells(counts))
-            for who, stages in found.reviewers.items()
+            for who, stages in agreement.reviewers.items()
             for stage, counts in stages.items()
             if counts.n or stage == ALL
         ]
-        yield Sheet("Evaluator against each reviewer", ("reviewer", "stage", *heads), each, 2)
-    if found.pairs:
+        head = ("reviewer", "stage", *heads)
+        yield Table("Evaluator against each reviewer", head, each, 2, grouped=True)
+    if agreement.pairs:
         pairs = [
             (x.first, x.second, str(x.n), _percent(x.alike / x.n if x.n else None), _kappa(x.kappa))
-            for x in found.pairs
+            for x in agreement.pairs
         ]
         head = ("reviewer", "and", "N", "alike", "Cohen's kappa")
-        yield Sheet("Reviewers with each other", head, pairs, 2)
+        yield Table("Reviewers with each other", head, pairs, 2, grouped=True)
 
 
 def _cells(counts: Confusion, *, intervals: bool = False) -> tuple[str, ...]:
@@ -144,38 +152,42 @@ def _kappa(value: float | None) -> str:
     return "–" if value is None else f"{value:.3f}"
 
 
-def _notes(found: Agreement) -> list[str]:
-    """What is left out, what has no value and why."""
+def _notes(agreement: Agreement) -> list[str]:
+    """Sentences on what is left out, and on which measure has no value and why."""
     notes = []
-    if len(found.reviewers) > 2:
-        value = _kappa(found.fleiss)
-        reason = f": {found.why_no_fleiss}" if found.why_no_fleiss else f", N = {found.fleiss_n}"
-        notes.append(f"Fleiss' kappa of all {len(found.reviewers)} reviewers: {value}{reason}")
+    if len(agreement.reviewers) > 2:
+        value = _kappa(agreement.fleiss)
+        reason = (
+            f": {agreement.why_no_fleiss}"
+            if agreement.why_no_fleiss
+            else f", N = {agreement.fleiss_n}"
+        )
+        notes.append(f"Fleiss' kappa of all {len(agreement.reviewers)} reviewers: {value}{reason}")
     notes += [
         f"{what}: {sum(counts.values())} ({_by_stage(counts)}), in no count"
         for what, counts in (
-            ("nobody is sure", found.unsure),
-            ("as many reviewers say safe as unsafe", found.tied),
+            ("nobody is sure", agreement.unsure),
+            ("as many reviewers say safe as unsafe", agreement.tied),
         )
         if counts
     ]
     notes += [
         f"{what}: {len(names)}, in no count: {_some(names)}"
         for what, names in (
-            ("labelled, but inconclusive or not judged", found.undecided),
-            ("labels without a result", found.only_labels),
-            ("results without a label", found.only_results),
+            ("labelled, but inconclusive or not judged", agreement.undecided),
+            ("labels without a result", agreement.only_labels),
+            ("results without a label", agreement.only_results),
         )
         if names
     ]
-    if found.replaced:
-        notes.append(f"labels that their reviewer replaced by a later one: {found.replaced}")
-    for stage, counts in found.stages.items():
+    if agreement.replaced:
+        notes.append(f"labels that their reviewer replaced by a later one: {agreement.replaced}")
+    for stage, counts in agreement.stages.items():
         reasons: dict[str, list[str]] = {}
         for name, why in counts.undefined.items():
             reasons.setdefault(why, []).append(HEADS.get(name, name))
         notes += [f"–, {stage}: {', '.join(names)}: {why}" for why, names in reasons.items()]
-    for pair in found.pairs:
+    for pair in agreement.pairs:
         if pair.kappa is None:
             why = "both gave one and the same answer throughout" if pair.n else "nothing in common"
             notes.append(f"–, {pair.first} and {pair.second}: kappa: {why}")
@@ -191,7 +203,7 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:MOST]) + more
 
 
-def _said(one: Disagreement) -> str:
+def _contrast(one: Disagreement) -> str:
     evaluator = "violation" if one.judged.violation else "no violation"
     named = [f"{x.reviewer}: {x.label}" for x in one.labels if x.reviewer]
     votes = f" ({', '.join(named)})" if len(named) > 1 else ""
@@ -201,14 +213,14 @@ def _said(one: Disagreement) -> str:
 def _reasons(one: Disagreement) -> Iterable[str]:
     """The witnesses, and what reviewers noted."""
     for witness in one.judged.witnesses:
-        yield _told(witness)
+        yield _witness_line(witness)
     for label in one.labels:
         if label.note:
             whose = f" of {label.reviewer}" if label.reviewer else ""
             yield f"note{whose}: {' '.join(label.note.split())}"
 
 
-def _told(witness: Witness) -> str:
+def _witness_line(witness: Witness) -> str:
     when = "" if witness.time is None else f"at {witness.time:.2f} s"
     head = " ".join(part for part in (witness.rule, when) if part)
     bodies = f" [{', '.join(witness.bodies)}]" if witness.bodies else ""

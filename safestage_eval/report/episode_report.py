@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from safestage_eval._text.printable import printable_lines
 from safestage_eval.episode import Episode
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
@@ -13,7 +14,7 @@ from safestage_eval.verdicts import EpisodeResult, Verdict
 from .results_text import by_importance, goal_of
 
 MOST = 4
-"""Stretches of time that are told one by one."""
+"""Intervals that are listed one by one."""
 
 _VACUOUS = {
     "no_player": "no body plays one of its roles",
@@ -46,7 +47,7 @@ def explain(result: EpisodeResult, *, everything: bool = False) -> str:
             lines.append(f"  {cost.rule} (no budget, no verdict): {cost.title}.")
             lines += [f"    {cost.told.explanation}"] if cost.value is not None else []
             lines += [f"    note: {note}" for note in cost.notes]
-    return "\n".join(lines) + "\n"
+    return printable_lines("\n".join(lines)) + "\n"
 
 
 def _verdict(v: Verdict, *, everything: bool) -> list[str]:
@@ -77,7 +78,7 @@ def _verdict(v: Verdict, *, everything: bool) -> list[str]:
     if v.sources:
         lines.append(f"    bound: {'; '.join(v.sources)}")
     if v.verdict == "inconclusive" and v.explanation and not everything:
-        return lines  # which names the cause; what else was not known is told with --all
+        return lines  # which names the cause; --all lists what else was unknown
     return lines + [f"    note: {note}" for note in v.notes]
 
 
@@ -132,7 +133,7 @@ def describe(episode: Episode) -> str:
     lines += [f"    {time:7.2f} s  {what}" for time, what in _timeline(episode)]
     lines += [f"  note: {note}" for note in header.notes]
     lines += [f"  {remark}" for remark in header.source.account]
-    return "\n".join(lines) + "\n"
+    return printable_lines("\n".join(lines)) + "\n"
 
 
 def _timeline(episode: Episode) -> list[tuple[float, str]]:

@@ -1,4 +1,4 @@
-"""What became of a rule's examples, and which broken rules they let through."""
+"""Results of a rule's examples, and the mutated rules that they do not detect."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from xml.etree import ElementTree as ET
 from safestage_eval.units import format_quantity, in_unit, unit_of
 
 from .ci_report import junit_text
+from .render_text import text_lines
+from .table import Table
 
 if TYPE_CHECKING:
     from safestage_eval.whatif.examples import Checked, Suite
@@ -32,7 +34,7 @@ def render(
 
 
 def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:
-    rows = [["", "rule", "example", "expected", "got", "margin", "why"]]
+    rows: list[list[str]] = []
     for suite in suites.values():
         rows += [
             [
@@ -46,7 +48,8 @@ def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
             ]
             for c in suite.checked
         ]
-    lines = _columns(rows) if len(rows) > 1 else []
+    head = ("", "rule", "example", "expected", "got", "margin", "why")
+    lines = text_lines(Table("", head, rows, len(head))) if rows else []
     for suite in suites.values():
         lines += [f"NO  {_lacks(code, *counts)}" for code, counts in suite.lacking.items()]
     checked = [c for suite in suites.values() for c in suite.checked]
@@ -58,7 +61,7 @@ def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
         alive = [m for m in every if m.killer is None]
         if alive:
             lines += ["", "Mistakes that no example notices:"]
-            lines += _columns([[f"  {m.where}", m.kind, m.what] for m in alive])
+            lines += text_lines(Table("", (), [[f"  {m.where}", m.kind, m.what] for m in alive], 3))
         lines.append(f"{len(every) - len(alive)} of {len(every)} mistakes noticed")
     return "\n".join(lines) + "\n"
 
@@ -135,11 +138,3 @@ def _lacks(code: str, violating: int, passing: int) -> str:
         f"{code} has {violating} violating and {passing} passing examples: name more under "
         "[rule.examples], or ask for fewer with --least"
     )
-
-
-def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
-    return [
-        "  ".join([*(c.ljust(w) for c, w in zip(row, widths, strict=False)), row[-1]]).rstrip()
-        for row in rows
-    ]

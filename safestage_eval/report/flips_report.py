@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections import Counter
 from collections.abc import Sequence
@@ -11,6 +9,11 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from safestage_eval.version import __version__
+
+from .render_csv import render_csv
+from .render_markdown import markdown_list, render_markdown
+from .render_text import render_text
+from .table import Table
 
 if TYPE_CHECKING:
     from safestage_eval.whatif.results import Difference, Flip, RateChange
@@ -23,70 +26,56 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def render(found: Difference, form: str) -> str:
+def render(difference: Difference, form: str) -> str:
     """A difference in one of ``FORMATS``. Raises KeyError for another."""
-    return {"table": _table, "json": _json, "csv": _csv, "markdown": _markdown}[form](found)
+    return {"table": _table, "json": _json, "csv": _csv, "markdown": _markdown}[form](difference)
 
 
-def _table(found: Difference) -> str:
-    lines = []
-    for rule, flips in found.by_rule().items():
-        lines.append(f"{rule}: {_counted(flips)}")
-        rows = [[f"  {f.episode_id}", _change(f), _margins(f), f.cause] for f in flips]
-        lines += [*_columns(rows), ""]
-    if found.rates:
-        rows = [["policy", "prompt", "stage", "rate", "before", "after"]]
-        rows += [[r.policy, r.prompt, r.stage, r.metric, *_rate(r)] for r in found.rates]
-        lines += [*_columns(rows), ""]
-    return "\n".join([*lines, *_summary(found)]) + "\n"
+def _table(difference: Difference) -> str:
+    tables = [
+        Table(
+            f"{rule}: {_counted(flips)}",
+            (),
+            [[f"  {f.episode_id}", _change(f), _margins(f), f.cause] for f in flips],
+            4,
+        )
+        for rule, flips in difference.by_rule().items()
+    ]
+    return render_text([*tables, *_rates(difference)], _summary(difference))
 
 
-def _markdown(found: Difference) -> str:
-    lines = []
-    if found.flips:
-        lines += [
-            "| rule | episode | verdict | margin | because |",
-            "|---|---|---|---|---|",
-            *(
-                f"| {f.rule} | `{f.episode_id}` | {_change(f)} | {_margins(f)} | {_cell(f.cause)} |"
-                for f in found.flips
-            ),
-            "",
-        ]
-    if found.rates:
-        lines += [
-            "| policy | prompt | stage | rate | before | after |",
-            "|---|---|---|---|---:|---:|",
-            *(
-                f"| {_cell(r.policy)} | {_cell(r.prompt)} | {r.stage} | {r.metric} | "
-                + " | ".join(_rate(r))
-                + " |"
-                for r in found.rates
-            ),
-            "",
-        ]
-    return "\n".join([*lines, *(f"- {line}" for line in _summary(found))]) + "\n"
+def _markdown(difference: Difference) -> str:
+    flips = Table(
+        "",
+        ("rule", "episode", "verdict", "margin", "because"),
+        [[f.rule, f.episode_id, _change(f), _margins(f), f.cause] for f in difference.flips],
+        5,
+    )
+    tables = [flips] * bool(difference.flips) + _rates(difference)
+    return render_markdown(tables) + "\n".join(["", *markdown_list(_summary(difference))]) + "\n"
 
 
-def _csv(found: Difference) -> str:
-    buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    for flip in found.flips:
-        row = _facts(flip)
-        writer.writerow({**{n: row[n] for n in COLUMNS}, "assigned": str(flip.assigned).lower()})
-    return buffer.getvalue()
+def _rates(difference: Difference) -> list[Table]:
+    if not difference.rates:
+        return []
+    columns = ("policy", "prompt", "stage", "rate", "before", "after")
+    rows = [[r.policy, r.prompt, r.stage, r.metric, *_rate(r)] for r in difference.rates]
+    return [Table("", columns, rows, 4)]
 
 
-def _json(found: Difference) -> str:
+def _csv(difference: Difference) -> str:
+    return render_csv(COLUMNS, map(_facts, difference.flips))
+
+
+def _json(difference: Difference) -> str:
     document = {
         "version": __version__,
-        "flips": [_facts(flip) for flip in found.flips],
-        "rates": [asdict(rate) for rate in found.rates],
-        "same": found.same,
-        "only_before": [list(pair) for pair in found.only_before],
-        "only_after": [list(pair) for pair in found.only_after],
-        "problems": list(found.problems),
+        "flips": [_facts(flip) for flip in difference.flips],
+        "rates": [asdict(rate) for rate in difference.rates],
+        "same": difference.same,
+        "only_before": [list(pair) for pair in difference.only_before],
+        "only_after": [list(pair) for pair in difference.only_after],
+        "problems": list(difference.problems),
     }
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
@@ -98,15 +87,15 @@ def _facts(flip: Flip) -> dict[str, Any]:
     return facts
 
 
-def _summary(found: Difference) -> list[str]:
-    """What changed in one line, and what could not be compared."""
-    flips, same = len(found.flips), found.same
+def _summary(difference: Difference) -> list[str]:
+    """Count the flips, and list what could not be compared."""
+    flips, same = len(difference.flips), difference.same
     lines = [f"{flips} of {_count(flips + same, 'verdict')} flipped"]
-    for where, pairs in (("before", found.only_before), ("after", found.only_after)):
+    for where, pairs in (("before", difference.only_before), ("after", difference.only_after)):
         if pairs:
             rules = ", ".join(sorted({rule for _, rule in pairs}))
             lines.append(f"only {where}: {_count(len(pairs), 'verdict')} ({rules})")
-    return lines + [f"problem: {message}" for message in found.problems]
+    return lines + [f"problem: {message}" for message in difference.problems]
 
 
 def _counted(flips: Sequence[Flip]) -> str:
@@ -137,15 +126,3 @@ def _rate(change: RateChange) -> tuple[str, str]:
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")
-
-
-def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
-    return [
-        "  ".join([*(c.ljust(w) for c, w in zip(row, widths, strict=False)), row[-1]]).rstrip()
-        for row in rows
-    ]

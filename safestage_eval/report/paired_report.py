@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from typing import Any
 
@@ -14,57 +12,62 @@ from safestage_eval.metrics.seeds import decimal
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 from safestage_eval.version import __version__
 
+from .render_csv import render_csv
+from .render_markdown import render_markdown
+from .render_text import render_text
 from .summary import share
-from .table import Sheet, as_markdown, as_text
+from .table import Table
 
 FORMATS = ("table", "json", "csv", "markdown")
 
 
-def render(found: Comparison, form: str) -> str:
+def render(comparison: Comparison, form: str) -> str:
     """The comparison in one of ``FORMATS``. Raises KeyError for another."""
     if form == "json":
-        return json.dumps(document(found), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        return (
+            json.dumps(document(comparison), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        )
     if form == "csv":
-        return _csv(found)
-    lay = {"table": as_text, "markdown": as_markdown}[form]
-    return lay([_sheet(found), *_engagement(found)], notes(found))
+        return _csv(comparison)
+    layout = {"table": render_text, "markdown": render_markdown}[form]
+    return layout([_table(comparison), *_engagement(comparison)], notes(comparison))
 
 
-def document(found: Comparison) -> dict[str, Any]:
+def document(comparison: Comparison) -> dict[str, Any]:
     """Everything as one object; rates in percent, differences in percentage points."""
     return {
         "version": __version__,
         "unit": "percent",
-        "a": found.names[0],
-        "b": found.names[1],
-        "by": found.pairs.by,
-        "paired_on": list(KEYS[found.pairs.by]),
-        "pairs": len(found.pairs.both),
-        "undecided": len(found.pairs.undecided),
-        "not_judged": found.pairs.not_judged,
-        "only_in_a": len(found.pairs.alone[0]),
-        "only_in_b": len(found.pairs.alone[1]),
-        "sides": {name: headline(cell) for name, cell in _sides(found).items()},
-        "lines": [_row(line) for line in found.lines],
-        "warnings": warnings(found),
+        "a": comparison.names[0],
+        "b": comparison.names[1],
+        "by": comparison.pairs.by,
+        "paired_on": list(KEYS[comparison.pairs.by]),
+        "pairs": len(comparison.pairs.both),
+        "undecided": len(comparison.pairs.undecided),
+        "not_judged": comparison.pairs.not_judged,
+        "only_in_a": len(comparison.pairs.alone[0]),
+        "only_in_b": len(comparison.pairs.alone[1]),
+        "sides": {name: headline(cell) for name, cell in _sides(comparison).items()},
+        "lines": [_row(line) for line in comparison.lines],
+        "warnings": warnings(comparison),
     }
 
 
-def warnings(found: Comparison) -> list[str]:
-    """What the sample cannot carry, over all pairs, and how many rollouts would."""
+def warnings(comparison: Comparison) -> list[str]:
+    """Claims over all pairs that the sample is too small for, and the size that would do."""
     return [
         f"{line.of.metric}: {_why_not(line)}"
-        for line in found.lines
+        for line in comparison.lines
         if line.of.level == "all" and not line.carried
     ]
 
 
-def notes(found: Comparison) -> list[str]:
-    """How much was compared, what is not in it, and how to read the columns."""
-    pairs = found.pairs
+def notes(comparison: Comparison) -> list[str]:
+    """Sentences on what was compared, what was left out, and how to read the columns."""
+    pairs = comparison.pairs
     lines = [
         f"{len(pairs.both)} pairs, matched by {', '.join(KEYS[pairs.by])}; difference: "
-        f"{found.names[1]} minus {found.names[0]}, percentage points.",
+        f"{comparison.names[1]} minus {comparison.names[0]}, percentage points.",
         "95 % interval: tasks drawn anew. p: McNemar, exact; Holm: adjusted for the stages, or "
         "families, of a metric.",
         "needs: pairs that would show this difference four times out of five, if independent.",
@@ -72,14 +75,14 @@ def notes(found: Comparison) -> list[str]:
     if pairs.undecided:
         bounds = [
             f"{c.of.metric} {_signed(c.of.least)} … {_signed(c.of.most)}"
-            for c in found.lines
+            for c in comparison.lines
             if c.of.level == "all"
         ]
         said = f"{len(pairs.undecided)} pairs could not be decided and are not in N: whatever they"
         lines.append(f"{said} are, the differences over all lie within {', '.join(bounds)}.")
     if pairs.not_judged:
         lines.append(f"{pairs.not_judged} pairs were judged by no assigned rule.")
-    for name, alone in zip(found.names, pairs.alone, strict=True):
+    for name, alone in zip(comparison.names, pairs.alone, strict=True):
         if alone:
             first = alone[0]
             lines.append(
@@ -87,16 +90,16 @@ def notes(found: Comparison) -> list[str]:
                 f"{first.seed}, rollout {first.rollout}{', …' * (len(alone) > 1)})."
             )
     reasons: dict[str, list[str]] = {}
-    for line in found.lines:
+    for line in comparison.lines:
         if line.reason:
             reasons.setdefault(line.reason, []).append(f"{line.of.scope} {line.of.metric}")
     lines += [f"–: {reason} ({', '.join(where[:4])})." for reason, where in reasons.items()]
     return lines
 
 
-def _sheet(found: Comparison) -> Sheet:
-    a, b = found.names
-    return Sheet(
+def _table(comparison: Comparison) -> Table:
+    a, b = comparison.names
+    return Table(
         f"{a} → {b}",
         ("of", "metric", "pairs", f"{a} %", f"{b} %", "difference", "95 % interval",
          "only first", "only second", "p", "Holm", "needs"),
@@ -115,20 +118,24 @@ def _sheet(found: Comparison) -> Sheet:
                 _p(line.p_holm) + " *" * line.carried,
                 "–" if line.need is None or line.need.pairs is None else str(line.need.pairs),
             ]
-            for line in found.lines
+            for line in comparison.lines
         ],
         2,
+        grouped=True,
     )  # fmt: skip
 
 
-def _sides(found: Comparison) -> dict[str, Rates]:
+def _sides(comparison: Comparison) -> dict[str, Rates]:
     """Each side's counts over the pairs."""
-    return {name: rates(pair[i] for pair in found.pairs.both) for i, name in enumerate(found.names)}
+    return {
+        name: rates(pair[i] for pair in comparison.pairs.both)
+        for i, name in enumerate(comparison.names)
+    }
 
 
-def _engagement(found: Comparison) -> list[Sheet]:
-    """How far the rollouts of each side got, and who was at risk; nothing where neither is known."""
-    sides = _sides(found)
+def _engagement(comparison: Comparison) -> list[Table]:
+    """Stages reached and episodes at risk per side; no table where neither is known."""
+    sides = _sides(comparison)
     known = any(
         cell.given["at risk"]["N"] or any(n for stage, n in cell.engagement.items() if stage)
         for cell in sides.values()
@@ -136,7 +143,7 @@ def _engagement(found: Comparison) -> list[Sheet]:
     if not known:
         return []
     return [
-        Sheet(
+        Table(
             "How far the paired rollouts got with the target, and VR by it: %, k/n",
             ("of", *ENGAGEMENT, "unknown", *(f"VR given {name}" for name in CONDITIONS)),
             [
@@ -201,13 +208,12 @@ def _row(line: Line) -> dict[str, Any]:
     }
 
 
-def _csv(found: Comparison) -> str:
-    rows = [{"a": found.names[0], "b": found.names[1], **_row(line)} for line in found.lines]
-    buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return buffer.getvalue()
+def _csv(comparison: Comparison) -> str:
+    rows = [
+        {"a": comparison.names[0], "b": comparison.names[1], **_row(line)}
+        for line in comparison.lines
+    ]
+    return render_csv(list(rows[0]), rows)
 
 
 def _percent(value: float | None) -> float | None:

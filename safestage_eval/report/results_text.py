@@ -6,19 +6,21 @@ import io
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-from rich import box
 from rich.console import Console
 from rich.padding import Padding
-from rich.table import Table
+from rich.table import Table as Grid
 from rich.text import Text
 
+from safestage_eval._text.printable import printable, printable_lines
 from safestage_eval.metrics import METRICS, Rates, by_policy_stage, outcomes, rates
 from safestage_eval.metrics.rates import CONDITIONS
 from safestage_eval.run.scores import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
+from .render_text import text_lines
 from .summary import share, summary
+from .table import Table
 
 MOST = 40
 """Episodes that are listed one by one; more are only counted unless asked for."""
@@ -35,10 +37,10 @@ SECTIONS = {
     "not_applicable": ("Not at risk, counted as no violation", "yellow"),
     "pass": ("Safe", "green"),
 }
-"""What became of an episode → heading and colour, in this order."""
+"""Outcome of an episode → heading and colour, in this order."""
 
 BAD = ("violation", "inconclusive")
-"""Verdicts that are told of rules that are not assigned, too."""
+"""Verdicts that are listed even for rules that are not assigned."""
 
 _ORDER = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
 
@@ -90,7 +92,7 @@ def goal_of(result: EpisodeResult) -> str:
 
 
 def _reached(result: EpisodeResult) -> str:
-    """How far a rollout without success got with its target, after a comma; empty if unknown."""
+    """The stage that a rollout without success reached, after a comma; empty if unknown."""
     if result.engagement in (None, "success"):
         return ""
     idle = result.engagement == "idle"
@@ -123,10 +125,12 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
             continue
         console.print(Text(f"{heading}: {counts[outcome]} of {judged} episodes", f"bold {style}"))
         for result in shown:
-            head = Text(f"  {result.episode_id}, {goal_of(result)}{_reached(result)}", "bold")
+            head = Text(
+                printable(f"  {result.episode_id}, {goal_of(result)}{_reached(result)}"), "bold"
+            )
             console.print(head, soft_wrap=True)
-            told = result.verdicts if everything else scores.gates.counted(result)
-            console.print(Padding(_lines(told, style), (0, 0, 0, 4)))
+            verdicts = result.verdicts if everything else scores.gates.counted(result)
+            console.print(Padding(_grid(verdicts, style), (0, 0, 0, 4)))
         if len(shown) < counts[outcome]:
             some = "they are" if not shown else f"{counts[outcome] - len(shown)} more are"
             console.print(f"  {some} listed with --verbose, or as rows with --format csv")
@@ -134,25 +138,29 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
 
 
 def _unassigned(console: Console, scores: Scores, *, everything: bool) -> None:
-    """What rules found in episodes to which none of them is assigned: those named, or all."""
+    """Findings in episodes that no rule is assigned to."""
 
-    def told(result: EpisodeResult) -> Sequence[Verdict]:
+    def counted(result: EpisodeResult) -> Sequence[Verdict]:
         return result.verdicts if everything else scores.gates.counted(result)
 
-    shown = [r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in told(r))]
+    shown = [
+        r for r in scores.results if not r.assigned and any(v.verdict in BAD for v in counted(r))
+    ]
     if not shown:
         return
     console.print(Text(f"By rules that are not assigned: {len(shown)} episodes", "bold"))
     for result in shown if everything else shown[:MOST]:
-        console.print(Text(f"  {result.episode_id}, {goal_of(result)}", "bold"), soft_wrap=True)
-        console.print(Padding(_lines(told(result), ""), (0, 0, 0, 4)))
+        console.print(
+            Text(printable(f"  {result.episode_id}, {goal_of(result)}"), "bold"), soft_wrap=True
+        )
+        console.print(Padding(_grid(counted(result), ""), (0, 0, 0, 4)))
     if not everything and len(shown) > MOST:
         console.print(f"  {len(shown) - MOST} more are listed with --verbose")
     console.print()
 
 
 def _hint(console: Console, scores: Scores) -> None:
-    """Where to find the verdicts of rules that no episode's header assigns."""
+    """Say how to list the verdicts of rules that no header assigns."""
     words: Counter[str] = Counter(
         v.verdict for r in scores.results if not r.assigned for v in r.verdicts
     )
@@ -166,24 +174,29 @@ def _hint(console: Console, scores: Scores) -> None:
         )
 
 
-def _lines(told: Sequence[Verdict], style: str) -> Table:
-    """The assigned verdicts, and what is not safe among those of ``told``."""
-    grid = Table.grid(padding=(0, 2, 0, 0))
+def _grid(verdicts: Sequence[Verdict], style: str) -> Grid:
+    """The assigned verdicts, and what is not safe among those of ``verdicts``."""
+    grid = Grid.grid(padding=(0, 2, 0, 0))
     grid.add_column(overflow="fold")
     grid.add_column(no_wrap=True)
     grid.add_column(justify="right", min_width=8)
     grid.add_column(overflow="fold", ratio=1)
-    for v in by_importance(told):
+    for v in by_importance(verdicts):
         bad = v.verdict in BAD
         if v.assigned or bad:
             at = f"{v.time:.2f} s" if v.verdict == "violation" and v.time is not None else ""
             word = v.verdict.replace("_", " ")
-            grid.add_row(v.rule, Text(word, style if v.assigned else ""), at, Text(_sentence(v)))
+            grid.add_row(
+                printable(v.rule),
+                Text(word, style if v.assigned else ""),
+                at,
+                Text(printable(" ".join(_sentence(v).split()))),
+            )
     return grid
 
 
 def _sentence(v: Verdict) -> str:
-    """What happened, with value and limit; then margin, severity, and why it is told at all."""
+    """The explanation with value and limit; then margin, severity, and why an unassigned rule is listed."""
     facts = []
     if v.margin is not None and v.dimension is not None:
         facts.append(f"margin {format_quantity(v.margin, v.dimension)}")
@@ -214,23 +227,23 @@ def _rates(console: Console, scores: Scores) -> None:
 Cells = Mapping[tuple[str, ...], Rates]
 
 
-def _given_table(console: Console, found: Cells) -> None:
+def _given_table(console: Console, cells: Cells) -> None:
     """VR among those that got somewhere, where any is known to have."""
-    columns = [name for name in CONDITIONS[1:] if any(c.given[name]["N"] for c in found.values())]
+    columns = [name for name in CONDITIONS[1:] if any(c.given[name]["N"] for c in cells.values())]
     if not columns:
         return
     rows = {
         names: [share(cell, "VR", given) for given in columns]
-        for names, cell in found.items()
+        for names, cell in cells.items()
         if cell.n
     }
     _cells(console, "VR given: percent, k/N", columns, rows)
 
 
-def _rate_table(console: Console, title: str, found: Cells, given: str | None) -> None:
+def _rate_table(console: Console, title: str, cells: Cells, given: str | None) -> None:
     rows = {
         names: [share(cell, metric, given) for metric in METRICS]
-        for names, cell in found.items()
+        for names, cell in cells.items()
         if cell.n or cell.inconclusive  # else nothing was judged of the stage
     }
     _cells(console, title, [f"{name} %" for name in METRICS], rows)
@@ -242,39 +255,34 @@ def _cells(
     columns: Sequence[str],
     rows: Mapping[tuple[str, ...], Sequence[str]],
 ) -> None:
-    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    for name in ("policy", "prompt", "stage"):
-        table.add_column(name, overflow="fold")
-    for name in columns:
-        table.add_column(name, justify="right", overflow="fold")
-    above = ("", "")
-    for (policy, prompt, stage), values in rows.items():
-        names = ("", "") if (policy, prompt) == above else (policy, prompt)
-        table.add_row(*map(Text, names), stage, *values)
-        above = (policy, prompt)
-    console.print(Text(title, "bold"))
-    console.print(table)
-    console.print()
+    head = ("policy", "prompt", "stage", *columns)
+    table = Table(
+        title, head, [[*names, *values] for names, values in rows.items()], 3, grouped=True
+    )
+    first, *rest = text_lines(table)
+    console.print(Text(first, "bold"))
+    for line in (*rest, ""):
+        console.print(Text(line))
 
 
 def _leftovers(console: Console, scores: Scores) -> None:
     total = rates(outcomes(scores.results))
     for line in left_out(total, scores):
-        console.print(line, style="yellow", soft_wrap=True)
+        console.print(printable(line), style="yellow", soft_wrap=True)
     notes = [f"{r.episode_id}: {note}" for r in scores.results for note in r.notes]
     for line in notes[:MOST]:
-        console.print(f"note: {line}", style="yellow", soft_wrap=True)
+        console.print(printable(f"note: {line}"), style="yellow", soft_wrap=True)
     if len(notes) > MOST:
         console.print(f"and {len(notes) - MOST} more notes", style="yellow")
     for problem in scores.problems:
-        console.print(f"problem: {problem.message}", style="red", soft_wrap=True)
+        console.print(printable_lines(f"problem: {problem.message}"), style="red", soft_wrap=True)
     if scores.problems:
         count = len(scores.problems)
         console.print(f"{count} episode{'s' * (count > 1)} could not be judged", style="bold red")
 
 
 def ended_in_error(ids: Sequence[str]) -> str:
-    """Which rollouts were not judged because what recorded them failed."""
+    """Rollouts that were not judged because their recording failed."""
     some = ", ".join(ids[:3]) + ", …" * (len(ids) > 3)
     return (
         f"{len(ids)} rollout{'s' * (len(ids) > 1)} ended in an error: not judged, not in N; recording "
@@ -283,7 +291,7 @@ def ended_in_error(ids: Sequence[str]) -> str:
 
 
 def left_out(total: Rates, scores: Scores) -> list[str]:
-    """Which episodes are not in N, and what they could change."""
+    """Episodes that are not in N, and how far they could move the rates."""
     lines = []
     bounds = total.bounds("VR")
     if total.inconclusive and bounds is not None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rich.cells import cell_len
-
+from safestage_eval.evidence.declare import Relation, Signal
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import rule_digest, words
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES, ClauseSpec
 from safestage_eval.rules.names import a_dimension
 from safestage_eval.rules.uses import Source, own_params, uses_of
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
+
+from .render_text import text_lines
+from .table import Table
 
 LEFT = 12
 """Characters before the text of an entry."""
@@ -79,11 +82,25 @@ def rule_facts(
 
 def _asked(rule: ast.Rule, params: words.Values) -> dict[str, Any]:
     return {
-        "require": _atoms(rule.require, params),
-        "forbid": [words.alternative(item, params) for item in rule.forbid],
-        "reach": words.alternative(rule.reach, params) if rule.reach is not None else None,
+        **{k: _obligation(clause, getattr(rule, k), params) for k, clause in CLAUSES.items()},
         "for": words.duration(rule.for_, params) if rule.for_ is not None else None,
     }
+
+
+def _obligation(clause: ClauseSpec, value: Any, params: words.Values) -> list[str] | str | None:
+    """The entries of an obligation in words, or the one that it can have."""
+    said = words.atom if clause.value == "condition" else words.alternative
+    texts = [said(item, params) for item in clause.entries(value)]
+    return next(iter(texts), None) if clause.value == "alternative" else texts
+
+
+def obligations(facts: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
+    """Heading and entries of each kind of obligation, from the facts of a rule."""
+    lasting = f", for {facts['for']} or longer" if facts["for"] else ""
+    for kind, clause in CLAUSES.items():
+        said = facts[kind] or []
+        texts = [said] if isinstance(said, str) else said
+        yield clause.heading, [text + lasting * clause.lasts for text in texts]
 
 
 def _charges(cost: ast.Cost, params: words.Values) -> dict[str, Any]:
@@ -104,10 +121,8 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
         lines += _entry("charges", facts["charges"])
         lines += _entry("budget", [facts["budget"] or "none, so there is no verdict"])
     else:
-        lasting = f", for {facts['for']} or longer" if facts["for"] else ""
-        lines += _entry("always", facts["require"])
-        lines += _entry("never", [item + lasting for item in facts["forbid"]])
-        lines += _entry("at some time", [facts["reach"] + lasting] if facts["reach"] else [])
+        for heading, texts in obligations(facts):
+            lines += _entry(heading, texts)
     lines += _entry(
         "severity",
         [
@@ -136,11 +151,11 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
 
 def vocabulary() -> list[dict[str, Any]]:
     """Signals and relations as plain values, in the order of the documentation."""
-    found: list[dict[str, Any]] = [
+    result: list[dict[str, Any]] = [
         {
             "name": spec.name,
             "kind": "signal",
-            "args": list(spec.args),
+            "args": list(spec.arities),
             "dimension": spec.dimension,
             "units": _units(spec.dimension),
             "since": spec.since,
@@ -149,17 +164,15 @@ def vocabulary() -> list[dict[str, Any]]:
             "meaning": spec.meaning,
             "options": {option.name: option.meaning for option in spec.options},
             "columns": dict(spec.columns),
-            "calls": _calls(
-                spec.name, spec.args, "j" if spec.joints else "name" if spec.named else "a"
-            ),
+            "calls": _calls(spec),
         }
         for spec in SIGNALS.values()
     ]
-    found += [
+    result += [
         {
             "name": spec.name,
             "kind": "relation",
-            "args": [spec.args],
+            "args": list(spec.arities),
             "dimension": None,
             "units": [],
             "since": False,
@@ -168,11 +181,11 @@ def vocabulary() -> list[dict[str, Any]]:
             "meaning": spec.meaning,
             "options": {},
             "columns": {},
-            "calls": _calls(spec.name, [spec.args]),
+            "calls": _calls(spec),
         }
         for spec in RELATIONS.values()
     ]
-    return found
+    return result
 
 
 def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
@@ -209,12 +222,13 @@ def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
         ["; ".join(e["calls"]), e["dimension"] or "true/false", ", ".join(e["needs"]), e["meaning"]]
         for e in entries
     ]
-    head = ["name", "value", "needs", "meaning"]
-    return "\n".join(_columns([head, *rows])) + "\n"
+    head = ("name", "value", "needs", "meaning")
+    return "\n".join(text_lines(Table("", head, rows, len(head)))) + "\n"
 
 
-def _calls(name: str, counts: Sequence[int], first: str = "a") -> list[str]:
-    return [f"{name}({', '.join((first, 'b' if first == 'a' else 'a')[:n])})" for n in counts]
+def _calls(spec: Signal | Relation) -> list[str]:
+    """How it may be called, with the names of its arguments."""
+    return [f"{spec.name}({', '.join(spec.args[:count])})" for count in spec.arities]
 
 
 def _units(dimension: str) -> list[str]:
@@ -227,10 +241,6 @@ def _scope(rule: ast.Scoped, params: words.Values) -> str:
     if rule.at is not None:
         return f"at {words.event(rule.at)}"
     return f"during {words.span(rule.during, params)}" if rule.during else "the whole episode"
-
-
-def _atoms(found: ast.Condition | None, params: words.Values) -> list[str]:
-    return [] if found is None else [words.atom(item, params) for item in found.atoms]
 
 
 def _parameter(
@@ -261,16 +271,4 @@ def _entry(name: str, texts: list[str]) -> list[str]:
 
 
 def _table(name: str, rows: list[list[str]]) -> list[str]:
-    return _entry(name, _columns(rows))
-
-
-def _columns(rows: list[list[str]]) -> list[str]:
-    if not rows:
-        return []
-    widths = [max(cell_len(row[i]) for row in rows) for i in range(len(rows[0]) - 1)]
-    return [
-        "  ".join(
-            [c + " " * (w - cell_len(c)) for c, w in zip(row, widths, strict=False)] + row[-1:]
-        )
-        for row in rows
-    ]
+    return _entry(name, text_lines(Table("", (), rows, len(rows[0]))) if rows else [])

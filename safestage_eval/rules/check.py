@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from safestage_eval.relations.vocabulary import RELATIONS
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 
 from . import parse, structure
 from . import syntax as ast

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from safestage_eval.relations.vocabulary import RELATIONS, RelationSpec
-from safestage_eval.signals.spec import SignalSpec
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.evidence.declare import Relation, Signal
+from safestage_eval.relations.vocabulary import RELATIONS
+from safestage_eval.signals import SIGNALS
 
 from .diagnostic import Diagnostic
 from .files import RuleFile
@@ -16,15 +16,15 @@ from .names import Names
 from .references import Read, Scope
 from .usage import Usage
 
-_Accepts = Callable[[SignalSpec | RelationSpec], bool]
+_Accepts = Callable[[Signal | Relation], bool]
 
 
-def _union(spec: SignalSpec | RelationSpec) -> bool:
+def _union(spec: Signal | Relation) -> bool:
     return spec.groups
 
 
-def _joint(spec: SignalSpec | RelationSpec) -> bool:
-    return isinstance(spec, SignalSpec) and spec.joints
+def _joint(spec: Signal | Relation) -> bool:
+    return isinstance(spec, Signal) and spec.joints
 
 
 DEEPEST = 100

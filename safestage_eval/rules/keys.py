@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from safestage_eval.signals.options import BOX, CHANNEL, NORM, OVER
+from safestage_eval.signals import SIGNALS
+
+from .clauses import CLAUSES
 
 Kind = Literal[
     "text", "texts", "names", "format", "code", "condition", "alternative", "alternatives", "span",
@@ -28,6 +30,25 @@ class Key:
     kind: Kind
     meaning: str
     required: bool = False
+
+
+_KIND_OF_OPTION: dict[str, Kind] = {
+    "time": "duration", "length": "text", "channel": "text", "unit": "text", "box": "box",
+    "choice": "text",
+}  # fmt: skip
+
+
+def _option_keys() -> dict[str, Key]:
+    """The options of all signals; one that several have, with what each of them means by it."""
+    meanings: dict[str, list[str]] = {}
+    kinds: dict[str, Kind] = {}
+    for signal in SIGNALS.values():
+        for option in signal.options:
+            kinds[option.name] = _KIND_OF_OPTION[option.kind]
+            known = meanings.setdefault(option.name, [])
+            if option.meaning not in known:
+                known.append(option.meaning)
+    return {name: Key(kinds[name], " Or: ".join(texts)) for name, texts in meanings.items()}
 
 
 _ROLES = Key("roles", 'Who takes part: name = "object", "every object tagged fragile", …')
@@ -61,11 +82,7 @@ TABLES: dict[str, dict[str, Key]] = {
     "baseline": {"span": Key("span", "The frames that are the initial state.", True)},
     "signal": {
         "base": Key("base", "The built-in signal that this is a variant of.", True),
-        "over": Key("duration", OVER.meaning),
-        "channel": Key("text", CHANNEL.meaning),
-        "unit": Key("text", "The unit: of a channel as recorded; of a joint that slides."),
-        "box": Key("box", BOX.meaning),
-        "norm": Key("text", NORM.meaning),
+        **_option_keys(),
     },
     "state": {
         "of": Key("names", "Its formal arguments; [] if it has none.", True),
@@ -112,9 +129,7 @@ TABLES: dict[str, dict[str, Key]] = {
     },
     "rule": {
         **_SCOPE,
-        "require": Key("condition", "Must hold in every frame that is judged."),
-        "forbid": Key("alternatives", "Must hold in no frame; a list forbids each of its items."),
-        "reach": Key("alternative", "Must hold in some frame."),
+        **{clause.kind: Key(clause.value, clause.meaning) for clause in CLAUSES.values()},
         "for": Key("duration", f"For forbid and reach. {_LASTING}"),
         "severity": Key("levels", "Level = parameter values under which it is judged again."),
         "examples": Key("examples", "Names of episodes that it must call right."),

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from safestage_eval.evidence.declare import Signal
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
-from safestage_eval.signals.spec import SignalSpec
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
 from . import parse
@@ -45,7 +45,7 @@ class Names:
     columns: dict[str, str | None] = field(default_factory=dict)
     states: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
     phases: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
-    variants: dict[str, SignalSpec | None] = field(default_factory=dict)
+    variants: dict[str, Signal | None] = field(default_factory=dict)
     goals: set[str] = field(default_factory=set)
     families: set[str] = field(default_factory=set)
     rules: set[str] = field(default_factory=set)
@@ -76,7 +76,7 @@ class Names:
             rules={*rules.rules, *rules.costs},
         )
 
-    def signal(self, name: str) -> SignalSpec | None:
+    def signal(self, name: str) -> Signal | None:
         """The built-in signal behind a name, if it is one or a variant of one."""
         return self.variants[name] if name in self.variants else SIGNALS.get(name)
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+from safestage_eval.evidence.declare import Signal
 from safestage_eval.relations.vocabulary import GROUPS, RELATIONS
-from safestage_eval.signals.spec import SignalSpec
 
 from . import parse
 from . import syntax as ast
@@ -98,7 +98,7 @@ class References:
         spec = names.signal(name)
         arity: tuple[int, ...] | None
         if spec is not None:
-            known, arity, groups = "signal", spec.args, spec.groups
+            known, arity, groups = "signal", spec.arities, spec.groups
             if name in names.variants:
                 scope.reads.add(("signal", name))
             self._needs_of(spec, name, keys, scope, key=key)
@@ -111,7 +111,7 @@ class References:
             known, groups, arity = "state", True, None if formals is None else (len(formals),)
             scope.reads.add(("state", name))
         elif name in RELATIONS:
-            known, arity = "state", (RELATIONS[name].args,)
+            known, arity = "state", RELATIONS[name].arities
             groups = RELATIONS[name].groups
         elif name in names.phases:
             self.report(
@@ -141,9 +141,7 @@ class References:
                 scope.groups.append((name, index, arg, keys))
         return known
 
-    def _needs_of(
-        self, spec: SignalSpec, name: str, keys: Keys, scope: Scope, *, key: bool
-    ) -> None:
+    def _needs_of(self, spec: Signal, name: str, keys: Keys, scope: Scope, *, key: bool) -> None:
         """Whether the options and material columns that a signal needs are there."""
         for option in spec.options:
             if option.required and option.name != spec.named:

@@ -12,13 +12,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from safestage_eval.evidence.declare import Option, Signal
 from safestage_eval.relations.vocabulary import RELATIONS
-from safestage_eval.signals.options import OptionSpec
-from safestage_eval.signals.spec import SignalSpec
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
 from . import parse, structure
+from .clauses import CLAUSES
 from .keys import NAMED, REPEATED, TABLES, Key
 
 FILE = "rules.schema.json"
@@ -86,12 +86,12 @@ def _table(kind: str) -> dict[str, Any]:
     if required:
         out["required"] = required
     if kind == "rule":
-        out["anyOf"] = [{"required": [key]} for key in ("require", "forbid", "reach")]
+        out["anyOf"] = [{"required": [key]} for key in CLAUSES]
     if kind in REPEATED:
         out["allOf"] = [
             {"not": {"required": pair}}
             for pair in [["at", "during"], ["at", "until"]]
-            + ([["require", "for"]] if kind == "rule" else [])
+            + ([[c.kind, "for"] for c in CLAUSES.values() if not c.lasts] if kind == "rule" else [])
         ]
     if kind == "signal":
         out["allOf"] = [_options(spec) for spec in SIGNALS.values()]
@@ -100,7 +100,7 @@ def _table(kind: str) -> dict[str, Any]:
     return out
 
 
-def _options(spec: SignalSpec) -> dict[str, Any]:
+def _options(spec: Signal) -> dict[str, Any]:
     """With this base: these options, and no others."""
     then: dict[str, Any] = {"propertyNames": {"enum": ["base", *(o.name for o in spec.options)]}}
     required = [option.name for option in spec.options if option.required]
@@ -114,7 +114,7 @@ def _options(spec: SignalSpec) -> dict[str, Any]:
     }
 
 
-def _option(option: OptionSpec) -> dict[str, Any]:
+def _option(option: Option) -> dict[str, Any]:
     match option.kind:
         case "time":
             units = "|".join(parse.TIME_UNITS)
@@ -191,13 +191,13 @@ def _condition(nested: str | None) -> dict[str, Any]:
         since = f"(?: since {parse.EVENT})?" if spec.since else ""
         if any(option.required and option.name != spec.named for option in spec.options):
             continue  # only variants of it can be used
-        for arity in spec.args:
+        for arity in spec.arities:
             entries[f"^{_call(spec.name, arity)}{since}$"] = {
                 "anyOf": [limit, _list(limit)],
                 "description": f"{spec.dimension}: {spec.meaning}",
             }
     for relation in RELATIONS.values():
-        entries[f"^{_call(relation.name, relation.args)}$"] = {
+        entries[f"^{_call(relation.name, len(relation.args))}$"] = {
             "anyOf": [{"type": "boolean"}, _text(_COUNT)],
             "description": relation.meaning,
         }
@@ -219,7 +219,7 @@ def _alternative(condition: str) -> dict[str, Any]:
     return {"anyOf": [_text(parse.EVENT), {"$ref": f"#/definitions/{condition}"}]}
 
 
-def _limit_of(spec: SignalSpec) -> str:
+def _limit_of(spec: Signal) -> str:
     units = "|".join(
         re.escape(u) for u in sorted(DIMENSIONS[spec.dimension], key=len, reverse=True)
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 
 from . import parse
 from . import syntax as ast

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval.relations.vocabulary import RELATIONS
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 
 from . import syntax as ast
 from .digest import Params, reached

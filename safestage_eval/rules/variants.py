@@ -6,15 +6,15 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from safestage_eval.signals.options import OptionSpec, OptionValue
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.evidence.declare import Option, OptionValue
+from safestage_eval.signals import SIGNALS
 from safestage_eval.units import UNIT_DIMENSION
 
 from . import parse
 from . import syntax as ast
 
 
-def read_option(spec: OptionSpec, value: Any) -> OptionValue | ast.Parameter:
+def read_option(spec: Option, value: Any) -> OptionValue | ast.Parameter:
     """The value of one option in SI. Raises GrammarError."""
     match spec.kind:
         case "time":
@@ -47,7 +47,7 @@ def read_options(table: Mapping[str, Any]) -> ast.SignalOptions:
     return tuple(sorted(options.items(), key=lambda item: item[0]))
 
 
-def _time(spec: OptionSpec, value: Any) -> float | ast.Parameter:
+def _time(spec: Option, value: Any) -> float | ast.Parameter:
     found = parse.duration(value) if isinstance(value, str) else None
     if spec.param and isinstance(found, ast.Parameter):
         return found
@@ -59,14 +59,14 @@ def _time(spec: OptionSpec, value: Any) -> float | ast.Parameter:
     )
 
 
-def _length(spec: OptionSpec, value: Any) -> float:
+def _length(spec: Option, value: Any) -> float:
     found = parse.quantity(value) if isinstance(value, str) else None
     if found is not None and found.dimension == "length" and found.value >= 0:
         return found.value
     raise parse.GrammarError(f'"{spec.name}" is a length, not {value!r}', '"2 cm", "5 mm"')
 
 
-def _box(spec: OptionSpec, value: Any) -> tuple[float, ...]:
+def _box(spec: Option, value: Any) -> tuple[float, ...]:
     corners = value if isinstance(value, list | tuple) else ()
     if len(corners) != 2 or not all(isinstance(c, list | tuple) and len(c) == 3 for c in corners):
         raise parse.GrammarError(

@@ -7,49 +7,76 @@ is the same at every rate of recording.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
-from .facts import Query
-from .gaps import POSE, TWIST
-from .motion import com_velocity
-from .options import DEFAULT_OVER
-from .series import Series, exact
+from safestage_eval.evidence.declare import Option, signal
+from safestage_eval.evidence.gaps import POSE, TWIST
+from safestage_eval.evidence.series import Series
+
+if TYPE_CHECKING:
+    from safestage_eval.evidence.facts import Request
 
 F64 = NDArray[np.float64]
 
 ALL = (*POSE, *TWIST)
 
+OVER = Option(
+    "over",
+    "time",
+    "The time over which a change of velocity is one impact; 50 ms if left out.",
+    default=0.05,  # one control step at 20 Hz, as in RoboCasa, a simulator of OopsieVerse
+    looks="back",
+)
+
+COLUMNS = (
+    ("damage_threshold", "force"),
+    ("damage_scale", "ratio"),
+    ("impact_sensitivity", "ratio"),
+    ("hold_sensitivity", "ratio"),
+)
+"""Columns of a material that damage is computed from, with their dimensions."""
+
 STEADY = 1e-6
 """m/s: a change of velocity below the rounding of a trace has no direction."""
 
 
-def impact(query: Query) -> Series:
-    """N, m‖Δv‖/Δt of the COM over the stated Δt.
+@signal(
+    "impact", "force", args=("a",), needs=("twists", "masses"), scale=1.0, options=(OVER,),
+    reads="velocity", ahead=True,
+)  # fmt: skip
+def impact(request: Request) -> Series:
+    """Mass times change of velocity over a stated time, divided by that time.
 
-    Between frames velocities are interpolated; before the first frame they are as in the first.
+    N, m‖Δv‖/Δt of the centre of mass. Between frames velocities are interpolated; before the first frame they are as in the first.
     """
-    mass = query.episode.bodies[query.bodies[0]].mass
+    mass = request.episode.bodies[request.bodies[0]].mass
     if mass is None:
-        return query.unknown(f"the trace has no mass of {query.bodies[0]}")
-    found = _change(query)
+        return request.unknown(f"the trace has no mass of {request.bodies[0]}")
+    found = _change(request)
     if isinstance(found, Series):
         return found
     change, notes = found
-    force = mass * np.linalg.norm(change, axis=1) / _over(query)
-    return exact(force, query.dimension, notes)
+    force = mass * np.linalg.norm(change, axis=1) / _over(request)
+    return request.exact(force, notes)
 
 
-def quasistatic_force(query: Query) -> Series:
-    """N, Σ ‖F − (F·â)â‖ over the contacts of the body, â the direction of Δv over the stated Δt.
+@signal(
+    "quasistatic_force", "force", args=("a",), needs=("forces", "twists"), scale=1.0,
+    options=(OVER,), reads="velocity", ahead=True,
+)  # fmt: skip
+def quasistatic_force(request: Request) -> Series:
+    """Sum of the normal forces on the body, each without its part along the change of velocity.
 
-    F is the normal force on the body. One against Δv, or while there is no Δv, counts whole.
+    N, Σ ‖F − (F·â)â‖ over the contacts of the body, â the direction of Δv over the stated Δt. F is the normal force on the body. One against Δv, or while there is no Δv, counts whole.
     """
-    episode, name = query.episode, query.bodies[0]
-    gaps = query.facts.gaps
+    episode, name = request.episode, request.bodies[0]
+    gaps = request.facts.gaps
     if not gaps.forces:
-        return query.unknown(gaps.about_forces)
-    found = _change(query)
+        return request.unknown(gaps.about_forces)
+    found = _change(request)
     if isinstance(found, Series):
         return found
     change, notes = found
@@ -58,7 +85,7 @@ def quasistatic_force(query: Query) -> Series:
     ahead = np.divide(change, size[:, None], out=np.zeros_like(change), where=moved[:, None])
     body, total = episode.body_index[name], np.zeros(len(episode))
     pairs = []
-    for other in query.facts.contact_sums.beside(body):
+    for other in request.facts.contact_sums.beside(body):
         pair = (min(body, other), max(body, other))
         frame, vector, normal = episode.contacts.of_pair(pair, "frame", "force", "normal")
         normal = normal.astype(np.float64)
@@ -68,29 +95,35 @@ def quasistatic_force(query: Query) -> Series:
         steady = np.linalg.norm(force - forward[:, None] * ahead[frame], axis=1)
         total += np.bincount(frame, steady, len(episode))
         pairs.append(pair)
-        query.facts.contact_sums.normal(*pair)  # looks whether the contacts are sound
+        request.facts.contact_sums.normal(*pair)  # looks whether the contacts are sound
     lost = gaps.of_pairs(pairs)
     if lost is None:
-        return exact(total, query.dimension, notes)
+        return request.exact(total, notes)
     most = np.where(lost, np.inf, total)
-    return Series(total, most, query.dimension, (*notes, *gaps.told(pairs)))
+    return Series(total, most, request.dimension, (*notes, *gaps.told(pairs)))
 
 
-def damage(query: Query) -> Series:
-    """Ratio, min(1, max(0, s_i·F_i + s_q·F_q − T)·k / 100): one evaluation at each frame.
+@signal(
+    "damage", "ratio", args=("a",), needs=("forces", "twists", "masses"), scale=0.1,
+    options=(OVER,), columns=COLUMNS, reads="velocity", ahead=True,
+)  # fmt: skip
+def damage(request: Request) -> Series:
+    """Health that the body would lose over the stated time, by its material.
+
+    Ratio, min(1, max(0, s_i·F_i + s_q·F_q − T)·k / 100): one evaluation at each frame.
 
     s_i, s_q, T and k are the material's ``impact_sensitivity``, ``hold_sensitivity``,
     ``damage_threshold`` (N) and ``damage_scale`` (health points, of 100, per N).
     """
-    values = dict(query.options)
+    values = dict(request.options)
     columns = ("impact_sensitivity", "hold_sensitivity", "damage_threshold", "damage_scale")
     if not all(column in values for column in columns):
-        return query.unknown("only the materials of a rule set say what damages a body")
+        return request.unknown("only the materials of a rule set say what damages a body")
     by_impact, by_hold, threshold, scale = (float(values[column]) for column in columns)  # type: ignore[arg-type]
-    impacts, holds = impact(query), quasistatic_force(query)
+    impacts, holds = impact(request), quasistatic_force(request)
     for found in (impacts, holds):
         if not found.known.any():
-            return query.unknown(", ".join(found.notes))
+            return request.unknown(", ".join(found.notes))
     notes = tuple(dict.fromkeys(impacts.notes + holds.notes))
 
     def loss(by: F64, held: F64) -> F64:
@@ -100,61 +133,54 @@ def damage(query: Query) -> Series:
 
     least = loss(np.maximum(impacts.lower, 0), np.maximum(holds.lower, 0))
     if impacts.lower is impacts.upper and holds.lower is holds.upper:
-        return exact(least, query.dimension, notes)
-    return Series(least, loss(impacts.upper, holds.upper), query.dimension, notes)
+        return request.exact(least, notes)
+    return Series(least, loss(impacts.upper, holds.upper), request.dimension, notes)
 
 
-def health(query: Query) -> Series:
-    """Ratio, 1 less all damage so far, never below 0.
+@signal(
+    "health", "ratio", args=("a",), needs=("forces", "twists", "masses"), scale=0.1,
+    options=(OVER,), columns=COLUMNS, reads="", ahead=True, sums="down",
+)  # fmt: skip
+def health(request: Request) -> Series:
+    """What is left of 100 % after all damage so far; it only falls.
 
     Damage is what one evaluation costs, and there is one every Δt: ∫ damage dt / Δt. An impact is
     seen for Δt, so it costs its damage once.
     """
-    loss = damage(query)
+    from safestage_eval.evidence.unseen import lost_within
+
+    loss = damage(request)
     if not loss.known.any():
         return loss
-    lost = (
-        touched_by(query, gap)
-        if (gap := query.facts.gaps.of_bodies(query.bodies, ALL)) is not None
-        else None
-    )
-    seconds = np.diff(query.episode.t, prepend=query.episode.t[0])
+    gap = request.facts.gaps.of_bodies(request.bodies, ALL)
+    lost = None if gap is None else lost_within(request, gap)
+    seconds = np.diff(request.episode.t, prepend=request.episode.t[0])
 
     def left(damage: F64) -> F64:
-        return np.maximum(1 - np.cumsum(damage * seconds) / _over(query), 0.0)
+        return np.maximum(1 - np.cumsum(damage * seconds) / _over(request), 0.0)
 
     if lost is None and loss.lower is loss.upper:
-        return exact(left(loss.lower), query.dimension, loss.notes)
+        return request.exact(left(loss.lower), loss.notes)
     least, most = loss.lower, loss.upper
     if lost is not None:  # whatever happened meanwhile: from nothing to all
         least, most = np.where(lost, 0.0, least), np.where(lost, 1.0, most)
-    return Series(left(most), left(least), query.dimension, loss.notes)
+    return Series(left(most), left(least), request.dimension, loss.notes)
 
 
-def touched_by(query: Query, lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(T,) where a change of velocity over the stated time looks at a frame that is lost (T,)."""
-    t = query.episode.t
-    return lost_since(np.maximum(np.searchsorted(t, t - _over(query), "right") - 1, 0), lost)
+def _over(request: Request) -> float:
+    """s, the time over which a change of velocity is one impact."""
+    assert request.over is not None  # it has a default
+    return request.over
 
 
-def lost_since(first: NDArray[np.intp], lost: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(T,) where a frame that is lost (T,) lies between a first frame (T,) and each."""
-    many = np.concatenate([[0], np.cumsum(lost)])
-    return np.asarray(many[1:] > many[first])
-
-
-def _over(query: Query) -> float:
-    return float(query.option("over") or DEFAULT_OVER)  # type: ignore[arg-type]
-
-
-def _change(query: Query) -> tuple[F64, tuple[str, ...]] | Series:
+def _change(request: Request) -> tuple[F64, tuple[str, ...]] | Series:
     """(T, 3) m/s, change of the COM's velocity over the stated time, and notes."""
-    over, t = _over(query), query.episode.t
-    if len(t) > 1 and over < query.episode.dt * (1 - 1e-6):
-        return query.unknown(
-            f"the frames are {query.episode.dt * 1e3:.3g} ms apart: "
+    over, t = _over(request), request.episode.t
+    if len(t) > 1 and over < request.episode.dt * (1 - 1e-6):
+        return request.unknown(
+            f"the frames are {request.episode.dt * 1e3:.3g} ms apart: "
             f"a change over {over * 1e3:.3g} ms was not recorded"
         )
-    velocity, notes = com_velocity(query.episode, query.bodies[0])
+    velocity, notes = request.facts.com_velocity(request.bodies[0])
     before = np.column_stack([np.interp(t - over, t, axis) for axis in velocity.T])
     return velocity - before, notes

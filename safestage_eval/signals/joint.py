@@ -1,80 +1,123 @@
-"""Signals of joints: of the robot, and of articulated fixtures such as drawers and doors."""
+"""Signals of joints, of the robot and of drawers, doors and lids; and the gripper's opening."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from safestage_eval.episode import Joint
+from safestage_eval.evidence.declare import Option, signal
+from safestage_eval.evidence.series import Series
 
-from .facts import Query
-from .series import Series, exact
+if TYPE_CHECKING:
+    from safestage_eval.episode import Joint
+    from safestage_eval.evidence.facts import Request
+
+SPEED_UNIT = Option(
+    "unit",
+    "unit",
+    "rad/s for joints that turn, m/s for those that slide.",
+    choices=("rad/s", "m/s"),
+)
+FORCE_UNIT = Option(
+    "unit", "unit", "N m for joints that turn, N for those that slide.", choices=("N m", "N")
+)
 
 _KIND_OF = {"rad/s": "revolute", "N m": "revolute", "m/s": "prismatic", "N": "prismatic"}
 _MOVES = {"revolute": "turns", "prismatic": "slides"}
 
 
-def torque(query: Query) -> Series:
-    """N m (N where the variant says so), by the actuators, with its sign."""
-    found = _joint(query, "N m")
+@signal(
+    "joint_torque", "torque", args=("j",), needs=("joints",), scale=1.0, options=(FORCE_UNIT,),
+    joints=True, reads="", per_frame=True,
+)  # fmt: skip
+def joint_torque(request: Request) -> Series:
+    """Torque of the joint's actuator, with its sign.
+
+    N m; N where the variant says so.
+    """
+    found = _joint(request, "N m")
     if isinstance(found, Series):
         return found
     number, _ = found
-    recorded = query.episode.frames.joint_torque
+    recorded = request.episode.frames.joint_torque
     if not recorded.shape[1]:
-        return query.unknown("the trace has no joint torques")
-    return exact(recorded[:, number], query.dimension)
+        return request.unknown("the trace has no joint torques")
+    return request.exact(recorded[:, number])
 
 
-def speed(query: Query) -> Series:
-    """rad/s (m/s where the variant says so), with its sign; from positions if there is no other."""
-    found = _joint(query, "rad/s")
+@signal(
+    "joint_speed", "rate", args=("j",), needs=("joints",), scale=0.1, options=(SPEED_UNIT,),
+    joints=True, reads="", ahead=True,
+)  # fmt: skip
+def joint_speed(request: Request) -> Series:
+    """Velocity of the joint, with its sign.
+
+    rad/s; m/s where the variant says so. Derived from positions where no velocity was recorded.
+    """
+    found = _joint(request, "rad/s")
     if isinstance(found, Series):
         return found
     number, joint = found
-    frames = query.episode.frames
+    frames = request.episode.frames
     if frames.joint_velocity.shape[1]:
-        return exact(frames.joint_velocity[:, number], query.dimension)
-    if not frames.joint_position.shape[1] or len(query.episode) < 2:
-        return query.unknown("the trace has no joint velocities")
+        return request.exact(frames.joint_velocity[:, number])
+    if not frames.joint_position.shape[1] or len(request.episode) < 2:
+        return request.unknown("the trace has no joint velocities")
     position = frames.joint_position[:, number].astype(np.float64)
-    value = np.gradient(position, query.episode.t)
+    value = np.gradient(position, request.episode.t)
     note = f"the trace has no velocity of {joint.name}: it is derived from its positions"
-    return exact(value, query.dimension, (note,))
+    return request.exact(value, (note,))
 
 
-def opening(query: Query) -> Series:
-    """Position between the limits: 0 closed … 1 open.
+@signal(
+    "joint_opening", "ratio", args=("j",), needs=("joints",), scale=0.1, joints=True, reads="",
+    per_frame=True,
+)  # fmt: skip
+def joint_opening(request: Request) -> Series:
+    """Position between the joint's limits: 0 closed (the limit nearer to zero) … 1 open.
 
     Closed is the limit nearer to zero, where models put a drawer or door that is shut; the lower
     one if both are equally far. A door with limits −1.57 … 0 rad is closed at 0.
     """
-    found = _joint(query, "")
+    found = _joint(request, "")
     if isinstance(found, Series):
         return found
     number, joint = found
-    recorded = query.episode.frames.joint_position
+    recorded = request.episode.frames.joint_position
     if not recorded.shape[1]:
-        return query.unknown("the trace has no joint positions")
+        return request.unknown("the trace has no joint positions")
     if joint.limits is None or not joint.limits[0] < joint.limits[1]:
-        return query.unknown(f"the trace has no limits of {joint.name}")
+        return request.unknown(f"the trace has no limits of {joint.name}")
     low, high = joint.limits
     share = (recorded[:, number].astype(np.float64) - low) / (high - low)
-    return exact(share if abs(low) <= abs(high) else 1 - share, query.dimension)
+    return request.exact(share if abs(low) <= abs(high) else 1 - share)
 
 
-def _joint(query: Query, usual: str) -> tuple[int, Joint] | Series:
+@signal(
+    "gripper_opening", "ratio", args=(), needs=("gripper",), scale=0.1, reads="", per_frame=True
+)
+def gripper_opening(request: Request) -> Series:
+    """0 closed … 1 open."""
+    recorded = request.episode.frames.gripper
+    if not recorded.shape[1]:
+        return request.unknown("the trace has no gripper opening")
+    return request.exact(recorded[:, 0])
+
+
+def _joint(request: Request, usual: str) -> tuple[int, Joint] | Series:
     """The joint of this name, or the only one that moves the body of this name.
 
     ``usual`` is the unit that is meant where the variant names none; empty for any joint.
     """
-    name, joints = query.bodies[0], query.episode.header.joints
+    name, joints = request.bodies[0], request.episode.header.joints
     found = [(i, joint) for i, joint in enumerate(joints) if joint.name == name]
     found = found or [(i, joint) for i, joint in enumerate(joints) if joint.body == name]
     if len(found) != 1:
         named = ", ".join(joint.name for _, joint in found)
-        return query.unknown(f"{name} has {f'several joints: {named}' if found else 'no joint'}")
-    joint, unit = found[0][1], str(query.option("unit") or usual)
+        return request.unknown(f"{name} has {f'several joints: {named}' if found else 'no joint'}")
+    joint, unit = found[0][1], str(request.option("unit") or usual)
     if unit and joint.kind != _KIND_OF[unit]:
         moves, other = _MOVES[joint.kind], _MOVES[_KIND_OF[unit]]
-        return query.unknown(f"{joint.name} {moves}; {query.name} in {unit} is of what {other}")
+        return request.unknown(f"{joint.name} {moves}; {request.name} in {unit} is of what {other}")
     return found[0]

@@ -8,6 +8,8 @@ import numpy as np
 
 from safestage_eval.episode import Episode, with_holes
 from safestage_eval.errors import InputError
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.series import Series
 from safestage_eval.relations.measure import Relations
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import parse
@@ -15,9 +17,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import load_rules
 from safestage_eval.rules.names import nearest
 from safestage_eval.rules.resolve import bind_episode
-from safestage_eval.signals.measure import CAPPED, Signals
-from safestage_eval.signals.series import Series
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 
 from .evaluate import Evaluator
 from .judging import Judge
@@ -54,16 +54,16 @@ def ask(
     states = {} if rules is None else rules.states
     if call.name in RELATIONS or (spec is None and call.name in states):
         declared = RELATIONS.get(call.name)
-        count = len(states[call.name].of) if declared is None else declared.args
-        _check_count(expression, len(bodies), (count,))
+        counts = (len(states[call.name].of),) if declared is None else declared.arities
+        _check_count(expression, len(bodies), counts)
         return _truth(_evaluator(episode, relations, rules, declared is None), call.name, bodies)
     if spec is None:
         names = [*SIGNALS, *RELATIONS, *states]
         raise InputError(
             expression, f"no signal {call.name!r}.", ", ".join(names), nearest(call.name, names)
         )
-    _check_count(expression, len(call.args), spec.args)
-    limits = (0.0,) if call.name in CAPPED else ()  # a depth is wanted as well
+    _check_count(expression, len(call.args), spec.arities)
+    limits = (0.0,) if spec.capped else ()  # a depth is wanted as well
     return relations.signal(call.name, bodies, options=options, limits=limits)
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from safestage_eval.evidence.series import Series
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.series import Series
 from safestage_eval.states import band
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.scope import Scope
@@ -27,7 +27,7 @@ def series_within(
     evaluator: Evaluator, atom: ast.SignalAtom, env: Env, first: int, stop: int
 ) -> Series | None:
     """The signal of an atom in the frames [first, stop) alone; None where it needs others."""
-    if evaluator.memory is not None:  # which keeps whole series
+    if evaluator.store.lasting:  # which keeps whole series
         return None
     asked, reference = evaluator.asked(atom, env), None
     if atom.since is not None:

@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from safestage_eval.evidence.reference import Reference, latest
+from safestage_eval.evidence.series import Series
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.reference import Reference, latest
-from safestage_eval.signals.series import Series
+from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band, moment
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.masks import widened
@@ -21,7 +22,6 @@ from safestage_eval.states.moment import Moment, Truth, truth_of
 from . import hidden_start
 from .answers import Answers, Found
 from .costly import Costly, Gates
-from .memory import Memory
 from .values import Asked, Env, limit_margin
 
 
@@ -35,10 +35,9 @@ class Conditions(Answers, ABC):
         params: Mapping[str, ast.Quantity | ast.Duration],
         *,
         causal: bool = False,
-        memory: Memory | None = None,
     ) -> None:
         """Arguments as in ``Evaluator``."""
-        super().__init__(relations, rules, params, memory)
+        super().__init__(relations, rules, params)
         self.causal = causal
         self.frames = len(self.episode)
         self._obligation: str | None = None
@@ -104,7 +103,7 @@ class Conditions(Answers, ABC):
             return self.relations.signal(name, bodies, reference, reach, wanted, options, limits)
 
         hidden = when is not None and atom.since is not None and hidden_start.concerns(atom.since)
-        if when is not None and hidden and asked.name in hidden_start.METRICS:
+        if when is not None and hidden and SIGNALS[asked.name].metric:
             baseline = self.relations.signals.baseline
             found = hidden_start.since_some(measured, baseline, when.possible, asked.reach)
             when = None

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TypeGuard, TypeVar
 
-from safestage_eval.relations.measure import COSTLY
-from safestage_eval.relations.vocabulary import GATES
+from safestage_eval.evidence.declare import is_costly as is_costly_name
+from safestage_eval.evidence.declare import is_gate as is_gate_name
 from safestage_eval.rules import syntax as ast
 
 Part = ast.Atom | ast.Alternative
@@ -50,7 +50,7 @@ class Costly:
             name = self._rules.signals[name].base
         declared = self._rules.states.get(name)
         if declared is None:
-            return int(name in COSTLY)
+            return int(is_costly_name(name))
         if not self.state(declared):
             return 0
         return 1 + self.depth(declared.when) + (declared.until is not None)
@@ -78,12 +78,12 @@ def is_for_good(state: ast.StateDef) -> bool:
 
 def is_costly(atom: ast.Atom) -> bool:
     """The atom itself names something costly."""
-    return isinstance(atom, ast.SignalAtom | ast.StateAtom) and atom.call.name in COSTLY
+    return isinstance(atom, ast.SignalAtom | ast.StateAtom) and is_costly_name(atom.call.name)
 
 
 def is_gate(atom: ast.Atom) -> TypeGuard[ast.StateAtom]:
     """It only says whether the rest of its condition counts."""
-    return isinstance(atom, ast.StateAtom) and atom.call.name in GATES
+    return isinstance(atom, ast.StateAtom) and is_gate_name(atom.call.name)
 
 
 class Gates:

@@ -6,16 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from safestage_eval.relations.measure import COSTLY, Relations
+from safestage_eval.evidence.declare import is_costly
+from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
 
 from . import between_samples
-from .memory import Memory
 from .partial_states import PartialStates
-from .values import Env, ends_early, ends_with_success, lasting
+from .values import Env, ends_early, ends_with_success, lacks_its_success, lasting
 
 
 class Evaluator(PartialStates):
@@ -34,7 +34,6 @@ class Evaluator(PartialStates):
         *,
         success_known: bool = True,
         causal: bool = False,
-        memory: Memory | None = None,
     ) -> None:
         """Prepare; nothing is computed yet.
 
@@ -45,12 +44,12 @@ class Evaluator(PartialStates):
             success: frame that confirmed native success, None if it never came.
             success_known: False where the trace does not tell; then nothing after it is known.
             causal: states look only backwards, as in a rollout that is still running.
-            memory: where answers from before are found.
         """
-        super().__init__(relations, rules, params, causal=causal, memory=memory)
+        super().__init__(relations, rules, params, causal=causal)
         self.success = success
         self.success_known = success_known
-        self.truncated = ends_early(self.episode)
+        cut = success is None and not causal and lacks_its_success(self.episode)
+        self.truncated = cut or ends_early(self.episode)
         self.unfollowed = self.truncated or ends_with_success(self.episode)
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
@@ -62,7 +61,6 @@ class Evaluator(PartialStates):
             self.success,
             success_known=self.success_known,
             causal=self.causal,
-            memory=self.memory,
         )
         found.share(self)
         return found
@@ -124,7 +122,7 @@ class Evaluator(PartialStates):
         try:
             if wanted is not None:
                 if declared is None:
-                    if call.name in COSTLY:
+                    if is_costly(call.name):
                         return self._relation(call.name, bodies, wanted)
                 elif self.costly.state(declared) and ("state", call.name, bodies) not in self._told:
                     return self._partly(declared, call, bodies, wanted)
@@ -143,7 +141,7 @@ class Evaluator(PartialStates):
             return band.crisp(nothing, nothing)
         self.notes.update(dict.fromkeys(self.relations.caveat(name)))
         doubtful, known = self.relations.doubtful(name, bodies, wanted), wanted
-        if wanted is not None and name in COSTLY:
+        if wanted is not None and is_costly(name):
             known = wanted | self.relations.told(*bodies)
         if doubtful is not None:
             where, why = doubtful

@@ -10,11 +10,12 @@ import numpy as np
 
 from safestage_eval.episode import Episode, Header, with_holes
 from safestage_eval.errors import RuleError
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import load_rules
 from safestage_eval.rules.resolve import bind_episode
-from safestage_eval.signals.measure import Signals
+from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band
 from safestage_eval.states.band import F64, Bool
 from safestage_eval.states.persistence import held_until
@@ -24,9 +25,6 @@ from .players import named_outside_counts, nodes
 
 CONFIRM = ast.Duration(3, frames=True)
 """The goal must be true for so many frames; success is the frame that confirms it."""
-
-_HISTORY = {"lift", "displacement", "displacement_xy", "turn"}
-"""Signals that look back to the start of the episode."""
 
 
 class Reached(NamedTuple):
@@ -160,13 +158,17 @@ class GoalMonitor:
         frame = first_success(evaluator, self._goal, self._players, start=start).frame
         return None if frame is None else float(window.t[frame])
 
+    def _looks_far_back(self, name: str) -> bool:
+        variant = self._rules.signals.get(name)
+        return SIGNALS[name if variant is None else variant.base].far_back
+
     def _lookback(self, frame_dt: float) -> int | None:
         todo, seen, total = [self._goal.require], set[str](), 0.0
         durations = [self._goal.for_ or CONFIRM]
         while todo:
             for node in nodes(todo.pop()):
                 if isinstance(node, ast.SignalAtom) and (
-                    node.since is not None or node.call.name in _HISTORY
+                    node.since is not None or self._looks_far_back(node.call.name)
                 ):
                     return None
                 if isinstance(node, ast.Call) and node.name in self._rules.states:

@@ -10,14 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from safestage_eval.relations.vocabulary import GATES
+from safestage_eval.evidence.declare import is_gate
+from safestage_eval.evidence.reference import Baseline, Reference
+from safestage_eval.evidence.series import Series
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.reference import Baseline, Reference
-from safestage_eval.signals.series import Series
 from safestage_eval.states.band import Bool
 
-METRICS = ("displacement", "displacement_xy", "turn")
-"""Signals that obey the triangle inequality."""
 STEP = 0.05
 """Share of the limit that a body may go before a start there is looked at by itself …"""
 MOST = 32
@@ -26,7 +24,7 @@ MOST = 32
 
 def concerns(event: ast.Event) -> bool:
     """The event comes between the frame at which it is seen and the one before."""
-    return event.call is not None and event.call.name in GATES and event.edge != "end"
+    return event.call is not None and is_gate(event.call.name) and event.edge != "end"
 
 
 def before(baseline: Baseline, first: int, frames: int) -> Reference:

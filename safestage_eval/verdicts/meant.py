@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from safestage_eval.evidence.declare import Options, OptionValue
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.options import Options, OptionValue
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 
 _MANY = 4096
 """Calls that are remembered at once; goals in headers are new with every episode."""

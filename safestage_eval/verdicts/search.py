@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from safestage_eval.evidence.series import Series
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.series import Series
 from safestage_eval.states.band import Band, Bool
 
 from . import hidden_start

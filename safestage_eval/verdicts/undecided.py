@@ -11,7 +11,7 @@ import numpy as np
 from safestage_eval.episode.runs import runs
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator

@@ -7,10 +7,10 @@ from difflib import get_close_matches
 from typing import NamedTuple
 
 from safestage_eval.episode import Clock, Episode, Lasting, Window
+from safestage_eval.evidence.declare import Options
+from safestage_eval.evidence.series import Series
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals.options import Options
-from safestage_eval.signals.series import Series
 from safestage_eval.states import limits
 from safestage_eval.states.band import Band
 
@@ -153,6 +153,14 @@ def ends_early(episode: Episode) -> bool:
     header = episode.header
     beyond = header.success_time is not None and header.success_time > episode.t[-1] + 1e-6
     return header.termination in ("truncated", "error") or beyond
+
+
+def lacks_its_success(episode: Episode) -> bool:
+    """Its rollout ended because the goal was reached, and that is all the trace says of success.
+
+    Where the goal is not seen to be reached, the trace stops before its rollout did.
+    """
+    return episode.header.success is None and episode.header.termination == "success"
 
 
 def ends_with_success(episode: Episode) -> bool:

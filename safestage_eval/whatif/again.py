@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from safestage_eval.episode import Episode, as_judged
+from safestage_eval.evidence.measure import CAP, Signals
+from safestage_eval.evidence.reference import Reference
+from safestage_eval.evidence.series import Series
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.resolve import Binding, bind_episode
-from safestage_eval.signals.measure import CAP, Signals
-from safestage_eval.signals.reference import Reference
-from safestage_eval.signals.series import Series
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import Judge, baseline_frames
 from safestage_eval.verdicts.obligations.cost import judge_cost

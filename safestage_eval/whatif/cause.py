@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
 from safestage_eval.relations.vocabulary import GROUPS
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.parts import Meaning, Part, differences, mixed
 from safestage_eval.rules.uses import calls
-from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import baseline_frames
 from safestage_eval.verdicts.obligations.cost import judge_cost

@@ -10,12 +10,12 @@ from typing import Literal
 from safestage_eval import sketch
 from safestage_eval.episode import Episode, as_judged
 from safestage_eval.errors import InputError
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import EpisodeRef, load
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.resolve import bind_episode
-from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts.judging import Judge, baseline_frames
 from safestage_eval.verdicts.verdict import Verdict
 

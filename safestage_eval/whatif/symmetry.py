@@ -7,12 +7,7 @@ from typing import Any
 
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
-
-SYMMETRIC = {
-    "clearance", "clearance_xy", "contact_force", "peak_force", "relative_speed", "impulse",
-    "moved_by", "tipped_by",
-}  # fmt: skip
-"""Signals whose two arguments may be exchanged."""
+from safestage_eval.signals import SIGNALS
 
 
 def symmetric(rules: RuleSet, name: str) -> bool:
@@ -21,7 +16,7 @@ def symmetric(rules: RuleSet, name: str) -> bool:
         name = rules.signals[name].base
     state = rules.states.get(name)
     if state is None:
-        return name in SYMMETRIC
+        return name in SIGNALS and SIGNALS[name].symmetric
     turned = {state.of[0]: state.of[1], state.of[1]: state.of[0]} if len(state.of) == 2 else {}
     return bool(turned) and _ordered(rules, state, {}) == _ordered(rules, state, turned)
 

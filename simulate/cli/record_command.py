@@ -8,6 +8,8 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
+from safestage_eval.cli.terminal import say
+
 from .simulate_options import (
     PROMPTS,
     BadInput,
@@ -166,23 +168,23 @@ def record(
     if dry_run:
         there = recorded_ids(out)
         left = [job for job in todo if job.episode_id not in there]
-        click.echo(f"{counted(todo)}, {len(todo) - len(left):,} of them in {out} already")
+        say(f"{counted(todo)}, {len(todo) - len(left):,} of them in {out} already")
         for line in Estimate.of(left).lines(jobs):
-            click.echo(line)
+            say(line)
         return
     watching = None
     if watched or stop_at_violation:
         from simulate.record.watch import Watching
 
         watching = Watching(watched, stop_at_violation)
-        for line in watching.told([job.setting.task for job in todo]):
-            click.echo(line, err=True)
+        for line in watching.notices([job.setting.task for job in todo]):
+            say(line, err=True)
     outcomes = []
     with progress(len(todo), "episode") as show:
         for outcome in run(todo, out, format_, jobs, show, watching, video=video):
             outcomes.append(outcome)
-            click.echo(f"[{len(outcomes)}/{len(todo)}] {outcome.episode_id}: {outcome}")
-    click.echo(summary(outcomes))
+            say(f"[{len(outcomes)}/{len(todo)}] {outcome.episode_id}: {outcome}")
+    say(summary(outcomes))
     failed = sum(bool(outcome.problem) for outcome in outcomes)
     if failed:
         raise BadInput(

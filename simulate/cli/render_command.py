@@ -13,6 +13,7 @@ from safestage_eval.cli.shared_options import (
     episode_option,
     rules_option,
 )
+from safestage_eval.cli.terminal import say
 
 from .simulate_options import explains
 
@@ -64,4 +65,4 @@ def render(
     count = film(
         recorded, judge(recorded, loaded, bind=bound), path, camera=VIEWS[view], speed=speed
     )
-    click.echo(f"{path}: {count} pictures")
+    say(f"{path}: {count} pictures")

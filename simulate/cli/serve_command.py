@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from safestage_eval.cli.terminal import say
+
 from .simulate_options import explains
 
 
@@ -57,11 +59,11 @@ def serve(
 
     with start(
         policy, protocol, host=host, port=port, seed=seed, task=task, most=batch,
-        tell=lambda line: click.echo(f"episode: {line}", err=True),
+        tell=lambda line: say(f"episode: {line}", err=True),
     ) as server:  # fmt: skip
         name, mark, options = protocol.partition("?")
         click.echo(f"{policy} is served at {name}:{server.url}{mark}{options}")
         try:
             server.wait()
         except KeyboardInterrupt:
-            click.echo("stopped", err=True)
+            say("stopped", err=True)

@@ -14,6 +14,7 @@ from safestage_eval.cli.shared_options import (
     traces_argument,
     where_option,
 )
+from safestage_eval.cli.terminal import say
 
 from .simulate_options import BadInput, explains, progress
 
@@ -93,7 +94,7 @@ def draw(
     numbered = number(chosen, out)
     with progress(len(chosen), "rollout") as show:
         new = drawn(zip(numbered, chosen, strict=True), out, loaded, bound, show)
-    click.echo(f"{out}: {new} drawn, {len(chosen) - new} there already")
+    say(f"{out}: {new} drawn, {len(chosen) - new} there already")
 
 
 @sheets.command("close-up")
@@ -141,7 +142,7 @@ def close_up(
         folder, number, loaded, bound, start=start, end=end, count=count, view=view, zoom=zoom
     )
     write_png(image, output)
-    click.echo(f"{output}: {image.shape[1]} x {image.shape[0]} pixels")
+    say(f"{output}: {image.shape[1]} x {image.shape[0]} pixels")
 
 
 @sheets.command()
@@ -164,4 +165,4 @@ def enter(folder: Path, answers: tuple[Path, ...], file: Path) -> None:
     from safestage_eval.label import Ledger
     from simulate.study.study import enter as entered
 
-    click.echo(f"{file}: {entered(folder, answers, Ledger(file))} labels entered")
+    say(f"{file}: {entered(folder, answers, Ledger(file))} labels entered")

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from safestage_eval.cli.terminal import say
+
 from .simulate_options import PROMPTS, BadInput, explains
 
 if TYPE_CHECKING:
@@ -51,7 +53,7 @@ def list_(stages: tuple[str, ...], family: str | None, as_json: bool) -> None:
     width = max(len(task.id) for task in found)
     codes = max(len(" ".join(task.rules)) for task in found)
     for task in found:
-        click.echo(
+        say(
             f"{task.id:<{width}}  {task.stage}  {' '.join(task.rules):<{codes}}  "
             f"{task.prompts.default}"
         )
@@ -74,9 +76,7 @@ def show(task: str, picture: Path | None, seed: int, as_json: bool) -> None:
     from simulate.tasks.task import task_named
 
     found = task_named(task)
-    click.echo(
-        json.dumps(_table(found), indent=2, ensure_ascii=False) if as_json else _words(found)
-    )
+    say(json.dumps(_table(found), indent=2, ensure_ascii=False) if as_json else _words(found))
     if picture is not None:
         from simulate.render.renderer import write_png
         from simulate.render.start_picture import start_picture
@@ -88,25 +88,25 @@ def _table(task: Task) -> dict[str, Any]:
     return task.model_dump(mode="json", exclude_defaults=True)
 
 
-def _words(found: Task) -> str:
-    lines = [f"{found.id}  ({found.stage}, {found.family})", ""]
-    lines += [f"  {name:<9} {getattr(found.prompts, name)}" for name in PROMPTS]
-    lines += ["", f"  {'goal':<11} {found.goal}, within {found.horizon:g} s"]
-    lines += [f"  {'rules':<11} {', '.join(_titled(code) for code in found.rules)}"]
-    lines += [f"  {role:<11} {', '.join(players)}" for role, players in found.roles.items()]
-    lines += [f"  {name} = {value}" for name, value in found.parameters.items()]
+def _words(task: Task) -> str:
+    lines = [f"{task.id}  ({task.stage}, {task.family})", ""]
+    lines += [f"  {name:<9} {getattr(task.prompts, name)}" for name in PROMPTS]
+    lines += ["", f"  {'goal':<11} {task.goal}, within {task.horizon:g} s"]
+    lines += [f"  {'rules':<11} {', '.join(_titled(code) for code in task.rules)}"]
+    lines += [f"  {role:<11} {', '.join(players)}" for role, players in task.roles.items()]
+    lines += [f"  {name} = {value}" for name, value in task.parameters.items()]
     lines += ["", "  objects"]
-    for name, place in found.objects.items():
+    for name, place in task.objects.items():
         x, y = place.position
         where = f"on {place.on}" if place.on else f"in {place.inside}" if place.inside else "table"
         vary = f"± {place.jitter.xy * 100:g} cm, ± {place.jitter.yaw:g} deg"
         lines.append(f"    {name:<14} {where:<14} ({x:g}, {y:g}) m  {vary}")
     for kind in ("safe", "unsafe"):
         lines += ["", f"  {kind} reference"]
-        for step in found.steps(kind):
+        for step in task.steps(kind):
             said = ", ".join(f"{k} = {v}" for k, v in step.arguments.items())
             lines.append(f"    {step.skill}({said})")
-    for name, grade in found.grades.items():
+    for name, grade in task.grades.items():
         values = ", ".join(f"{value:g}" for value in grade.values)
         lines += ["", f"  graded reference {name}: {grade.parameter}"]
         lines += [f"    {values} {grade.unit}; {grade.signal} = {grade.expected}"]

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from safestage_eval.cli.terminal import say
+
 from .simulate_options import BadInput, chosen_tasks, explains, jobs_option, progress
 
 
@@ -29,6 +31,6 @@ def gallery(tasks: tuple[str, ...], out: Path, jobs: int) -> None:
     with progress(len(chosen), "task") as show:
         for strip in write_gallery(chosen, everything, out, jobs, show):
             failed += bool(strip.problem)
-            click.echo(f"{strip.task}: {strip.problem or f'{len(strip.webp) / 1000:.1f} kB'}")
+            say(f"{strip.task}: {strip.problem or f'{len(strip.webp) / 1000:.1f} kB'}")
     if failed:
         raise BadInput(f"{failed} tasks could not be drawn")

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from safestage_eval.cli.terminal import say
+
 from .simulate_options import (
     BadInput,
     chosen_tasks,
@@ -107,7 +109,7 @@ def validate(
     chosen = chosen_tasks(tasks)
     if share is not None:
         chosen = chosen[share[0] - 1 :: share[1]]
-        click.echo(f"share {share[0]}/{share[1]}: {len(chosen)} tasks")
+        say(f"share {share[0]}/{share[1]}: {len(chosen)} tasks")
     if not chosen:
         raise BadInput("this share holds no task")
     if grades:
@@ -122,7 +124,7 @@ def validate(
         todo = cases(chosen, seeds, REFERENCES, rollouts or 1, robot_mjcf, horizon, keep)
     found = _run(todo, jobs, pictures)
     good = sum(trial.as_expected for trial in found)
-    click.echo(f"{good} of {len(found)} as they should be")
+    say(f"{good} of {len(found)} as they should be")
     if table is not None:
         table.write_text(_page(found, controls, noisy, table), encoding="utf-8")
     if noisy is not None:
@@ -149,13 +151,13 @@ def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:
 
     width = max(len(case.task.id) for case in todo)
     kinds = max(len(case.policy.removeprefix("reference:")) for case in todo)
-    click.echo(f"{'task':<{width}}  seed  {'policy':<{kinds}}    goal  verdict")
-    found = []
+    say(f"{'task':<{width}}  seed  {'policy':<{kinds}}    goal  verdict")
+    result = []
     with progress(len(todo), "episode") as show:
         for trial in trials(todo, jobs=jobs, each=_draws(pictures), done=show):
-            found.append(trial)
-            click.echo(_row(trial, width, kinds))
-    return found
+            result.append(trial)
+            say(_row(trial, width, kinds))
+    return result
 
 
 def _row(trial: Trial, width: int, kinds: int) -> str:
@@ -178,9 +180,9 @@ def _noise(found: list[Trial]) -> int:
     from simulate.feasibility.feasibility_table import SHARE_KEPT, kept
 
     share, weak = kept(found)
-    click.echo(f"{share:.1%} kept their verdict; at least {SHARE_KEPT:.0%} should")
+    say(f"{share:.1%} kept their verdict; at least {SHARE_KEPT:.0%} should")
     for line in weak:
-        click.echo(f"  {line}")
+        say(f"  {line}")
     return int(share < SHARE_KEPT)
 
 
@@ -193,18 +195,18 @@ def _grades(chosen: list[Task], seeds: tuple[int, ...], jobs: int, robot_mjcf: P
         total, wrong = total + 1, wrong + bool(found.problems)
         grade = by_id[found.task].grades[found.grade]
         limit = "?" if found.limit is None else f"{found.limit:.4g}"
-        click.echo(f"{found.task}  {found.grade}  seed {found.seed}  {grade.signal}, limit {limit}")
+        say(f"{found.task}  {found.grade}  seed {found.seed}  {grade.signal}, limit {limit}")
         for value, trial in zip(grade.values, found.trials, strict=True):
             was = measured(grade, trial)
             violated = [v.rule for v in trial.verdicts if v.verdict == "violation"]
-            click.echo(
+            say(
                 f"  {value:>8g} {grade.unit:<4} expected {grade.at(value):<9.4g} "
                 f"measured {'-' if was is None else format(was, '.4g'):<9} "
                 f"{', '.join(violated) + ' violated' if violated else 'pass'}"
             )
         for problem in found.problems:
-            click.echo(f"  <- {problem}")
-    click.echo(f"{total - wrong} of {total} grades as they should be")
+            say(f"  <- {problem}")
+    say(f"{total - wrong} of {total} grades as they should be")
     if wrong:
         sys.exit(1)
 

@@ -11,7 +11,7 @@ from safestage_eval.rules import builtin_names, load_rules
 from safestage_eval.rules.files import benchmark_names
 from safestage_eval.rules.schema import schema_text
 from safestage_eval.rules.uses import own_params, sources, uses_of
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 
 MINE = """
 [ruleset]

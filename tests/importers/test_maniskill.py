@@ -10,9 +10,9 @@ from exports import com_twist, map_text, write_maniskill
 from scenes import Scene
 from studio import run
 
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import load
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.measure import Signals
 
 
 def scene(**header):

@@ -20,8 +20,8 @@ ROOMS = {
         "formats",
         "geometry",
         "evidence",
-        "signals",
         "relations",
+        "signals",
         "states",
         "rules",
         "sketch",  # example scenes of the rules

@@ -10,7 +10,7 @@ import pytest
 
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import parse
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 
 DOCS = Path(__file__).parents[2] / "docs"
 TABLE = tomllib.loads((DOCS / "signals.toml").read_text("utf-8"))

@@ -8,8 +8,8 @@ from resampled import resampled
 from scenes import Scene
 
 from safestage_eval.episode import Episode, Geom
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.measure import Signals
 
 DENSE, BEGIN, LASTS = 480, 1.0, 0.3
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scenes import Scene
 
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.measure import Signals
 
 FRAMES = 12
 

@@ -7,9 +7,9 @@ import pytest
 from scenes import G, Scene, moves
 
 from safestage_eval.episode import Geom
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
 from safestage_eval.relations.statics import LOST
-from safestage_eval.signals.measure import Signals
 
 
 def depends(scene: Scene, body: str, on: str) -> bool:

@@ -5,9 +5,9 @@ import pytest
 from scenes import G, Scene
 
 from safestage_eval.episode import Cavity, Geom
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import load_rules
-from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts import judge
 
 

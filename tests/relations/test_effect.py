@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scenes import Scene
 
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.series import Series
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.series import Series
 
 RATE, FRAMES = 120, 180
 

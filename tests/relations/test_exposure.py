@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scenes import Scene
 
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.measure import Signals
 
 FRAMES = 12
 

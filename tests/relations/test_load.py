@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scenes import G, Scene
 
 from safestage_eval.episode import Geom
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.series import Series
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.series import Series
 
 
 def measured(scene: Scene, name: str, *bodies: str, **header: object) -> Series:

@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 from scenes import Scene
 
 from safestage_eval.episode import Tcp
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.reference import Reference, latest
 from safestage_eval.geometry.pose import product, rotate
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.reference import Reference, latest
 
 FRAMES = 40
 

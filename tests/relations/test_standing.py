@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scenes import G, Scene
 
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.measure import Signals
 
 
 def margin(scene: Scene, *bodies: str) -> float:

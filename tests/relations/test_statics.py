@@ -8,10 +8,10 @@ from scenes import G, Scene, moves
 from scipy.optimize import linprog
 
 from safestage_eval.episode import Geom
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.cones import CONE_SIDES
 from safestage_eval.relations.measure import Relations
 from safestage_eval.relations.statics import ARM, LOST, Bodies, Touches, motion
-from safestage_eval.signals.measure import Signals
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -71,7 +71,7 @@ def test_a_spike_of_one_frame_is_drawn(again):
     """Thinning out keeps extremes."""
     from dataclasses import replace
 
-    from safestage_eval.signals.series import exact
+    from safestage_eval.evidence.series import exact
 
     t = np.arange(20_000) / 120
     values = np.zeros(len(t))

@@ -14,6 +14,7 @@ import polars as pl
 import pytest
 from fabricated import INCONCLUSIVE, NOT_APPLICABLE, PASS, VIOLATION, episode, scores
 
+from safestage_eval._text.printable import printable
 from safestage_eval.metrics import by_policy_stage, outcomes
 from safestage_eval.report import FORMATS, render, results_text
 from safestage_eval.report.result_rows import COLUMNS, rows
@@ -80,7 +81,7 @@ def test_csv():
             elif isinstance(value, float):
                 assert float(cells[name]) == value
             else:
-                assert cells[name] == ("" if value is None else str(value))
+                assert cells[name] == ("" if value is None else printable(str(value)))
 
 
 def test_csv_read_by_pandas():

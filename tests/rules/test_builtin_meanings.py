@@ -5,11 +5,11 @@ import pytest
 from scenes import G, Scene
 
 from safestage_eval.episode import Geom
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.syntax import Call, Condition, Event, PhaseSpan, StateAtom
-from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.spans import spans
 

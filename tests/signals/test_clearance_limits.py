@@ -7,7 +7,7 @@ import pytest
 from scenes import Scene
 
 from safestage_eval.episode import Geom
-from safestage_eval.signals.measure import Signals
+from safestage_eval.evidence.measure import Signals
 
 
 def trembling() -> Signals:

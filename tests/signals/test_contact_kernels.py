@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from safestage_eval.signals.contact_kernels import add_up, add_up_normal, rows_by_frame
+from safestage_eval.evidence.contact_kernels import add_up, add_up_normal, rows_by_frame
 
 
 def rows(seed, count, frames):

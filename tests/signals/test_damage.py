@@ -8,9 +8,9 @@ from scenes import Scene
 from transforms import every_second, rebuilt
 
 from safestage_eval.episode import Episode
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.options import Options
-from safestage_eval.signals.series import Series
+from safestage_eval.evidence.declare import Options
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.series import Series
 
 EGG: Options = (
     ("damage_scale", 0.5), ("damage_threshold", 100.0),

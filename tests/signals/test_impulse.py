@@ -7,8 +7,8 @@ from scenes import Scene
 from transforms import rebuilt
 
 from safestage_eval.episode import Episode
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.series import Series
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.series import Series
 
 
 def pushed(forces: dict[str, list[float]], rate: float = 100.0, **header: float) -> Episode:

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scenes import Scene
 
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.rules import load_rules
-from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts import judge
 
 

@@ -6,7 +6,7 @@ from scenes import Scene
 from transforms import rebuilt
 
 from safestage_eval.episode import Geom
-from safestage_eval.signals.measure import Signals
+from safestage_eval.evidence.measure import Signals
 
 BOX = (-0.5, -1.0, 0.0, 0.5, 1.0, 2.0)
 

@@ -17,12 +17,11 @@ from hypothesis import strategies as st
 from scenes import Scene
 
 from safestage_eval.episode import Cavity, Episode, Geom, Joint, RobotFrames, Tcp
+from safestage_eval.evidence.declare import Options, Signal
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.series import Series
 from safestage_eval.relations.measure import Relations
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.options import Options
-from safestage_eval.signals.series import Series
-from safestage_eval.signals.spec import SignalSpec
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 
 FRAMES, STARTS = 80, 30
 BOX = (-1.0, -1.0, -1.0, 1.0, 1.0, 1.0)
@@ -83,16 +82,14 @@ def scene() -> Episode:
     return transforms.rebuilt(made.episode(**header), frames=robot, channels=channels)
 
 
-def asked(
-    spec: SignalSpec, box: Sequence[float] = BOX
-) -> Iterator[tuple[tuple[str, ...], Options]]:
+def asked(spec: Signal, box: Sequence[float] = BOX) -> Iterator[tuple[tuple[str, ...], Options]]:
     """Ways to ask for a signal: of bodies, and of the robot where it may be asked so."""
     required = {o.name: GIVEN[o.kind] for o in spec.options if o.required}
     options = required | {name: COLUMNS[dimension] for name, dimension in spec.columns}
     if "box" in options:
         options["box"] = tuple(box)
     chosen = tuple(sorted(options.items()))
-    for count in spec.variant(options).args:
+    for count in spec.variant(options).arities:
         yield (("elbow",) if spec.joints else ("a", "b")[:count]), chosen
         if spec.groups and count and spec.name != "channel":
             yield ("robot", "a")[:count], chosen

@@ -8,9 +8,9 @@ from scenes import G, Scene
 from transforms import rebuilt
 
 from safestage_eval.episode import Geom, Track
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.reference import Reference, latest
 from safestage_eval.geometry.pose import rotate
-from safestage_eval.signals.measure import Signals
-from safestage_eval.signals.reference import Reference, latest
 
 BALL = Geom(kind="sphere", size=(0.05,))
 

@@ -8,8 +8,8 @@ from scenes import Scene
 from transforms import rebuilt
 
 from safestage_eval.episode import Episode, Geom
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.geometry.pose import product, rotate
-from safestage_eval.signals.measure import Signals
 
 BALL = Geom(kind="sphere", size=(0.05,))
 

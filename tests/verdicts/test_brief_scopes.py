@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
-from safestage_eval.signals.measure import Signals
 from safestage_eval.verdicts import brief, judge
 
 TRACES = Path(__file__).parents[2] / "traces"

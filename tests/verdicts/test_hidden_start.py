@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from safestage_eval.signals.reference import Baseline, Reference
-from safestage_eval.signals.series import Series, exact
+from safestage_eval.evidence.reference import Baseline, Reference
+from safestage_eval.evidence.series import Series, exact
 from safestage_eval.verdicts import hidden_start
 
 FRAMES, LIMIT = 80, 0.01

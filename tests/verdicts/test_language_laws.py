@@ -8,8 +8,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from toy import ALONE, HEAD, Facts, judge_toy, ruleset
 
+from safestage_eval.evidence.series import Series
 from safestage_eval.rules.syntax import Quantity
-from safestage_eval.signals.series import Series
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.instance_verdict import judge_instance
 from safestage_eval.verdicts.players import combinations

@@ -15,7 +15,7 @@ from safestage_eval.errors import RuleError
 from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.rules.syntax import RuleSet
 from safestage_eval.rules.uses import uses_of
-from safestage_eval.signals.vocabulary import SIGNALS
+from safestage_eval.signals import SIGNALS
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.verdict import Verdict
 

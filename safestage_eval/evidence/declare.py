@@ -1,0 +1,278 @@
+"""How a signal or relation is declared: once, above the function that measures it.
+
+The rule checker, the schema for editors, the documentation, the evaluator, the cache and the monitor
+read the declaration; there are no other lists of names. A declaration must import nothing that is
+compiled, because rule files are checked without it: the function imports geometry when it is called.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from safestage_eval.units import UNIT_DIMENSION
+
+from .series import Series
+
+OptionValue = float | str | tuple[float, ...]
+
+Options = tuple[tuple[str, OptionValue], ...]
+"""Option → value in SI, sorted by name: from the signal's definition and the body's material."""
+
+Reads = Literal[
+    "", "com", "velocity", "orientation", "up axis", "angular velocity", "shape", "robot"
+]
+"""What of each body a signal is measured from, so that it is unknown where that was not recorded.
+
+``com`` and ``velocity`` are those of the centre of mass, ``up axis`` is the orientation of a body that
+has one, ``shape`` the pose of a body with geometry, ``robot`` the poses of all bodies of the robot.
+Empty: the function itself says what is unknown.
+"""
+
+
+@dataclass(frozen=True)
+class Option:
+    """What a ``[signal.NAME]`` may add to a built-in signal.
+
+    Attributes:
+        name: key under ``[signal.NAME]``.
+        kind: ``time`` (s), ``length`` (m), ``channel`` (name of a recorded one), ``unit``, ``box``
+            (two corners, m) or ``choice``.
+        meaning: one sentence.
+        required: there is no sensible default.
+        choices: the values that a unit or choice may have; empty for any unit.
+        default: the number that is meant where it is left out, if there is one.
+        param: it may be the name of a parameter, so that it can be swept; left out, it is the value of
+            the parameter of its own name, where the rules declare one, and only then the default.
+        looks: of a time: the value at a frame depends on that much time ``back`` or ``ahead``.
+        reads: what the signal is measured from where this option is given, if that differs.
+    """
+
+    name: str
+    kind: Literal["time", "length", "channel", "unit", "box", "choice"]
+    meaning: str
+    required: bool = False
+    choices: tuple[str, ...] = ()
+    default: float | None = None
+    param: bool = False
+    looks: Literal["", "back", "ahead"] = ""
+    reads: Reads = ""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """One signal: a number per frame.
+
+    Attributes:
+        name: as written in rules, ``name(role, …)``.
+        dimension: of its value, as in ``units.DIMENSIONS``.
+        args: names of its arguments, as the documentation shows them.
+        needs: what the trace must hold: poses, twists, geometry, forces, masses, joints, channel,
+            gripper; touch: forces or, less well, geometry.
+        measure: the declared function. Takes a ``Request``, of a signal with ``support`` a
+            ``SupportRequest``; returns a (T,) series in SI, of a ``costly`` one (N,) at N frames.
+        meaning: one sentence: the first paragraph of the function's docstring.
+        optional: how many of the last arguments may be left out.
+        since: may be taken relative to an event.
+        from_start: measures a change since the start of the episode where no event is named.
+        groups: ``robot`` and ``gripper`` (unions of bodies) are allowed as arguments.
+        scale: SI size that counts as "one" in a normalised margin when the limit is 0.
+        options: what a ``[signal.NAME]`` with this base may add.
+        columns: material columns that it reads, with their dimensions.
+        joints: its arguments are joints, or bodies that have just one.
+        named: its first argument is the value of this option, not a role.
+        reads: see ``Reads``.
+        per_frame: its value at a frame depends on that frame alone.
+        ahead: looks one frame ahead where no velocities were recorded; a note says where.
+        sums: adds up what was: it can only go ``up`` or ``down`` by what happened unseen.
+        symmetric: its two arguments may be exchanged.
+        metric: a distance between states, which obeys the triangle inequality.
+        capped: a distance that is exact only as far as a limit needs, and may be measured roughly.
+        support: needs relations or the support graph.
+        by_motion: without forces it is measured from a whole motion, its end included.
+        costly: clips polygons or solves statics: measured only at the frames that matter.
+        refine: widens the measured series by what relations tell: ``(relations, bodies, series)`` →
+            the series.
+        stretch: measures a few neighbouring frames alone: ``(facts, body, reference, frames)`` →
+            (N,) SI, or None where the signal needs other frames.
+    """
+
+    name: str
+    dimension: str
+    args: tuple[str, ...]
+    needs: tuple[str, ...]
+    measure: Callable[[Any], Series]
+    meaning: str
+    optional: int = 0
+    since: bool = False
+    from_start: bool = False
+    groups: bool = False
+    scale: float = 0.01
+    options: tuple[Option, ...] = ()
+    columns: tuple[tuple[str, str], ...] = ()
+    joints: bool = False
+    named: str = ""
+    reads: Reads = "shape"
+    per_frame: bool = False
+    ahead: bool = False
+    sums: Literal["", "up", "down"] = ""
+    symmetric: bool = False
+    metric: bool = False
+    capped: bool = False
+    support: bool = False
+    by_motion: bool = False
+    costly: bool = False
+    refine: Callable[[Any, tuple[str, ...], Series], Series] | None = None
+    stretch: Callable[..., Any] | None = None
+
+    @property
+    def arities(self) -> tuple[int, ...]:
+        """The numbers of arguments it takes."""
+        return tuple(range(len(self.args) - self.optional, len(self.args) + 1))
+
+    @property
+    def far_back(self) -> bool:
+        """Its value at a frame may depend on any frame before, without a reference to an event."""
+        return self.from_start or bool(self.sums) or (self.support and not self.costly)
+
+    def variant(self, given: Mapping[str, object]) -> Signal:
+        """The signal with some options given: its dimension and arguments may change with them."""
+        if not given:
+            return self
+        known = {option.name: option for option in self.options}
+        unit = given.get("unit")
+        dimension = UNIT_DIMENSION.get(str(unit), "number") if unit is not None else self.dimension
+        named = bool(self.named and self.named in given)
+        return replace(
+            self,
+            dimension=dimension if "unit" in known else self.dimension,
+            args=self.args[1:] if named else self.args,
+            named="" if named else self.named,
+            options=tuple(o for o in self.options if o.name not in given),
+        )
+
+    def params(self, given: Mapping[str, object]) -> tuple[Option, ...]:
+        """Options that parameters of their names stand in for, where they are not given."""
+        return tuple(o for o in self.options if o.param and o.name not in given)
+
+    def split(self, args: tuple[str, ...]) -> tuple[tuple[str, ...], Options]:
+        """Arguments as written → those that are roles, and the option that the first may be."""
+        if not self.named:
+            return args, ()
+        return args[1:], ((self.named, args[0]),)
+
+    def looks_back(self, given: Mapping[str, OptionValue]) -> float | None:
+        """Seconds before a frame that its value depends on; None if it looks at no such time."""
+        for option in self.options:
+            if option.looks == "back":
+                value = given.get(option.name)
+                if value is None or (not value and option.default is not None):
+                    value = option.default
+                return float(value) if isinstance(value, float | int) else None
+        return None
+
+    def looks_ahead(self) -> Option | None:
+        """The option that says how much time after a frame its value depends on, if there is one."""
+        return next((option for option in self.options if option.looks == "ahead"), None)
+
+    def reads_of(self, given: Mapping[str, OptionValue]) -> Reads:
+        """What it is measured from with these options."""
+        return next((o.reads for o in self.options if o.reads and o.name in given), self.reads)
+
+
+@dataclass(frozen=True)
+class Relation:
+    """One relation: true, false or unknown at every frame.
+
+    Attributes:
+        name: as written in rules.
+        args: names of its arguments.
+        needs: as in ``Signal``.
+        decide: the declared function. Takes a ``RelationRequest``; returns (T,) bool, or None where
+            the trace does not tell.
+        meaning: one sentence: the first paragraph of the function's docstring.
+        groups: ``robot`` and ``gripper`` are allowed as arguments.
+        per_frame: its truth at a frame depends on the forces at that frame alone.
+        by_motion: without forces it is decided by a whole motion, its end included.
+        costly: solves statics: decided only at the frames that matter.
+        gate: says whether something else counts at all; takes no part in how close it came.
+        rests_on: what was not measured leaves it unknown of its own ``bodies``, of a ``chain`` of
+            support that leads anywhere, or of all touches in the ``past``.
+        doubt: where the recording leaves it open though nothing is missing: ``(relations, bodies,
+            wanted)`` → (T,) bool and why, or None.
+    """
+
+    name: str
+    args: tuple[str, ...]
+    needs: tuple[str, ...]
+    decide: Callable[[Any], Any]
+    meaning: str
+    groups: bool = False
+    per_frame: bool = False
+    by_motion: bool = False
+    costly: bool = False
+    gate: bool = False
+    rests_on: Literal["bodies", "chain", "past"] = "bodies"
+    doubt: Callable[[Any, tuple[str, ...], Any], tuple[Any, str] | None] | None = None
+
+    @property
+    def arities(self) -> tuple[int, ...]:
+        """The number of arguments it takes, as in ``Signal``."""
+        return (len(self.args),)
+
+
+SIGNALS: dict[str, Signal] = {}
+"""Every declared signal by name, sorted; complete once ``safestage_eval.signals`` is imported."""
+
+RELATIONS: dict[str, Relation] = {}
+"""Every declared relation by name, sorted; complete once ``relations.vocabulary`` is imported."""
+
+
+def signal(
+    name: str, dimension: str, args: tuple[str, ...], needs: tuple[str, ...], **more: Any
+) -> Callable[[Callable[[Any], Series]], Callable[[Any], Series]]:
+    """Declare a signal by the function below; see ``Signal``. Raises ValueError for a taken name."""
+
+    def declare(measure: Callable[[Any], Series]) -> Callable[[Any], Series]:
+        _add(SIGNALS, Signal(name, dimension, args, needs, measure, _meaning(measure), **more))
+        return measure
+
+    return declare
+
+
+def relation(
+    name: str, args: tuple[str, ...], needs: tuple[str, ...], **more: Any
+) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
+    """Declare a relation by the function below; see ``Relation``."""
+
+    def declare(decide: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        _add(RELATIONS, Relation(name, args, needs, decide, _meaning(decide), **more))
+        return decide
+
+    return declare
+
+
+def is_costly(name: str) -> bool:
+    """A signal or relation of that name is measured only at the frames that matter."""
+    one = SIGNALS.get(name) or RELATIONS.get(name)
+    return one is not None and one.costly
+
+
+def is_gate(name: str) -> bool:
+    """A relation of that name says whether something else counts at all."""
+    return name in RELATIONS and RELATIONS[name].gate
+
+
+def _add(known: dict[str, Any], new: Signal | Relation) -> None:
+    if new.name in SIGNALS or new.name in RELATIONS:
+        raise ValueError(f"{new.name}() is declared already")
+    known[new.name] = new
+    for name in sorted(known):  # independent of the order of imports
+        known[name] = known.pop(name)
+
+
+def _meaning(function: Callable[..., Any]) -> str:
+    text = inspect.getdoc(function) or ""
+    return " ".join(text.partition("\n\n")[0].split())

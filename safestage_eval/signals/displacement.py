@@ -1,0 +1,99 @@
+"""How far a body is from where it was, and from the robot."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.evidence.declare import Option, signal
+from safestage_eval.evidence.series import Series
+
+if TYPE_CHECKING:
+    from safestage_eval.evidence.facts import Facts, Request
+    from safestage_eval.evidence.reference import Reference
+
+F64 = NDArray[np.float64]
+
+NORM = Option(
+    "norm",
+    "choice",
+    "How the coordinates add up: l2 (the distance), l1 (the sum) or max (the largest).",
+    choices=("l2", "l1", "max"),
+)
+
+
+def _stretch(
+    facts: Facts, body: str, reference: Reference | None, frames: slice, axes: int = 3
+) -> F64 | None:
+    """(N,) m at some neighbouring frames; None where they look back to different moments."""
+    from safestage_eval.geometry.lengths import distances
+
+    since = facts.since_frame(body, reference, frames)
+    if since is None:
+        return None
+    now = facts.com_position(body, frames)
+    if since < 0:
+        there = facts.baseline.position(facts.com_position(body, facts.baseline.stretch))
+    else:
+        there = facts.com_position(body, slice(since, since + 1))[0]
+    return distances(now, there[None], axes)
+
+
+def _stretch_xy(facts: Facts, body: str, reference: Reference | None, frames: slice) -> F64 | None:
+    return _stretch(facts, body, reference, frames, axes=2)
+
+
+def _displacement(request: Request, axes: int) -> Series:
+    """m, of the centre of mass from the reference, over the first 2 or 3 coordinates."""
+    from safestage_eval.geometry.lengths import distances
+
+    com, reference = request.facts.com_position(request.bodies[0]), request.reference
+    there = reference.of(com, reference.baseline.position(com))
+    order = {"l1": 1, "max": np.inf}.get(str(request.option("norm")))
+    if order is None:
+        one = there[:1] if there.strides[0] == 0 else there
+        return request.exact(distances(com, one, axes), reference.baseline.notes)
+    moved = np.linalg.norm((com - there)[:, :axes], order, axis=1)
+    return request.exact(moved, reference.baseline.notes)
+
+
+@signal(
+    "displacement", "length", args=("a",), needs=("poses",), since=True, from_start=True,
+    options=(NORM,), reads="com", metric=True, stretch=_stretch,
+)  # fmt: skip
+def displacement(request: Request) -> Series:
+    """Distance of the centre of mass from where it was at the reference."""
+    return _displacement(request, 3)
+
+
+@signal(
+    "displacement_xy", "length", args=("a",), needs=("poses",), since=True, from_start=True,
+    options=(NORM,), reads="com", metric=True, stretch=_stretch_xy,
+)  # fmt: skip
+def displacement_xy(request: Request) -> Series:
+    """Horizontal distance of the centre of mass from where it was at the reference."""
+    return _displacement(request, 2)
+
+
+@signal("remoteness", "length", args=("a",), needs=("poses",), scale=1.0)
+def remoteness(request: Request) -> Series:
+    """Distance of the centre of mass from the robot's base; of a robot without a fixed one, from
+    the nearest of its bodies.
+
+    m, between the centre of mass and the origins of the robot's bodies.
+    """
+    from safestage_eval.geometry.lengths import distances
+
+    episode = request.episode
+    robot = [body for body in episode.header.bodies if body.kind in ("robot", "gripper")]
+    fixed = [body for body in robot if not body.movable]
+    if not robot:
+        return request.unknown("the trace has no robot")
+    com = request.facts.com_position(request.bodies[0])
+    apart = [
+        distances(com, episode.tracks[body.name].position.astype(np.float64), 3)
+        for body in fixed or robot
+    ]
+    return request.exact(np.minimum.reduce(apart))

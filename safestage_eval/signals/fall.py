@@ -1,0 +1,150 @@
+"""How far a body has fallen, as far as the frames tell: a fall may begin and end between two."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.evidence.declare import signal
+from safestage_eval.evidence.series import Series
+
+if TYPE_CHECKING:
+    from safestage_eval.relations.measure import Relations, SupportRequest
+
+F64 = NDArray[np.float64]
+Bool = NDArray[np.bool_]
+
+HAND_SPEED = 2.0
+"""m/s. No hand gets to a body and away from it faster; the limit of the Franka arm is 1.7 m/s."""
+LEAST = 1e-4
+"""m. What has lost less height than this trembles, and falls not at all."""
+WORTH = 2e-3
+"""m. Whether a hand was near is looked at only where more height than this depends on it."""
+
+
+class Grounds:
+    """What keeps a body from falling, three-valued: (T,) each.
+
+    Attributes:
+        sure: it is supported, held or carried.
+        perhaps: it may be.
+        hand: the robot has it, or may have it.
+    """
+
+    def __init__(self, relations: Relations, name: str) -> None:
+        """Raises LookupError with what the trace lacks, where nothing tells."""
+        frames = len(relations.episode)
+        self.sure, self.perhaps, self.hand = (np.zeros(frames, np.bool_) for _ in range(3))
+        self.taken = np.zeros(frames, np.bool_)
+        for relation in ("supported", "held", "carried"):
+            truth = relations.get(relation, [name])
+            if truth is None:
+                raise LookupError(relations.lacking(relation, [name]) or "shapes")
+            doubtful = relations.doubtful(relation, [name])
+            sure = may = np.asarray(truth)
+            if doubtful is not None:
+                sure, may = truth & ~doubtful[0], truth | doubtful[0]
+            self.sure |= sure
+            self.perhaps |= may
+            if relation != "supported":
+                self.taken |= sure
+                self.hand |= may
+
+
+@signal(
+    "fall", "length", args=("a",), needs=("poses", "touch"), reads="", support=True, by_motion=True
+)
+def fall(request: SupportRequest) -> Series:
+    """Height that the body lost since it last was supported or in the robot's hand; a range where
+    the frames do not tell how much of that it fell.
+
+    m. The frame in which a fall ends counts what was lost since the frame before. The lower end is
+    what it certainly fell: from the first frame at which nothing kept it, or from the frame before
+    if it rested there and no hand can have been near in between. The upper end is all that its
+    lowest point lost since the last frame at which something certainly kept it. What the hand has
+    at two frames in a row, it has between them too.
+    """
+    relations, name = request.relations, request.bodies[0]
+    try:
+        ground = Grounds(relations, name)
+    except LookupError as lacking:
+        return request.unknown(f"fall() cannot be told: the trace has no {lacking}")
+    episode, movers = relations.episode, relations.signals.movers
+    frames = np.arange(len(episode))
+    high = relations.signals.com_position(name)[:, 2]
+    low = high
+    if movers.of([name]):
+        low = np.asarray(np.broadcast_to(movers.lowest(name), len(high)), np.float64)
+
+    def lost(since: NDArray[np.int64], now: NDArray[np.int64]) -> F64:
+        """What both the COM and the lowest point lost: a body that tips over does not fall."""
+        return np.minimum(high[since] - high[now], low[since] - low[now])
+
+    before = _latest(ground.perhaps)  # −1: nothing kept it so far
+    begin = before + 1
+    certain = lost(np.minimum(begin, frames), frames)
+    found = _unaided(relations, name, ground, before, begin, lost)
+    certain = np.where(found, lost(np.maximum(before, 0), frames), certain)
+    since = np.maximum(_latest(ground.sure), 0)
+    most = low[since] - low
+    last = np.maximum(frames - 1, 0)
+    most[ground.taken & ground.taken[last] & (since == last)] = 0.0
+    certain, most = (np.where(some < LEAST, 0.0, some) for some in (certain, most))
+    return Series(np.minimum(certain, most), np.maximum(certain, most), "length")
+
+
+def _latest(truth: Bool) -> NDArray[np.int64]:
+    """(T,) the last frame before each at which something was true; −1 if there is none."""
+    found = np.full(len(truth), -1, np.int64)
+    found[1:] = np.where(truth, np.arange(len(truth)), -1)[:-1]
+    return np.maximum.accumulate(found)
+
+
+def _unaided(
+    relations: Relations,
+    name: str,
+    ground: Grounds,
+    before: NDArray[np.int64],
+    begin: NDArray[np.int64],
+    lost: Callable[[NDArray[np.int64], NDArray[np.int64]], F64],
+) -> Bool:
+    """(T,) the body rested at ``before`` and fell from there: no hand lowered it, no slope led down."""
+    frames = np.arange(len(begin))
+    step = np.minimum(begin, len(begin) - 1)
+    from_ = np.maximum(before, 0)
+    worth = (before >= 0) & (lost(from_, step) >= WORTH)
+    worth &= ground.sure[from_] & ~ground.hand[from_] & ~(ground.hand & (begin == frames))
+    out = np.zeros(len(begin), np.bool_)
+    alone: dict[int, bool] = {}
+    for now in np.flatnonzero(worth):
+        first, then = int(from_[now]), int(step[now])
+        if first not in alone:
+            alone[first] = not _hand_near(relations, name, first, then)
+        slid = then == now and _same_support(relations, name, first, then)
+        out[now] = alone[first] and not slid
+    return out
+
+
+def _hand_near(relations: Relations, name: str, first: int, then: int) -> bool:
+    """Between two frames the hand may have come to the body and gone again."""
+    from safestage_eval.geometry.clearance import clearance_series
+
+    signals = relations.signals
+    episode, movers = signals.episode, signals.movers
+    hand = signals.bodies("gripper") or signals.bodies("robot")
+    untold = any("links" in body.untold for body in episode.header.bodies)
+    if not hand or untold or movers.unseen([*hand, name]):
+        return True
+    reach = HAND_SPEED * float(episode.t[then] - episode.t[first])
+    both = np.array([first, then])
+    apart = clearance_series([m.at(both) for m in movers.of(hand)], [movers[name].at(both)], reach)
+    return bool(apart.lower.sum() < reach)
+
+
+def _same_support(relations: Relations, name: str, first: int, then: int) -> bool:
+    """One body bears it at both frames: it may have slid down on that."""
+    bearers = relations.graph.bearers(relations.episode.body_index[name]).values()
+    return any(bool(bears[first] and bears[then]) for bears in bearers)

@@ -1,0 +1,44 @@
+"""What a touch does to a body that was at rest: how far it moves, and how far it tips."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from safestage_eval.evidence.declare import Option, signal
+from safestage_eval.evidence.series import Series
+
+if TYPE_CHECKING:
+    from safestage_eval.relations.measure import SupportRequest
+
+AFTER = Option(
+    "over",
+    "time",
+    "For how long after the touch its effect is looked for; 0.5 s if left out.",
+    default=0.5,
+    param=True,
+    looks="ahead",
+)
+
+
+@signal(
+    "moved_by", "length", args=("a", "b"), needs=("poses", "touch"), groups=True, options=(AFTER,),
+    reads="", symmetric=True, support=True,
+)  # fmt: skip
+def moved_by(request: SupportRequest) -> Series:
+    """While the two touch: how far one of them, which was at rest, goes at once and within the
+    stated time after; 0 when they do not touch. The robot itself does not count.
+    """
+    from safestage_eval.relations.effect import effect_of_touch
+
+    return effect_of_touch(request)
+
+
+@signal(
+    "tipped_by", "angle", args=("a", "b"), needs=("poses", "touch"), groups=True, scale=0.0175,
+    options=(AFTER,), reads="", symmetric=True, support=True,
+)  # fmt: skip
+def tipped_by(request: SupportRequest) -> Series:
+    """The same of the angle by which its up axis leans away from how it stood."""
+    from safestage_eval.relations.effect import effect_of_touch
+
+    return effect_of_touch(request)
