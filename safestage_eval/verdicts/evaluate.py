@@ -15,7 +15,7 @@ from safestage_eval.states.moment import Moment, Truth, truth_of
 
 from . import between_samples
 from .partial_states import PartialStates
-from .values import Env, ends_early, ends_with_success, lasting
+from .values import Env, ends_early, ends_with_success, lacks_its_success, lasting
 
 
 class Evaluator(PartialStates):
@@ -48,7 +48,8 @@ class Evaluator(PartialStates):
         super().__init__(relations, rules, params, causal=causal)
         self.success = success
         self.success_known = success_known
-        self.truncated = ends_early(self.episode)
+        cut = success is None and not causal and lacks_its_success(self.episode)
+        self.truncated = cut or ends_early(self.episode)
         self.unfollowed = self.truncated or ends_with_success(self.episode)
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
