@@ -34,7 +34,7 @@ def render(slack: pl.DataFrame, rules: RuleSet, form: str) -> str:
         return render_json(slack.to_dicts())
     undecided = int(slack["verdict"].null_count())
     notes = [f"{undecided} verdicts are left open by the table."] if undecided else []
-    return render_text([Table("", COLUMNS, list(_rows(slack, rules)), len(COLUMNS))], notes)
+    return render_text([Table("", COLUMNS, list(_rows(slack, rules)), 5)], notes)
 
 
 def _rows(slack: pl.DataFrame, rules: RuleSet) -> Iterator[tuple[str, ...]]:

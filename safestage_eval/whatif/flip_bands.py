@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from safestage_eval.episode import Window
+from safestage_eval.evidence.series import Series
 from safestage_eval.geometry.gjk import PROMISED
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
-from safestage_eval.signals.measure import CAPPED
-from safestage_eval.signals.series import Series
+from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band, persistence
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.verdicts.evaluate import Evaluator
@@ -138,7 +138,7 @@ class FlipBands:
         return found
 
     def _series(self, atom: ast.SignalAtom, env: Env, name: str, wanted: Bool) -> Series:
-        if name not in CAPPED:
+        if not SIGNALS[name].capped:
             if atom.since is not None and self.at.since(atom.since, env)[1] is not None:
                 raise Undecided("what it is measured from is not known")
             return self.at.series(atom, env, wanted if self.at.asks_costly(atom) else None)
