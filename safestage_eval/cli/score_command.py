@@ -268,7 +268,7 @@ def _write_what_if(
             beside, [*Chosen(discover(list(traces)), filters)], judging,
             params=None if names == ["all"] else names, jobs=jobs, progress=tell,
         )  # fmt: skip
-    click.echo(f"{beside}: what-if table", err=True)
+    say(f"{beside}: what-if table", err=True)
 
 
 def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:

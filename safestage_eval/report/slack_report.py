@@ -10,6 +10,9 @@ from safestage_eval.rules import RuleSet
 from safestage_eval.whatif.flip_lasting import like
 from safestage_eval.whatif.values import text_of
 
+from .render_text import render_text
+from .table import Table
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -24,13 +27,10 @@ def render(found: pl.DataFrame, rules: RuleSet, form: str) -> str:
         return found.write_csv()
     if form == "json":
         return found.write_json() + "\n"
-    rows = [("param", "rule", "verdict", "moved", "flips to", "verdicts", "least", "median")]
-    rows += _rows(found, rules)
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
+    head = ("param", "rule", "verdict", "moved", "flips to", "verdicts", "least", "median")
     left = int(found["verdict"].null_count())
     said = [f"{left} verdicts are left open by the table."] if left else []
-    return "\n".join([line.rstrip() for line in lines] + ["", *said] * bool(said)) + "\n"
+    return render_text([Table("", head, list(_rows(found, rules)), 5)], said)
 
 
 def _rows(found: pl.DataFrame, rules: RuleSet) -> Iterator[tuple[str, ...]]:

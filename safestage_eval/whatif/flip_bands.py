@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from safestage_eval.episode import Window
-from safestage_eval.evidence.declare import SIGNALS
 from safestage_eval.evidence.series import Series
 from safestage_eval.geometry.gjk import PROMISED
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
+from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band, persistence
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.verdicts.evaluate import Evaluator
