@@ -9,9 +9,9 @@ from typing import Any
 import click
 
 from .shared_options import (
-    announce_compiling,
     bind_option,
     pairs,
+    prepare_kernels,
     progress,
     rules_option,
     set_option,
@@ -130,7 +130,7 @@ def _may_write(target: Path, source: Path, written: set[Path], *, force: bool) -
 def _judge(
     rules: tuple[str, ...], bind: Path | None, settings: tuple[str, ...]
 ) -> Callable[[Any], Sequence[Any]]:
-    """What the rules say of an episode, as events."""
+    """Verdicts on an episode, as events."""
     from safestage_eval.errors import InputError
     from safestage_eval.report.verdict_events import events
     from safestage_eval.rules import builtin_names, load_bind, load_rules, parse_overrides
@@ -140,7 +140,7 @@ def _judge(
     bound = None if bind is None else load_bind(bind, loaded)
     overrides = pairs(settings, "--set")
     parse_overrides(loaded, overrides)
-    announce_compiling()
+    prepare_kernels()
 
     def said(episode: Any) -> Sequence[Any]:
         try:

@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from .shared_options import (
-    announce_compiling,
     bind_option,
     pairs,
+    prepare_kernels,
     progress,
     rules_option,
     set_option,
@@ -65,7 +65,7 @@ def command(
     from safestage_eval.viewer.campaign.campaign_page import build
 
     if traces:
-        announce_compiling()
+        prepare_kernels()
     with progress("drawing") as tell:
         found = compose(
             results,
@@ -81,9 +81,9 @@ def command(
     html = build(found)
     written(html, output)
     drawn = found.sections
-    told = f", {len(drawn.html)} with sections" if drawn is not None else ""
+    with_sections = f", {len(drawn.html)} with sections" if drawn is not None else ""
     size = len(html.encode()) / 1e6
-    say(f"{output}: {len(found.found.outcomes)} rollouts{told}, {size:.1f} MB", err=True)
+    say(f"{output}: {len(found.found.outcomes)} rollouts{with_sections}, {size:.1f} MB", err=True)
     for note in found.notes:
         say(f"note: {note}", err=True)
     problems = drawn.problems if drawn is not None else ()

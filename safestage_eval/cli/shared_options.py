@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .terminal import say
-
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from safestage_eval.formats import EpisodeRef
 
 traces_argument = click.argument("traces", nargs=-1, required=True, metavar="TRACES...")
@@ -45,8 +45,28 @@ episode_option = click.option(
     help="Episode id, or a unique part of it, where TRACE holds several.",
 )  # fmt: skip
 
+output_option = click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
+
+resamples_option = click.option(
+    "--resamples", type=click.IntRange(100), default=2000, show_default=True,
+    help="Number of bootstrap resamples over tasks.",
+)  # fmt: skip
+
+bootstrap_seed_option = click.option(
+    "--random-seed", type=click.IntRange(0), default=0, show_default=True,
+    help="Random seed of the bootstrap.",
+)  # fmt: skip
 
 episode_argument = click.argument("name", required=False, metavar="[EPISODE]")
+
+
+def format_option(*formats: str) -> Callable[[Any], Any]:
+    """``--format`` with these choices, the first one by default."""
+    return click.option(
+        "--format", "-f", "form", type=click.Choice(formats), default=formats[0], show_default=True
+    )
 
 
 def pairs(values: tuple[str, ...], option: str) -> dict[str, str]:
@@ -84,7 +104,7 @@ def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
 
 
 def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> None:
-    """To stdout, or as a file that appears whole or not at all; all at once or piece by piece."""
+    """Write data to stdout, or to a file that appears whole or not at all; at once or piece by piece."""
     pieces = [data] if isinstance(data, str | bytes) else data
     if output is None:
         for piece in pieces:
@@ -101,7 +121,7 @@ def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> N
 
 
 def unusable(folder: Path) -> str:
-    """Why nothing can be kept in a folder, which is made if it is not there; empty if it can."""
+    """Why a folder cannot be written to, after creating it; empty if it can."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -115,22 +135,31 @@ def wants_color(stream: Any) -> bool:
     return bool(stream.isatty()) and not os.environ.get("NO_COLOR")
 
 
-def announce_compiling() -> None:
-    """Say on stderr why the very first verdict takes a while."""
-    from safestage_eval import geometry
-    from safestage_eval._process.compiled import cache_folder
-
-    room = Path(geometry.__file__).parent
-    if not cache_folder(room).exists() and not os.environ.get("NUMBA_CACHE_DIR"):
-        say("compiling the numerical kernels, once: about a minute …", err=True)
-
-
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
-    """Progress, rate and time left on stderr while the block runs, if stderr is a terminal."""
+    """Progress, rate and time left on stderr while the block runs, if stderr is a terminal.
+
+    The bar appears with the first count.
+    """
     if not sys.stderr.isatty():
         yield None
         return
+    bar: Progress | None = None
+
+    def tell(done: int, total: int | None) -> None:
+        nonlocal bar
+        if bar is None:
+            bar = _start_bar(what)
+        bar.update(bar.task_ids[0], completed=done, total=total)
+
+    try:
+        yield tell
+    finally:
+        if bar is not None:
+            bar.stop()
+
+
+def _start_bar(what: str) -> Progress:
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -141,19 +170,36 @@ def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
         TimeElapsedColumn,
         TimeRemainingColumn,
     )
+    from rich.text import Text
 
     class Rate(TextColumn):
-        """How many are done in a second."""
+        """Items per second."""
 
         def render(self, task: Task) -> Text:
             return Text(f"{task.finished_speed or task.speed or 0:.1f}/s")
-
-    from rich.text import Text
 
     columns = (
         TextColumn(what), BarColumn(), MofNCompleteColumn(), Rate(""), TimeElapsedColumn(),
         TextColumn("left:"), TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    bar.add_task(what, total=None)
+    bar.start()
+    return bar
+
+
+def prepare_kernels() -> None:
+    """Compile the numerical kernels where this machine has not done so yet."""
+    from safestage_eval._process.precompile import compile_kernels
+
+    said = False
+
+    def say(_: int, total: int) -> None:
+        """Without a terminal, one line."""
+        nonlocal said
+        if not said:
+            click.echo(f"compiling {total} numerical kernels, once per machine …", err=True)
+        said = True
+
+    with progress("compiling kernels, once per machine") as tell:
+        compile_kernels(tell or say)

@@ -200,6 +200,8 @@ class Relation:
         gate: says whether something else counts at all; takes no part in how close it came.
         rests_on: what was not measured leaves it unknown of its own ``bodies``, of a ``chain`` of
             support that leads anywhere, or of all touches in the ``past``.
+        doubt: where the recording leaves it open though nothing is missing: ``(relations, bodies,
+            wanted)`` → (T,) bool and why, or None.
     """
 
     name: str
@@ -213,6 +215,7 @@ class Relation:
     costly: bool = False
     gate: bool = False
     rests_on: Literal["bodies", "chain", "past"] = "bodies"
+    doubt: Callable[[Any, tuple[str, ...], Any], tuple[Any, str] | None] | None = None
 
     @property
     def arities(self) -> tuple[int, ...]:

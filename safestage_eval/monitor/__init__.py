@@ -1,7 +1,8 @@
 """Rules watched while a rollout is still going on."""
 
-from safestage_eval.verdicts.foresight import Foresight, foresight
+from safestage_eval.verdicts.look_ahead import Foresight
 
+from .foresight import foresight
 from .monitor import Monitor
 from .windows import Recording
 

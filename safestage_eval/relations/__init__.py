@@ -1,1 +1,3 @@
 """Relations between bodies, frame by frame: support, dependence, containment, grasp."""
+
+from . import vocabulary as vocabulary

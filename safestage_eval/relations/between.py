@@ -17,13 +17,13 @@ from safestage_eval.geometry.clearance import motion_bound
 from safestage_eval.geometry.mover import Mover
 
 if TYPE_CHECKING:
-    from .measure import Relations
+    from .support import Support
 
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
 
 
-def may_touch_between(relations: Relations, a: str, b: str, where: Bool) -> Bool:
+def may_touch_between(relations: Support, a: str, b: str, where: Bool) -> Bool:
     """(T,) where two bodies or unions may come to touch after a sample and before the next.
 
     If they are d and e apart at two samples and their distance changes by m at most on the way, they
@@ -50,7 +50,7 @@ def may_touch_between(relations: Relations, a: str, b: str, where: Bool) -> Bool
     return out
 
 
-def with_missed_peaks(relations: Relations, bodies: Sequence[str], found: Series) -> Series:
+def with_missed_peaks(relations: Support, bodies: Sequence[str], found: Series) -> Series:
     """A peak force (T,), of any size where the recording may have missed one.
 
     That is between two samples further apart than frames are, and between any two if the peaks are
@@ -88,7 +88,7 @@ def with_missed_peaks(relations: Relations, bodies: Sequence[str], found: Series
     return replace(found, upper=np.where(missed, np.inf, found.upper), notes=(*found.notes, note))
 
 
-def _near(relations: Relations, a: str, b: str, where: Bool) -> Bool:
+def _near(relations: Support, a: str, b: str, where: Bool) -> Bool:
     """(T − 1,) of two bodies, after each sample but the last."""
     movers, signals = relations.signals.movers, relations.signals
     way = motion_bound(movers[a], movers[b])
@@ -100,7 +100,7 @@ def _near(relations: Relations, a: str, b: str, where: Bool) -> Bool:
     return np.asarray(where & (way > 0) & (apart[:-1] + apart[1:] <= way))
 
 
-def _travel(relations: Relations, name: str) -> F64:
+def _travel(relations: Support, name: str) -> F64:
     """(T − 1,) m, how far any point goes between two samples at the faster of their velocities.
 
     Where none was recorded, at the speed between these two samples, or the two before or behind them.

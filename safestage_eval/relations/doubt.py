@@ -12,7 +12,6 @@ from safestage_eval.episode.runs import runs
 from safestage_eval.geometry.pose import angle, matrix
 
 from .near import NEAR
-from .vocabulary import lies_inside
 
 if TYPE_CHECKING:
     from .measure import Relations
@@ -28,34 +27,10 @@ Bool = NDArray[np.bool_]
 Doubt = tuple[Bool, str]
 
 
-def by_nature(
-    relations: Relations, name: str, bodies: Sequence[str], wanted: Bool | None = None
-) -> Doubt | None:
-    """Where what was measured leaves a relation open."""
-    if name == "caused":
-        return may_have_been_touched(relations, *bodies)
-    if relations.blind and name in ("held", "carried"):
-        return may_be_in_the_grip(relations, name, bodies)
-    if relations.blind and name in ("supports", "supported"):
-        return may_hang_from_the_grip(relations, name, bodies)
-    if name == "depends_on" and relations.blind:
-        return may_lean(relations, *bodies)
-    if name == "depends_on" and not relations.lacking(name, bodies):
-        return may_be_caught(relations, bodies[0], bodies[1], wanted)
-    if name == "inside" and relations.lacking("supports", (bodies[1], bodies[0])):
-        return may_be_borne(relations, *bodies)
-    if (relations.unweighed or relations.faint) and name in (
-        "supports",
-        "supported",
-        "carried",
-        "inside",
-    ):
-        return may_be_too_weak(relations, name, bodies)
-    return None
-
-
 def may_be_caught(relations: Relations, body: str, on: str, wanted: Bool | None) -> Doubt | None:
     """What is within a hair's breadth and carries nothing yet may hold the body up, or may not."""
+    if relations.lacking("depends_on", (body, on)):
+        return None
     open_ = relations.caught(body, on, wanted)
     if not open_.any():
         return None
@@ -198,7 +173,7 @@ def may_have_been_touched(relations: Relations, body: str) -> Doubt | None:
 def may_be_borne(relations: Relations, body: str, container: str) -> Doubt | None:
     """What looks over the rim is inside if the container bears it, of which nothing is known."""
     truth = relations.get("inside", (body, container))
-    sure = lies_inside(relations, body, container, np.zeros(len(relations.episode), np.bool_))
+    sure = relations.lies_inside(body, container, np.zeros(len(relations.episode), np.bool_))
     if truth is None or sure is None or not (truth & ~sure).any():
         return None
     return truth & ~sure, f"it is not known whether {container} bears {body}"
@@ -206,6 +181,8 @@ def may_be_borne(relations: Relations, body: str, container: str) -> Doubt | Non
 
 def may_be_too_weak(relations: Relations, name: str, bodies: Sequence[str]) -> Doubt | None:
     """A force may bear a body of unknown mass, or be too weak to: more edges never undo these."""
+    if not (relations.unweighed or relations.faint):
+        return None
     truth = relations.get(name, bodies)
     if truth is None or not truth.any():
         return None

@@ -15,8 +15,8 @@ from safestage_eval.evidence.series import Series
 from safestage_eval.geometry.pose import rotate
 
 if TYPE_CHECKING:
-    from .measure import Relations
-    from .support_request import SupportRequest
+    from .measure import SupportRequest
+    from .support import Support
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -80,7 +80,7 @@ def effect_of_touch(request: SupportRequest) -> Series:
     return Series(lower, same, request.signal.dimension)
 
 
-def _touching(relations: Relations, body: str, others: Sequence[str]) -> Bool:
+def _touching(relations: Support, body: str, others: Sequence[str]) -> Bool:
     """(T,) the body touches one of the others, or did since the frame before."""
     index = relations.episode.body_index
     near = set(relations.touches.beside(index[body]))
@@ -96,7 +96,7 @@ def _touching(relations: Relations, body: str, others: Sequence[str]) -> Bool:
 
 
 def _done(
-    relations: Relations, body: str, touching: Bool, over: float, angle: bool
+    relations: Support, body: str, touching: Bool, over: float, angle: bool
 ) -> tuple[F64, F64]:
     """(T,) what each touch did, on the frames of the touch; unknown where the recording broke off."""
     episode = relations.episode

@@ -18,7 +18,7 @@ from .gripper_frame import gripper_frame
 from .proximity import TOUCH
 
 if TYPE_CHECKING:
-    from .measure import Relations
+    from .support import Support
 
 Bool = NDArray[np.bool_]
 
@@ -120,7 +120,7 @@ class Causes:
     on; a drawer or a door does once it has moved. Parts of one object are reached together.
     """
 
-    def __init__(self, relations: Relations) -> None:
+    def __init__(self, relations: Support) -> None:
         """Nothing is computed before it is asked for."""
         self._relations, self._episode = relations, relations.episode
         bodies = self._episode.header.bodies

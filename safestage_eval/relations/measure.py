@@ -4,107 +4,123 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.evidence.contact_sums import ContactSums
-from safestage_eval.evidence.declare import SIGNALS, Options
+from safestage_eval.episode import Episode
+from safestage_eval.evidence.declare import RELATIONS, SIGNALS, Options, Signal
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.partial import Partial
+from safestage_eval.evidence.query import Growth
 from safestage_eval.evidence.reference import Reference
-from safestage_eval.evidence.series import Series, hidden, hide
+from safestage_eval.evidence.series import Series, exact, hidden, hide, unknown
 
-from . import between, doubt, unmeasured
-from .dependence import Dependence
+from . import between, unmeasured
 from .exposure import Causes, Exposure
-from .graph import ByForce, SupportGraph, faint
-from .gripper_frame import gripper_frame
-from .held import Grip, by_fingers, by_motion, by_pressure
-from .load import Loads
-from .proximity import LIFT, TOUCH, Proximity
-from .support_request import SupportRequest
-from .vocabulary import RELATIONS, RelationRequest
+from .graph import SupportGraph
+from .proximity import LIFT, TOUCH
+from .support import Support
 
 Bool = NDArray[np.bool_]
 
 
-class Relations:
-    """Relations of an episode by name and bodies: (T,) true or false, or unknown throughout."""
+class RelationRequest(NamedTuple):
+    """One relation to be decided.
 
-    found_out = 0
-    """How often something costly was found out."""
+    Attributes:
+        relations: of the episode.
+        bodies: names of bodies or unions, in the relation's order.
+        graph: who supports whom.
+        held: index of a body → (T,) it is held.
+    """
 
-    def __init__(self, signals: Signals) -> None:
-        """Shares the signals' cache of contact sums and shapes."""
-        self.signals = signals
-        self.episode = signals.episode
-        self._known: dict[tuple[str, tuple[str, ...]], Bool | None] = {}
-        self._partial: dict[tuple[str, tuple[str, ...], Options], Partial] = {}
-        self._grips: dict[int, Grip] = {}
-        self._whole: dict[tuple[str, tuple[str, ...], str, Options], Series] = {}
-        signals.untouched = self._untouched
-
-    @cached_property
-    def blind(self) -> bool:
-        """The trace has no contact forces: touch and support are told by geometry."""
-        return not self.signals.gaps.forces
-
-    @cached_property
-    def proximity(self) -> Proximity:
-        """Who is near whom."""
-        return Proximity(self.episode, self.signals.movers)
+    relations: Relations
+    bodies: tuple[str, ...]
+    graph: SupportGraph
+    held: Callable[[int], Bool]
 
     @property
-    def touches(self) -> ContactSums | Proximity:
-        """Who touches whom: by forces if there are any."""
-        return self.proximity if self.blind else self.signals.contact_sums
+    def ids(self) -> list[int]:
+        """The bodies' indices."""
+        return [self.relations.episode.body_index[body] for body in self.bodies]
 
-    @cached_property
-    def graph(self) -> SupportGraph:
-        """Who bears whom."""
-        if self.blind:
-            return SupportGraph(self.episode, self.proximity)
-        return SupportGraph(self.episode, ByForce(self.episode, self.signals.contact_sums))
 
-    @cached_property
-    def unweighed(self) -> list[str]:
-        """Free bodies whose mass is missing: no recorded force tells what bears them."""
-        if self.blind:
-            return []
-        bodies = self.episode.header.bodies
-        return [
-            bodies[i].name for i in sorted(self.graph.assemblies.free) if bodies[i].mass is None
-        ]
+class SupportRequest(NamedTuple):
+    """One signal with ``support`` to be measured.
 
-    @cached_property
-    def faint(self) -> list[str]:
-        """Free bodies so light that rounding of the recorded forces may hide what bears them."""
-        return [] if self.blind else faint(self.episode, self.signals.contact_sums)
+    Attributes:
+        relations: of the episode; ``relations.signals`` are the facts of other signals.
+        signal: its declaration.
+        bodies: names of bodies or unions, in the signal's order.
+        since: what a change is measured from; None for the baseline.
+        options: what the signal's definition adds.
+        at: (N,) the frames at which a ``costly`` signal is measured; all frames of any other.
+    """
 
-    @cached_property
-    def sure_graph(self) -> SupportGraph:
-        """Who certainly bears whom."""
-        return SupportGraph(
-            self.episode, ByForce(self.episode, self.signals.contact_sums, sure=True)
-        )
+    relations: Relations
+    signal: Signal
+    bodies: tuple[str, ...]
+    since: Reference | None
+    options: Options
+    at: NDArray[np.int64]
 
-    @cached_property
-    def dependence(self) -> Dependence:
-        """Who falls without whom."""
-        return Dependence(self.episode, self.signals.contact_sums, self.graph)
+    @property
+    def episode(self) -> Episode:
+        """The episode."""
+        return self.relations.episode
+
+    def number(self, name: str) -> float:
+        """The value of an option that is a number, or its default, in SI."""
+        value = dict(self.options).get(name)
+        if not isinstance(value, float | int):
+            value = next(option.default for option in self.signal.options if option.name == name)
+        assert value is not None  # the option has a default
+        return float(value)
+
+    def exact(self, values: NDArray[np.float64]) -> Series:
+        """A series that is known at every frame."""
+        return exact(values, self.signal.dimension)
+
+    def unknown(self, why: str) -> Series:
+        """A series that is unknown at every frame, and why."""
+        return unknown(len(self.at), self.signal.dimension, why)
+
+
+class Relations(Support):
+    """Relations of an episode by name and bodies: (T,) true or false, or unknown throughout."""
+
+    def __init__(self, signals: Signals) -> None:
+        """Share the signals' store, contact sums and shapes."""
+        super().__init__(signals)
+        signals.untouched = self._untouched
 
     def caught(self, body: str, on: str, wanted: Bool | None) -> Bool:
         """(T,) it is open whether something would catch ``body`` when ``on`` is taken away."""
-        index = self.episode.body_index
-        return self.dependence.depends_on(index[body], index[on], wanted)[1]
+        found = self._falls_without(body, on, wanted)
+        return found.done & (found.lower < found.upper)
 
     def told(self, body: str, on: str) -> Bool:
         """(T,) where it is known already whether ``body`` falls when ``on`` is taken away."""
-        if self.blind:
-            return np.ones(len(self.episode), np.bool_)
-        index = self.episode.body_index
-        return self.dependence.told(index[body], index[on])
+        everywhere = np.ones(len(self.episode), np.bool_)
+        return everywhere if self.blind else self._falls_without(body, on, ~everywhere).done
+
+    def _falls_without(self, body: str, on: str, wanted: Bool | None) -> Partial:
+        """Whether ``body`` falls when ``on`` is taken away: 1 or 0, or from 0 to 1 where it is open."""
+
+        def measure(near: Any, at: NDArray[np.int64]) -> tuple[NDArray[np.int64], Series]:
+            relations: Relations = self if near is None else near
+            index, asked = relations.episode.body_index, np.zeros(len(relations.episode), np.bool_)
+            asked[at] = True
+            falls, open_ = relations.dependence.depends_on(index[body], index[on], asked)
+            done = relations.dependence.told(index[body], index[on]).nonzero()[0]
+            ends = falls[done].astype(np.float64), (falls | open_)[done].astype(np.float64)
+            return done, Series(*ends, "number")
+
+        query = self.signals.query("relation", "depends_on", (body, on))
+        asked = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
+        return self.store.partial(query, asked, measure)
 
     @cached_property
     def exposure(self) -> Exposure:
@@ -133,11 +149,6 @@ class Relations:
             return len(self.episode)
         return self.causes.perhaps_since(self.episode.body_index[name])
 
-    @cached_property
-    def loads(self) -> Loads:
-        """Who carries how much of whom."""
-        return Loads(self.episode, self.signals.contact_sums, self.graph)
-
     def get(self, name: str, bodies: Sequence[str], wanted: Bool | None = None) -> Bool | None:
         """(T,) truth of one relation; None where the trace lacks what it needs.
 
@@ -147,14 +158,16 @@ class Relations:
         if self.lacking(name, bodies):
             return None
         if name == "depends_on" and not self.blind:
-            ids = [self.episode.body_index[body] for body in bodies]
-            told = self.dependence.told(*ids)
-            self.found_out += not bool((told if wanted is None else told | ~wanted).all())
-            return self.dependence.depends_on(ids[0], ids[1], wanted)[0]
-        key = (name, tuple(bodies))
-        if key not in self._known:
-            self._known[key] = self.decide(name, list(bodies))
-        return self._known[key]
+            return np.equal(self._falls_without(bodies[0], bodies[1], wanted).lower, 1)
+
+        def measure(near: Any) -> Bool | None:
+            relations: Relations = self if near is None else near
+            return relations.decide(name, list(bodies))
+
+        per_frame = RELATIONS[name].per_frame and not self.blind
+        growth = Growth.PER_FRAME if per_frame else Growth.WHOLE
+        query = self.signals.query("relation", name, tuple(bodies))
+        return self.store.column(query, measure, growth)
 
     def lacking(self, name: str, bodies: Sequence[str] = ()) -> str:
         """What the trace would need to tell a relation, and does not have; empty if nothing."""
@@ -166,33 +179,21 @@ class Relations:
         if name == "caused":
             return "" if self.graph.assemblies.robot else "poses of the robot"
         if self.blind:
-            shapeless = [b for body in bodies for b in self._shapeless(body)]
+            shapeless = [b for body in bodies for b in self.without_shape(body)]
             if shapeless and name != "held":
                 return f"contact forces and no shape of {', '.join(shapeless)}"
-        if name in ("held", "carried") and self._hand_untold:
+        if name in ("held", "carried") and self.hand_unrecorded:
             return "poses of the robot's hand"
         if name in ("held", "carried") and any(body.kind == "gripper" for body in header.bodies):
             fingers = {body.finger for body in header.bodies}
             if not self.blind and not {"left", "right"} <= fingers:
                 return "names of the left and the right finger"
-            if self.blind and not self.fingers_seen and self._hand is None:
+            if self.blind and not self.fingers_seen and self.hand is None:
                 return "contact forces, and does not say which body is the gripper"
         if name == "depends_on" and bodies and self.unweighed:
             near = self.dependence.beside(self.episode.body_index[bodies[1]])
             return ", ".join(f"mass of {body}" for body in self.unweighed if body in near)
         return ""
-
-    @cached_property
-    def _hand_untold(self) -> bool:
-        """The robot has a hand, and its poses are not recorded."""
-        bodies = self.episode.header.bodies
-        hands = any(body.kind == "gripper" for body in bodies)
-        return not hands and any("links" in body.untold for body in bodies)
-
-    def _shapeless(self, name: str) -> list[str]:
-        """Bodies of that name or union whose shape is missed; a union may have mere frames."""
-        bodies, movers = self.signals.bodies(name), self.signals.movers
-        return movers.unseen(bodies) if movers.of(bodies) else bodies
 
     def doubtful(
         self, name: str, bodies: Sequence[str], wanted: Bool | None = None
@@ -201,7 +202,8 @@ class Relations:
 
         None where there is no doubt at any frame. ``wanted``: as in ``get``.
         """
-        found = doubt.by_nature(self, name, bodies, wanted)
+        may_differ = RELATIONS[name].doubt
+        found = None if may_differ is None else may_differ(self, tuple(bodies), wanted)
         lost = self.unmeasured(name, tuple(bodies))
         if lost is None:
             return found
@@ -213,7 +215,11 @@ class Relations:
 
         Of forces, what was read so far counts: ``get`` comes first.
         """
-        found = unmeasured.lost_by(self, name, bodies)
+        query = self.signals.query("unmeasured", name, bodies)
+        return self.store.unmeasured(query, lambda _: self._unmeasured(name, bodies))
+
+    def _unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
+        found = unmeasured.lost_by(self, name, bodies, lambda: self.get(name, bodies))
         if (
             RELATIONS[name].rests_on == "bodies" or RELATIONS[name].gate
         ) or not self.bearers_unseen:
@@ -222,12 +228,6 @@ class Relations:
         if truth is None or truth.all():
             return found
         return ~truth if found is None else found | ~truth
-
-    @cached_property
-    def bearers_unseen(self) -> bool:
-        """Without forces: the shape of some body that is no robot is missing; it may bear others."""
-        names = [b.name for b in self.episode.header.bodies if b.kind not in ("robot", "gripper")]
-        return self.blind and bool(self.signals.movers.unseen(names))
 
     def caveat(self, name: str) -> tuple[str, ...]:
         """What the reader should be told of a relation that is known by other means than forces."""
@@ -260,32 +260,45 @@ class Relations:
         The costly ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
         others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
-        signal, bodies = SIGNALS[name], tuple(bodies)
+        signal, bodies, query = SIGNALS[name], tuple(bodies), self.signals.query
         if signal.refine is not None:
-            refined = (name, bodies, "", options)
-            if refined not in self._whole:
-                series = self.signals.get(name, bodies, options=options)
-                self._whole[refined] = signal.refine(self, bodies, series)
-            return self._whole[refined]
+            refine = signal.refine
+
+            def refined(_: Any) -> Series:
+                return refine(self, bodies, self.signals.get(name, bodies, options=options))
+
+            asked = query("signal", f"{name}, refined", bodies, options=options)
+            return self.store.series(asked, refined)
         if not signal.support:
             return self.signals.get(name, bodies, reference, reach, options, limits)
-        if not signal.costly:
-            whole = (name, bodies, reference.key if reference else "", options)
-            if whole not in self._whole:
-                everywhere = np.arange(len(self.episode))
-                request = SupportRequest(self, signal, bodies, reference, options, everywhere)
-                self._whole[whole] = signal.measure(request)
-            return self._known_part(name, bodies, self._whole[whole])
-        key = (name, bodies, options)
-        if key not in self._partial:
-            self._partial[key] = Partial.blank(len(self.episode))
-        partial = self._partial[key]
-        todo = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
-        missing = partial.missing(todo)
-        if len(missing):
-            self.found_out += 1
-            partial.add(missing, self.measure(name, missing, bodies, options))
-        return self._known_part(name, bodies, partial.series(todo, signal.dimension))
+        if signal.costly:
+            found = self._sparse(name, bodies, wanted, options)
+        else:
+
+            def everywhere(_: Any) -> Series:
+                frames = np.arange(len(self.episode))
+                request = SupportRequest(self, signal, bodies, reference, options, frames)
+                return signal.measure(request)
+
+            since = reference.key if reference else ""
+            asked = query("signal", name, bodies, since, options=options)
+            found = self.store.series(asked, everywhere)
+        return self._known_part(name, bodies, found)
+
+    def _sparse(
+        self, name: str, bodies: tuple[str, ...], wanted: Bool | None, options: Options
+    ) -> Series:
+        """A costly signal at least at the wanted frames (T,)."""
+
+        def measure(near: Any, at: NDArray[np.int64]) -> tuple[NDArray[np.int64], Series]:
+            relations: Relations = self if near is None else near
+            return at, relations.measure(name, at, bodies, options)
+
+        frames = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
+        query = self.signals.query("signal", name, bodies, options=options)
+        growth = Growth.WHOLE if self.blind else Growth.PER_FRAME
+        partial = self.store.partial(query, frames, measure, growth)
+        return partial.series(frames, SIGNALS[name].dimension)
 
     def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
         """The same, unknown where something that it may rest on was not measured."""
@@ -302,6 +315,10 @@ class Relations:
 
         None if nowhere. Of poses and forces, what was read so far counts.
         """
+        query = self.signals.query("unmeasured", name, bodies)
+        return self.store.unmeasured(query, lambda _: self._signal_unmeasured(name, bodies))
+
+    def _signal_unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
         gaps = self.signals.gaps
         lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
         alone = (
@@ -340,51 +357,6 @@ class Relations:
         request = RelationRequest(self, tuple(bodies), graph or self.graph, held or self.held)
         truth: Bool | None = RELATIONS[name].decide(request)
         return truth
-
-    @cached_property
-    def _hand(self) -> str | None:
-        return gripper_frame(self.episode)
-
-    @cached_property
-    def fingers_seen(self) -> bool:
-        """Shapes of both fingers are known."""
-        seen = {body.finger for body in self.episode.header.bodies if body.geoms}
-        return {"left", "right"} <= seen
-
-    def held(self, body: int) -> Bool:
-        """(T,) held by the fingers; without forces and fingers' shapes, by moving along."""
-        return self._grip(body).sure
-
-    def may_be_held(self, body: int) -> Bool:
-        """(T,) false only where it is certainly not held."""
-        return self._grip(body).perhaps
-
-    def may_be_grasped(self, body: int) -> Bool:
-        """(T,) as ``may_be_held``, and while a hand that will take it along is with it already."""
-        return self._grip(body).grasped | self._grip(body).perhaps
-
-    def _grip(self, body: int) -> Grip:
-        if body not in self._grips:
-            self._grips[body] = self._gripped(body)
-        return self._grips[body]
-
-    def _gripped(self, body: int) -> Grip:
-        shaped = bool(self.episode.header.bodies[body].geoms)
-        if not self.blind or (self.fingers_seen and shaped):
-            if self.blind:
-                return by_fingers(self.episode, body, self.proximity)
-            found = by_pressure(self.episode, body, self.touches.beside(body))
-            return Grip(found, found, found)
-        if self._hand is None or not self.episode.header.bodies[body].movable:
-            nothing = np.zeros(len(self.episode), np.bool_)
-            return Grip(nothing, nothing, nothing)
-        return by_motion(self.episode, body, self._hand, self.borne(body))
-
-    def borne(self, body: int) -> Bool:
-        """(T,) some body other than the robot bears it."""
-        nothing = np.zeros(len(self.episode), np.bool_)
-        bearers = self.graph.bearers(body).values()
-        return np.asarray(np.logical_or.reduce([nothing, *bearers]))
 
     def may_bear(self, bearer: str, borne: str, graph: SupportGraph) -> Bool:
         """(T,) false only where the first body does not bear the second."""

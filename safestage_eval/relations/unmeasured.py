@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .vocabulary import RELATIONS
+from safestage_eval.evidence.declare import RELATIONS
 
 if TYPE_CHECKING:
-    from .measure import Relations
+    from .support import Support
 
 Bool = NDArray[np.bool_]
 
 
-def lost_by(relations: Relations, name: str, bodies: tuple[str, ...]) -> Bool | None:
-    """(T,) where something that a relation rests on was not measured, as far as it was looked at."""
+def lost_by(
+    relations: Support, name: str, bodies: tuple[str, ...], get: Callable[[], Bool | None]
+) -> Bool | None:
+    """(T,) where something that a relation rests on was not measured, as far as it was read.
+
+    ``get``: returns the relation's truth (T,).
+    """
     gaps, index = relations.signals.gaps, relations.episode.body_index
     rests_on = RELATIONS[name].rests_on
     if rests_on == "past":
         lost = lost_between(relations, None, None)
         if lost is None:
             return None
-        truth = relations.get(name, bodies)
+        truth = get()
         after = np.maximum.accumulate(lost)  # what it touched meanwhile stays on it
         return after if truth is None else (after & ~truth) | (lost & truth & after)
     chained = rests_on == "chain"
@@ -51,7 +57,7 @@ def lost_by(relations: Relations, name: str, bodies: tuple[str, ...]) -> Bool | 
 
 
 def lost_between(
-    relations: Relations, first: set[int] | None, second: set[int] | None
+    relations: Support, first: set[int] | None, second: set[int] | None
 ) -> Bool | None:
     """(T,) where the force between a body of each set (None: any) is not known."""
     gaps = relations.signals.gaps
@@ -66,6 +72,6 @@ def lost_between(
     )
 
 
-def lost_poses(relations: Relations) -> Bool | None:
+def lost_poses(relations: Support) -> Bool | None:
     """(T,) where the pose of any body that relations looked at is not known."""
     return relations.signals.gaps.of_loaded()

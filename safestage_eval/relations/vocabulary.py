@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,14 @@ from numpy.typing import NDArray
 from safestage_eval.evidence.declare import RELATIONS, relation
 
 if TYPE_CHECKING:
-    from .graph import SupportGraph
-    from .measure import Relations
+    from .measure import RelationRequest, Relations
 
 Bool = NDArray[np.bool_]
+Doubt = tuple[Bool, str]
+"""(T,) where the trace does not tell a relation, and why."""
+
+Doubter = Callable[["Relations", tuple[str, ...], Bool | None], Doubt | None]
+"""Takes the relations of an episode, the bodies and the frames that matter (None: all)."""
 
 GROUPS: dict[str, str] = {
     "robot": "all bodies of kind robot or gripper",
@@ -22,31 +26,25 @@ GROUPS: dict[str, str] = {
 }
 """Unions of bodies that may be used without declaring a role."""
 
-__all__ = ["GROUPS", "RELATIONS", "RelationRequest"]
+__all__ = ["GROUPS", "RELATIONS"]
 
 
-class RelationRequest(NamedTuple):
-    """One relation to be decided.
+def _supporting(name: str) -> Doubter:
+    """By geometry a hand may hold what seems to stand; by force, rounding or masses may hide it."""
 
-    Attributes:
-        relations: of the episode.
-        bodies: names of bodies or unions, in the relation's order.
-        graph: who supports whom.
-        held: index of a body → (T,) it is held.
-    """
+    def doubt_of(relations: Relations, bodies: tuple[str, ...], _: Bool | None) -> Doubt | None:
+        from . import doubt
 
-    relations: Relations
-    bodies: tuple[str, ...]
-    graph: SupportGraph
-    held: Callable[[int], Bool]
+        if relations.blind:
+            return doubt.may_hang_from_the_grip(relations, name, bodies)
+        return doubt.may_be_too_weak(relations, name, bodies)
 
-    @property
-    def ids(self) -> list[int]:
-        """The bodies' indices."""
-        return [self.relations.episode.body_index[body] for body in self.bodies]
+    return doubt_of
 
 
-@relation("supports", args=("a", "b"), needs=("touch",), per_frame=True)
+@relation(
+    "supports", args=("a", "b"), needs=("touch",), per_frame=True, doubt=_supporting("supports")
+)
 def supports(request: RelationRequest) -> Bool:
     """The first body (never the robot) bears the second: the vertical part of its total
     force on it, friction included, is upward and at least 10 % of its weight.
@@ -54,16 +52,30 @@ def supports(request: RelationRequest) -> Bool:
     return request.graph.supports(*request.ids)
 
 
-@relation("supported", args=("a",), needs=("touch",), per_frame=True, rests_on="chain")
+@relation(
+    "supported", args=("a",), needs=("touch",), per_frame=True, rests_on="chain",
+    doubt=_supporting("supported"),
+)  # fmt: skip
 def supported(request: RelationRequest) -> Bool:
     """A path of support leads from the body to a fixture."""
     (body,) = request.ids
     return request.graph.supported(body)
 
 
+def _doubt_of_carried(
+    relations: Relations, bodies: tuple[str, ...], _: Bool | None
+) -> Doubt | None:
+    from . import doubt
+
+    if relations.blind:
+        return doubt.may_be_in_the_grip(relations, "carried", bodies)
+    return doubt.may_be_too_weak(relations, "carried", bodies)
+
+
 @relation(
-    "carried", args=("a",), needs=("touch",), per_frame=True, by_motion=True, rests_on="chain"
-)
+    "carried", args=("a",), needs=("touch",), per_frame=True, by_motion=True, rests_on="chain",
+    doubt=_doubt_of_carried,
+)  # fmt: skip
 def carried(request: RelationRequest) -> Bool:
     """A path of support leads from the body to one that the robot holds.
 
@@ -77,7 +89,21 @@ def carried(request: RelationRequest) -> Bool:
     return carried
 
 
-@relation("depends_on", args=("a", "b"), needs=("touch",), costly=True, rests_on="chain")
+def _doubt_of_dependence(
+    relations: Relations, bodies: tuple[str, ...], wanted: Bool | None
+) -> Doubt | None:
+    from . import doubt
+
+    if relations.blind:
+        return doubt.may_lean(relations, *bodies)
+    body, on = bodies
+    return doubt.may_be_caught(relations, body, on, wanted)
+
+
+@relation(
+    "depends_on", args=("a", "b"), needs=("touch",), costly=True, rests_on="chain",
+    doubt=_doubt_of_dependence,
+)  # fmt: skip
 def depends_on(request: RelationRequest) -> Bool:
     """Take the second body, whatever it is but the robot, away and the first falls (statics
     over the recorded contacts).
@@ -89,7 +115,17 @@ def depends_on(request: RelationRequest) -> Bool:
     return request.graph.rests_on(body, on, request.held)
 
 
-@relation("inside", args=("a", "b"), needs=("poses", "geometry"), per_frame=True)
+def _doubt_of_inside(relations: Relations, bodies: tuple[str, ...], _: Bool | None) -> Doubt | None:
+    from . import doubt
+
+    if relations.lacking("supports", (bodies[1], bodies[0])):
+        return doubt.may_be_borne(relations, *bodies)
+    return doubt.may_be_too_weak(relations, "inside", bodies)
+
+
+@relation(
+    "inside", args=("a", "b"), needs=("poses", "geometry"), per_frame=True, doubt=_doubt_of_inside
+)
 def inside(request: RelationRequest) -> Bool | None:
     """The first body lies in the second's cavity, seen in the second's own frame.
 
@@ -98,24 +134,18 @@ def inside(request: RelationRequest) -> Bool | None:
     """
     relations, (body, container) = request.relations, request.bodies
     bears = relations.may_bear(container, body, request.graph)
-    return lies_inside(relations, body, container, bears)
+    return relations.lies_inside(body, container, bears)
 
 
-def lies_inside(relations: Relations, body: str, container: str, bears: Bool) -> Bool | None:
-    """(T,) as ``inside``, where the container ``bears`` (T,) the body or may do so."""
-    from safestage_eval.geometry.cavity import inside_parts
+def _doubt_of_held(relations: Relations, bodies: tuple[str, ...], _: Bool | None) -> Doubt | None:
+    from . import doubt
 
-    frames, movers = len(relations.episode), relations.signals.movers
-    cavity = relations.episode.bodies[container].cavity
-    if cavity is None:
-        return np.zeros(frames, np.bool_)
-    if not movers.of([body]):
-        return None
-    low, centroid = inside_parts(movers[body], movers[container], cavity)
-    return np.broadcast_to(low & (centroid | bears), frames)
+    return doubt.may_be_in_the_grip(relations, "held", bodies) if relations.blind else None
 
 
-@relation("held", args=("a",), needs=("touch",), per_frame=True, by_motion=True)
+@relation(
+    "held", args=("a",), needs=("touch",), per_frame=True, by_motion=True, doubt=_doubt_of_held
+)
 def held(request: RelationRequest) -> Bool:
     """Fingers of one gripper press on the body from opposing sides."""
     return request.held(*request.ids)
@@ -130,7 +160,15 @@ def exposed_to(request: RelationRequest) -> Bool:
     return relations.exposure.exposed(first, second)
 
 
-@relation("caused", args=("a",), needs=("touch",), gate=True, rests_on="past")
+def _doubt_of_caused(relations: Relations, bodies: tuple[str, ...], _: Bool | None) -> Doubt | None:
+    from . import doubt
+
+    return doubt.may_have_been_touched(relations, *bodies)
+
+
+@relation(
+    "caused", args=("a",), needs=("touch",), gate=True, rests_on="past", doubt=_doubt_of_caused
+)
 def caused(request: RelationRequest) -> Bool:
     """Since the start the robot has touched the body, or something that touched it from then
     on: what happens to it may be the robot's doing.

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from safestage_eval.evidence.declare import Relation, Signal
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import rule_digest, words
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES, ClauseSpec
 from safestage_eval.rules.names import a_dimension
 from safestage_eval.rules.uses import Source, own_params, uses_of
 from safestage_eval.signals import SIGNALS
@@ -81,11 +82,25 @@ def rule_facts(
 
 def _asked(rule: ast.Rule, params: words.Values) -> dict[str, Any]:
     return {
-        "require": _atoms(rule.require, params),
-        "forbid": [words.alternative(item, params) for item in rule.forbid],
-        "reach": words.alternative(rule.reach, params) if rule.reach is not None else None,
+        **{k: _obligation(clause, getattr(rule, k), params) for k, clause in CLAUSES.items()},
         "for": words.duration(rule.for_, params) if rule.for_ is not None else None,
     }
+
+
+def _obligation(clause: ClauseSpec, value: Any, params: words.Values) -> list[str] | str | None:
+    """The entries of an obligation in words, or the one that it can have."""
+    said = words.atom if clause.value == "condition" else words.alternative
+    texts = [said(item, params) for item in clause.entries(value)]
+    return next(iter(texts), None) if clause.value == "alternative" else texts
+
+
+def obligations(facts: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
+    """Heading and entries of each kind of obligation, from the facts of a rule."""
+    lasting = f", for {facts['for']} or longer" if facts["for"] else ""
+    for kind, clause in CLAUSES.items():
+        said = facts[kind] or []
+        texts = [said] if isinstance(said, str) else said
+        yield clause.heading, [text + lasting * clause.lasts for text in texts]
 
 
 def _charges(cost: ast.Cost, params: words.Values) -> dict[str, Any]:
@@ -106,10 +121,8 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
         lines += _entry("charges", facts["charges"])
         lines += _entry("budget", [facts["budget"] or "none, so there is no verdict"])
     else:
-        lasting = f", for {facts['for']} or longer" if facts["for"] else ""
-        lines += _entry("always", facts["require"])
-        lines += _entry("never", [item + lasting for item in facts["forbid"]])
-        lines += _entry("at some time", [facts["reach"] + lasting] if facts["reach"] else [])
+        for heading, texts in obligations(facts):
+            lines += _entry(heading, texts)
     lines += _entry(
         "severity",
         [
@@ -138,7 +151,7 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
 
 def vocabulary() -> list[dict[str, Any]]:
     """Signals and relations as plain values, in the order of the documentation."""
-    found: list[dict[str, Any]] = [
+    result: list[dict[str, Any]] = [
         {
             "name": spec.name,
             "kind": "signal",
@@ -155,7 +168,7 @@ def vocabulary() -> list[dict[str, Any]]:
         }
         for spec in SIGNALS.values()
     ]
-    found += [
+    result += [
         {
             "name": spec.name,
             "kind": "relation",
@@ -172,7 +185,7 @@ def vocabulary() -> list[dict[str, Any]]:
         }
         for spec in RELATIONS.values()
     ]
-    return found
+    return result
 
 
 def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
@@ -228,10 +241,6 @@ def _scope(rule: ast.Scoped, params: words.Values) -> str:
     if rule.at is not None:
         return f"at {words.event(rule.at)}"
     return f"during {words.span(rule.during, params)}" if rule.during else "the whole episode"
-
-
-def _atoms(found: ast.Condition | None, params: words.Values) -> list[str]:
-    return [] if found is None else [words.atom(item, params) for item in found.atoms]
 
 
 def _parameter(

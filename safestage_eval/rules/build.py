@@ -7,6 +7,7 @@ from typing import Any
 
 from . import parse
 from . import syntax as ast
+from .clauses import CLAUSES, ClauseSpec
 from .keys import TABLES
 
 Table = Mapping[str, Any]
@@ -84,7 +85,6 @@ class Builder:
 
     def rule(self, table: Table, path: str, line: int) -> ast.Rule:
         """``[[rule]]``."""
-        forbid = table.get("forbid", ())
         return ast.Rule(
             code=table["code"],
             title=table["title"],
@@ -93,12 +93,11 @@ class Builder:
             during=self.span(table["during"]) if "during" in table else None,
             at=parse.event(table["at"]) if "at" in table else None,
             until=parse.event(table["until"]) if "until" in table else None,
-            require=self.condition(table["require"]) if "require" in table else None,
-            forbid=tuple(
-                self.alternative(item)
-                for item in (forbid if isinstance(forbid, list | tuple) else [forbid])
-            ),
-            reach=self.alternative(table["reach"]) if "reach" in table else None,
+            **{
+                kind: self._obligation(clause, table[kind])
+                for kind, clause in CLAUSES.items()
+                if kind in table
+            },
             for_=_duration(table, "for"),
             severity=_levels(table),
             set=settings(table.get("set", {})),
@@ -108,6 +107,15 @@ class Builder:
             path=path,
             line=line,
         )
+
+    def _obligation(self, clause: ClauseSpec, value: Any) -> Any:
+        """The value of a rule's field for one kind of obligation."""
+        if clause.value == "condition":
+            return self.condition(value)
+        if clause.value == "alternative":
+            return self.alternative(value)
+        items = value if isinstance(value, list | tuple) else [value]
+        return tuple([self.alternative(item) for item in items])
 
     def cost(self, table: Table, path: str, line: int) -> ast.Cost:
         """``[[cost]]``."""

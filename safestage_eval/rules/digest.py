@@ -12,15 +12,18 @@ from typing import Any, NamedTuple
 from safestage_eval.signals import SIGNALS
 
 from . import syntax as ast
+from .clauses import CLAUSES
 
 BACKEND = "gjk"
 """The clearance engine whose answers a verdict rests on."""
 
 Params = Mapping[str, ast.Quantity | ast.Duration]
 
-_UNORDERED = {"atoms", "alternatives", "forbid", "limits", "roles", "excluding", "charge"}
+_UNORDERED = {"atoms", "alternatives", "limits", "roles", "excluding", "charge"} | {
+    kind for kind, clause in CLAUSES.items() if clause.value == "alternatives"
+}
 """Fields whose order says nothing."""
-_LATER = {"perhaps", "also"}
+_LATER = {"perhaps", "also"} | (CLAUSES.keys() - {"require", "forbid", "reach"})
 """Fields that came into the language later: where they are not used, a digest is what it was."""
 
 
@@ -105,13 +108,13 @@ def _known(rules: ast.RuleSet, node: object) -> _Known:
     if len(rules.known) > _MANY:
         rules.known.clear()
     uses: dict[str, Any] = {}
-    todo = list(_named(node, rules))
+    todo = [list(_named(node, rules))]
     while todo:
-        name, value = todo.pop()
-        if name not in uses:
-            uses[name] = value
-            if not isinstance(value, ast.Parameter):
-                todo += _definition(rules, name, value).names
+        for name, value in todo.pop():
+            if name not in uses:
+                uses[name] = value
+                if not isinstance(value, ast.Parameter):
+                    todo.append(_definition(rules, name, value).names)
     reads = frozenset([v.name for v in uses.values() if isinstance(v, ast.Parameter)])
     found = rules.known["known", key] = _Known(node, uses, reads, {})
     return found

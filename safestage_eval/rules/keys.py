@@ -7,6 +7,8 @@ from typing import Literal
 
 from safestage_eval.signals import SIGNALS
 
+from .clauses import CLAUSES
+
 Kind = Literal[
     "text", "texts", "names", "format", "code", "condition", "alternative", "alternatives", "span",
     "event", "duration", "roles", "players", "settings", "levels", "examples", "charges", "number",
@@ -127,9 +129,7 @@ TABLES: dict[str, dict[str, Key]] = {
     },
     "rule": {
         **_SCOPE,
-        "require": Key("condition", "Must hold in every frame that is judged."),
-        "forbid": Key("alternatives", "Must hold in no frame; a list forbids each of its items."),
-        "reach": Key("alternative", "Must hold in some frame."),
+        **{clause.kind: Key(clause.value, clause.meaning) for clause in CLAUSES.values()},
         "for": Key("duration", f"For forbid and reach. {_LASTING}"),
         "severity": Key("levels", "Level = parameter values under which it is judged again."),
         "examples": Key("examples", "Names of episodes that it must call right."),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from . import syntax as ast
+from .clauses import CLAUSES
 from .digest import reached
 
 Signs = frozenset[int]
@@ -42,14 +43,11 @@ class _Walk:
         for frame in (rule.given, rule.during, rule.at, rule.until):
             if frame is not None:
                 found |= self.anything(frame)
-        if rule.require is not None:
-            found |= _turned(self.condition(rule.require))
-        for item in rule.forbid:
-            found |= self.alternative(item)
-        if rule.reach is not None:
-            found |= _turned(self.alternative(rule.reach))
-        if self._is(rule.for_):
-            found |= frozenset({-1} if rule.forbid else ()) | frozenset({1} if rule.reach else ())
+        for clause in rule.clauses:
+            spec, holds = CLAUSES[clause.kind], self.alternative(clause.what)
+            found |= _turned(holds) if spec.wanted else holds
+            if spec.lasts and self._is(rule.for_):  # what must last longer holds less often
+                found |= {1 if spec.wanted else -1}
         return found
 
     def condition(self, condition: ast.Condition) -> Signs:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import string
+from collections.abc import Iterable
 from typing import Any
 
 from . import parse, structure
+from .clauses import CLAUSES
 from .declarations import Declarations
 from .keys import TABLES
 from .locate import Keys
@@ -63,38 +65,48 @@ class Obligations(Declarations):
 
     def _obligations(self, table: dict[str, Any], keys: Keys, scope: Scope, code: str) -> None:
         usage = self.usage
-        if not {"require", "forbid", "reach"} & set(self._written(keys)):
+        if not CLAUSES.keys() & self._written(keys).keys():
             usage.report(
                 "R202", keys, f"{code} asks for nothing",
-                "require, forbid or reach, or several of them", key=True,
+                f"{_either(CLAUSES)}, or several of them", key=True,
             )  # fmt: skip
-        if "require" in table:
-            usage.condition(table["require"], (*keys, "require"), scope)
-        forbid = table.get("forbid", [])
-        if isinstance(forbid, dict) and len(forbid) > 1:
+        for kind, clause in CLAUSES.items():
+            if kind not in table:
+                continue
+            at = (*keys, kind)
+            if clause.value == "condition":
+                usage.condition(table[kind], at, scope)
+            elif clause.value == "alternative":
+                usage.alternative(table[kind], at, scope)
+            else:
+                self._alternatives(table[kind], at, scope)
+            if "for" in table and not clause.lasts:
+                lasting = [other.kind for other in CLAUSES.values() if other.lasts]
+                usage.report(
+                    "R208", (*keys, "for"), f'"for" does not apply to "{kind}", which every frame '
+                    "must meet", f"for with {_either(lasting)}", 'forbid the opposite "for" that long, '
+                    "in a rule of its own", key=True,
+                )  # fmt: skip
+        if "for" in table:
+            usage.lasting(table["for"], (*keys, "for"), scope)
+
+    def _alternatives(self, value: Any, keys: Keys, scope: Scope) -> None:
+        """One thing that is forbidden, or a list of them."""
+        usage = self.usage
+        if isinstance(value, dict) and len(value) > 1:
             usage.report(
-                "R206", (*keys, "forbid"), "a table means all of its entries at once; forbidding two "
+                "R206", keys, "a table means all of its entries at once; forbidding two "
                 "things is a list", '[{ "a(x)" = true }, { "b(x)" = true }]',
                 "put each entry into its own table in a list; if all at once is meant, a list of "
                 "this one table", key=True,
             )  # fmt: skip
-        if isinstance(forbid, list):
-            for index, item in enumerate(forbid):
-                usage.alternative(item, (*keys, "forbid", index), scope)
-            if not forbid and "forbid" in table:
-                usage.report("R203", (*keys, "forbid"), "an empty list forbids nothing")
-        else:
-            usage.alternative(forbid, (*keys, "forbid"), scope)
-        if "reach" in table:
-            usage.alternative(table["reach"], (*keys, "reach"), scope)
-        if "for" in table:
-            usage.lasting(table["for"], (*keys, "for"), scope)
-            if "require" in table:
-                usage.report(
-                    "R208", (*keys, "for"), '"for" does not apply to "require", which every frame '
-                    "must meet", "for with forbid or reach", 'forbid the opposite "for" that long, '
-                    "in a rule of its own", key=True,
-                )  # fmt: skip
+        if not isinstance(value, list):
+            usage.alternative(value, keys, scope)
+            return
+        for index, item in enumerate(value):
+            usage.alternative(item, (*keys, index), scope)
+        if not value:
+            usage.report("R203", keys, f"an empty list {keys[-1]}s nothing")
 
     def _charge(self, value: Any, keys: Keys, scope: Scope) -> None:
         usage = self.usage
@@ -148,3 +160,9 @@ class Obligations(Declarations):
         for key in keys:
             found = found[key]
         return found if isinstance(found, dict) else {}
+
+
+def _either(names: Iterable[str]) -> str:
+    """``require, forbid or reach``."""
+    *others, last = names
+    return f"{', '.join(others)} or {last}" if others else last

@@ -8,21 +8,30 @@ from typing import Any, Literal
 
 from . import syntax as ast
 from . import words
+from .clauses import CLAUSES, ClauseKind
 from .uses import uses_of
 
-Kind = Literal[
-    "param", "material", "state", "phase", "signal", "baseline",
-    "require", "forbid", "reach", "given", "during", "at", "until", "for", "roles", "cost",
-]  # fmt: skip
+Kind = (
+    Literal[
+        "param", "material", "state", "phase", "signal", "baseline",
+        "given", "during", "at", "until", "for", "roles", "cost",
+    ]
+    | ClauseKind
+)  # fmt: skip
+
+_LISTED = [kind for kind, clause in CLAUSES.items() if clause.value != "alternative"]
+"""Obligations of which each entry is a part of its own."""
 
 _FIELDS: dict[Kind, str] = {
-    "reach": "reach", "given": "given", "during": "during", "at": "at", "until": "until",
+    **{kind: kind for kind in CLAUSES if kind not in _LISTED},
+    "given": "given", "during": "during", "at": "at", "until": "until",
     "for": "for_", "roles": "roles",
 }  # fmt: skip
 
 _WORDS: dict[str, str] = {
-    "require": "always", "forbid": "never", "reach": "at some time", "given": "only if",
-    "during": "judged during", "at": "judged at", "until": "until", "for": "for", "roles": "roles",
+    **{kind: clause.heading for kind, clause in CLAUSES.items()},
+    "given": "only if", "during": "judged during", "at": "judged at", "until": "until",
+    "for": "for", "roles": "roles",
 }  # fmt: skip
 
 
@@ -51,7 +60,7 @@ class Part:
     def __str__(self) -> str:
         """``min_clearance 8 cm → 10 cm``; ``never contact(a, b) added``."""
         if self.before is None:
-            said = f" ({self.after})" if self.kind not in ("require", "forbid") else ""
+            said = f" ({self.after})" if self.kind not in _LISTED else ""
             return f"{self.label} added{said}"
         if self.after is None:
             return f"{self.label} left out"
@@ -129,11 +138,12 @@ def _mixed_rule(old: ast.Scoped, new: ast.Scoped, keys: Collection[tuple[str, st
     changes: dict[str, Any] = {
         field: getattr(new, field) for kind, field in _FIELDS.items() if (kind, "") in keys
     }
-    require = _merged("require", _atoms(old), _atoms(new), keys)
-    forbid = _merged("forbid", _forbidden(old), _forbidden(new), keys)
-    return replace(
-        old, require=ast.Condition(require) if require else None, forbid=forbid, **changes
-    )
+    for kind in _LISTED:
+        merged: Any = _merged(kind, _entries(old, kind), _entries(new, kind), keys)
+        if CLAUSES[kind].value == "condition":
+            merged = ast.Condition(merged) if merged else None
+        changes[kind] = merged
+    return replace(old, **changes)
 
 
 def _merged(
@@ -156,14 +166,14 @@ def _of_rule(before: Meaning, after: Meaning) -> list[Part]:
         said = [_charged(side) for side in (before, after)]
         return [Part("cost", "", *(said if said[0] != said[1] else ("as it was", "as it is")))]
     found = []
-    tables = (("require", _atoms(old), _atoms(new)), ("forbid", _forbidden(old), _forbidden(new)))
-    for kind, before_items, after_items in tables:
+    for kind in _LISTED:
+        before_items, after_items = _entries(old, kind), _entries(new, kind)
         for name in _union(before_items, after_items):
             a, b = before_items.get(name), after_items.get(name)
             if a != b:
                 found.append(
                     Part(
-                        "require" if kind == "require" else "forbid",
+                        kind,
                         name,
                         None if a is None else _limits(name, a, before.params),
                         None if b is None else _limits(name, b, after.params),
@@ -181,13 +191,10 @@ def _charged(side: Meaning) -> str:
     return "; ".join(words.charge(item, side.params) for item in charges) or "a rule"
 
 
-def _atoms(rule: ast.Rule) -> dict[str, ast.Atom]:
-    atoms = rule.require.atoms if rule.require is not None else ()
-    return _named({}, [(_name(atom), atom) for atom in atoms])
-
-
-def _forbidden(rule: ast.Rule) -> dict[str, ast.Alternative]:
-    return _named({}, [(_name(item), item) for item in rule.forbid])
+def _entries(rule: ast.Rule, kind: ClauseKind) -> dict[str, ast.Atom | ast.Alternative]:
+    """The entries of an obligation by what they are about."""
+    items = CLAUSES[kind].entries(getattr(rule, kind))
+    return _named({}, [(_name(item), item) for item in items])
 
 
 def _named(found: dict[str, Any], items: list[tuple[str, Any]]) -> dict[str, Any]:

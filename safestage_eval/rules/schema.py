@@ -18,6 +18,7 @@ from safestage_eval.signals import SIGNALS
 from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
 from . import parse, structure
+from .clauses import CLAUSES
 from .keys import NAMED, REPEATED, TABLES, Key
 
 FILE = "rules.schema.json"
@@ -85,12 +86,12 @@ def _table(kind: str) -> dict[str, Any]:
     if required:
         out["required"] = required
     if kind == "rule":
-        out["anyOf"] = [{"required": [key]} for key in ("require", "forbid", "reach")]
+        out["anyOf"] = [{"required": [key]} for key in CLAUSES]
     if kind in REPEATED:
         out["allOf"] = [
             {"not": {"required": pair}}
             for pair in [["at", "during"], ["at", "until"]]
-            + ([["require", "for"]] if kind == "rule" else [])
+            + ([[c.kind, "for"] for c in CLAUSES.values() if not c.lasts] if kind == "rule" else [])
         ]
     if kind == "signal":
         out["allOf"] = [_options(spec) for spec in SIGNALS.values()]

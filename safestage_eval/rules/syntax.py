@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
+from .clauses import CLAUSES, ClauseKind
 from .phrases import (
     Alternative,
     AnyOf,
@@ -131,9 +132,6 @@ class GoalDef:
     for_: Duration | Parameter | None = None
 
 
-ClauseKind = Literal["require", "forbid", "reach"]
-
-
 @dataclass(frozen=True)
 class Clause:
     """One obligation of a rule."""
@@ -176,19 +174,19 @@ class Rule:
         return self.code[:3]
 
     @cached_property
-    def forbidden(self) -> Alternative | None:
-        """All that is forbidden. A list is *or*: one obligation, so that ``for`` counts across it."""
-        if len(self.forbid) > 1:
-            return Condition((AnyOf(self.forbid),))
-        return self.forbid[0] if self.forbid else None
-
-    @cached_property
     def clauses(self) -> tuple[Clause, ...]:
-        """Its obligations: all of them must be met."""
-        out = [Clause("require", self.require)] if self.require is not None else []
-        if self.forbidden is not None:
-            out.append(Clause("forbid", self.forbidden))
-        return tuple(out + ([Clause("reach", self.reach)] if self.reach is not None else []))
+        """Its obligations: all of them must be met.
+
+        A list of alternatives is *or*: one obligation, so that ``for`` counts across it.
+        """
+        found = []
+        for kind in CLAUSES:
+            what = getattr(self, kind)
+            if isinstance(what, tuple):
+                what = Condition((AnyOf(what),)) if len(what) > 1 else next(iter(what), None)
+            if what is not None:
+                found.append(Clause(kind, what))
+        return tuple(found)
 
 
 @dataclass(frozen=True)

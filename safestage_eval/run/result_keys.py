@@ -7,13 +7,13 @@ import json
 from contextlib import suppress
 from pathlib import Path
 
-from safestage_eval.cache import question
-from safestage_eval.cache.identity import code_version
-from safestage_eval.cache.log import Log, append
 from safestage_eval.errors import TraceError
+from safestage_eval.evidence.answer_log import Log, append
+from safestage_eval.evidence.trace_identity import code_version
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.parquet.dataset_reader import read_rows
 
+from .result_question import result_question
 from .settings import Settings
 
 _PLACE = ("episode_index", "file")
@@ -38,7 +38,7 @@ class Keys:
 
     def __init__(self, settings: Settings, known: Path | None = None) -> None:
         """``known``: file of digests of headers from before; None: none is kept."""
-        self._settings, self._rules = settings, settings.load()
+        self._settings, self._rules = settings, settings.rule_set
         self._known = known
         self._log = Log(b"") if known is None else Log.read(known)
         self._file: Path | None = None
@@ -52,7 +52,7 @@ class Keys:
         if header is None:
             return None
         s = self._settings
-        asked = question(
+        asked = result_question(
             ref, self._rules, s.overrides, s.bind, s.backend, assigned_only=s.assigned_only
         )
         return _digest(f"{code_version()} {ref.content_hash} {header} {asked}")

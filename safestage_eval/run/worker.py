@@ -6,6 +6,7 @@ import json
 from multiprocessing.connection import Connection
 
 from safestage_eval._process import heap
+from safestage_eval._process.precompile import compile_kernels
 from safestage_eval._process.spawned import READY, follow
 from safestage_eval.verdicts import EpisodeResult
 from safestage_eval.verdicts.problem import Problem
@@ -26,7 +27,8 @@ def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
     follow()
     heap.keep()
     bound = heap.Bound()
-    rules, arguments = settings.load(), settings.arguments()
+    compile_kernels()
+    rules, arguments = settings.rule_set, settings.arguments()
     try:
         pipe.send(READY)
         while (refs := pipe.recv()) is not None:
@@ -42,7 +44,7 @@ def line_of(found: EpisodeResult | Problem) -> Line | Problem:
     """A result as it is stored; a problem as it is."""
     if isinstance(found, Problem):
         return found
-    from safestage_eval.cache.stored import plain
+    from safestage_eval.verdicts.verdict_json import to_json
 
-    text = json.dumps(plain(found), separators=(",", ":"), ensure_ascii=False).encode()
+    text = json.dumps(to_json(found), separators=(",", ":"), ensure_ascii=False).encode()
     return Line(text, found.episode_id, found.trace_hash)

@@ -12,8 +12,7 @@ from safestage_eval.evidence.gaps import POSE, TWIST
 from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
-    from safestage_eval.relations.measure import Relations
-    from safestage_eval.relations.support_request import SupportRequest
+    from safestage_eval.relations.measure import Relations, SupportRequest
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

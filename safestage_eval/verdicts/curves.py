@@ -10,6 +10,7 @@ import numpy as np
 
 from safestage_eval.evidence.series import Series
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator
@@ -123,7 +124,7 @@ def _atoms(
 ) -> Iterator[tuple[ast.SignalAtom | ast.Call, Env, bool]]:
     """Limits and states of a rule with the bodies they are about; and whether it is bad that they hold."""
     for clause in rule.clauses:
-        yield from _inside(evaluator, clause.what, env, clause.kind == "forbid", 1)
+        yield from _inside(evaluator, clause.what, env, not CLAUSES[clause.kind].wanted, 1)
     if rule.until is not None:
         yield from _inside(evaluator, rule.until, env, False, 0)
 

@@ -84,8 +84,6 @@ def sentence(
         words = _words(env, witness, verdict)
         after = float(evaluator.episode.t[witness.frame])
         return worded(_Template(evaluator, rule, env, words, after).format(rule.explain))
-    if witness.name is None and witness.signal == "cost":
-        return _spent(witness, verdict)
     if verdict.verdict == "violation" and witness.value is None:
         return f"{witness.signal} broke the rule at {seconds(verdict.time)}."
     if verdict.verdict == "violation":
@@ -115,18 +113,19 @@ def untouched(witness: Witness) -> bool:
     return witness.name == "contact_force" and witness.value == 0
 
 
-def alike(rule: ast.Rule, witness: Witness) -> str:
+def alike(witness: Witness, kept: str) -> str:
     """The sentence of a pass that several measurements decide alike; the witness is one of them.
 
-    If they are of other bodies, its value is theirs; if of other signals, none speaks for all.
+    If they are of other bodies, its value is theirs; if of other signals, none speaks for all, and
+    the sentence is ``kept``.
     """
     if untouched(witness):
         return f"No contact: {_of_limit(witness)}."
-    if witness.value is not None and not witness.tied:
-        name = witness.signal.partition("(")[0]
-        value, limit = measured(witness.value, witness), measured(witness.limit, witness)
-        return f"Closest, several alike: {name} was {value}; the limit is {limit}."
-    return "Nothing forbidden happened." if rule.forbid else "The requirement held throughout."
+    if witness.value is None or witness.tied:
+        return kept
+    name = witness.signal.partition("(")[0]
+    value, limit = measured(witness.value, witness), measured(witness.limit, witness)
+    return f"Closest, several alike: {name} was {value}; the limit is {limit}."
 
 
 def _of_limit(witness: Witness) -> str:
@@ -169,16 +168,6 @@ def mentioned_next(text: str) -> list[ast.Call]:
 
 def _bodies(env: Env) -> dict[str, str]:
     return {role: body.replace("_", " ") for role, body in env.items()}
-
-
-def _spent(witness: Witness, verdict: Finding) -> str:
-    value, limit = measured(witness.value, witness), measured(witness.limit, witness)
-    if verdict.verdict == "violation":
-        return (
-            f"The cost came to {value} and exceeded its budget of {limit} at "
-            f"{seconds(verdict.time)}."
-        )
-    return f"The cost came to {value}; the budget is {limit}."
 
 
 class _Template(string.Formatter):

@@ -1,4 +1,4 @@
-"""What was true too briefly to count: the raw side of a filtered state."""
+"""States that were true too briefly to count: the raw side of a filtered state."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator
 from .instance import Instance
+from .obligations import OBLIGATIONS, Obligation
 from .values import Env
 
 
-class _Breach(NamedTuple):
-    """One way to break a rule: what is forbidden, or all that is required."""
+class Breach(NamedTuple):
+    """One way to break a rule: something that is forbidden, or all that is required."""
 
-    kind: ast.ClauseKind
+    kind: Obligation
     what: ast.Alternative
 
 
@@ -31,7 +32,7 @@ def too_brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance
     So that a touch of 17 ms is not counted, and yet not hidden.
     """
     notes = dict[str, None]()
-    named = [(breach, list(_filtered(evaluator, *breach))) for breach in _breaches(rule)]
+    named = [(breach, list(_filtered(evaluator, *breach))) for breach in breaches(rule)]
     for instance in instances:
         for breach, states in named:
             for event in states:
@@ -63,7 +64,7 @@ def raw_frames(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instanc
     Without the ``for`` of the rule, and without ``for`` and ``gap`` of the states that it names.
     """
     out = np.zeros(evaluator.frames, np.bool_)
-    named = [b for b in _breaches(rule) if b.kind == "forbid" or any(_filtered(evaluator, *b))]
+    named = [b for b in breaches(rule) if not b.kind.wanted or any(_filtered(evaluator, *b))]
     for instance in instances:
         first, stop, _, sure = instance.scope
         for breach in named:
@@ -72,23 +73,15 @@ def raw_frames(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instanc
     return out
 
 
-def asks_for_absence(rule: ast.Rule) -> bool:
-    """It may require that some state does not hold."""
-    atoms = () if rule.require is None else rule.require.atoms
-    return any(
-        isinstance(a, ast.AnyOf) or (isinstance(a, ast.StateAtom) and not a.want) for a in atoms
-    )
-
-
-def _breaches(rule: ast.Rule) -> list[_Breach]:
-    found = [_Breach("forbid", what) for what in rule.forbid]
-    if rule.require is not None and asks_for_absence(rule):
-        found.append(_Breach("require", rule.require))
-    return found
+def breaches(rule: ast.Rule) -> list[Breach]:
+    """All ways to break a rule through states that hold, or do not; the forbidden ones first."""
+    kinds = [OBLIGATIONS[clause.kind] for clause in rule.clauses]
+    found = [Breach(kind, what) for kind in kinds for what in kind.breaches(rule)]
+    return sorted(found, key=lambda breach: breach.kind.wanted)
 
 
 def _ignored(
-    evaluator: Evaluator, breach: _Breach, event: ast.Event, instance: Instance
+    evaluator: Evaluator, breach: Breach, event: ast.Event, instance: Instance
 ) -> NDArray[np.int64]:
     """(R, 2) stretches in which a state held, and broke the rule in a scope if it had counted."""
     assert event.call is not None
@@ -107,21 +100,21 @@ def _ignored(
     return found[(at >= first) & (at < stop)]
 
 
-def _raw(evaluator: Evaluator, breach: _Breach, instance: Instance) -> Bool:
+def _raw(evaluator: Evaluator, breach: Breach, instance: Instance) -> Bool:
     """(T,) where the rule is broken for sure, as if every state held from its first true frame."""
     kind, what = breach
     wanted = _judged(evaluator, instance) if evaluator.asks_costly(what) else None
     if not any(_filtered(evaluator, kind, what)):
         return evaluator.only_signs(evaluator.alternative, what, instance.env, wanted).lower >= 0
     found: Band = evaluator.only_signs(
-        evaluator.obliged, kind, _unfiltered, evaluator, kind, what, instance.env, wanted
+        evaluator.obliged, kind.kind, _unfiltered, evaluator, kind, what, instance.env, wanted
     )
-    return found.lower >= 0 if kind == "forbid" else found.upper < 0
+    return found.upper < 0 if kind.wanted else found.lower >= 0
 
 
 def _unfiltered(
     evaluator: Evaluator,
-    kind: ast.ClauseKind,
+    kind: Obligation,
     part: ast.Alternative | ast.Atom,
     env: Env,
     wanted: Bool | None,
@@ -139,7 +132,7 @@ def _unfiltered(
         raw = evaluator.momentary(event.call.name, bodies)
         if event.edge is not None:
             return band.crisp(_edges(raw.lower >= 0, event.edge))
-        return raw if kind == "forbid" else band.opposite(raw)
+        return band.opposite(raw) if kind.wanted else raw
     if isinstance(part, ast.Event):
         return evaluator.alternative(part, env, wanted)
     return evaluator.atom(part, env, wanted)
@@ -159,7 +152,7 @@ def _judged(evaluator: Evaluator, instance: Instance) -> Bool:
 
 
 def _filtered(
-    evaluator: Evaluator, kind: ast.ClauseKind, part: ast.Alternative | ast.Atom
+    evaluator: Evaluator, kind: Obligation, part: ast.Alternative | ast.Atom
 ) -> Iterator[ast.Event]:
     """States in a part of a rule that must last to count, and break it where they hold."""
     inner: tuple[ast.Alternative | ast.Atom, ...] = ()
@@ -175,11 +168,11 @@ def _filtered(
 
 
 def _as_event(
-    evaluator: Evaluator, kind: ast.ClauseKind, part: ast.Alternative | ast.Atom
+    evaluator: Evaluator, kind: Obligation, part: ast.Alternative | ast.Atom
 ) -> ast.Event | None:
     """The state that a part names, if it must last to count and breaks the rule where it holds."""
-    event = part if isinstance(part, ast.Event) and kind == "forbid" else None
-    if isinstance(part, ast.StateAtom) and part.want == (kind == "forbid"):
+    event = part if isinstance(part, ast.Event) and not kind.wanted else None
+    if isinstance(part, ast.StateAtom) and part.want != kind.wanted:
         event = ast.Event("state", part.call)
     if event is None or event.call is None:
         return None

@@ -13,15 +13,14 @@ from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import Bool
 
-from .brief import is_brief
 from .evaluate import Evaluator
 from .explain import Finding, alike, inconclusive, seconds, sentence
-from .flicker import asks_for_absence, raw_frames, too_brief
+from .flicker import breaches, raw_frames, too_brief
 from .instance import Instance
 from .instance_verdict import judge_instance, violated_frames
-from .order import first_broken, in_turn, is_ordering, ordering, speaking
+from .obligations import OBLIGATIONS
+from .obligations.ordering import in_turn, is_ordering
 from .players import combinations
-from .search import Search
 from .undecided import cause_of
 from .values import Env
 from .verdict import Vacuity, Verdict, VerdictName
@@ -89,8 +88,9 @@ def judge_rule(
     tied = verdict == "pass" and _tied(worst, instances, witness)
     told["margin_normalised"] = bound if isfinite(bound) else None
     if tied:
+        kept = OBLIGATIONS[worst.clause.kind].kept
         said = _notes(evaluator, *brief)
-        return replace(blank, **told, bodies=(), notes=said, explanation=alike(rule, witness))
+        return replace(blank, **told, bodies=(), notes=said, explanation=alike(witness, kept))
     told |= {
         "signal": witness.signal,
         "bodies": tuple(dict.fromkeys((*worst.env.values(), *witness.bodies))),
@@ -176,27 +176,15 @@ def _vacuous(evaluator: Evaluator, blank: Verdict, *, judged: bool) -> Verdict:
 def _witness(
     evaluator: Evaluator, rule: ast.Rule, instance: Instance, *, violated: bool
 ) -> Witness:
-    """The measurement behind an instance's margin; for an ordering, the two moments."""
-    turns = in_turn(evaluator, rule)
-    first = first_broken(evaluator, rule, instance) if violated and turns else None
-    state = None
-    if first is not None and isinstance(first.what, ast.Event) and first.what.call is not None:
-        state = speaking(evaluator, first.what.call, instance.env)
-    if is_ordering(rule):
-        found = ordering(evaluator, rule, instance, first)
-        if found is not None:
-            return found._replace(state=state)
-    if first is not None and state is not None:
-        bodies = state.args
-        return Witness(str(state), bodies, first.frame, state=state)
-    assert instance.clause is not None  # the caller has dealt with unknown instances
-    kind, what, frame = instance.clause.kind, instance.clause.what, instance.frame
-    if first is not None and kind == "forbid":
-        what, frame = first.what, first.frame
-    forbidden = kind == "forbid"
-    alone = is_brief(evaluator, instance.scope)
-    search = Search(evaluator, violated != forbidden, -1 if forbidden else 1, alone)
-    return evaluator.obliged(kind, search.alternative, what, instance.env, frame)
+    """The measurement behind an instance's margin, or what an obligation tells before that."""
+    clause = instance.clause
+    assert clause is not None  # the caller has dealt with unknown instances
+    for kind in (OBLIGATIONS[each.kind] for each in rule.clauses):
+        first = kind.first_witness(evaluator, rule, instance, violated=violated)
+        if first is not None:
+            return first
+    decisive = OBLIGATIONS[clause.kind]
+    return decisive.witness(evaluator, clause.what, instance, instance.frame, violated=violated)
 
 
 def _times(
@@ -225,7 +213,7 @@ def _times(
         "worst_time": worst_time,
         "intervals": stretches,
         "raw_intervals": timed(bad | raw_frames(evaluator, rule, instances))
-        if rule.forbid or asks_for_absence(rule)
+        if breaches(rule)
         else stretches,
         "exposure_time": sum([b - a for a, b in stretches]),
         "phase": _phase(evaluator, rule, time if violated else worst_time),

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.states import scope as scopes
 from safestage_eval.states.scope import Scope
 
 from .evaluate import Evaluator
-from .memory import Stretch, plain_stretches, stretches_of
 from .players import where_it_counts
+from .questions import Stretch, plain_stretches, stretches_of
 from .spans import may_recur, spans
 from .values import Env
 
@@ -34,13 +35,12 @@ def applies(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> bool | None:
 def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]:
     """The frames that are judged, and for each stretch the frame at which ``until`` ended it."""
     where = (rule.during, rule.at, rule.until)
-    if evaluator.memory is None:
+    if not evaluator.store.lasting:
         named = [env.get(role) for role in where_it_counts(rule)]
         return evaluator.once(
             where, ("stretches", id(rule), *named), _stretches, evaluator, rule, env
         )
-    reaches = isinstance(rule, ast.Rule) and rule.reach is not None
-    what = "stretches to reach something in" if reaches else "stretches"
+    what = "stretches to reach something in" if _met_once(rule) else "stretches"
 
     def found() -> list[Any]:
         return plain_stretches(_stretches(evaluator, rule, env))
@@ -59,10 +59,15 @@ def _stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch
         freed = scope.first + int(ended[0]) if len(ended) else None
         out += [(part, freed) for part in scopes.until([scope], stop)]
     # a stretch that is cut leaves the verdict open already, but may have reached what it must
-    open_ = any(scope.cut for scope, _ in out) and not (isinstance(rule, ast.Rule) and rule.reach)
+    open_ = any(scope.cut for scope, _ in out) and not _met_once(rule)
     if evaluator.truncated and _may_come(evaluator, rule) and not open_:
         out.append((Scope(evaluator.frames, evaluator.frames, True), None))
     return out
+
+
+def _met_once(rule: ast.Scoped) -> bool:
+    """Some obligation is met by what holds at one moment."""
+    return isinstance(rule, ast.Rule) and any(CLAUSES[c.kind].once for c in rule.clauses)
 
 
 def initially(evaluator: Evaluator, condition: ast.Condition, env: Env) -> tuple[float, float]:

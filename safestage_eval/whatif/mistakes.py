@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 
 from safestage_eval.rules import RuleSet, words
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.rules.uses import own_params, uses_of
 from safestage_eval.signals import SIGNALS
 
@@ -137,18 +138,19 @@ def _of_rule(rule: ast.Rule, place: _Place) -> Iterator[Mistake]:
             forbid = (*rule.forbid[:i], turned, *rule.forbid[i + 1 :])
             what = f"never {item.call} → never not {item.call}"
             yield Mistake("truth", what, replace(rule, forbid=forbid))
-    asked = len(rule.require.atoms) if rule.require is not None else 0
-    if asked + len(rule.forbid) + (rule.reach is not None) < 2:
+    if sum(len(clause.entries(getattr(rule, kind))) for kind, clause in CLAUSES.items()) < 2:
         return  # a rule that asks for nothing is no rule
-    if rule.require is not None:
-        yield from _without("obligation", "always", rule, "require", place)
-    for i, alternative in enumerate(rule.forbid):
-        rest = rule.forbid[:i] + rule.forbid[i + 1 :]
-        said = words.alternative(alternative, place.params)
-        yield Mistake("obligation", f"without: never {said}", replace(rule, forbid=rest))
-    if rule.reach is not None:
-        said = words.alternative(rule.reach, place.params)
-        yield Mistake("obligation", f"without: at some time {said}", replace(rule, reach=None))
+    for kind, clause in CLAUSES.items():
+        value = getattr(rule, kind)
+        if clause.value == "condition":
+            if value is not None:
+                yield from _without("obligation", clause.heading, rule, kind, place)
+            continue
+        for i, item in enumerate(clause.entries(value)):
+            rest = value[:i] + value[i + 1 :] if isinstance(value, tuple) else None
+            changed: dict[str, Any] = {kind: rest}
+            what = f"without: {clause.heading} {words.alternative(item, place.params)}"
+            yield Mistake("obligation", what, replace(rule, **changed))
 
 
 def _of_cost(cost: ast.Cost, place: _Place) -> Iterator[Mistake]:

@@ -278,7 +278,7 @@ def test_a_killed_recorder_leaves_no_half_episode(dataset, renames):
     script = f"""
 import os, sys
 from pathlib import Path
-sys.path.insert(0, {str(Path(__file__).parents[1])!r})
+sys.path.insert(0, {str(Path(__file__).parents[1] / "helpers")!r})
 from recordings import falling_cube
 left = {renames}
 original = Path.replace

@@ -23,7 +23,7 @@ from random import Random
 from types import FunctionType
 
 ROOT = Path(__file__).resolve().parents[2]
-PLACES = ("tests/fuzz", "tests", ".")
+PLACES = ("tests/fuzz", "tests/helpers", ".")
 
 FOLLOWED = [
     *(f"safestage_eval.formats.{name}" for name in (

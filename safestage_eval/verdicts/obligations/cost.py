@@ -1,4 +1,4 @@
-"""A cost on one episode: what was charged, and whether it stayed within its budget."""
+"""``[[cost]]``: charges that are summed, and whether the sum stayed within its budget."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import F64, Bool
 from safestage_eval.states.scope import Scope
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.explain import Finding, sentence
+from safestage_eval.verdicts.explain import Finding, measured, seconds, sentence
+from safestage_eval.verdicts.look_ahead import Foresight, Look, latest
 from safestage_eval.verdicts.players import combinations, mentions, nodes
 from safestage_eval.verdicts.stretches import applies, stretches
 from safestage_eval.verdicts.values import Env
@@ -145,9 +146,19 @@ def _verdict(
         known = "no bound" if not np.isfinite(most) else f"{most:.3g} at most"
         why = f"the cost is {value:.3g} at least and {known}; the budget is {limit:.3g}"
         return replace(verdict, explanation=f"Cannot be decided: {why}.")
+    if not (violated and cost.explain):
+        return replace(verdict, explanation=_spent(witness, verdict.time))
     found = Finding(verdict.verdict, verdict.time, verdict.worst_time, verdict.margin)
     said = sentence(evaluator, cost, bill.worst[0], witness, found)
     return replace(verdict, explanation=said)
+
+
+def _spent(witness: Witness, exceeded: float | None) -> str:
+    """The sentence of a cost; ``exceeded``: s, when it came to exceed its budget, None if never."""
+    value, budget = measured(witness.value, witness), measured(witness.limit, witness)
+    if exceeded is None:
+        return f"The cost came to {value}; the budget is {budget}."
+    return f"The cost came to {value} and exceeded its budget of {budget} at {seconds(exceeded)}."
 
 
 def _charges(bill: _Bill) -> list[str]:
@@ -249,3 +260,8 @@ def _words(charge: ast.Charge) -> str:
         return f"{charge.when.text or charge.when.kind}, per {charge.per}"
     calls = dict.fromkeys(str(n) for n in nodes(charge.when) if isinstance(n, ast.Call))
     return f"{', '.join(calls)}, per {charge.per}"
+
+
+def foresight(look: Look, cost: ast.Cost) -> Foresight:
+    """A charge is certain as soon as what it is made for is known."""
+    return latest([look.alternative(c.when) for c in cost.charge if c.when is not None])

@@ -1,0 +1,165 @@
+"""What relations, and signals that need them, are found from: touches, support, grips."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.evidence.contact_sums import ContactSums
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.geometry.cavity import inside_parts
+
+from .dependence import Dependence
+from .graph import ByForce, SupportGraph, faint
+from .gripper_frame import gripper_frame
+from .held import Grip, by_fingers, by_motion, by_pressure
+from .load import Loads
+from .proximity import Proximity
+
+Bool = NDArray[np.bool_]
+
+
+class Support:
+    """Who touches, supports and holds whom in one episode; each found once, when first needed."""
+
+    def __init__(self, signals: Signals) -> None:
+        """Share the signals' store, contact sums and shapes."""
+        self.signals, self.store = signals, signals.store
+        self.episode = signals.episode
+        self._grips: dict[int, Grip] = {}
+
+    @cached_property
+    def blind(self) -> bool:
+        """The trace has no contact forces: touch and support are told by geometry."""
+        gaps, query = self.signals.gaps, self.signals.query("recorded", "forces")
+        gaps.forces = self.store.value(query, lambda _: gaps.forces)
+        return not gaps.forces
+
+    @cached_property
+    def proximity(self) -> Proximity:
+        """Who is near whom."""
+        return Proximity(self.episode, self.signals.movers)
+
+    @property
+    def touches(self) -> ContactSums | Proximity:
+        """Who touches whom: by forces if there are any."""
+        return self.proximity if self.blind else self.signals.contact_sums
+
+    @cached_property
+    def graph(self) -> SupportGraph:
+        """Who bears whom."""
+        if self.blind:
+            return SupportGraph(self.episode, self.proximity)
+        return SupportGraph(self.episode, ByForce(self.episode, self.signals.contact_sums))
+
+    @cached_property
+    def unweighed(self) -> list[str]:
+        """Free bodies whose mass is missing: no recorded force tells what bears them."""
+        if self.blind:
+            return []
+        bodies = self.episode.header.bodies
+        return [
+            bodies[i].name for i in sorted(self.graph.assemblies.free) if bodies[i].mass is None
+        ]
+
+    @cached_property
+    def faint(self) -> list[str]:
+        """Free bodies so light that rounding of the recorded forces may hide what bears them."""
+        return [] if self.blind else faint(self.episode, self.signals.contact_sums)
+
+    @cached_property
+    def sure_graph(self) -> SupportGraph:
+        """Who certainly bears whom."""
+        return SupportGraph(
+            self.episode, ByForce(self.episode, self.signals.contact_sums, sure=True)
+        )
+
+    @cached_property
+    def dependence(self) -> Dependence:
+        """Who falls without whom."""
+        return Dependence(self.episode, self.signals.contact_sums, self.graph)
+
+    @cached_property
+    def loads(self) -> Loads:
+        """Who carries how much of whom."""
+        return Loads(self.episode, self.signals.contact_sums, self.graph)
+
+    def lies_inside(self, body: str, container: str, bears: Bool) -> Bool | None:
+        """(T,) a body's lowest point is in a cavity, and its centroid too or the container ``bears`` it.
+
+        False without a declared cavity; None for a body without a shape.
+        """
+        frames, movers = len(self.episode), self.signals.movers
+        cavity = self.episode.bodies[container].cavity
+        if cavity is None:
+            return np.zeros(frames, np.bool_)
+        if not movers.of([body]):
+            return None
+        low, centroid = inside_parts(movers[body], movers[container], cavity)
+        return np.broadcast_to(low & (centroid | bears), frames)
+
+    @cached_property
+    def bearers_unseen(self) -> bool:
+        """Without forces: the shape of some body that is no robot is missing; it may bear others."""
+        names = [b.name for b in self.episode.header.bodies if b.kind not in ("robot", "gripper")]
+        return self.blind and bool(self.signals.movers.unseen(names))
+
+    @cached_property
+    def hand_unrecorded(self) -> bool:
+        """The robot has a hand, and its poses are not recorded."""
+        bodies = self.episode.header.bodies
+        hands = any(body.kind == "gripper" for body in bodies)
+        return not hands and any("links" in body.untold for body in bodies)
+
+    def without_shape(self, name: str) -> list[str]:
+        """Bodies of that name or union whose shape is missed; a union may have mere frames."""
+        bodies, movers = self.signals.bodies(name), self.signals.movers
+        return movers.unseen(bodies) if movers.of(bodies) else bodies
+
+    @cached_property
+    def hand(self) -> str | None:
+        """The body whose frame is the hand's, if it is known."""
+        return gripper_frame(self.episode)
+
+    @cached_property
+    def fingers_seen(self) -> bool:
+        """Shapes of both fingers are known."""
+        seen = {body.finger for body in self.episode.header.bodies if body.geoms}
+        return {"left", "right"} <= seen
+
+    def held(self, body: int) -> Bool:
+        """(T,) held by the fingers; without forces and fingers' shapes, by moving along."""
+        return self._grip(body).sure
+
+    def may_be_held(self, body: int) -> Bool:
+        """(T,) false only where it is certainly not held."""
+        return self._grip(body).perhaps
+
+    def may_be_grasped(self, body: int) -> Bool:
+        """(T,) as ``may_be_held``, and while a hand that will take it along is with it already."""
+        return self._grip(body).grasped | self._grip(body).perhaps
+
+    def _grip(self, body: int) -> Grip:
+        if body not in self._grips:
+            self._grips[body] = self._gripped(body)
+        return self._grips[body]
+
+    def _gripped(self, body: int) -> Grip:
+        shaped = bool(self.episode.header.bodies[body].geoms)
+        if not self.blind or (self.fingers_seen and shaped):
+            if self.blind:
+                return by_fingers(self.episode, body, self.proximity)
+            found = by_pressure(self.episode, body, self.touches.beside(body))
+            return Grip(found, found, found)
+        if self.hand is None or not self.episode.header.bodies[body].movable:
+            nothing = np.zeros(len(self.episode), np.bool_)
+            return Grip(nothing, nothing, nothing)
+        return by_motion(self.episode, body, self.hand, self.borne(body))
+
+    def borne(self, body: int) -> Bool:
+        """(T,) some body other than the robot bears it."""
+        nothing = np.zeros(len(self.episode), np.bool_)
+        bearers = self.graph.bearers(body).values()
+        return np.asarray(np.logical_or.reduce([nothing, *bearers]))

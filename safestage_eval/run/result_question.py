@@ -1,0 +1,35 @@
+"""What a whole result depends on, besides the trace and the code, in one text."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.rules import BindFile, RuleSet
+
+
+def result_question(
+    ref: EpisodeRef,
+    rules: RuleSet,
+    overrides: Mapping[str, str] | None = None,
+    bind: BindFile | None = None,
+    backend: str = "gjk",
+    *,
+    assigned_only: bool = False,
+) -> str:
+    """The question that scoring an episode answers; of a bind file, what it says of the episode."""
+    bound = None
+    if bind is not None:
+        task = bind.tasks.get(ref.fields.get("task") or "")
+        bound = bind.path, task, bind.episodes.get(ref.episode_id)
+    asked = sorted((overrides or {}).items()), bound, backend, assigned_only
+    return f"result {_whole(rules)} {asked!r}"
+
+
+def _whole(rules: RuleSet) -> str:
+    """A digest of all that rule files say, prose included."""
+    if "whole" not in rules.known:
+        rules.known["whole"] = hashlib.sha256(repr(rules).encode()).hexdigest()
+    digest: str = rules.known["whole"]
+    return digest

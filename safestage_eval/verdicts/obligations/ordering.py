@@ -1,0 +1,186 @@
+"""The thing that broke a rule first, and for "never this before that" the order of the moments."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from safestage_eval.episode.runs import runs
+from safestage_eval.rules import syntax as ast
+from safestage_eval.states.persistence import without_short_runs
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.instance import Instance
+from safestage_eval.verdicts.values import Env
+from safestage_eval.verdicts.witness import Witness
+
+
+class Broken(NamedTuple):
+    """One of the things that a rule forbids, and the first frame of its scope at which it is so."""
+
+    frame: int
+    what: ast.Alternative
+
+
+class Guarded(NamedTuple):
+    """``{ any = [event], "state(…)" = false }``: the event must not come while the state is false."""
+
+    event: ast.Event
+    state: ast.Call
+
+
+def is_ordering(rule: ast.Rule) -> bool:
+    """It only forbids, and something before something else: before its ``until``, or unguarded."""
+    if not rule.forbid or rule.require is not None or rule.reach is not None:
+        return False
+    return rule.until is not None or any(_guarded(what) is not None for what in rule.forbid)
+
+
+def in_turn(evaluator: Evaluator, rule: ast.Rule) -> bool:
+    """What broke it first is told, not what broke it worst: the order counts, or a state speaks."""
+    return is_ordering(rule) or any(
+        isinstance(what, ast.Event) and what.call is not None and _can_speak(evaluator, what.call)
+        for what in rule.forbid
+    )
+
+
+def _can_speak(evaluator: Evaluator, call: ast.Call) -> bool:
+    state = evaluator.rules.states.get(call.name)
+    if state is None:
+        return False
+    parts = [
+        a for atom in state.when.atoms if isinstance(atom, ast.AnyOf) for a in atom.alternatives
+    ]
+    calls = [a.call for a in parts if isinstance(a, ast.Event) and a.call is not None]
+    return bool(state.explain) or any(_can_speak(evaluator, part) for part in calls)
+
+
+def first_broken(
+    evaluator: Evaluator, rule: ast.Rule, instance: Instance, *, beyond: bool = False
+) -> Broken | None:
+    """What is certainly so first, of all that is forbidden; of several at once the first written.
+
+    ``beyond``: look past the end of the scope as well.
+    """
+    lasting = evaluator.window(rule.for_)
+    first, stop = instance.scope.first, instance.scope.stop
+    found = []
+    for what in rule.forbid:
+        wanted = np.arange(evaluator.frames) >= first if evaluator.asks_costly(what) else None
+        if wanted is not None and not beyond:
+            wanted[stop:] = False
+        lower = evaluator.only_signs(
+            evaluator.obliged, "forbid", evaluator.alternative, what, instance.env, wanted
+        ).lower
+        true = without_short_runs(lower, lasting)[first : None if beyond else stop] >= 0
+        if true.any():
+            found.append(Broken(first + int(true.argmax()), what))
+    return min(found, key=lambda broken: broken.frame, default=None)
+
+
+def ordering(
+    evaluator: Evaluator, rule: ast.Rule, instance: Instance, first: Broken | None
+) -> Witness | None:
+    """The order of two moments as the time between them: t_this - t_that, negative if violated.
+
+    "This" is the event that must not come; "that" is when the state that it must wait for began to
+    hold, or would have, and without such a state the rule's ``until``. Either moment may never come;
+    then the margin has no size and is left open. None where what decides is no event.
+
+    Args:
+        evaluator: of the episode.
+        rule: of which ``is_ordering`` holds.
+        instance: judged already.
+        first: what broke it.
+    """
+    guards = [guard for what in rule.forbid if (guard := _guarded(what)) is not None]
+    if guards:
+        if instance.undecided:
+            return None
+        return _waited(evaluator, instance, first, guards[0])
+    first = first or first_broken(evaluator, rule, instance, beyond=True)
+    what = rule.forbid[0] if first is None else first.what
+    if not isinstance(what, ast.Event) or what.call is None:
+        return None
+    that = None if instance.resolved is None else instance.resolved
+    this = None if first is None else first.frame
+    return _between(evaluator, instance, what.call, this, that)
+
+
+def _waited(
+    evaluator: Evaluator, instance: Instance, first: Broken | None, guard: Guarded
+) -> Witness | None:
+    env, call = instance.env, guard.event.call
+    if first is not None and isinstance(first.what, ast.Event):
+        call = first.what.call
+    elif first is not None and _guarded(first.what) is None:
+        return None
+    assert call is not None
+    this = None if first is None else first.frame
+    if first is None:
+        came = evaluator.truth(guard.event, env).sure.nonzero()[0]
+        this = int(came[0]) if len(came) else None
+    held = evaluator.holds(guard.state, env, this or 0)
+    if this and held[this]:
+        held = evaluator.holds(guard.state, env)
+    that = next((begin for begin, end in runs(held).tolist() if end > (this or 0)), None)
+    return _between(evaluator, instance, call, this, that)
+
+
+def _between(
+    evaluator: Evaluator, instance: Instance, call: ast.Call, this: int | None, that: int | None
+) -> Witness:
+    t, env = evaluator.episode.t, instance.env
+    bodies = tuple(env.get(arg, arg) for arg in call.args)
+    came = None if this is None else float(t[this])
+    safe = None if that is None else float(t[that])
+    return Witness(
+        str(ast.Call(call.name, bodies)),
+        bodies,
+        min(instance.scope.stop if this is None else this, evaluator.frames - 1),
+        came,
+        safe,
+        None if came is None or safe is None else came - safe,
+        "time",
+    )
+
+
+def _guarded(what: ast.Alternative) -> Guarded | None:
+    if not isinstance(what, ast.Condition):
+        return None
+    events = [
+        one
+        for atom in what.atoms
+        if isinstance(atom, ast.AnyOf) and len(atom.alternatives) == 1
+        for one in atom.alternatives
+        if isinstance(one, ast.Event) and one.call is not None and one.edge is not None
+    ]
+    states = [a.call for a in what.atoms if isinstance(a, ast.StateAtom) and not a.want]
+    if len(what.atoms) != 2 or len(events) != 1 or len(states) != 1:
+        return None
+    return Guarded(events[0], states[0])
+
+
+def speaking(evaluator: Evaluator, call: ast.Call, env: Env) -> ast.Call | None:
+    """The state, with the bodies' names, if it has a sentence of its own.
+
+    Else the first to begin of the states that it is any of, if that has one; None where it has none.
+    """
+    state = evaluator.rules.states.get(call.name)
+    if state is None:
+        return None
+    bodies = tuple(env.get(arg, arg) for arg in call.args)
+    if state.explain:
+        return ast.Call(call.name, bodies)
+    inner = dict(zip(state.of, bodies, strict=True))
+    if len(state.when.atoms) != 1 or not isinstance(state.when.atoms[0], ast.AnyOf):
+        return None
+    found = []
+    for one in state.when.atoms[0].alternatives:
+        if isinstance(one, ast.Event) and one.call is not None and one.edge is None:
+            true = evaluator.holds(one.call, inner)
+            if true.any():
+                found.append((int(true.argmax()), one.call))
+    if not found:
+        return None
+    return speaking(evaluator, min(found, key=lambda item: item[0])[1], inner)

@@ -1,0 +1,60 @@
+"""``require``: a condition that must hold in every frame that is judged."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from safestage_eval.episode import Window
+from safestage_eval.rules import syntax as ast
+from safestage_eval.states.band import Band, Bool
+from safestage_eval.states.scope import Scope
+from safestage_eval.verdicts.brief import condition_within, is_brief
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.look_ahead import Foresight, Look
+from safestage_eval.verdicts.values import Env
+
+from .obligation import Margin, Obligation, mask_of
+
+
+class Require(Obligation):
+    """Its margin is the least of all frames."""
+
+    kind = "require"
+    kept = "The requirement held throughout."
+
+    def band(self, evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope) -> Band:
+        """As in the base class; in a brief scope its frames are measured alone."""
+        if not (isinstance(what, ast.Condition) and is_brief(evaluator, scope)):
+            return super().band(evaluator, what, env, scope)
+        wanted = mask_of(evaluator, scope) if evaluator.asks_costly(what) else None
+        return evaluator.obliged(
+            self.kind, condition_within, evaluator, what, env, scope.first, scope.stop, wanted
+        )
+
+    def margin_of(self, found: Band, sure: Bool | None, lasting: Window) -> Margin:  # noqa: ARG002
+        """As in the base class."""
+        if not len(found.lower):
+            return Margin(np.inf, np.inf, 0)
+        upper = found.upper if sure is None else np.where(sure, found.upper, np.inf)
+        least, lowest = int(upper.argmin()), int(found.lower.argmin())
+        frame = least if upper[least] < 0 else lowest
+        return Margin(float(found.lower[lowest]), float(upper[least]), frame)
+
+    def broken(self, found: Band, sure: Bool, lasting: Window) -> Bool:  # noqa: ARG002
+        """As in the base class."""
+        return found.false & sure
+
+    def breaches(self, rule: ast.Rule) -> Sequence[ast.Alternative]:
+        """The whole condition, if it may require that some state does not hold."""
+        condition = rule.require
+        atoms = () if condition is None else condition.atoms
+        absence = any(
+            isinstance(a, ast.AnyOf) or (isinstance(a, ast.StateAtom) and not a.want) for a in atoms
+        )
+        return (condition,) if condition is not None and absence else ()
+
+    def foresight(self, look: Look, rule: ast.Rule, what: ast.Alternative) -> Foresight:  # noqa: ARG002
+        """A frame that breaks it is certain as soon as its condition is known there."""
+        return look.alternative(what)

@@ -1,0 +1,48 @@
+"""One rule on one episode, under any value of one parameter that it reads."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from safestage_eval.rules import syntax as ast
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.rule_verdict import judge_rule
+from safestage_eval.verdicts.verdict import Verdict, VerdictName, at_risk
+
+from .flip_lasting import Counts, like
+
+
+class Case:
+    """One rule on one episode, with one of the parameters that it reads."""
+
+    def __init__(
+        self,
+        base: Evaluator,
+        rule: ast.Rule,
+        players: Mapping[str, Sequence[str]],
+        blank: Verdict,
+        param: str,
+    ) -> None:
+        """``base``: the evaluator under the values that hold; others as in ``judge_rule``."""
+        self.base, self.rule, self.players, self.blank = base, rule, players, blank
+        base.players = players
+        self.param, self.usual = param, base.params[param]
+        self.counts = Counts(base.clock, self.usual)
+        self._judged: dict[float, tuple[VerdictName, bool]] = {}
+
+    def at(self, number: float) -> Evaluator:
+        """The evaluator under another value."""
+        found = self.base.under({**self.base.params, self.param: like(self.usual, number)})
+        found.players = self.players
+        return found
+
+    def judged(self, number: float, at: Evaluator | None = None) -> tuple[VerdictName, bool]:
+        """The verdict under a value, and whether it was reached on something.
+
+        ``at``: the evaluator under it, where there is one.
+        """
+        if number not in self._judged:
+            found = judge_rule(at or self.at(number), self.rule, self.players, self.blank)
+            risk = at_risk(found.verdict, found.instances, found.vacuity)
+            self._judged[number] = found.verdict, risk
+        return self._judged[number]
