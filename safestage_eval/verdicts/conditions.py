@@ -27,7 +27,7 @@ from .values import Asked, Env, limit_margin
 
 
 class Conditions(Answers, ABC):
-    """What conditions come to, as ``Band`` of normalised margins; states are told by who evaluates."""
+    """Conditions as ``Band`` of normalised margins; subclasses evaluate states."""
 
     def __init__(
         self,
@@ -68,7 +68,7 @@ class Conditions(Answers, ABC):
         """When an event happens; a bare state happens where it starts."""
 
     def obliged(self, kind: str | None, find: Callable[..., Found], *asked: Any) -> Found:
-        """What ``find`` says where conditions are those of a ``require``, ``forbid`` or ``reach``.
+        """Call ``find`` with conditions read as those of an obligation of this kind.
 
         A limit on a tilt that a body does not have is skipped there: it holds where it must, and
         does not where it must not. A state (None) asks whether the body is tilted, and it never is.
@@ -80,7 +80,7 @@ class Conditions(Answers, ABC):
             self._obligation = outer
 
     def only_signs(self, find: Callable[..., Found], *asked: Any) -> Found:
-        """What ``find`` says where only matters whether something holds, not by what margin."""
+        """Call ``find`` where only the signs of margins matter, not their sizes."""
         outer, self._signs = self._signs, True
         try:
             return find(*asked)
@@ -121,7 +121,7 @@ class Conditions(Answers, ABC):
         return replace(found, lower=lower, upper=upper)
 
     def since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
-        """What a change since an event is measured from; and the frames of that, if any is open."""
+        """The reference of a change since an event; and the event's frames, if any is uncertain."""
         return self.once(event, ("since", id(event), *env.items()), self._since, event, env)
 
     def _since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
@@ -164,7 +164,7 @@ class Conditions(Answers, ABC):
     def _gated(
         self, found: Band, gates: Sequence[ast.StateAtom], env: Env, wanted: Bool | None
     ) -> Band:
-        """What is left of a condition by its gates, asked only where the rest may hold.
+        """A condition with its gates, which are evaluated only where the rest may hold.
 
         Where it does not hold anyway, its margin stays: a gate does not say how close it came.
         """

@@ -20,7 +20,7 @@ class Costly:
     """Of one set of rules, whatever the episode."""
 
     def __init__(self, rules: ast.RuleSet) -> None:
-        """What was found out before is kept with the rules."""
+        """Answers are cached in ``rules.known``."""
         self._rules = rules
         # by identity: the part is kept beside the answer, and so stays what it is
         self._known: dict[int, tuple[Part, int]] = rules.known.setdefault("costly", {})
@@ -56,7 +56,7 @@ class Costly:
         return 1 + self.depth(declared.when) + (declared.until is not None)
 
     def sorted(self, parts: Sequence[AnyPart]) -> list[AnyPart]:
-        """What is costly last."""
+        """The parts with the costly ones last."""
         return sorted(parts, key=self.depth)
 
     def named(self, state: ast.StateDef) -> bool:
@@ -90,7 +90,7 @@ class Gates:
     """Conditions apart from their gates; of one set of rules."""
 
     def __init__(self, rules: ast.RuleSet) -> None:
-        """What was found out before is kept with the rules."""
+        """Answers are cached in ``rules.known``."""
         self._known: dict[int, tuple[ast.Condition, ast.Condition, tuple[ast.StateAtom, ...]]] = (
             rules.known.setdefault("gates", {})
         )

@@ -154,7 +154,7 @@ class Evaluator(PartialStates):
         return band.crisp(truth, known)
 
     def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:
-        """What a declared state is made of, before it is made to last; its fallback if need be."""
+        """The condition of a declared state, before ``for`` and ``gap``; its fallback without forces."""
         state, key = self.rules.states[name], ("momentary", name, bodies)
         return self.once(state, key, self._momentary, state, bodies)
 
@@ -193,7 +193,7 @@ class Evaluator(PartialStates):
         )
 
     def also(self, state: ast.StateDef, env: Env) -> Band:
-        """What makes a state hold however briefly; without what the trace does not tell at all."""
+        """The ``also`` of a state, which holds however briefly; parts the trace knows nothing of left out."""
         assert state.also is not None
         bands = [
             found

@@ -1,4 +1,4 @@
-"""Which bodies a rule is about: one combination for each assignment to its roles."""
+"""The combinations of bodies that a rule judges, and queries on its syntax tree."""
 
 from __future__ import annotations
 
