@@ -41,16 +41,16 @@ class Obligation(ABC):
 
     Attributes:
         kind: as in ``rules.clauses``, which says what its text may be.
+        wanted: it is met where its condition holds, not broken there.
         kept: the sentence of a pass that no single measurement decides.
     """
 
     kind: ClassVar[ClauseKind]
+    wanted: ClassVar[bool]
     kept: ClassVar[str]
 
-    @property
-    def wanted(self) -> bool:
-        """It is met where its condition holds, not broken there."""
-        return CLAUSES[self.kind].wanted
+    def __init_subclass__(cls) -> None:
+        cls.wanted = CLAUSES[cls.kind].wanted
 
     # ---- margin
 
