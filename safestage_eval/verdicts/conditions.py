@@ -13,6 +13,7 @@ from safestage_eval.evidence.reference import Reference, latest
 from safestage_eval.evidence.series import Series
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band, moment
 from safestage_eval.states.band import Band, Bool
@@ -42,7 +43,7 @@ class Conditions(Answers, ABC):
         super().__init__(relations, rules, params, memory)
         self.causal = causal
         self.frames = len(self.episode)
-        self._obligation: str | None = None
+        self._obligation: ast.ClauseKind | None = None
         self._signs = False
         """Only whether something holds matters, not by what margin."""
         self.costly, self.gates = Costly(rules), Gates(rules)
@@ -55,7 +56,11 @@ class Conditions(Answers, ABC):
 
     @abstractmethod
     def must_not(
-        self, call: ast.Call, env: Env, kind: str | None = None, wanted: Bool | None = None
+        self,
+        call: ast.Call,
+        env: Env,
+        kind: ast.ClauseKind | None = None,
+        wanted: Bool | None = None,
     ) -> Band:
         """A state, as an obligation that breaks where it holds has to see it."""
 
@@ -67,7 +72,9 @@ class Conditions(Answers, ABC):
     def moments(self, event: ast.Event, env: Env) -> list[Moment]:
         """When an event happens; a bare state happens where it starts."""
 
-    def obliged(self, kind: str | None, find: Callable[..., Found], *asked: Any) -> Found:
+    def obliged(
+        self, kind: ast.ClauseKind | None, find: Callable[..., Found], *asked: Any
+    ) -> Found:
         """Call ``find`` with conditions read as those of an obligation of this kind.
 
         A limit on a tilt that a body does not have is skipped there: it holds where it must, and
@@ -78,6 +85,10 @@ class Conditions(Answers, ABC):
             return find(*asked)
         finally:
             self._obligation = outer
+
+    def _forbidding(self) -> bool:
+        """Conditions are those of an obligation that breaks where they hold."""
+        return self._obligation is not None and not CLAUSES[self._obligation].wanted
 
     def only_signs(self, find: Callable[..., Found], *asked: Any) -> Found:
         """Call ``find`` where only the signs of margins matter, not their sizes."""
@@ -196,7 +207,7 @@ class Conditions(Answers, ABC):
         call, edge = alternative.call, alternative.edge
         if call is not None and edge is None:
             return self.must_not(call, env, "forbid", wanted)
-        if call is not None and edge == "start" and self._obligation == "forbid":
+        if call is not None and edge == "start" and self._forbidding():
             now = truth_of(self.must_not(call, env, "forbid"))
             found = moment.edges(now, "start")
         elif call is not None and edge is not None and wanted is not None and self._deep(call):
@@ -255,7 +266,7 @@ class Conditions(Answers, ABC):
         asked = self.asked(atom, env)
         series = self._series(asked, atom, env, wanted)
         if self._obligation is not None and asked.name == "tilt" and self.untilted(asked.bodies[0]):
-            skipped = self._obligation != "forbid"
+            skipped = not self._forbidding()
             return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
         return self.margins(series, atom, asked)
 

@@ -9,6 +9,7 @@ import numpy as np
 from safestage_eval.evidence.declare import is_costly
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
@@ -71,7 +72,11 @@ class Evaluator(PartialStates):
     # ---- states
 
     def must_not(
-        self, call: ast.Call, env: Env, kind: str | None = None, wanted: Bool | None = None
+        self,
+        call: ast.Call,
+        env: Env,
+        kind: ast.ClauseKind | None = None,
+        wanted: Bool | None = None,
     ) -> Band:
         """A state, as an obligation that breaks where it holds has to see it.
 
@@ -83,12 +88,14 @@ class Evaluator(PartialStates):
         Args:
             call: the state.
             env: role → body.
-            kind: of the obligation that breaks where the state holds, any if None; in others, and
-                in none, it stays as it is.
+            kind: only in obligations that break as this kind does, in any if None; in others, and
+                in none, the state stays as it is.
             wanted: as in ``condition``.
         """
         found, state = self.state(call, env, wanted), self.rules.states.get(call.name)
-        if self._obligation is None or (kind or self._obligation) != self._obligation:
+        if self._obligation is None:
+            return found
+        if kind is not None and CLAUSES[kind].breaks != CLAUSES[self._obligation].breaks:
             return found
         if state is None or state.for_ is None or state.until is not None:
             return found

@@ -75,7 +75,7 @@ def _parts(
 
 
 def _finder(
-    evaluator: Evaluator, kind: str | None, what: ast.Alternative, env: Env
+    evaluator: Evaluator, kind: ast.ClauseKind | None, what: ast.Alternative, env: Env
 ) -> Callable[[Bool], Band]:
     return lambda asked: evaluator.obliged(kind, evaluator.alternative, what, env, asked)
 
