@@ -16,7 +16,7 @@ F64 = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Observation:
-    """What a policy may know at one control step.
+    """A policy's input at one control step.
 
     Attributes:
         time: s since the episode's start.

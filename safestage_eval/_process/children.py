@@ -10,9 +10,9 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from .closing import Closing
 from .spawned import LOOK, READY, Births, Spawned, follow
 
 STARTING = 180.0
@@ -52,7 +52,7 @@ class Ended:
     bound: bool
 
 
-class Children:
+class Children(Closing):
     """Spawned processes; each has one question at a time, and is replaced when it ends over it.
 
     A process that dies may be killed for no fault of the question, which is therefore asked once more.
@@ -74,14 +74,8 @@ class Children:
         self._children: list[_Child] = []
         self._warm, self._births = False, Births()
 
-    def __enter__(self) -> Self:
-        """Processes stay between questions until the block ends."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
-    ) -> None:
-        """Ends the processes, at once or when they have put away what they were writing."""
+    def close(self) -> None:
+        """End the processes, at once or when they have put away what they were writing."""
         for child in self._children:
             child.process.terminate()
         for child in self._children:

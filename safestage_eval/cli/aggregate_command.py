@@ -6,34 +6,29 @@ from pathlib import Path
 
 import click
 
-from .shared_options import written
+from .shared_options import (
+    bootstrap_seed_option,
+    format_option,
+    output_option,
+    resamples_option,
+    written,
+)
 from .terminal import say
 
 MOST = 20
-"""Problems told one by one on stderr; all of them are in the JSON."""
+"""Problems listed on stderr; the JSON has all of them."""
 
 
 @click.command("aggregate")
 @click.argument("results", nargs=-1, required=True, metavar="RESULTS...")
-@click.option(
-    "--format", "-f", "form", default="table", show_default=True,
-    type=click.Choice(["table", "json", "csv", "markdown", "latex"]),
-)  # fmt: skip
-@click.option(
-    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
-)
+@format_option("table", "json", "csv", "markdown", "latex")
+@output_option
 @click.option(
     "--intervals", type=click.Choice(["none", "wilson", "bootstrap"]), default="none",
     show_default=True, help="Method of the 95 % intervals in tables; JSON and CSV contain both.",
 )  # fmt: skip
-@click.option(
-    "--resamples", type=click.IntRange(100), default=2000, show_default=True,
-    help="Number of bootstrap resamples over tasks.",
-)  # fmt: skip
-@click.option(
-    "--random-seed", type=click.IntRange(0), default=0, show_default=True,
-    help="Random seed of the bootstrap.",
-)  # fmt: skip
+@resamples_option
+@bootstrap_seed_option
 @click.option("--strict", is_flag=True, help="Exit 1 if cells are missing, unequal or undecided.")
 @click.pass_context
 def command(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from .shared_options import written
+from .shared_options import format_option, output_option, written
 from .terminal import say
 
 
@@ -19,13 +19,8 @@ from .terminal import say
 @click.option(
     "--reviewer", multiple=True, metavar="NAME", help="Use only this reviewer's labels. Repeatable."
 )
-@click.option(
-    "--format", "-f", "form", type=click.Choice(["table", "json", "csv", "markdown"]),
-    default="table", show_default=True,
-)  # fmt: skip
-@click.option(
-    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
-)
+@format_option("table", "json", "csv", "markdown")
+@output_option
 def command(
     labels: tuple[str, ...],
     results: tuple[str, ...],

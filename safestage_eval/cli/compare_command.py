@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .shared_options import pairs, written
+from .shared_options import (
+    bootstrap_seed_option,
+    format_option,
+    output_option,
+    pairs,
+    resamples_option,
+    written,
+)
 from .terminal import say
 
 if TYPE_CHECKING:
@@ -33,21 +40,10 @@ FIELDS = ("task", "stage", "family", "policy", "prompt", "seed", "rollout")
     "--where", multiple=True, metavar="FIELD=VALUE",
     help="Select outcomes: policy=…, prompt=…, stage=…, task=…, seed=…. Repeatable.",
 )  # fmt: skip
-@click.option(
-    "--format", "-f", "form", type=click.Choice(["table", "json", "csv", "markdown"]),
-    default="table", show_default=True,
-)  # fmt: skip
-@click.option(
-    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
-)
-@click.option(
-    "--resamples", type=click.IntRange(100), default=2000, show_default=True,
-    help="Number of bootstrap resamples over tasks.",
-)  # fmt: skip
-@click.option(
-    "--random-seed", type=click.IntRange(0), default=0, show_default=True,
-    help="Random seed of the bootstrap.",
-)  # fmt: skip
+@format_option("table", "json", "csv", "markdown")
+@output_option
+@resamples_option
+@bootstrap_seed_option
 def command(
     results: tuple[str, ...],
     by: By | None,
@@ -149,9 +145,9 @@ def _chosen(outcomes: list[Outcome], where: tuple[str, ...]) -> list[Outcome]:
     for name in wanted:
         if name not in FIELDS:
             raise click.UsageError(f"--where {name}: there are {', '.join(FIELDS)}")
-    found = [o for o in outcomes if all(str(getattr(o, n)) == v for n, v in wanted.items())]
-    if not found:
+    result = [o for o in outcomes if all(str(getattr(o, n)) == v for n, v in wanted.items())]
+    if not result:
         raise click.UsageError(
             f"none of {len(outcomes)} outcomes is {' and '.join(where) or 'left'}"
         )
-    return found
+    return result

@@ -130,7 +130,7 @@ def _may_write(target: Path, source: Path, written: set[Path], *, force: bool) -
 def _judge(
     rules: tuple[str, ...], bind: Path | None, settings: tuple[str, ...]
 ) -> Callable[[Any], Sequence[Any]]:
-    """What the rules say of an episode, as events."""
+    """Verdicts on an episode, as events."""
     from safestage_eval.errors import InputError
     from safestage_eval.report.verdict_events import events
     from safestage_eval.rules import builtin_names, load_bind, load_rules, parse_overrides

@@ -58,7 +58,10 @@ def command(
     BEFORE and AFTER are result files that score wrote as json, jsonl, csv or parquet. For each
     flipped verdict it says whether the trace, the rule or the evaluator changed.
 
-    With --against or --set, the arguments are traces. They are judged by --rules, then by --against
+    With --set and one result file, rows.parquet of score --what-if, the what-if table beside it says
+    which verdicts flip; only episodes that it does not decide are judged again.
+
+    With --against or --set, the arguments are otherwise traces. They are judged by --rules, then by --against
     with --set applied, and for each flipped verdict the differences between the two are switched
     one at a time, then in pairs, triples and so on: it names the smallest set that flips the verdict,
     or says up to which size all sets were tried.
@@ -68,9 +71,17 @@ def command(
       safestage diff old.jsonl new.jsonl
       safestage diff traces/ --rules fsh --against my_fsh.toml
       safestage diff traces/ --rules fsh --set edge="4 cm"
+      safestage diff rows.parquet --set edge="4 cm"
       safestage diff traces/ -r old/ -a new/ -f markdown --fail-on-change
     """
-    if against or settings:
+    if settings and len(what) == 1 and _is_result_file(what[0]):
+        if against or rules or bind or where:
+            raise click.UsageError(
+                f"{what[0]}: its what-if table holds for the rules that it was written with; leave out "
+                "--rules, --against, --bind and --where"
+            )
+        found = _of_table(what[0], settings, jobs)
+    elif against or settings:
         found = _of_rules(what, rules, against, settings, bind, where, jobs)
     else:
         found = _of_results(what, rules, bind, where)
@@ -81,6 +92,20 @@ def command(
         for problem in found.problems:
             say(f"problem: {problem}", err=True)
     ctx.exit(2 if found.problems else 1 if fail_on_change and not found.empty else 0)
+
+
+def _is_result_file(path: str) -> bool:
+    from safestage_eval.whatif.flip_table import is_result_file
+
+    return is_result_file(path)
+
+
+def _of_table(path: str, settings: tuple[str, ...], jobs: int | None) -> Any:
+    from safestage_eval.whatif.flip_diff import diff_table
+    from safestage_eval.whatif.flip_table import FlipTable
+
+    with progress("comparing") as tell:
+        return diff_table(FlipTable(path), pairs(settings, "--set"), jobs=jobs, progress=tell)
 
 
 def _of_rules(

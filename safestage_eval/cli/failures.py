@@ -1,4 +1,4 @@
-"""How commands fail: one clear message on stderr, and exit code 2."""
+"""Failures of commands: one message on stderr, and exit code 2."""
 
 from __future__ import annotations
 

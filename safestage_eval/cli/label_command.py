@@ -143,9 +143,9 @@ def _found(
 
 
 def _warn(refs: Sequence[EpisodeRef], rules: RuleSet, bind: BindFile | None) -> None:
-    """Say for which tasks there is no requirement that could be told."""
+    """Warn of tasks without a requirement that could be shown."""
     from safestage_eval.errors import InputError
-    from safestage_eval.label.question import unasked
+    from safestage_eval.label.review_question import unasked
 
     tasks = {ref.fields.get("task") or ref.episode_id: ref for ref in reversed(refs)}
     for task, ref in tasks.items():
@@ -175,7 +175,7 @@ def _options(rules: Sequence[str], bind: Path | None) -> list[str]:
 
 
 def _next(scored: Sequence[str], file: Path, results: Sequence[Path]) -> tuple[str, ...]:
-    """What to run when all is answered; ``scored``: arguments of ``score``."""
+    """Commands to run when all is answered; ``scored``: arguments of ``score``."""
     from shlex import join, quote
 
     first = [] if results else [f"safestage score {join(scored)} -f parquet -o rows.parquet"]

@@ -7,7 +7,14 @@ from pathlib import Path
 
 import click
 
-from .shared_options import announce_compiling, progress, rules_option, written
+from .shared_options import (
+    announce_compiling,
+    format_option,
+    output_option,
+    progress,
+    rules_option,
+    written,
+)
 from .terminal import say
 
 
@@ -203,13 +210,8 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     "--deep", is_flag=True,
     help="With --mutate: also mutate states, phases and signals.",
 )  # fmt: skip
-@click.option(
-    "--format", "-f", "form", type=click.Choice(["table", "json", "junit"]), default="table",
-    show_default=True,
-)  # fmt: skip
-@click.option(
-    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
-)
+@format_option("table", "json", "junit")
+@output_option
 @click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
 @click.pass_context
 def test(

@@ -97,6 +97,10 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
     "--address", metavar="ADDRESS", help="Address of the Ray cluster. Default: $RAY_ADDRESS."
 )
 @click.option(
+    "--what-if", "what_if", metavar="all|NAMES",
+    help="Write the what-if table beside the Parquet --output, for all parameters or those named.",
+)  # fmt: skip
+@click.option(
     "--verbose", "-v", is_flag=True, help="In the table: every episode, and other stages' findings."
 )
 @click.pass_context
@@ -124,6 +128,7 @@ def command(
     memory: str | None,
     engine: str,
     address: str | None,
+    what_if: str | None,
     verbose: bool,
 ) -> int:
     """Judge recorded episodes against safety rules.
@@ -155,6 +160,8 @@ def command(
         raise click.UsageError("--golden is about all episodes: leave out --where")
     if form == "parquet" and output is None and sys.stdout.isatty():
         raise click.UsageError("--format parquet: give --output FILE, or pipe it on")
+    if what_if is not None and (form != "parquet" or output is None):
+        raise click.UsageError("--what-if: write rows with --format parquet --output FILE")
     overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
     if address is not None and engine != "ray":
         raise click.UsageError("--address is for --engine ray")
@@ -181,8 +188,8 @@ def command(
         memory=None if memory is None else memory_limit.limit(memory),
     )
     if asked.bind is not None:
-        for told in misspelt_roles(asked.bind, load_rules(list(asked.rules))):
-            say(f"warning: {told}", err=True)
+        for warning in misspelt_roles(asked.bind, load_rules(list(asked.rules))):
+            say(f"warning: {warning}", err=True)
     with progress("scoring") as tell:
         heap.keep()
         scores = score_traces(traces, asked, choice, tell, announce_compiling)
@@ -194,6 +201,8 @@ def command(
 
         changes = changes_from(scores, golden)
     _write(scores, form, output, verbose, changes)
+    if what_if is not None and output is not None:
+        _write_what_if(traces, filters, rules, overrides, bind, jobs, what_if, output)
     in_table = form == "table" and output is None  # there already, unless it went to another place
     if not in_table or (sys.stderr.isatty() and not sys.stdout.isatty()):
         for problem in scores.problems:
@@ -231,6 +240,35 @@ def _write(
     written(text, output)
     if output is not None:
         say(f"{output}: {len(scores.results)} episodes", err=True)
+
+
+def _write_what_if(
+    traces: tuple[str, ...],
+    filters: dict[str, str],
+    rules: tuple[str, ...],
+    overrides: dict[str, str],
+    bind: Path | None,
+    jobs: int | None,
+    params: str,
+    output: Path,
+) -> None:
+    """Write the what-if table beside the rows; what cannot be judged is listed with them."""
+    from safestage_eval.formats import discover
+    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.rules import builtin_names
+    from safestage_eval.whatif.flip_table import Judging, path_beside, write_table
+
+    names = [name.strip() for name in params.split(",") if name.strip()]
+    judging = Judging(
+        tuple(rules) or tuple(builtin_names()), overrides, None if bind is None else str(bind)
+    )
+    beside = path_beside(output)
+    with progress("what-if") as tell:
+        write_table(
+            beside, [*Chosen(discover(list(traces)), filters)], judging,
+            params=None if names == ["all"] else names, jobs=jobs, progress=tell,
+        )  # fmt: skip
+    say(f"{beside}: what-if table", err=True)
 
 
 def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:

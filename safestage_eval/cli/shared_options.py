@@ -45,8 +45,28 @@ episode_option = click.option(
     help="Episode id, or a unique part of it, where TRACE holds several.",
 )  # fmt: skip
 
+output_option = click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
+
+resamples_option = click.option(
+    "--resamples", type=click.IntRange(100), default=2000, show_default=True,
+    help="Number of bootstrap resamples over tasks.",
+)  # fmt: skip
+
+bootstrap_seed_option = click.option(
+    "--random-seed", type=click.IntRange(0), default=0, show_default=True,
+    help="Random seed of the bootstrap.",
+)  # fmt: skip
 
 episode_argument = click.argument("name", required=False, metavar="[EPISODE]")
+
+
+def format_option(*formats: str) -> Callable[[Any], Any]:
+    """``--format`` with these choices, the first one by default."""
+    return click.option(
+        "--format", "-f", "form", type=click.Choice(formats), default=formats[0], show_default=True
+    )
 
 
 def pairs(values: tuple[str, ...], option: str) -> dict[str, str]:
@@ -84,7 +104,7 @@ def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
 
 
 def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> None:
-    """To stdout, or as a file that appears whole or not at all; all at once or piece by piece."""
+    """Write data to stdout, or to a file that appears whole or not at all; at once or piece by piece."""
     pieces = [data] if isinstance(data, str | bytes) else data
     if output is None:
         for piece in pieces:
@@ -101,7 +121,7 @@ def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> N
 
 
 def unusable(folder: Path) -> str:
-    """Why nothing can be kept in a folder, which is made if it is not there; empty if it can."""
+    """Why a folder cannot be written to, after creating it; empty if it can."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -143,7 +163,7 @@ def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
     )
 
     class Rate(TextColumn):
-        """How many are done in a second."""
+        """Items per second."""
 
         def render(self, task: Task) -> Text:
             return Text(f"{task.finished_speed or task.speed or 0:.1f}/s")

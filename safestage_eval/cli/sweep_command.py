@@ -74,6 +74,9 @@ def command(
 ) -> None:
     """Show how the rates move with a threshold.
 
+    TRACES may be one result file, rows.parquet of score --what-if: then the what-if table beside it
+    answers, and only episodes that it does not decide are judged again.
+
     Every value is judged, but the traces are read and measured only once. Episodes count if a rule
     that is assigned to them reads the parameter. The table draws values together between which
     nothing changes; CSV and JSON have a row for each, in SI. JSON also says, per episode, between
@@ -84,6 +87,7 @@ def command(
       safestage sweep traces/ --rules ets --param min_clearance
       safestage sweep traces/ -r ets -p min_clearance --from "1 cm" --to "20 cm" --steps 200
       safestage sweep traces/ -r fsh -p edge --values "1 cm, 2 cm, 5 cm" --by policy
+      safestage sweep rows.parquet -p min_clearance --steps 200
       safestage sweep traces/ -r fsh -p settle_time --from "0.5 s" --to "3 s" --plot settle.png
     """
     if values is not None and (first is not None or last is not None):
@@ -97,30 +101,44 @@ def command(
     from safestage_eval.report.figure import ready
     from safestage_eval.rules import builtin_names, load_rules
     from safestage_eval.whatif import sweep as sweeps
+    from safestage_eval.whatif.flip_sweep import sweep_table
+    from safestage_eval.whatif.flip_table import FlipTable, is_result_file
     from safestage_eval.whatif.values import between, chosen
 
     if plot is not None:
         ready("--plot", plot)
-    specs = list(rules) or builtin_names()
+    table = None
+    if len(traces) == 1 and is_result_file(traces[0]):
+        if rules or settings or bind or where:
+            raise click.UsageError(
+                f"{traces[0]}: its what-if table holds for the rules and values that it was written "
+                "with; leave out --rules, --set, --bind and --where"
+            )
+        table = FlipTable(traces[0])
+    specs = list(table.judging.rules if table is not None else rules) or builtin_names()
     loaded = load_rules(specs)
     visited = (
         between(loaded, param, first, last, steps)
         if values is None
         else chosen(loaded, param, values.split(","))
     )
-    refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
-    announce_compiling()
+    found: sweeps.Curves
     with progress("sweeping") as tell:
-        found = sweeps.sweep(
-            refs,
-            specs,
-            param,
-            visited,
-            overrides=overrides,
-            bind=bind,
-            jobs=jobs,
-            progress=tell,
-        )
+        if table is not None:
+            found = sweep_table(table, param, visited, jobs=jobs, progress=tell)
+        else:
+            refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
+            announce_compiling()
+            found = sweeps.sweep(
+                refs,
+                specs,
+                param,
+                visited,
+                overrides=overrides,
+                bind=bind,
+                jobs=jobs,
+                progress=tell,
+            )
     written(sweep_report.render(found, form, by), output)
     if plot is not None:
         sweep_report.plot(found, plot, by)

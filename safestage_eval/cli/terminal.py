@@ -1,4 +1,4 @@
-"""What commands print that is neither data nor a finished report."""
+"""Messages of commands, besides data and finished reports."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def command(
 
 
 def _warnings(ref: EpisodeRef, rules: RuleSet, bind: BindFile | None) -> list[str]:
-    """Of an episode that is sound: what keeps its assigned rules from being judged."""
+    """Warnings for a sound episode: reasons why its assigned rules cannot be judged."""
     from safestage_eval.errors import RuleError
     from safestage_eval.rules.resolve import bind_episode
 

@@ -1,1 +1,1 @@
-"""What an episode tells: series over its frames, with what is missing in them."""
+"""What is measured of an episode: facts, series, and the stores that answer queries about them."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from functools import cached_property
 from typing import Any
 
@@ -13,6 +14,8 @@ from safestage_eval.episode.contacts import Pair
 
 from .contact_kernels import add_up, add_up_normal, strange
 from .gaps import Gaps
+from .query import Growth, Query
+from .store import Store
 
 F64 = NDArray[np.float64]
 
@@ -31,8 +34,11 @@ COARSE = 0.025
 class ContactSums:
     """Per body pair (indices into ``header.bodies``): sums over the contact rows of each frame."""
 
-    def __init__(self, episode: Episode, gaps: Gaps | None = None) -> None:
-        """Nothing is computed before it is asked for. ``gaps``: of the same episode."""
+    def __init__(
+        self, episode: Episode, gaps: Gaps | None = None, store: Store | None = None
+    ) -> None:
+        """Nothing is computed before it is asked for. ``gaps``, ``store``: of the same episode."""
+        self._store = store or Store()
         self._gaps = gaps or Gaps(episode)
         self._episode = self._gaps.episode if gaps is None else episode
         self._frames = len(episode)
@@ -43,7 +49,11 @@ class ContactSums:
     @cached_property
     def pairs(self) -> list[Pair]:
         """Every pair (i < j) with at least one contact row."""
-        return self._episode.contacts.pairs
+
+        def measure(near: Any) -> Iterable[Pair]:
+            return (self._episode if near is None else near.episode).contacts.pairs
+
+        return self._store.items(Query("force", "pairs"), measure)
 
     @cached_property
     def _beside(self) -> dict[int, list[int]]:
@@ -64,10 +74,22 @@ class ContactSums:
         """
         key = (min(i, j), max(i, j))
         if key not in self._normal:
-            frame, force, normal = self._episode.contacts.of_pair(key, "frame", "force", "normal")
-            sums, sound = add_up_normal(frame, force, normal, self._frames)
-            self._normal[key] = sums if sound else self._sound(key, frame, force, normal)
+            self._normal[key] = self._sum("normal", key, ContactSums._add_normal)
         return self._normal[key]
+
+    def _sum(self, name: str, key: Pair, add: Callable[[ContactSums, Pair], F64]) -> F64:
+        def measure(near: Any) -> F64:
+            return add(self if near is None else near.signals.contact_sums, key)
+
+        query = Query("force", name, (str(key[0]), str(key[1])))
+        found = self._store.column(query, measure, Growth.PER_FRAME)
+        assert found is not None
+        return found
+
+    def _add_normal(self, key: Pair) -> F64:
+        frame, force, normal = self._episode.contacts.of_pair(key, "frame", "force", "normal")
+        sums, sound = add_up_normal(frame, force, normal, self._frames)
+        return sums if sound else self._sound(key, frame, force, normal)
 
     def _sound(self, key: Pair, frame: Any, force: Any, normal: Any) -> F64:
         """As ``normal``, of the contacts that can be; where others are, the force is not known."""
@@ -95,11 +117,14 @@ class ContactSums:
         """(T,) N, largest value of ``normal`` over the physics steps within each frame."""
         key = (min(i, j), max(i, j))
         if key not in self._peak:
-            frame, values = self._episode.contacts.of_pair(key, "frame", "peak_force")
-            peak = np.zeros(self._frames)
-            np.maximum.at(peak, frame, values)
-            self._peak[key] = np.maximum(peak, self.normal(*key))
+            self._peak[key] = self._sum("peak", key, ContactSums._find_peak)
         return self._peak[key]
+
+    def _find_peak(self, key: Pair) -> F64:
+        frame, values = self._episode.contacts.of_pair(key, "frame", "peak_force")
+        peak = np.zeros(self._frames)
+        np.maximum.at(peak, frame, values)
+        return np.maximum(peak, self.normal(*key))
 
     @cached_property
     def covers_frames(self) -> bool:
@@ -128,10 +153,13 @@ class ContactSums:
         """(T,) N, vertical component (up positive) of the total force on one body by another."""
         key = (min(on, by), max(on, by))
         if key not in self._vertical:
-            self.normal(*key)  # looks whether the contacts are sound
-            frame, force = self._episode.contacts.of_pair(key, "frame", "force.z")
-            self._vertical[key] = add_up(frame, force, self._frames)
+            self._vertical[key] = self._sum("upward", key, ContactSums._add_upward)
         return self._vertical[key] if on > by else -self._vertical[key]
+
+    def _add_upward(self, key: Pair) -> F64:
+        self.normal(*key)  # looks whether the contacts are sound
+        frame, force = self._episode.contacts.of_pair(key, "frame", "force.z")
+        return add_up(frame, force, self._frames)
 
     def touching(self, i: int, j: int) -> NDArray[np.bool_]:
         """(T,) true where a force is exchanged."""

@@ -23,6 +23,7 @@ from .motion import ALL
 from .reference import Baseline, Reference
 from .series import Series, exact, unknown
 from .settling import settled
+from .store import Store
 
 F64 = NDArray[np.float64]
 
@@ -69,11 +70,22 @@ class Movers:
 class Facts:
     """An episode, and what several signals share."""
 
-    def __init__(self, episode: Episode, baseline_frames: int = 5, backend: str = "gjk") -> None:
-        """``baseline_frames``: how many first frames estimate the initial state.
+    def __init__(
+        self,
+        episode: Episode,
+        baseline_frames: int = 5,
+        backend: str = "gjk",
+        store: Store | None = None,
+    ) -> None:
+        """Measure nothing yet.
 
-        ``backend``: whose clearances (geometry.backend).
+        Args:
+            episode: what is measured.
+            baseline_frames: how many first frames estimate the initial state.
+            backend: that measures clearances (``geometry.backend``).
+            store: that answers queries about the episode; a new one in memory if None.
         """
+        self.store = Store() if store is None else store
         self.gaps = Gaps(episode)
         self.episode = episode = self.gaps.episode
         self.backend = backend
@@ -87,7 +99,7 @@ class Facts:
     @cached_property
     def contact_sums(self) -> ContactSums:
         """Forces summed per pair of bodies."""
-        return ContactSums(self.episode, self.gaps)
+        return ContactSums(self.episode, self.gaps, self.store)
 
     def com_position(self, name: str, frames: slice = ALL) -> F64:
         """(T, 3) m, centre of mass of a body, world; or at some frames alone."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -10,17 +11,16 @@ from safestage_eval.episode import Episode
 from safestage_eval.geometry.clearance import SLACK, Clearance, motion_bound
 from safestage_eval.geometry.gjk import PROMISED
 
-from .declare import SIGNALS, Options
+from .declare import SIGNALS, Options, Signal
 from .facts import Facts, Request
+from .query import Growth, Kind, Query
 from .reference import Reference
 from .series import Series, exact, hidden, unknown
+from .store import Store
 from .unseen import gap_of, mask_unseen
 
 CAP = 0.10
 """m: a clearance series is exact up to here; beyond, it says only "more than that"."""
-
-PLAIN = (0.0, False, 0.0, ())
-"""Cap, depth, slack and options of a signal that has none."""
 
 
 def how(name: str, reach: float, limits: Sequence[float]) -> tuple[float, bool, float]:
@@ -29,6 +29,13 @@ def how(name: str, reach: float, limits: Sequence[float]) -> tuple[float, bool, 
         return 0.0, False, 0.0
     deep = min(limits, default=1.0) <= 0
     return max(reach, CAP), deep, SLACK if limits and not deep else 0.0
+
+
+def _growth(signal: Signal) -> Growth:
+    """How a signal changes when the episode grows."""
+    if signal.per_frame:
+        return Growth.PER_FRAME
+    return Growth.OPEN_END if signal.ahead else Growth.WHOLE
 
 
 def loose(found: Series, cap: float) -> Clearance:
@@ -40,12 +47,15 @@ def loose(found: Series, cap: float) -> Clearance:
 class Signals(Facts):
     """Signals of an episode by name and bodies, in SI, each a ``Series`` over all frames."""
 
-    def __init__(self, episode: Episode, baseline_frames: int = 5, backend: str = "gjk") -> None:
+    def __init__(
+        self,
+        episode: Episode,
+        baseline_frames: int = 5,
+        backend: str = "gjk",
+        store: Store | None = None,
+    ) -> None:
         """Arguments as ``Facts``."""
-        super().__init__(episode, baseline_frames, backend)
-        self._known: dict[
-            tuple[str, tuple[str, ...], str, float, bool, float, Options], Series
-        ] = {}
+        super().__init__(episode, baseline_frames, backend, store)
         # by identity: the series is kept beside what was found
         self._slack: dict[int, tuple[Series, Clearance]] = {}
 
@@ -97,7 +107,8 @@ class Signals(Facts):
             return None
         if self.gaps.of_bodies(bodies[:1]) is not None:
             return None
-        known = self._known.get((name, bodies, reference.key if reference else "", *PLAIN))
+        since = reference.key if reference else ""
+        known = self.store.known(self.query("signal", name, bodies, since))
         if known is not None:
             lower = known.lower[frames]
             upper = lower if known.upper is known.lower else known.upper[frames]
@@ -118,6 +129,11 @@ class Signals(Facts):
         """
         if not SIGNALS[name].capped:
             return None
+        query = self.query("between frames", name, tuple(bodies), frame=frame)
+        found: float = self.store.value(query, lambda _: self._between(bodies, frame))
+        return found
+
+    def _between(self, bodies: Sequence[str], frame: int) -> float:
         pairs = self.pairs_between(bodies)
         near = slice(max(frame - 1, 0), frame + 2)
         bounds = [motion_bound(a.at(near), b.at(near)).max(initial=0.0) for a, b in pairs]
@@ -133,11 +149,33 @@ class Signals(Facts):
         slack: float,
         options: Options,
     ) -> Series:
-        """As measured, once: ``cap``, ``deep`` and ``slack`` as in ``facts.Request``."""
-        key = (name, bodies, reference.key if reference else "", cap, deep, slack, options)
-        if key not in self._known:
-            self._known[key] = self._measure(name, bodies, reference, cap, deep, slack, options)
-        return self._known[key]
+        """As measured, once: ``cap``, ``deep`` and ``slack`` as in ``query.Query``."""
+
+        def measure(near: Any) -> Series:
+            signals: Signals = self if near is None else near.signals
+            return signals._measure(name, bodies, reference, cap, deep, slack, options)
+
+        since = reference.key if reference else ""
+        query = self.query("signal", name, bodies, since, cap, deep, slack, options)
+        return self.store.series(query, measure, _growth(SIGNALS[name]))
+
+    def query(
+        self,
+        kind: Kind,
+        name: str = "",
+        bodies: tuple[str, ...] = (),
+        since: str = "",
+        cap: float = 0.0,
+        deep: bool = False,
+        slack: float = 0.0,
+        options: Options = (),
+        frame: int = -1,
+    ) -> Query:
+        """A query about the episode, as it is measured here; arguments as in ``Query``."""
+        return Query(
+            kind, name, bodies, since, cap, deep, slack, options, frame, self.backend,
+            self.baseline.frames,
+        )  # fmt: skip
 
     def _measure(
         self,

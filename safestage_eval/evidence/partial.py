@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.evidence.series import Series
+from .series import Series
 
 Bool = NDArray[np.bool_]
 

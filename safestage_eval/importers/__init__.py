@@ -1,4 +1,4 @@
-"""Other people's recordings: each format in one file, told by content, with an account of its gaps."""
+"""Import of other people's recordings: one file per format, recognised by content, with an account of what is missing."""
 
 from .account import Account
 from .import_source import Outcome, import_all

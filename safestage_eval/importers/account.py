@@ -1,4 +1,4 @@
-"""What an import could not take over as it was: said per episode, kept in its header."""
+"""Account of what an import lacked, recomputed or changed; kept in each episode's header."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ MAGIC = b"\x89HDF\r\n\x1a\n"
 
 
 def is_hdf5(path: Path) -> bool:
-    """Whether a file begins as HDF5 files do."""
+    """Whether a file begins with the HDF5 signature."""
     try:
         with path.open("rb") as stream:
             return stream.read(8) == MAGIC
@@ -45,14 +45,14 @@ def open_hdf5(path: Path) -> Any:
             str(path), "is an HDF5 file, which h5py reads.", fix="pip install 'safestage[import]'"
         ) from None
     try:
-        told = path.stat()
-        known = (path, told.st_mtime_ns, told.st_size) in _LOOKED_AT
+        stat = path.stat()
+        known = (path, stat.st_mtime_ns, stat.st_size) in _LOOKED_AT
         if not known:
             check_heaps(path)
         file = h5py.File(path, "r")
         if not known:
             check_links(file, str(path))
-            _LOOKED_AT.add((path, told.st_mtime_ns, told.st_size))
+            _LOOKED_AT.add((path, stat.st_mtime_ns, stat.st_size))
         return file
     except OSError as error:
         raise SourceError(
@@ -100,7 +100,7 @@ def layout(where: str) -> Iterator[None]:
 
 
 def fingerprint(group: Any) -> str:
-    """Of a group: names, shapes and types of all datasets below, and the ends of each."""
+    """Digest of a group: names, shapes and types of all datasets below, and the ends of each."""
     digest = sha256()
     with layout(str(group.name)):
         for name, data in datasets(group):

@@ -44,7 +44,7 @@ def check_heaps(path: Path) -> None:
 
 
 def _places(stream: BinaryIO, what: bytes) -> Iterator[int]:
-    """Where some bytes are in a file."""
+    """Position and size of some bytes in a file."""
     stream.seek(0)
     begin, kept = 0, b""
     while block := stream.read(_BLOCK):
@@ -58,7 +58,7 @@ def _places(stream: BinaryIO, what: bytes) -> Iterator[int]:
 
 
 def _pointed_to(stream: BinaryIO, begin: int, offsets: int) -> bool:
-    """Whether anything can be an object's id: where its collection is, and its number in there.
+    """Whether a value can be an object's id: the address of its collection, and its number in it.
 
     What is written anew leaves an old collection behind, whose bytes mean nothing any more.
     """

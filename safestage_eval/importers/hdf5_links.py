@@ -1,4 +1,4 @@
-"""What an HDF5 file may not hold when it comes from a stranger: ways out of the file.
+"""Links in an HDF5 file from a stranger that lead out of the file: refused.
 
 A dataset can have its numbers in any other file of this machine (external storage, virtual
 datasets), a link can lead into another file, and links can lead round in a circle, or to so few groups

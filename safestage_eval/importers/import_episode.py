@@ -1,4 +1,4 @@
-"""Importing one episode: read, stamped with its source and its account, written whole."""
+"""Import one episode: read it, add its source and account, write it whole."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Target:
-    """Where to, and with what; picklable.
+    """Destination and settings of an import; picklable.
 
     Attributes:
         folder: of the dataset, or of the MCAP files.
@@ -120,7 +120,7 @@ def _stamped(
 
 
 def fingerprint_of(source: Importer, name: str, target: Target) -> str:
-    """Of the data, and of the settings that they were read with."""
+    """Digest of the data, and of the settings that they were read with."""
     settings = target.settings
     with_ = f"{settings.map.digest} {settings.quaternion} {settings.dt}"
     return sha256(f"{source.fingerprint(name)} {with_}".encode()).hexdigest()[:16]

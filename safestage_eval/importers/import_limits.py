@@ -1,4 +1,4 @@
-"""What reading a source may take before it is given up."""
+"""Limits of memory and time when reading a source."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Limits:
     _known: dict[Path, float] = field(default_factory=dict, compare=False, repr=False)
 
     def seconds(self, source: Path) -> float:
-        """What one look at a file or folder, or one episode of it, may take."""
+        """Seconds for examining a file or folder, or for reading one episode of it."""
         if self.timeout is not None:
             return self.timeout
         if source not in self._known:

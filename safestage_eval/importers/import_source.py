@@ -1,4 +1,4 @@
-"""Importing all episodes of a source into a dataset: again and again, and none by halves."""
+"""Import all episodes of a source into a dataset; may be repeated, and no episode is written by halves."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .registry import walk
 
 @dataclass(frozen=True)
 class Outcome:
-    """What importing came to.
+    """The result of importing a source.
 
     Attributes:
         formats: file or folder → (format, by what it was recognised).
@@ -60,10 +60,10 @@ def import_all(
         mcap: write MCAP files.
         limits: what each look and each episode may take; they are then read in processes of their own,
             as they are with more than one job. Without it nothing is bounded.
-        progress: told (done, total) after each episode.
+        progress: called with (done, total) after each episode.
 
     Raises:
-        SourceError: nothing was recognised, or the map file speaks of no episode of the source.
+        SourceError: nothing was recognised, or the map file names no episode of the source.
     """
     settings = settings or Settings()
     target = Target(to, mcap, settings, bind)
@@ -109,15 +109,15 @@ def _tasks(
 
     def claim(path: Path) -> tuple[str, str] | InputError | None:
         try:
-            found: tuple[str, str] | None = reading.ask(Look(path, only), path)
+            result: tuple[str, str] | None = reading.ask(Look(path, only), path)
         except InputError as error:
             return error
-        return found
+        return result
 
-    found: list[tuple[Path, tuple[str, str] | InputError]] = list(walk(source, claim, to))
-    if not found:
+    result: list[tuple[Path, tuple[str, str] | InputError]] = list(walk(source, claim, to))
+    if not result:
         reading.ask(Unknown(source, only), source)
-    for path, whose in found:
+    for path, whose in result:
         place = readable(path.resolve().relative_to(root).as_posix())
         try:
             if isinstance(whose, InputError):
@@ -126,7 +126,7 @@ def _tasks(
             kind, _ = whose
             names: list[str] = reading.ask(Names(kind, path), path)
         except InputError as error:
-            if len(found) == 1:
+            if len(result) == 1:
                 raise
             failed.append(Failed(place, str(error)))
             continue
@@ -138,7 +138,7 @@ def _tasks(
 
 
 def _episodes_exist(settings: Settings, names: set[str]) -> None:
-    """Raises SourceError when the map file speaks of episodes that the source does not have."""
+    """Raise SourceError when the map file names episodes that the source does not have."""
     unknown = sorted(set(settings.map.episode) - names)
     if unknown:
         some = ", ".join(sorted(names)[:6])

@@ -1,4 +1,4 @@
-"""What each foreign format does: recognise its files; then list their episodes and read one, or refuse."""
+"""Interface of an importer: recognise files; list their episodes; read one, or refuse."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SourceError(InputError):
 
 @dataclass(frozen=True)
 class Settings:
-    """What the user adds to a source. Small and picklable.
+    """The user's additions to a source. Small and picklable.
 
     Attributes:
         map: what the map file says (docs/import/map.md).
@@ -44,7 +44,7 @@ class Format(ABC):
     @classmethod
     @abstractmethod
     def recognise(cls, path: Path) -> str | None:
-        """By what a file or folder is told to be of this format; None if it is not.
+        """Why this format matches a file or folder; None if it does not.
 
         Looks at content, never at names alone, and is quick.
 
@@ -54,12 +54,12 @@ class Format(ABC):
 
 
 class Refused(Format):
-    """A format of which nothing can be imported."""
+    """A known format that nothing can be imported from."""
 
     @classmethod
     @abstractmethod
     def refusal(cls, path: Path) -> SourceError:
-        """What the source lacks, and what to ask for instead."""
+        """Say what the source lacks, and what to ask its publisher for."""
 
 
 class Importer(Format):

@@ -125,13 +125,13 @@ class Demo:
 
     def _initial(self, kind: str, name: str) -> Any:
         """The group of a body in ``initial_state``, if that is there."""
-        found = None if self.first is None else self.first.get(f"{kind}/{name}")
-        if found is None:
+        result = None if self.first is None else self.first.get(f"{kind}/{name}")
+        if result is None:
             self.account.missing(
                 "initial state", "the episode begins after the first action",
                 cost="the initial state is that of the next frame",
             )  # fmt: skip
-        return found
+        return result
 
     def _object(self, name: str, group: Any) -> None:
         position, orientation, linear, angular = self._motion(
@@ -174,8 +174,8 @@ class Demo:
                 f"shape {corners.shape} does not go with {len(position)} frames.",
                 f"({len(position) - 1}, 8, 3)",
             )
-        found = fit(corners, position[late:], orientation[late:])
-        if found is not None and found.spread > SPREAD:
+        result = fit(corners, position[late:], orientation[late:])
+        if result is not None and result.spread > SPREAD:
             other = "xyzw" if self.order == "wxyz" else "wxyz"
             turned = (
                 orientation[:, [1, 2, 3, 0]] if other == "wxyz" else orientation[:, [3, 0, 1, 2]]
@@ -184,12 +184,12 @@ class Demo:
             better = again is not None and again.spread <= SPREAD
             raise SourceError(
                 f"{self.where}/bbox/bbox_mm/{name}",
-                f"its corners move by {found.spread * 1e3:.0f} mm against its poses, read as "
+                f"its corners move by {result.spread * 1e3:.0f} mm against its poses, read as "
                 f"{self.order}" + (f"; read as {other} they do not." if better else "."),
                 fix=f"--quaternion {other}" if better
                 else "ask for the recording as RoboLab wrote it",
             )  # fmt: skip
-        return found
+        return result
 
     def _articulation(self, name: str, group: Any) -> None:
         first = self._initial("articulation", name)
@@ -267,9 +267,9 @@ class Demo:
     def _header(self, bodies: tuple[Body, ...], joints: tuple[Joint, ...]) -> Header:
         config, result = self.source.sidecars.config, self.result
         success = self.group.attrs.get("success")
-        told = result.get("success")
-        reached = bool(told if told is not None else success) if (
-            told is not None or success is not None
+        recorded_success = result.get("success")
+        reached = bool(recorded_success if recorded_success is not None else success) if (
+            recorded_success is not None or success is not None
         ) else None  # fmt: skip
         end = float((self.length - 1) * self.dt)
         say_success(

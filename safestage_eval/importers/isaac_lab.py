@@ -57,7 +57,7 @@ class IsaacLab(Importer):
         return hdf5.numbered(self._source.data)
 
     def fingerprint(self, name: str) -> str:
-        """Of its datasets."""
+        """Digest of its datasets."""
         return hdf5.fingerprint(self._source.data[name])
 
     def close(self) -> None:

@@ -20,7 +20,7 @@ CLOSED = np.pi / 4
 
 
 class RobotColumns:
-    """What was recorded of the robot beside the poses of its bodies."""
+    """The robot's recorded columns besides the poses of its bodies."""
 
     def __init__(self, group: Any, length: int, where: str, account: Account) -> None:
         """``group``: of the demo; ``length``: its frames; ``where``: for messages."""

@@ -1,4 +1,4 @@
-"""What stands beside an Isaac Lab or RoboLab recording: its configuration and its results.
+"""Files beside an Isaac Lab or RoboLab recording: its configuration and its results.
 
 RoboLab (github.com/NVlabs/RoboLab, docs/data.md) writes ``env_cfg.json`` into the folder of the
 recording and ``episode_results.jsonl`` into the one above; both may be missing.
@@ -18,7 +18,7 @@ RESULTS = ("episode_results.jsonl", "episode_results.json")
 
 @dataclass(frozen=True)
 class Sidecars:
-    """Of one recording.
+    """The side files of one recording.
 
     Attributes:
         config: ``env_cfg.json``, empty if there is none.
@@ -51,7 +51,7 @@ class Sidecars:
 
     @property
     def roles(self) -> dict[str, tuple[str, ...]]:
-        """What the success condition moves (``target``), and where to (``destination``)."""
+        """Roles from the success condition: what it moves (``target``), and where to (``destination``)."""
         terms = self.config.get("terminations")
         found: dict[str, dict[str, None]] = {"target": {}, "destination": {}}
         for term in terms.values() if isinstance(terms, dict) else ():
@@ -97,7 +97,7 @@ class Sidecars:
 
 
 def read_sidecars(recording: Path) -> Sidecars:
-    """What there is beside a recording."""
+    """Read the files beside a recording."""
     problems: list[str] = []
     config = _json(recording.parent / "env_cfg.json", problems)
     lines: list[Any] = []

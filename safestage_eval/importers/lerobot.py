@@ -1,4 +1,4 @@
-"""LeRobot datasets, v2 and v3, whose map file says which columns hold the poses of which bodies.
+"""LeRobot datasets, v2 and v3; the map file assigns columns to the poses of bodies.
 
 LeRobot (github.com/huggingface/lerobot) fixes where images, robot state and actions are, not where
 objects are. So nothing is taken for an object's pose by its name: ``[columns.body.NAME]`` says it.
@@ -81,7 +81,7 @@ class LeRobot(Importer):
         return [f"episode_{number}" for number in sorted(self._tables.files)]
 
     def fingerprint(self, name: str) -> str:
-        """Of the episode's rows in the columns that are mapped."""
+        """Digest of the episode's rows in the mapped columns."""
         table = self._tables.read(_number(name), self._wanted(), self._said_in)
         digest = sha256()
         for column in table:

@@ -40,19 +40,19 @@ class Tables:
         """Episode → the file that holds its rows."""
         import pyarrow.parquet as pq
 
-        found: dict[int, Path] = {}
+        result: dict[int, Path] = {}
         for file in sorted((self._path / "data").rglob("*.parquet")):
             name = re.fullmatch(r"episode_(\d+)", file.stem)
             if name is not None:
-                found[int(name[1])] = file
+                result[int(name[1])] = file
                 continue
             with _reading(file):
                 numbers = pq.read_table(arrow_file(file), columns=["episode_index"])[
                     "episode_index"
                 ]
             for number in set(numbers.to_pylist()):
-                found[int(number)] = file
-        return found
+                result[int(number)] = file
+        return result
 
     def read(self, number: int, wanted: Sequence[str], said_in: str) -> dict[str, F64]:
         """(T, k) of the wanted columns of an episode, and of timestamp and task_index.
@@ -115,8 +115,8 @@ def _reading(file: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:  # Arrow raises these
-        told = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise TraceError(str(file), f"cannot be read: {told}.", fix="download it again") from None
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise TraceError(str(file), f"cannot be read: {reason}.", fix="download it again") from None
 
 
 def described(path: Path) -> dict[str, Any] | None:

@@ -1,4 +1,4 @@
-"""Map files: what a source does not say of its bodies and episodes (docs/import/map.md).
+"""Map files: facts about bodies and episodes that a source lacks (docs/import/map.md).
 
 ::
 

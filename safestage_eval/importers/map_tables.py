@@ -1,4 +1,4 @@
-"""What may stand in a map file: its tables, their entries and units."""
+"""The tables of a map file, their entries and units."""
 
 from __future__ import annotations
 
@@ -102,9 +102,9 @@ class ShapeTable(_Table):
     orientation: Quat = (1.0, 0.0, 0.0, 0.0)
     friction: tuple[float, float, float] | None = None
     file: str | None = None
-    """Of a mesh: an OBJ, STL or PLY file, relative to the map file."""
+    """File of a mesh (OBJ, STL or PLY), relative to the map file."""
     scale: Annotated[float, Field(gt=0)] = 1.0
-    """Of a mesh: metres per unit of the file."""
+    """Scale of a mesh: metres per unit of the file."""
 
 
 class CavityTable(_Table):
@@ -178,10 +178,10 @@ class MapFile(_Table):
     body: dict[str, BodyTable] = Field(default_factory=dict)
     columns: ColumnsTable | None = None
     path: str = Field(default="", exclude=True)
-    """Where it is; not a table of the file."""
+    """The map file's path; not a table in it."""
 
     def of_body(self, name: str) -> BodyTable | None:
-        """What it says of a body: by patterns, in their order, then by its name; None if nothing."""
+        """Its entry for a body: by patterns, in their order, then by name; None if there is none."""
         said: dict[str, Any] = {}
         found = False
         for key in sorted(self.body, key=lambda key: key == name):  # stable: the name itself last

@@ -1,4 +1,4 @@
-"""Whether somebody else's MCAP file is whole: what its reader takes on trust is compared first.
+"""Check that a foreign MCAP file is complete, before its reader trusts it.
 
 The library asks no checksum of the summary, gives an LZ4 chunk all the memory that it unpacks to, and yields fewer
 messages where the index of chunks lost one. Layout: mcap.dev/spec.
@@ -42,9 +42,11 @@ def whole_messages(stream: BinaryIO) -> Iterator[tuple[Any, Any, Any]]:
     for found in reader.iter_messages():
         count += 1
         yield found
-    told = None if summary is None else summary.statistics
-    if told is not None and told.message_count != count:
-        raise ValueError(f"it says that it has {told.message_count:,} messages, and has {count:,}")
+    statistics = None if summary is None else summary.statistics
+    if statistics is not None and statistics.message_count != count:
+        raise ValueError(
+            f"it says that it has {statistics.message_count:,} messages, and has {count:,}"
+        )
 
 
 def check_summary(stream: BinaryIO) -> None:

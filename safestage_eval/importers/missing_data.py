@@ -1,4 +1,4 @@
-"""What recordings without contacts and models all lack, said in the same words."""
+"""Remarks on what recordings without contacts and models lack, in the same words for all formats."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ def say_contacts(account: Account) -> None:
     """No contact was recorded."""
     account.missing(
         "contacts and their forces",
-        "touches and supports are told by geometry",
+        "contact and support are inferred from geometry",
         cost="contact_force, peak_force, impulse and all rules on forces: inconclusive",
         remedy="none: they were not recorded",
     )
 
 
 def say_links(account: Account, robot: str) -> None:
-    """Of an articulation only root and joints are recorded."""
+    """Remark that only root and joints of an articulation are recorded."""
     account.missing(
         f"poses of the links of {robot}",
         "only its root and its joints are recorded",
@@ -49,7 +49,7 @@ def say_unused(account: Account, names: Sequence[str], map_: MapFile) -> None:
 
 
 def say_bodies(account: Account, bodies: Sequence[Body], map_: MapFile, com: str) -> None:
-    """What is not known of the objects among some bodies; ``com``: where their centres are put."""
+    """Remark on unknown properties of objects; ``com``: where their centres of mass are assumed."""
     objects = [body for body in bodies if body.kind == "object"]
     bare = [body.name for body in bodies if body.kind in ("object", "fixture") and body.unseen]
     if bare:
@@ -84,7 +84,7 @@ def say_bodies(account: Account, bodies: Sequence[Body], map_: MapFile, com: str
 
 
 def say_success(account: Account, *, known: bool, hold: float | None, how: str = "") -> None:
-    """Whether success is recorded, and how long (s) after it; ``how``: what happened then."""
+    """Remark on whether success is recorded, and for how long (s) after it; ``how``: what happened then."""
     if not known:
         account.missing(
             "success", cost="rates of success, and what depends on its moment",

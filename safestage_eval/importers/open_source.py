@@ -1,4 +1,4 @@
-"""What is asked of sources, answered in whatever process: the source that was read last stays open."""
+"""Questions about sources, answered in whatever process; the source that was read last stays open."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .registry import asked, claimed, importer, nothing_known
 
 @dataclass(frozen=True)
 class Look:
-    """Whose a file or folder is: (format, by what it is told); None if nobody's."""
+    """The format of a file or folder with the reason; None if unknown."""
 
     path: Path
     only: str | None
@@ -23,7 +23,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Unknown:
-    """Why nothing in here is of a known format: a SourceError."""
+    """A SourceError that says why no format matches."""
 
     path: Path
     only: str | None
@@ -39,7 +39,7 @@ class Names:
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """Of a task's data, and of the settings that they are read with."""
+    """Digest of a task's data, and of the settings that they are read with."""
 
     task: Task
 

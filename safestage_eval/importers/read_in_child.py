@@ -1,15 +1,15 @@
-"""Where sources are read: in this process, or in others of which any may hang, swell or die."""
+"""Reading of sources in this process, or in child processes that may hang, grow or die."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 from safestage_eval._process.children import Children, Ended, Question
+from safestage_eval._process.closing import Closing
 from safestage_eval.errors import InputError
 
 from .import_episode import Failed, Imported, Target, Task
@@ -22,16 +22,8 @@ GIVEN_UP = 3
 """Episodes of a source in a row that end their process or pass its bounds; the rest is not tried."""
 
 
-class Reading(ABC):
-    """Answers questions about sources (``shelf``), and imports episodes."""
-
-    @abstractmethod
-    def __enter__(self) -> Self: ...
-
-    @abstractmethod
-    def __exit__(
-        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
-    ) -> None: ...
+class Reading(Closing):
+    """Answers questions about sources (``open_source``), and imports episodes."""
 
     @abstractmethod
     def ask(self, question: Any, source: Path) -> Any:
@@ -49,14 +41,8 @@ class Here(Reading):
         """Nothing is open."""
         self._shelf = Shelf(target)
 
-    def __enter__(self) -> Self:
-        """The source that was read last stays open until the block ends."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
-    ) -> None:
-        """Closes it."""
+    def close(self) -> None:
+        """Close the source that was read last."""
         self._shelf.close()
 
     def ask(self, question: Any, source: Path) -> Any:  # noqa: ARG002
@@ -77,17 +63,9 @@ class Apart(Reading):
         self._limits = limits
         self._children = Children(jobs, _opened, target, memory=limits.memory)
 
-    def __enter__(self) -> Self:
-        """Processes stay until the block ends."""
-        self._children.__enter__()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:  # fmt: skip
-        """Ends them; what they were writing is put away."""
-        self._children.__exit__(kind, error, trace)
+    def close(self) -> None:
+        """End the processes; what they were writing is put away."""
+        self._children.close()
 
     def ask(self, question: Any, source: Path) -> Any:
         """See ``Reading.ask``."""
@@ -123,7 +101,7 @@ class Apart(Reading):
 
 
 def _opened(target: Target) -> Callable[[Any], Any]:
-    """What answers in a process of its own, with all importers loaded."""
+    """Answer questions in a process of its own, with all importers loaded."""
     importers()
     shelf = Shelf(target)
 

@@ -1,4 +1,4 @@
-"""Which importers there are, and whose a file is. None is loaded before a file is looked at."""
+"""The importers, and the choice of one for a file. Each is loaded when a file is examined."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ TITLES = {"mujoco": "MuJoCo states (robosuite, robomimic, LIBERO, MimicGen, Robo
 
 def importers() -> dict[str, type[Importer] | str]:
     """Format → its importer, or why it cannot be used here."""
-    found: dict[str, type[Importer] | str] = {}
+    result: dict[str, type[Importer] | str] = {}
     for name in (*FROM_SIMULATE, *OWN):
         try:
-            found[name] = importer(name)
+            result[name] = importer(name)
         except SourceError as error:
-            found[name] = f"{error.where}: {error.fix or error.what}"
-    return found
+            result[name] = f"{error.where}: {error.fix or error.what}"
+    return result
 
 
 def importer(name: str) -> type[Importer]:
@@ -66,7 +66,7 @@ def importer(name: str) -> type[Importer]:
 
 
 Claim = tuple[type[Importer] | SourceError, str]
-"""Whose a file or folder is and by what that is told; or why it cannot be looked at."""
+"""The importer of a file or folder with its reason; or why it cannot be examined."""
 
 
 def recognised(

@@ -1,4 +1,4 @@
-"""Known formats that hold no poses of objects: refused, with what to ask the publisher for."""
+"""Known formats without poses of objects: refused, with what to ask the publisher for."""
 
 from __future__ import annotations
 
@@ -97,16 +97,16 @@ def _first(file: Any) -> Any:
 
 def _features(spec: Any) -> dict[str, None]:
     """Names in a ``features.json`` of TensorFlow Datasets, however deep."""
-    found: dict[str, None] = {}
+    result: dict[str, None] = {}
     if isinstance(spec, dict):
         inner = spec.get("featuresDict", {}).get("features", {})
         for name, below in inner.items():
             deeper = _features(below)
-            found.update(deeper or {name: None})
+            result.update(deeper or {name: None})
         for key in ("sequence", "dataset"):
             if key in spec:
-                found.update(_features(spec[key].get("feature", spec[key])))
-    return found
+                result.update(_features(spec[key].get("feature", spec[key])))
+    return result
 
 
 def _json(path: Path) -> dict[str, Any]:

@@ -36,7 +36,7 @@ LATEST = 1 << 62
 
 @dataclass
 class Found:
-    """What the files hold.
+    """The contents of the files.
 
     Attributes:
         samples: frame → its transforms; times are those of the messages.
@@ -54,7 +54,7 @@ class Found:
 
 
 def has_transforms(path: Path) -> bool:
-    """Whether the file is a whole MCAP of somebody else's with transforms in it; raises nothing."""
+    """Whether the file is a complete foreign MCAP file with transforms; never raises."""
     from mcap.reader import make_reader
 
     try:
@@ -78,7 +78,7 @@ def read_messages(paths: Iterable[Path]) -> Found:
         TraceError: a file is damaged.
         SourceError: messages in an encoding that cannot be read here.
     """
-    found = Found()
+    result = Found()
     for path in paths:
         decoders: dict[int, Callable[[bytes], Any]] = {}
         try:
@@ -86,20 +86,20 @@ def read_messages(paths: Iterable[Path]) -> Found:
                 for schema, channel, message in whole_messages(stream):
                     take = _taker(schema.name if schema else "", channel.topic)
                     if take is None:
-                        found.others[channel.topic] = schema.name if schema else "-"
+                        result.others[channel.topic] = schema.name if schema else "-"
                         continue
                     if channel.id not in decoders:
                         decoders[channel.id] = _decoder(channel.message_encoding, schema, path)
-                    take(found, decoders[channel.id](message.data), message.log_time)
+                    take(result, decoders[channel.id](message.data), message.log_time)
         except InputError:
             raise
         except Exception as error:  # noqa: BLE001 — as above
-            raise TraceError(str(path), f"cannot be read: {told(error)}.") from None
-    return found
+            raise TraceError(str(path), f"cannot be read: {error_line(error)}.") from None
+    return result
 
 
-def told(error: Exception) -> str:
-    """What a message lacks or has too much, in a line."""
+def error_line(error: Exception) -> str:
+    """One line on what is wrong with a message."""
     if isinstance(error, AttributeError) and error.name is not None:
         return f"a message without {error.name!r}"
     lines = str(error).splitlines() or [""]
@@ -173,7 +173,7 @@ def _take_transforms(found: Found, message: Any, log_time: int) -> None:
 
 
 def _nanoseconds(stamp: Any) -> int:
-    """Of a ROS, protobuf or JSON time; 0 where it was left out."""
+    """Nanoseconds of a ROS, protobuf or JSON time; 0 where it was left out."""
     whole = getattr(stamp, "sec", getattr(stamp, "seconds", 0))
     names = ("nanosec", "nsec", "nanos")
     part = next((getattr(stamp, name) for name in names if hasattr(stamp, name)), 0)
@@ -181,7 +181,7 @@ def _nanoseconds(stamp: Any) -> int:
 
 
 def _within(time: int) -> int:
-    """The same ns. Raises ValueError for what no clock of 64 bits shows."""
+    """Checked nanoseconds. Raises ValueError beyond 64 bits."""
     if abs(time) > LATEST:
         raise ValueError(f"a transform at {time} ns")
     return time

@@ -27,7 +27,7 @@ from .frame_tree import FrameTree
 from .importer import Importer, SourceError
 from .missing_data import say_bodies, say_contacts, say_success
 from .scene_bodies import added, dressed, need_shapes
-from .tf_messages import Found, has_transforms, read_messages, told
+from .tf_messages import Found, error_line, has_transforms, read_messages
 from .urdf_links import Link, urdf_links
 
 F64 = NDArray[np.float64]
@@ -36,7 +36,7 @@ LONGEST = 5_000_000
 """Frames of a recording, about half a day; times that belong to two clocks come to more."""
 
 GAP = 5
-"""Spacings of frames, above which a stretch without transforms is told."""
+"""Frame spacings above which a gap without transforms is reported."""
 
 _NO_SHAPES = "frames have none, and no scene or description gives any"
 
@@ -89,7 +89,7 @@ class Transforms(Importer):
         try:
             scene, left_out = scene_geoms(found.entities.values(), meshes)
         except (ValueError, TypeError, AttributeError, OverflowError, IndexError) as error:
-            raise TraceError(where, f"its scene cannot be read: {told(error)}.") from None
+            raise TraceError(where, f"its scene cannot be read: {error_line(error)}.") from None
         links = {k: v for text in found.descriptions for k, v in urdf_links(text, where).items()}
         bodies = self._bodies(tree, world, scene, links, meshes, account)
         need_shapes(bodies, where, among=_NO_SHAPES)

@@ -1,4 +1,4 @@
-"""Which rollouts are labelled, and in which order."""
+"""Sample of rollouts to label, in a mixed order."""
 
 from __future__ import annotations
 

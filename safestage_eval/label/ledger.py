@@ -40,7 +40,7 @@ class Ledger:
 
     @property
     def reviewers(self) -> list[str]:
-        """Who has labelled something, by name."""
+        """Names of the reviewers who have labelled something."""
         return sorted({reviewer for reviewer, _ in self._labels})
 
     def of(self, reviewer: str) -> dict[str, Label]:

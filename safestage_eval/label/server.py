@@ -49,12 +49,12 @@ class Server(ThreadingHTTPServer):
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """The page's address."""
         return f"http://{LOOPBACK}:{self.server_port}/"
 
     @property
     def hosts(self) -> frozenset[str]:
-        """What a browser on this machine calls us; any other name was pointed here by a stranger."""
+        """Host names that a browser on this machine uses; any other points to DNS rebinding."""
         return frozenset(f"{name}:{self.server_port}" for name in (LOOPBACK, "localhost"))
 
     def handle_error(self, request: Any, client_address: Any) -> None:

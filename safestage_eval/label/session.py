@@ -14,10 +14,10 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.metrics.labels import ANSWERS, Label
 from safestage_eval.rules import BindFile, RuleSet, bind_episode
-from safestage_eval.viewer import film
+from safestage_eval.viewer.film import film
 
 from .ledger import LONGEST_NOTE, Ledger
-from .question import question
+from .review_question import question
 from .videos import video_of
 
 FILMS_KEPT = 6
@@ -26,11 +26,11 @@ LONGEST_NAME = 60
 
 @dataclass
 class Session:
-    """What the page shows, by number: ids, policies and verdicts stay here.
+    """The rollouts that the page shows, by number: ids, policies and verdicts stay here.
 
     Attributes:
         refs: the rollouts in the order in which they are shown.
-        rules: in whose words the requirement is told.
+        rules: the rules whose text states the requirement.
         ledger: where answers are kept.
         bind: a bind file, for traces that name no rules.
         videos: a folder of videos; without it they are looked for beside the traces.
@@ -49,7 +49,7 @@ class Session:
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     def state(self, reviewer: str) -> dict[str, Any]:
-        """What a reviewer has answered, in the order of the rollouts; nobody else's answers."""
+        """One reviewer's answers, in the order of the rollouts."""
         own = self.ledger.of(self.named(reviewer))
         answers = [own.get(ref.episode_id) for ref in self.refs]
         done = None not in answers
@@ -59,7 +59,7 @@ class Session:
         }
 
     def item(self, number: int) -> dict[str, Any]:
-        """What is asked of a rollout. Raises InputError if its trace or rules are broken."""
+        """The question about a rollout. Raises InputError if its trace or rules are broken."""
         ref = self.refs[number]
         asked = question(ref.open().header, self.rules, self.bind)
         return {**asked, "video": self.video(number) is not None}
@@ -67,17 +67,17 @@ class Session:
     def film(self, number: int) -> bytes:
         """The replay of a rollout, gzip-compressed. Raises InputError if its trace is broken."""
         with self._lock:
-            found = self._films.get(number)
-        if found is None:
+            result = self._films.get(number)
+        if result is None:
             episode = self.refs[number].open()
             roles = bind_episode(self.rules, episode.header, bind=self.bind).roles
-            found = gzip.compress(film(episode, roles=roles), 6)
+            result = gzip.compress(film(episode, roles=roles), 6)
         with self._lock:
-            self._films[number] = found
+            self._films[number] = result
             self._films.move_to_end(number)
             while len(self._films) > FILMS_KEPT:
                 self._films.popitem(last=False)
-        return found
+        return result
 
     def video(self, number: int) -> Path | None:
         """The video of a rollout, if there is one that does not tell the verdict."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from safestage_eval.formats import EpisodeRef
 
 VERDICT_MARK = b"safestage: shows the verdict"
-"""What a film of ``safestage render`` says in its metadata: it tells the evaluator's verdict."""
+"""Metadata mark of a film by ``safestage render`` that shows the evaluator's verdict."""
 
 
 def video_of(ref: EpisodeRef, folder: Path | None = None) -> Path | None:
@@ -30,7 +30,7 @@ def video_of(ref: EpisodeRef, folder: Path | None = None) -> Path | None:
 
 
 def shows_verdict(path: Path) -> bool:
-    """Whether a film was marked as one that tells the verdict."""
+    """Whether a film is marked as showing the verdict."""
     if not path.stat().st_size:
         return False
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:

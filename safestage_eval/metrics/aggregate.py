@@ -20,13 +20,10 @@ PROMPTS = ("default", "generic", "specific")
 BY_POLICY = ("SR", "SSR", "USR", "ISH-VR", "ETS-VR", "FSH-VR")
 """Columns of the table by policy: success over all stages, violations by stage."""
 
-BY_STAGE = METRICS
-"""Columns of the table by stage."""
-
 
 @dataclass(frozen=True)
 class Aggregate:
-    """Outcomes, ready to be told of.
+    """Outcomes, grouped for the result tables.
 
     Attributes:
         outcomes: every rollout once.
@@ -138,7 +135,7 @@ def aggregate(outcomes: Iterable[Outcome]) -> Aggregate:
 
 
 def quadrants(cell: Rates) -> dict[str, int]:
-    """How many of N are safe and unsafe successes, safe and unsafe failures."""
+    """Counts of safe and unsafe successes and failures among N."""
     return {
         "safe_success": cell.counts["SSR"],
         "unsafe_success": cell.counts["USR"],
@@ -164,7 +161,7 @@ def rows(found: Sequence[Rate]) -> list[dict[str, Any]]:
 
 
 def names_of(group: Group) -> dict[str, str | None]:
-    """What the rows of a table say of a group; None where it is any."""
+    """A group's columns in a table; None where it covers all values."""
     by_policy = group.policy is not None
     return {
         "policy": group.policy,

@@ -1,4 +1,4 @@
-"""How far the evaluator and people agree, by stage, and how far people agree with each other."""
+"""Agreement of the evaluator with people, per stage, and of people with each other."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .rates import ALL, STAGES
 
 @dataclass(frozen=True)
 class Witness:
-    """What a verdict rests on: of an assigned rule, at its decisive moment.
+    """The evidence for a verdict of an assigned rule, at its decisive moment.
 
     Attributes:
         rule: code.
@@ -34,7 +34,7 @@ class Witness:
 
 @dataclass(frozen=True)
 class Judged:
-    """What the evaluator says of an episode.
+    """The evaluator's verdict on an episode.
 
     Attributes:
         episode_id: which.
@@ -55,13 +55,13 @@ class Disagreement:
 
     judged: Judged
     unsafe: bool
-    """What people say: of several reviewers, most of those who are sure."""
+    """The reviewers' label: the majority of those who are sure."""
     labels: tuple[Label, ...]
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two reviewers on the episodes of which both are sure."""
+    """Two reviewers, over the episodes that both are sure about."""
 
     first: str
     second: str
@@ -79,7 +79,7 @@ class Agreement:
         reviewers: reviewer → stage → counts against that reviewer alone.
         pairs: two reviewers each.
         fleiss: Fleiss' kappa of three or more reviewers; None if it is not defined.
-        fleiss_n: episodes of which all reviewers are sure.
+        fleiss_n: episodes that all reviewers are sure about.
         disagreements: by stage, then id.
         unsure: stage → episodes that no reviewer was sure of.
         tied: stage → episodes that as many reviewers call safe as unsafe.
@@ -104,7 +104,7 @@ class Agreement:
 
     @property
     def why_no_fleiss(self) -> str:
-        """Why it has no value; empty if it has one, or is not asked for."""
+        """Why Fleiss' kappa has no value; empty if it has one, or is not needed."""
         if self.fleiss is not None or len(self.reviewers) < 3:
             return ""
         if not self.fleiss_n:
@@ -120,7 +120,7 @@ class _Votes:
 
     @property
     def unsafe(self) -> bool | None:
-        """What most of those who are sure say; None if nobody is, or as many say the opposite."""
+        """The majority of those who are sure; None if nobody is, or in a tie."""
         counts = Counter(label.label for label in self.labels)
         lead = counts["unsafe"] - counts["safe"]
         return None if not lead else lead > 0

@@ -42,7 +42,7 @@ class Line:
 
     @property
     def reason(self) -> str:
-        """Why a number is not there, or says nothing; empty if all are."""
+        """Why a number is missing or meaningless; empty if none is."""
         if not self.of.n:
             return "no decided pairs"
         if len(self.of.tasks) < 2:
@@ -109,10 +109,10 @@ def compare(
 
 
 def differs(a: Sequence[Outcome], b: Sequence[Outcome]) -> By:
-    """What two sets of outcomes differ in: their policies, their prompts, or else the rules.
+    """Name what two sets of outcomes differ in: their policies, their prompts, or else the rules.
 
     Raises:
-        InputError: several policies or prompts, of which only some are the same.
+        InputError: several policies or prompts, only some of them the same.
     """
     sides = [
         tuple(sorted({getattr(o, name) for o in side}) for name in ("policy", "prompt"))

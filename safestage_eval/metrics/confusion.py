@@ -11,7 +11,7 @@ from .kappa import cohen
 
 @dataclass(frozen=True)
 class Confusion:
-    """How often evaluator and people said what of the same episodes.
+    """Counts of the evaluator's verdicts against people's labels on the same episodes.
 
     Attributes:
         tp: a violation, and people say unsafe.
@@ -38,12 +38,12 @@ class Confusion:
 
     @property
     def precision(self) -> float | None:
-        """Of the violations that were found, the share that people call unsafe."""
+        """Share of the evaluator's violations that people call unsafe."""
         return _share(self.tp, self.tp + self.fp)
 
     @property
     def recall(self) -> float | None:
-        """Of what people call unsafe, the share that was found."""
+        """Share of the episodes that people call unsafe which the evaluator found."""
         return _share(self.tp, self.tp + self.fn)
 
     @property

@@ -1,4 +1,4 @@
-"""What is uneven in a table of outcomes: cells that are missing, or have fewer rollouts."""
+"""Uneven tables of outcomes: cells that are missing, or have fewer rollouts than others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a rate can be trusted: Wilson's interval, and a bootstrap over tasks."""
+"""Confidence intervals of a rate: Wilson's, and a bootstrap over tasks."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def ordered(group: Group) -> list[str | None]:
 
 
 def strata(group: Group) -> tuple[int, ...]:
-    """How many tasks there are of each stage, in that order."""
+    """Number of tasks per stage, in that order."""
     return sizes(group.strata)
 
 

@@ -1,4 +1,4 @@
-"""What the evaluator says of episodes, from its result rows or any table that tells as much."""
+"""The evaluator's verdicts on episodes, read from result rows or from a table with the same columns."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _VERDICTS = {"pass": False, "not_applicable": False, "violation": True, "inconcl
 
 
 def read_judged(paths: Sequence[str | Path]) -> list[Judged]:
-    """What files of any of our formats say of each episode.
+    """Read each episode's verdict from files in any of our formats.
 
     Raises:
         InputError: a file cannot be read or lacks a column, or an episode is in several files, or
@@ -46,7 +46,7 @@ def read_judged(paths: Sequence[str | Path]) -> list[Judged]:
 
 
 def judged_of(rows: Sequence[Row], where: str = "results") -> list[Judged]:
-    """What rows say: several per episode with ``rule`` and ``verdict``, or one with ``violation``.
+    """Read verdicts from rows: several per episode with ``rule`` and ``verdict``, or one with ``violation``.
 
     V is as in the tables: any assigned rule violated; unknown if none was, and one is inconclusive.
     An episode without an assigned rule is not decided. ``where``: the file, for messages.

@@ -1,4 +1,4 @@
-"""What people said of episodes: safe, unsafe, or that they could not tell."""
+"""Human labels of episodes: safe, unsafe or unsure."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Answer = Literal["safe", "unsafe", "unsure"]
 ANSWERS: tuple[Answer, ...] = get_args(Answer)
 
 COLUMNS = ("episode_id", "label", "reviewer", "note", "labelled_at")
-"""Of a file of labels; the first two are needed."""
+"""Columns of a label file; the first two are required."""
 
 ALLOWED = "a table with the columns episode_id and label, and perhaps reviewer and note"
 
@@ -49,7 +49,7 @@ def read_labels(path: str | Path, reviewer: str = "") -> list[Label]:
     Raises:
         InputError: it cannot be read, lacks a column, or a row says something else.
     """
-    found = []
+    result = []
     for number, row in enumerate(read_rows(path, COLUMNS, ALLOWED), 1):
         where = f"{path}, row {number}"
         missing = [name for name in COLUMNS[:2] if name not in row]
@@ -63,8 +63,8 @@ def read_labels(path: str | Path, reviewer: str = "") -> list[Label]:
         if not name:
             raise InputError(where, "names no episode.")
         who = _text(row.get("reviewer")) or reviewer
-        found.append(Label(name, answer, who, _text(row.get("note")), where))
-    return found
+        result.append(Label(name, answer, who, _text(row.get("note")), where))
+    return result
 
 
 def last_of_each(labels: Iterable[Label]) -> list[Label]:

@@ -1,4 +1,4 @@
-"""What one episode counts as in a table."""
+"""An episode's outcome, as tables count it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Outcome:
     seed: int | str | None = None
     """The environment seed."""
     rollout: int | str | None = None
-    """Which repetition under that seed."""
+    """Number of the repetition under that seed."""
     episode_id: str | None = None
     at_risk: bool | None = None
     """The hazard was there and an assigned rule was judged on it; None if the source does not tell."""
@@ -40,7 +40,7 @@ class Outcome:
 
     @property
     def decided(self) -> bool:
-        """It belongs to N: both S and V are known."""
+        """Whether it counts in N: both S and V are known."""
         return self.judged and self.success is not None and self.violation is not None
 
 

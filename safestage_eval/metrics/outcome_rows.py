@@ -56,7 +56,7 @@ def read_outcomes(
     Raises:
         InputError: a file cannot be read, lacks a column, or an outcome is there twice.
     """
-    found: dict[str, list[Outcome]] = {}
+    result: dict[str, list[Outcome]] = {}
     columns = {*BARE, *RESULT, *MORE, "vacuity", "instances", *([label] if label else [])}
     for path in paths:
         if Path(path).is_dir():
@@ -70,12 +70,12 @@ def read_outcomes(
                 groups[name] = _Gathered(str(path))
             groups[name].add(number, row)
         for name, gathered in groups.items():
-            found.setdefault(name, []).extend(gathered.outcomes())
+            result.setdefault(name, []).extend(gathered.outcomes())
     if label is None:
-        found.setdefault("", [])
-    for group in found.values():
+        result.setdefault("", [])
+    for group in result.values():
         _refuse_copies(group)
-    return found
+    return result
 
 
 def outcomes_of(rows: Iterable[Row], where: str = "") -> list[Outcome]:
@@ -106,7 +106,7 @@ class _Gathered:
         self._rules: dict[str, int] = {}
 
     def add(self, number: int, row: Row) -> None:
-        """Take one row; the first one says of which kind they all are."""
+        """Add one row; the first one decides which kind of table it is."""
         place = _place(self._file, number)
         if self._results is None:
             self._results = "verdict" in row or "rule" in row
@@ -160,7 +160,7 @@ def _bare(row: Row, where: str) -> Outcome:
 
 
 class _Episode:
-    """What the rows of one episode have said so far."""
+    """The rows of one episode, as far as read."""
 
     __slots__ = ("_absent", "_head", "_own", "_risk", "_rows", "_rules")
 

@@ -23,7 +23,7 @@ KEYS: dict[By, tuple[str, ...]] = {
     "prompt": ("task", "policy", "seed", "rollout"),
     "rules": ("task", "policy", "prompt", "seed", "rollout"),
 }
-"""What is compared → what two rollouts of a pair have in common."""
+"""What is compared → the fields that the two rollouts of a pair share."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +33,8 @@ class Pairs:
     Attributes:
         by: what differs between the sides.
         both: (of A, of B), decided on both sides: the N of every rate.
-        undecided: pairs of which a side is not decided, but was judged.
-        not_judged: pairs of which a side was judged by no assigned rule.
+        undecided: pairs with a side that was judged but not decided.
+        not_judged: pairs with a side that no assigned rule judged.
         alone: rollouts of A and of B without a partner.
     """
 
@@ -154,11 +154,11 @@ def mcnemar(only_a: int, only_b: int) -> float:
 def holm(values: Sequence[float]) -> list[float]:
     """P values adjusted for being several (S. Holm, Scand. J. Statistics 6, 1979)."""
     order = sorted(range(len(values)), key=lambda i: values[i])
-    found, worst = [0.0] * len(values), 0.0
+    result, worst = [0.0] * len(values), 0.0
     for rank, i in enumerate(order):
         worst = max(worst, min(1.0, (len(values) - rank) * values[i]))
-        found[i] = worst
-    return found
+        result[i] = worst
+    return result
 
 
 def paired(found: Pairs) -> list[Paired]:

@@ -1,4 +1,4 @@
-"""Whether a sample can carry a claim about a difference, and how many rollouts would."""
+"""Statistical power: whether a sample supports a claim about a difference, and how many rollouts would."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ POWER = 0.80
 
 @dataclass(frozen=True)
 class Need:
-    """What it takes to tell the observed difference from none, four times out of five.
+    """Sample size that shows the observed difference four times out of five (power 0.8).
 
     Attributes:
         pairs: independent pairs that would do; None if no difference was observed.
@@ -32,25 +32,25 @@ class Need:
     alike: float
 
 
-def need(found: Paired, seed: int = 0, resamples: int = RESAMPLES) -> Need | None:
+def need(paired: Paired, seed: int = 0, resamples: int = RESAMPLES) -> Need | None:
     """From the discordant pairs and the differences between tasks; None without discordant pairs.
 
     The number of pairs is that of McNemar's test (R. J. Connor, Biometrics 43, 1987). Pairs of one
     task are alike, so m of them are worth m / (1 + (m - 1) r), where r is their correlation
     (L. Kish, "Survey Sampling", 1965, section 5.4), here from the bootstrap over tasks.
     """
-    n, _, _, only_a, only_b = found.sums
+    n, _, _, only_a, only_b = paired.sums
     if not only_a + only_b:
         return None
     discordant, difference = (only_a + only_b) / n, (only_b - only_a) / n
-    per_task = n / len(found.tasks)
-    alike = _alike(found, discordant - difference**2, per_task, seed, resamples)
+    per_task = n / len(paired.tasks)
+    alike = _alike(paired, discordant - difference**2, per_task, seed, resamples)
     effect = 1 + (per_task - 1) * alike
     smallest = (_z(1 - ALPHA / 2) + _z(POWER)) * math.sqrt(discordant * effect / n)
     if not difference:
         return Need(None, None, None, smallest, alike)
     wanted = connor(discordant, difference)
-    left = len(found.tasks) - wanted * alike
+    left = len(paired.tasks) - wanted * alike
     return Need(
         math.ceil(wanted),
         math.ceil(wanted * (1 - alike) / left) if left > 0 else None,
@@ -75,13 +75,13 @@ def connor(
     return ((_z(1 - alpha / 2) * math.sqrt(discordant) + _z(power) * spread) / difference) ** 2
 
 
-def _alike(found: Paired, variance: float, per_task: float, seed: int, resamples: int) -> float:
+def _alike(paired: Paired, variance: float, per_task: float, seed: int, resamples: int) -> float:
     """The correlation within tasks that makes the bootstrap as wide as it is."""
-    drawn = found.resampled(seed, resamples)
+    drawn = paired.resampled(seed, resamples)
     if drawn is None or per_task <= 1 or variance <= 0:
         return 0.0
     some = drawn[drawn[:, 1] > 0]
-    effect = float((some[:, 0] / some[:, 1]).var()) / (variance / found.n)
+    effect = float((some[:, 0] / some[:, 1]).var()) / (variance / paired.n)
     return min(1.0, max(0.0, (effect - 1) / (per_task - 1)))
 
 

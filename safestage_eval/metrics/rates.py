@@ -20,7 +20,7 @@ METRICS = ("SR", "SSR", "USR", "VR")
 
 
 CONDITIONS = ("at risk", "success", "released", "manipulated")
-"""What rates are given besides N: the hazard was there; the goal was reached; the target was moved by the
+"""Conditions that rates are also given under: the hazard was there; the goal was reached; the target was moved by the
 robot, and let go."""
 
 
@@ -141,17 +141,17 @@ def rates(outcomes: Iterable[Outcome]) -> Rates:
 
 def _given(decided: Sequence[Outcome], condition: str) -> dict[str, int]:
     """Counts of those of the decided outcomes that meet a condition."""
-    told = [(o, meets_condition(o, condition)) for o in decided]
-    meant = [next(iter(_possible(o))) for o, met in told if met]
+    conditions = [(o, meets_condition(o, condition)) for o in decided]
+    meant = [next(iter(_possible(o))) for o, met in conditions if met]
     return {
         **{m: sum(_meets(m, *case) for case in meant) for m in METRICS},
         "N": len(meant),
-        "unknown": sum(met is None for _, met in told),
+        "unknown": sum(met is None for _, met in conditions),
     }
 
 
 def counted(outcome: Outcome, metric: str) -> set[bool]:
-    """Whether an outcome counts for a metric; both, if that hangs on what was not decided."""
+    """Whether an outcome counts for a metric; both values if that depends on something undecided."""
     return {_meets(metric, *case) for case in _possible(outcome)}
 
 
@@ -219,7 +219,7 @@ def metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def headline(cell: Rates) -> dict[str, Any]:
-    """How much was judged, how much of it was at risk, and how far the rollouts got, as plain values."""
+    """Counts of judged episodes, of those at risk, and of stages reached, as plain values."""
 
     def plain(metric: str, given: str | None = None) -> dict[str, Any]:
         k, n = cell.share(metric, given)

@@ -26,7 +26,7 @@ _NUMBERS = (
 )  # fmt: skip
 _LISTS = ("bodies", "intervals", "raw_intervals", "sources", "notes")
 _HALF = "\\ud"
-"""Of a character beyond the first 65,536, as JSON may write it."""
+"""A surrogate pair as JSON may escape it."""
 _SAID = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
 
 
@@ -122,7 +122,7 @@ def _parquet(path: Path, columns: Collection[str] | None, allowed: str) -> Itera
 
 
 def _text(where: str, file: BinaryIO, allowed: str) -> Iterator[dict[str, Any]]:
-    """JSON, JSON lines or CSV, told apart by the first line that says anything."""
+    """JSON, JSON lines or CSV, recognised by the first line that is not empty."""
     first, start = "", 0
     for line in file:
         first = (first + line.decode("utf-8-sig" if start == 0 else "utf-8")).strip()

@@ -16,7 +16,7 @@ NOTHING = rates(())
 
 @dataclass(frozen=True)
 class Group:
-    """Outcomes that are told of together, counted by task and environment seed.
+    """Outcomes that are reported together, counted by task and environment seed.
 
     Attributes:
         policy, prompt, stage, family: what they have in common; None where it is any.
@@ -123,7 +123,7 @@ class Rate:
 
     @property
     def reason(self) -> str:
-        """Why the mean or its deviation is not there; empty when both are."""
+        """Why the mean or its deviation is missing; empty when neither is."""
         if not self.n:
             if self.group.whole.inconclusive:
                 return f"none of {self.group.whole.inconclusive} episodes could be decided"
@@ -137,10 +137,10 @@ class Rate:
 
 def total(parts: Iterable[Rates]) -> Rates:
     """Several cells as one."""
-    found = NOTHING
+    result = NOTHING
     for part in parts:
-        found = found + part
-    return found
+        result = result + part
+    return result
 
 
 def shown(mean: float | None, std: float | None, digits: int = 2) -> str:

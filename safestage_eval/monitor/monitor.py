@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from safestage_eval.episode import Episode, Header, with_holes
+from safestage_eval.evidence.growing_store import GrowingStore
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
@@ -21,7 +22,6 @@ from safestage_eval.verdicts.success import frame_of
 from safestage_eval.verdicts.verdict import Verdict
 
 from .foresight import foresight
-from .grown import GrownRelations, GrownSignals, Past
 from .windows import Recording, Windows
 
 
@@ -63,7 +63,7 @@ class Monitor:
         """
         self._rules, self._backend = rules, backend
         self._binding = bind_episode(rules, header, overrides=overrides or {})
-        self._past = Past()
+        self._store = GrowingStore()
         self._todo: dict[str, tuple[ast.Scoped, Params, Mapping[str, Sequence[str]]]] = {}
         self.violations: dict[str, Verdict] = {}
         self.watched: dict[str, Foresight] = {}
@@ -114,12 +114,12 @@ class Monitor:
         first = baseline_frames(self._rules, episode)
         if frames < first:  # what is the initial state is not known yet
             return []
-        relations: Relations
         seen = with_holes(episode)
         if seen is episode:
-            windows = Windows(recording, first, self._backend)
-            signals = GrownSignals(episode, self._past, windows, first, self._backend)
-            relations = GrownRelations(signals)
+            self._store.grow(frames, Windows(recording, first, self._backend).relations)
+            signals = Signals(episode, first, self._backend, self._store)
+            signals.gaps.whole = False
+            relations = Relations(signals)
         else:  # frames are put in, and do not grow by those at the end alone
             episode, relations = seen, Relations(Signals(seen, first, self._backend))
         evaluators: list[Evaluator] = []

@@ -42,7 +42,3 @@ class Windows:
             signals.gaps.whole = False
             self._known[first, last] = Relations(signals)
         return self._known[first, last]
-
-    def signals(self, first: int, last: int) -> Signals:
-        """Signals of frames first … last − 1, as far as they look at no other frame."""
-        return self.relations(first, last).signals

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from safestage_eval.episode import Episode
 from safestage_eval.evidence.declare import RELATIONS, SIGNALS, Options, Signal
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.partial import Partial
+from safestage_eval.evidence.query import Growth
 from safestage_eval.evidence.reference import Reference
 from safestage_eval.evidence.series import Series, exact, hidden, hide, unknown
 
@@ -90,28 +91,36 @@ class SupportRequest(NamedTuple):
 class Relations(Support):
     """Relations of an episode by name and bodies: (T,) true or false, or unknown throughout."""
 
-    found_out = 0
-    """How often something costly was found out."""
-
     def __init__(self, signals: Signals) -> None:
-        """Shares the signals' cache of contact sums and shapes."""
+        """Share the signals' store, contact sums and shapes."""
         super().__init__(signals)
-        self._known: dict[tuple[str, tuple[str, ...]], Bool | None] = {}
-        self._partial: dict[tuple[str, tuple[str, ...], Options], Partial] = {}
-        self._whole: dict[tuple[str, tuple[str, ...], str, Options], Series] = {}
         signals.untouched = self._untouched
 
     def caught(self, body: str, on: str, wanted: Bool | None) -> Bool:
         """(T,) it is open whether something would catch ``body`` when ``on`` is taken away."""
-        index = self.episode.body_index
-        return self.dependence.depends_on(index[body], index[on], wanted)[1]
+        found = self._falls_without(body, on, wanted)
+        return found.done & (found.lower < found.upper)
 
     def told(self, body: str, on: str) -> Bool:
         """(T,) where it is known already whether ``body`` falls when ``on`` is taken away."""
-        if self.blind:
-            return np.ones(len(self.episode), np.bool_)
-        index = self.episode.body_index
-        return self.dependence.told(index[body], index[on])
+        everywhere = np.ones(len(self.episode), np.bool_)
+        return everywhere if self.blind else self._falls_without(body, on, ~everywhere).done
+
+    def _falls_without(self, body: str, on: str, wanted: Bool | None) -> Partial:
+        """Whether ``body`` falls when ``on`` is taken away: 1 or 0, or from 0 to 1 where it is open."""
+
+        def measure(near: Any, at: NDArray[np.int64]) -> tuple[NDArray[np.int64], Series]:
+            relations: Relations = self if near is None else near
+            index, asked = relations.episode.body_index, np.zeros(len(relations.episode), np.bool_)
+            asked[at] = True
+            falls, open_ = relations.dependence.depends_on(index[body], index[on], asked)
+            done = relations.dependence.told(index[body], index[on]).nonzero()[0]
+            ends = falls[done].astype(np.float64), (falls | open_)[done].astype(np.float64)
+            return done, Series(*ends, "number")
+
+        query = self.signals.query("relation", "depends_on", (body, on))
+        asked = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
+        return self.store.partial(query, asked, measure)
 
     @cached_property
     def exposure(self) -> Exposure:
@@ -149,14 +158,16 @@ class Relations(Support):
         if self.lacking(name, bodies):
             return None
         if name == "depends_on" and not self.blind:
-            ids = [self.episode.body_index[body] for body in bodies]
-            told = self.dependence.told(*ids)
-            self.found_out += not bool((told if wanted is None else told | ~wanted).all())
-            return self.dependence.depends_on(ids[0], ids[1], wanted)[0]
-        key = (name, tuple(bodies))
-        if key not in self._known:
-            self._known[key] = self.decide(name, list(bodies))
-        return self._known[key]
+            return np.equal(self._falls_without(bodies[0], bodies[1], wanted).lower, 1)
+
+        def measure(near: Any) -> Bool | None:
+            relations: Relations = self if near is None else near
+            return relations.decide(name, list(bodies))
+
+        per_frame = RELATIONS[name].per_frame and not self.blind
+        growth = Growth.PER_FRAME if per_frame else Growth.WHOLE
+        query = self.signals.query("relation", name, tuple(bodies))
+        return self.store.column(query, measure, growth)
 
     def lacking(self, name: str, bodies: Sequence[str] = ()) -> str:
         """What the trace would need to tell a relation, and does not have; empty if nothing."""
@@ -204,6 +215,10 @@ class Relations(Support):
 
         Of forces, what was read so far counts: ``get`` comes first.
         """
+        query = self.signals.query("unmeasured", name, bodies)
+        return self.store.unmeasured(query, lambda _: self._unmeasured(name, bodies))
+
+    def _unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
         found = unmeasured.lost_by(self, name, bodies, lambda: self.get(name, bodies))
         if (
             RELATIONS[name].rests_on == "bodies" or RELATIONS[name].gate
@@ -245,32 +260,45 @@ class Relations(Support):
         The costly ones are measured at the ``wanted`` frames (T,) only, and are unknown at the
         others; every frame is measured at most once. ``limits``: as in ``Signals.get``.
         """
-        signal, bodies = SIGNALS[name], tuple(bodies)
+        signal, bodies, query = SIGNALS[name], tuple(bodies), self.signals.query
         if signal.refine is not None:
-            refined = (name, bodies, "", options)
-            if refined not in self._whole:
-                series = self.signals.get(name, bodies, options=options)
-                self._whole[refined] = signal.refine(self, bodies, series)
-            return self._whole[refined]
+            refine = signal.refine
+
+            def refined(_: Any) -> Series:
+                return refine(self, bodies, self.signals.get(name, bodies, options=options))
+
+            asked = query("signal", f"{name}, refined", bodies, options=options)
+            return self.store.series(asked, refined)
         if not signal.support:
             return self.signals.get(name, bodies, reference, reach, options, limits)
-        if not signal.costly:
-            whole = (name, bodies, reference.key if reference else "", options)
-            if whole not in self._whole:
-                everywhere = np.arange(len(self.episode))
-                request = SupportRequest(self, signal, bodies, reference, options, everywhere)
-                self._whole[whole] = signal.measure(request)
-            return self._known_part(name, bodies, self._whole[whole])
-        key = (name, bodies, options)
-        if key not in self._partial:
-            self._partial[key] = Partial.blank(len(self.episode))
-        partial = self._partial[key]
-        todo = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
-        missing = partial.missing(todo)
-        if len(missing):
-            self.found_out += 1
-            partial.add(missing, self.measure(name, missing, bodies, options))
-        return self._known_part(name, bodies, partial.series(todo, signal.dimension))
+        if signal.costly:
+            found = self._sparse(name, bodies, wanted, options)
+        else:
+
+            def everywhere(_: Any) -> Series:
+                frames = np.arange(len(self.episode))
+                request = SupportRequest(self, signal, bodies, reference, options, frames)
+                return signal.measure(request)
+
+            since = reference.key if reference else ""
+            asked = query("signal", name, bodies, since, options=options)
+            found = self.store.series(asked, everywhere)
+        return self._known_part(name, bodies, found)
+
+    def _sparse(
+        self, name: str, bodies: tuple[str, ...], wanted: Bool | None, options: Options
+    ) -> Series:
+        """A costly signal at least at the wanted frames (T,)."""
+
+        def measure(near: Any, at: NDArray[np.int64]) -> tuple[NDArray[np.int64], Series]:
+            relations: Relations = self if near is None else near
+            return at, relations.measure(name, at, bodies, options)
+
+        frames = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
+        query = self.signals.query("signal", name, bodies, options=options)
+        growth = Growth.WHOLE if self.blind else Growth.PER_FRAME
+        partial = self.store.partial(query, frames, measure, growth)
+        return partial.series(frames, SIGNALS[name].dimension)
 
     def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
         """The same, unknown where something that it may rest on was not measured."""
@@ -287,6 +315,10 @@ class Relations(Support):
 
         None if nowhere. Of poses and forces, what was read so far counts.
         """
+        query = self.signals.query("unmeasured", name, bodies)
+        return self.store.unmeasured(query, lambda _: self._signal_unmeasured(name, bodies))
+
+    def _signal_unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
         gaps = self.signals.gaps
         lost = gaps.of_bodies(b for body in bodies for b in self.signals.bodies(body))
         alone = (

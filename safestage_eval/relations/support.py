@@ -25,15 +25,17 @@ class Support:
     """Who touches, supports and holds whom in one episode; each found once, when first needed."""
 
     def __init__(self, signals: Signals) -> None:
-        """Shares the signals' cache of contact sums and shapes."""
-        self.signals = signals
+        """Share the signals' store, contact sums and shapes."""
+        self.signals, self.store = signals, signals.store
         self.episode = signals.episode
         self._grips: dict[int, Grip] = {}
 
     @cached_property
     def blind(self) -> bool:
         """The trace has no contact forces: touch and support are told by geometry."""
-        return not self.signals.gaps.forces
+        gaps, query = self.signals.gaps, self.signals.query("recorded", "forces")
+        gaps.forces = self.store.value(query, lambda _: gaps.forces)
+        return not gaps.forces
 
     @cached_property
     def proximity(self) -> Proximity:

@@ -40,7 +40,7 @@ def render(scores: Scores, form: str, changes: Sequence[Change] | None = None) -
 def pieces(
     scores: Scores, form: str, changes: Sequence[Change] | None = None
 ) -> Iterator[str | bytes]:
-    """The same one after the other; of rows, few are held at a time."""
+    """Results piece by piece, so that few rows are held at a time."""
     from . import results_csv, results_json, results_parquet
 
     streamed: dict[str, Callable[[Scores], Iterator[str] | Iterator[bytes]]] = {

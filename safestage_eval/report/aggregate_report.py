@@ -23,14 +23,13 @@ from .summary import share, summary
 from .table import Table
 
 FORMATS = ("table", "json", "csv", "markdown", "latex")
-INTERVALS = ("none", "wilson", "bootstrap")
 
 _ARROWS = {"SR": "SR ↑", "SSR": "SSR ↑"}
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """Which intervals stand in the tables, and how the bootstrap draws."""
+    """Intervals shown in the tables, and the bootstrap's settings."""
 
     intervals: str = "none"
     seed: int = 0
@@ -178,7 +177,7 @@ def _names(group: Group) -> tuple[str, str, str]:
 
 
 def notes(aggregate: Aggregate) -> list[str]:
-    """How much was counted, why a number is not there, and what is uneven."""
+    """Sentences on what was counted, and why a number is missing."""
     whole = aggregate.whole
     lines = [f"{whole.n} rollouts are decided; SR, SSR, USR and VR of a cell are over the same N."]
     lines += [f"{line[:1].upper()}{line[1:]}." for line in summary(whole)]

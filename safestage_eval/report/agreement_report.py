@@ -1,4 +1,4 @@
-"""How far evaluator and people agree, for people, papers and programs."""
+"""Agreement of evaluator and people, for people, papers and programs."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ def _kappa(value: float | None) -> str:
 
 
 def _notes(agreement: Agreement) -> list[str]:
-    """What is left out, what has no value and why."""
+    """Sentences on what is left out, and on which measure has no value and why."""
     notes = []
     if len(agreement.reviewers) > 2:
         value = _kappa(agreement.fleiss)

@@ -39,7 +39,7 @@ INTRO = """\
 <!-- Written by `make catalogue` from rules/*.toml; changes belong there. -->
 
 Every built-in rule by its code. The letters say the stage, the first digit the task family. A task is
-judged by the rules that its header assigns; the others are told as findings. `safestage rules show
+judged by the rules that its header assigns; verdicts of the others are listed as findings. `safestage rules show
 CODE` prints an entry with all its definitions, `safestage rules test` runs the examples, which are
 drawn in [rules/examples](../rules/examples). [meanings.md](meanings.md) explains the words.
 """
@@ -105,9 +105,9 @@ def _shared(rules: ast.RuleSet, whence: Mapping[str, Source]) -> Iterator[str]:
     text = (builtin_folder() / "defaults.toml").read_text(encoding="utf-8")
     span = re.search(r'^span = "(.+?)" *# (.+)$', text, re.MULTILINE)
     yield "### baseline estimation\n"
-    told = (span[1], span[2]) if span else ("", "")
+    unit_cells = (span[1], span[2]) if span else ("", "")
     yield from _table(
-        head, [("`[baseline]`", *told, *_dots(rules, partial(_reads_baseline, rules)))]
+        head, [("`[baseline]`", *unit_cells, *_dots(rules, partial(_reads_baseline, rules)))]
     )
     for heading, names in _headings(text).items():
         yield f"\n### {heading}\n"
@@ -127,18 +127,18 @@ def _shared(rules: ast.RuleSet, whence: Mapping[str, Source]) -> Iterator[str]:
 
 def _headings(text: str) -> dict[str, list[str]]:
     """Heading in [param] of defaults.toml → the parameters under it."""
-    found: dict[str, list[str]] = {}
+    result: dict[str, list[str]] = {}
     within = text.partition("\n[param]\n")[2].partition("\n# -----")[0]
     for line in within.splitlines():
         if line.startswith("# ---- "):
-            found[line.removeprefix("# ---- ")] = []
+            result[line.removeprefix("# ---- ")] = []
         elif name := re.match(r"(\w+) *=", line):
-            found[list(found)[-1]].append(name[1])
-    return found
+            result[list(result)[-1]].append(name[1])
+    return result
 
 
 def _dots(rules: ast.RuleSet, reads: Callable[[ast.Rule], bool]) -> list[str]:
-    """A dot for each family of which some rule reads it."""
+    """A dot for each family in which some rule reads it."""
     readers = {code[:4] for code, rule in rules.rules.items() if reads(rule)}
     return ["•" if family in readers else "" for family in FAMILIES]
 
@@ -149,7 +149,7 @@ def _reads(rules: ast.RuleSet, name: str, rule: ast.Rule) -> bool:
 
 
 def _reads_baseline(rules: ast.RuleSet, rule: ast.Rule) -> bool:
-    """Whether anything is measured from the initial state, or asked of it."""
+    """Whether the rule measures from the initial state, or requires something of it."""
     parts = (rule, *reached(rules, rule, own_params(rules, rule)).values())
     return rule.given is not None or any(
         SIGNALS[atom.call.name].since

@@ -14,7 +14,7 @@ from safestage_eval.verdicts import EpisodeResult, Verdict
 from .results_text import by_importance, goal_of
 
 MOST = 4
-"""Stretches of time that are told one by one."""
+"""Intervals that are listed one by one."""
 
 _VACUOUS = {
     "no_player": "no body plays one of its roles",
@@ -78,7 +78,7 @@ def _verdict(v: Verdict, *, everything: bool) -> list[str]:
     if v.sources:
         lines.append(f"    bound: {'; '.join(v.sources)}")
     if v.verdict == "inconclusive" and v.explanation and not everything:
-        return lines  # which names the cause; what else was not known is told with --all
+        return lines  # which names the cause; --all lists what else was unknown
     return lines + [f"    note: {note}" for note in v.notes]
 
 

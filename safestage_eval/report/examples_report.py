@@ -1,4 +1,4 @@
-"""What became of a rule's examples, and which broken rules they let through."""
+"""Results of a rule's examples, and the mutated rules that they do not detect."""
 
 from __future__ import annotations
 

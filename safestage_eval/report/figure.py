@@ -1,4 +1,4 @@
-"""Drawings by matplotlib, an extra: whether it is there, and writing a finished one."""
+"""Figures by matplotlib, which is an extra: check for it, write a figure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from safestage_eval.errors import InputError
 
 
 def ready(option: str, path: Path) -> None:
-    """Whether anything can be drawn, to be asked before anything is measured.
+    """Check that matplotlib is installed, before anything is measured.
 
     Raises InputError, which names the option: matplotlib is not installed.
     """

@@ -88,7 +88,7 @@ def _facts(flip: Flip) -> dict[str, Any]:
 
 
 def _summary(difference: Difference) -> list[str]:
-    """What changed in one line, and what could not be compared."""
+    """Count the flips, and list what could not be compared."""
     flips, same = len(difference.flips), difference.same
     lines = [f"{flips} of {_count(flips + same, 'verdict')} flipped"]
     for where, pairs in (("before", difference.only_before), ("after", difference.only_after)):

@@ -35,8 +35,8 @@ class Change:
 
     Attributes:
         what: what changed and why, in one line.
-        episode_id: of which episode; None if it concerns several.
-        rule: in the verdict of which rule; None if it concerns the whole episode.
+        episode_id: the episode; None if it concerns several.
+        rule: the rule whose verdict changed; None if it concerns the whole episode.
     """
 
     what: str
@@ -75,12 +75,12 @@ def write_golden(scores: Scores, path: Path) -> None:
 
 
 def compare_golden(scores: Scores, path: Path) -> list[str]:
-    """What differs, one line each; empty when everything is as expected. See ``changes``."""
+    """Differences from the expectations, one line each; empty if there are none. See ``changes``."""
     return [str(change) for change in changes(scores, path)]
 
 
 def changes(scores: Scores, path: Path) -> list[Change]:
-    """What differs from the expectations; empty when everything is as expected.
+    """List the differences from the expectations; empty if there are none.
 
     Raises:
         InputError: the file is not there or is no golden file.
@@ -124,7 +124,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _is_golden(table: Any) -> bool:
-    """Whether it is built as ``write_golden`` builds it."""
+    """Whether it has the structure that ``write_golden`` writes."""
 
     def holds(value: Any, *names: str) -> bool:
         return isinstance(value, dict) and value.keys() >= {*names}
@@ -189,9 +189,9 @@ def _differences(wanted: dict[str, Any], result: EpisodeResult, gates: Gates) ->
 
 
 def _change(before: dict[str, Any], v: Verdict, *, other_trace: bool) -> str:
-    """What changed in a verdict and for which of three reasons; empty if nothing did.
+    """Describe what changed in a verdict, and for which of three reasons; empty if nothing did.
 
-    Value and limit are told even where they are what they were: the verdict hangs on them.
+    Value and limit are given even where they did not change: the verdict rests on them.
     """
     now = _verdict(v)
     changed = [name for name in _FIELDS if not _same(name, before[name], now[name])]

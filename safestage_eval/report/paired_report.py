@@ -54,7 +54,7 @@ def document(comparison: Comparison) -> dict[str, Any]:
 
 
 def warnings(comparison: Comparison) -> list[str]:
-    """What the sample cannot carry, over all pairs, and how many rollouts would."""
+    """Claims over all pairs that the sample is too small for, and the size that would do."""
     return [
         f"{line.of.metric}: {_why_not(line)}"
         for line in comparison.lines
@@ -63,7 +63,7 @@ def warnings(comparison: Comparison) -> list[str]:
 
 
 def notes(comparison: Comparison) -> list[str]:
-    """How much was compared, what is not in it, and how to read the columns."""
+    """Sentences on what was compared, what was left out, and how to read the columns."""
     pairs = comparison.pairs
     lines = [
         f"{len(pairs.both)} pairs, matched by {', '.join(KEYS[pairs.by])}; difference: "
@@ -134,7 +134,7 @@ def _sides(comparison: Comparison) -> dict[str, Rates]:
 
 
 def _engagement(comparison: Comparison) -> list[Table]:
-    """How far the rollouts of each side got, and who was at risk; nothing where neither is known."""
+    """Stages reached and episodes at risk per side; no table where neither is known."""
     sides = _sides(comparison)
     known = any(
         cell.given["at risk"]["N"] or any(n for stage, n in cell.engagement.items() if stage)

@@ -17,7 +17,7 @@ def render_csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str
 
 
 def csv_pieces(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> Iterator[str]:
-    """The same row by row; keys that are no column are left out, missing ones empty.
+    """The lines one by one; keys that are no column are left out, missing ones empty.
 
     Truth values are ``true`` and ``false``, lists JSON, None is empty.
     """

@@ -48,8 +48,8 @@ _SPECIAL = {
 
 
 def _tex(text: str) -> str:
-    found = re.fullmatch(r"([\d.–]+) ± ([\d.–]+)(.*)", text)
-    if found:
-        mean, std, rest = (part.replace("–", "\\text{--}") for part in found.groups())
+    match = re.fullmatch(r"([\d.–]+) ± ([\d.–]+)(.*)", text)
+    if match:
+        mean, std, rest = (part.replace("–", "\\text{--}") for part in match.groups())
         return f"${mean}\\,{{\\scriptstyle\\pm\\,{std}}}${rest}"
     return "".join(_SPECIAL.get(c, c) for c in printable(text))

@@ -33,7 +33,7 @@ def rows(scores: Scores) -> list[dict[str, Any]]:
 
 
 def each_row(scores: Scores) -> Iterator[dict[str, Any]]:
-    """The same one by one."""
+    """Yield the rows of ``rows`` one by one."""
     for result in scores.results:
         for row in result.rows():
             for name in MEASURED:  # infinite or NaN: JSON has no such numbers, rows leave them open

@@ -45,7 +45,7 @@ _ALWAYS = {
 
 
 def row_schema() -> dict[str, Any]:
-    """Of one result row: every column is there, some may be null (docs/results.md)."""
+    """Schema of one result row: every column is present, some may be null (docs/results.md)."""
     columns = {}
     for name in COLUMNS:
         kind = _TYPES.get(name, _TEXT)
@@ -54,7 +54,7 @@ def row_schema() -> dict[str, Any]:
 
 
 def results_schema() -> dict[str, Any]:
-    """Of the whole JSON object."""
+    """Schema of the whole JSON object."""
     cell = {
         "type": "object",
         "required": ["prompt", "metric", "k", "n"],

@@ -56,6 +56,6 @@ class _Sink(io.RawIOBase):
         return len(self._parts[-1])
 
     def taken(self) -> bytes:
-        found = b"".join(self._parts)
+        result = b"".join(self._parts)
         self._parts.clear()
-        return found
+        return result

@@ -37,10 +37,10 @@ SECTIONS = {
     "not_applicable": ("Not at risk, counted as no violation", "yellow"),
     "pass": ("Safe", "green"),
 }
-"""What became of an episode → heading and colour, in this order."""
+"""Outcome of an episode → heading and colour, in this order."""
 
 BAD = ("violation", "inconclusive")
-"""Verdicts that are told of rules that are not assigned, too."""
+"""Verdicts that are listed even for rules that are not assigned."""
 
 _ORDER = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
 
@@ -92,7 +92,7 @@ def goal_of(result: EpisodeResult) -> str:
 
 
 def _reached(result: EpisodeResult) -> str:
-    """How far a rollout without success got with its target, after a comma; empty if unknown."""
+    """The stage that a rollout without success reached, after a comma; empty if unknown."""
     if result.engagement in (None, "success"):
         return ""
     idle = result.engagement == "idle"
@@ -138,7 +138,7 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
 
 
 def _unassigned(console: Console, scores: Scores, *, everything: bool) -> None:
-    """What rules found in episodes to which none of them is assigned: those named, or all."""
+    """Findings in episodes that no rule is assigned to."""
 
     def counted(result: EpisodeResult) -> Sequence[Verdict]:
         return result.verdicts if everything else scores.gates.counted(result)
@@ -160,7 +160,7 @@ def _unassigned(console: Console, scores: Scores, *, everything: bool) -> None:
 
 
 def _hint(console: Console, scores: Scores) -> None:
-    """Where to find the verdicts of rules that no episode's header assigns."""
+    """Say how to list the verdicts of rules that no header assigns."""
     words: Counter[str] = Counter(
         v.verdict for r in scores.results if not r.assigned for v in r.verdicts
     )
@@ -196,7 +196,7 @@ def _grid(verdicts: Sequence[Verdict], style: str) -> Grid:
 
 
 def _sentence(v: Verdict) -> str:
-    """What happened, with value and limit; then margin, severity, and why it is told at all."""
+    """The explanation with value and limit; then margin, severity, and why an unassigned rule is listed."""
     facts = []
     if v.margin is not None and v.dimension is not None:
         facts.append(f"margin {format_quantity(v.margin, v.dimension)}")
@@ -227,23 +227,23 @@ def _rates(console: Console, scores: Scores) -> None:
 Cells = Mapping[tuple[str, ...], Rates]
 
 
-def _given_table(console: Console, found: Cells) -> None:
+def _given_table(console: Console, cells: Cells) -> None:
     """VR among those that got somewhere, where any is known to have."""
-    columns = [name for name in CONDITIONS[1:] if any(c.given[name]["N"] for c in found.values())]
+    columns = [name for name in CONDITIONS[1:] if any(c.given[name]["N"] for c in cells.values())]
     if not columns:
         return
     rows = {
         names: [share(cell, "VR", given) for given in columns]
-        for names, cell in found.items()
+        for names, cell in cells.items()
         if cell.n
     }
     _cells(console, "VR given: percent, k/N", columns, rows)
 
 
-def _rate_table(console: Console, title: str, found: Cells, given: str | None) -> None:
+def _rate_table(console: Console, title: str, cells: Cells, given: str | None) -> None:
     rows = {
         names: [share(cell, metric, given) for metric in METRICS]
-        for names, cell in found.items()
+        for names, cell in cells.items()
         if cell.n or cell.inconclusive  # else nothing was judged of the stage
     }
     _cells(console, title, [f"{name} %" for name in METRICS], rows)
@@ -282,7 +282,7 @@ def _leftovers(console: Console, scores: Scores) -> None:
 
 
 def ended_in_error(ids: Sequence[str]) -> str:
-    """Which rollouts were not judged because what recorded them failed."""
+    """Rollouts that were not judged because their recording failed."""
     some = ", ".join(ids[:3]) + ", …" * (len(ids) > 3)
     return (
         f"{len(ids)} rollout{'s' * (len(ids) > 1)} ended in an error: not judged, not in N; recording "
@@ -291,7 +291,7 @@ def ended_in_error(ids: Sequence[str]) -> str:
 
 
 def left_out(total: Rates, scores: Scores) -> list[str]:
-    """Which episodes are not in N, and what they could change."""
+    """Episodes that are not in N, and how far they could move the rates."""
     lines = []
     bounds = total.bounds("VR")
     if total.inconclusive and bounds is not None:

@@ -151,7 +151,7 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
 
 def vocabulary() -> list[dict[str, Any]]:
     """Signals and relations as plain values, in the order of the documentation."""
-    found: list[dict[str, Any]] = [
+    result: list[dict[str, Any]] = [
         {
             "name": spec.name,
             "kind": "signal",
@@ -168,7 +168,7 @@ def vocabulary() -> list[dict[str, Any]]:
         }
         for spec in SIGNALS.values()
     ]
-    found += [
+    result += [
         {
             "name": spec.name,
             "kind": "relation",
@@ -185,7 +185,7 @@ def vocabulary() -> list[dict[str, Any]]:
         }
         for spec in RELATIONS.values()
     ]
-    return found
+    return result
 
 
 def explain_vocabulary(entries: list[dict[str, Any]]) -> str:

@@ -9,41 +9,41 @@ from safestage_eval.rules.compare import Comparison
 from safestage_eval.rules.parts import Part
 
 
-def text(found: Comparison) -> str:
-    """What changed, most shared first; then which rules mean something else."""
+def text(comparison: Comparison) -> str:
+    """List what changed, parts that most rules share first; then the rules whose meaning changed."""
     lines: list[str] = []
-    for sign, table in (("+", found.added), ("-", found.removed)):
+    for sign, table in (("+", comparison.added), ("-", comparison.removed)):
         lines += [f"{sign} {code}  {title}" for code, title in table.items()]
-    for part, codes in found.shared().items():
+    for part, codes in comparison.shared().items():
         lines.append(f"~ {part}  ({', '.join(codes)})")
-    for code, parts in found.own().items():
+    for code, parts in comparison.own().items():
         lines += [f"~ {code}  {part}" for part in parts]
-    lines += [f"~ {said}" for said in found.others]
-    lines += [f"  {part}  (read by no rule of both)" for part in found.unread]
+    lines += [f"~ {said}" for said in comparison.others]
+    lines += [f"  {part}  (read by no rule of both)" for part in comparison.unread]
     if lines:
         lines.append("")
-    for code, (before, after) in found.digests.items():
+    for code, (before, after) in comparison.digests.items():
         lines.append(f"{code} means something else: digest {before} → {after}")
-    if found.same:
-        lines.append(f"mean the same: {', '.join(found.same)}")
+    if comparison.same:
+        lines.append(f"mean the same: {', '.join(comparison.same)}")
     return "\n".join(lines) + "\n"
 
 
-def as_json(found: Comparison) -> str:
-    """The same as one object."""
+def as_json(comparison: Comparison) -> str:
+    """Write the comparison as one JSON object."""
     document = {
-        "added": dict(found.added),
-        "removed": dict(found.removed),
+        "added": dict(comparison.added),
+        "removed": dict(comparison.removed),
         "changed": {
             code: {
-                "digest": list(found.digests[code]),
+                "digest": list(comparison.digests[code]),
                 "parts": [_part(part) for part in parts],
             }
-            for code, parts in found.changed.items()
+            for code, parts in comparison.changed.items()
         },
-        "same": list(found.same),
-        "others": list(found.others),
-        "unread": [_part(part) for part in found.unread],
+        "same": list(comparison.same),
+        "others": list(comparison.others),
+        "unread": [_part(part) for part in comparison.unread],
     }
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 

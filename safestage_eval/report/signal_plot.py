@@ -58,14 +58,14 @@ def panels(again: Again, expressions: Sequence[str]) -> list[Panel]:
     if expressions:
         return [_panel(again, expression) for expression in expressions]
     decided = [v.signal for rule in again.assigned for v in [again.base(rule)[1]] if v.signal]
-    found = [_panel(again, name) for name in dict.fromkeys(decided) if _is_signal(again, name)]
-    if not found:
+    result = [_panel(again, name) for name in dict.fromkeys(decided) if _is_signal(again, name)]
+    if not result:
         raise InputError(
             again.episode.header.episode_id,
             "no measurement decides its assigned rules.",
             fix="name a signal, with its bodies or roles",
         )
-    return found
+    return result
 
 
 def _is_signal(again: Again, name: str) -> bool:
@@ -100,7 +100,7 @@ def _reading(again: Again, name: str) -> list[tuple[ast.Rule, Verdict, Looked]]:
     word = name.partition("(")[0]
     assigned = [rule for rule in again.assigned if isinstance(rule, ast.Rule)]
     for rules in (assigned, [r for r in again.rules.rules.values() if r not in assigned]):
-        found = []
+        result = []
         for rule in rules:
             players = dict(again.binding.players(rule, again.episode.header))
             if not all(players.values()) or not _names(again, rule, word):
@@ -108,9 +108,9 @@ def _reading(again: Again, name: str) -> list[tuple[ast.Rule, Verdict, Looked]]:
             evaluator, verdict = again.base(rule)
             looked = looked_at(evaluator, rule, players, verdict)
             if any(curve.signal == name for curve in looked.curves):
-                found.append((rule, verdict, looked))
-        if found:
-            return found
+                result.append((rule, verdict, looked))
+        if result:
+            return result
     return []
 
 
@@ -205,12 +205,12 @@ def _draw(axes: Any, again: Again, panel: Panel) -> None:
         )  # fmt: skip
     unit = unit_of(dimension)
     axes.set_title(f"{panel.name}{f' ({unit})' if unit else ''}", loc="left", fontsize=9.5)
-    told = "   ".join(
+    title = "   ".join(
         f"{SIGNS[v.verdict]} {v.rule} {v.verdict.replace('_', ' ')}" for v in panel.verdicts
     )
-    if told:
+    if title:
         worst = min(panel.verdicts, key=lambda v: list(SIGNS).index(v.verdict)).verdict
-        axes.set_title(told, loc="right", fontsize=9.5, color=COLORS[worst])
+        axes.set_title(title, loc="right", fontsize=9.5, color=COLORS[worst])
     axes.grid(color="0.92", lw=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)

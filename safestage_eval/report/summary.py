@@ -1,4 +1,4 @@
-"""What every report says first: who was at risk, and who did anything at all."""
+"""The first sentences of every report: how many were at risk, and how many did anything."""
 
 from __future__ import annotations
 

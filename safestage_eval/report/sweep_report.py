@@ -18,15 +18,15 @@ from .summary import share
 from .table import Table
 
 if TYPE_CHECKING:
-    from safestage_eval.whatif.sweep import Sweep
+    from safestage_eval.whatif.sweep import Curves
 
 FORMATS = ("table", "csv", "json")
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-"""Okabe and Ito's palette, told apart by colour-blind readers as well."""
+"""Okabe and Ito's palette, which colour-blind readers can distinguish as well."""
 
 STYLES = ("-", (0, (4, 2)), (0, (1, 1.5)))
-"""Of lines, in turn, so that two that coincide are both seen."""
+"""Line styles, in turn, so that two curves that coincide are both visible."""
 
 DRAWN = {"VR": "violations", "SSR": "safe successes"}
 """The rates that are drawn, in words."""
@@ -35,12 +35,12 @@ FEW = 30
 """Up to so many values each is marked on its curve."""
 
 
-def render(sweep: Sweep, form: str, by: Sequence[str] = ()) -> str:
+def render(sweep: Curves, form: str, by: Sequence[str] = ()) -> str:
     """A sweep in one of ``FORMATS``. Raises KeyError for another."""
     return {"table": _table, "csv": _csv, "json": _json}[form](sweep, by)
 
 
-def _table(sweep: Sweep, by: Sequence[str]) -> str:
+def _table(sweep: Curves, by: Sequence[str]) -> str:
     """Values at which nothing changes are drawn together into one line."""
     head = (*by, sweep.param, *(f"{metric} %" for metric in METRICS), "inconclusive")
     rows = []
@@ -56,17 +56,17 @@ def _table(sweep: Sweep, by: Sequence[str]) -> str:
     return render_text([Table("", head, rows, len(by) + 1)], _remarks(sweep))
 
 
-def _remarks(sweep: Sweep) -> list[str]:
-    """What was judged, and what was not."""
-    episodes = len(sweep.episodes)
+def _remarks(sweep: Curves) -> list[str]:
+    """Sentences on what was judged, and what was not."""
     said = [
         f"{sweep.param} is {text_of(sweep.default)} by default and read by "
-        f"{', '.join(sweep.readers)}; {len(sweep.values)} values, {_count(episodes, 'episode')}."
+        f"{', '.join(sweep.readers)}; {len(sweep.values)} values, {_count(sweep.count, 'episode')}."
     ]
     if sweep.unread:
         said.append(
             f"{_count(sweep.unread, 'episode')} left out: no rule assigned to them reads it."
         )
+    said += sweep.remarks
     return said + [f"problem: {problem.message}" for problem in sweep.problems]
 
 
@@ -74,12 +74,12 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
 
 
-def _csv(sweep: Sweep, by: Sequence[str]) -> str:
+def _csv(sweep: Curves, by: Sequence[str]) -> str:
     rows = sweep.rows(by)
     return render_csv(list(rows[0]) if rows else [], rows)
 
 
-def _json(sweep: Sweep, by: Sequence[str]) -> str:
+def _json(sweep: Curves, by: Sequence[str]) -> str:
     document: dict[str, Any] = {
         "version": __version__,
         "param": sweep.param,
@@ -93,10 +93,10 @@ def _json(sweep: Sweep, by: Sequence[str]) -> str:
     return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
 
 
-def plot(sweep: Sweep, path: Path, by: Sequence[str] = ()) -> None:
+def plot(sweep: Curves, path: Path, by: Sequence[str] = ()) -> None:
     """Draw VR and SSR against the parameter, its default marked.
 
-    One panel with both, or, where groups are told apart, a panel for each with a colour per group.
+    One panel with both, or with groups a panel for each and a colour per group.
 
     Args:
         sweep: what to draw.
@@ -130,7 +130,7 @@ def plot(sweep: Sweep, path: Path, by: Sequence[str] = ()) -> None:
     write(figure, "--plot", path)
 
 
-def _draw(axes: Any, sweep: Sweep, by: Sequence[str], metrics: Sequence[str]) -> None:
+def _draw(axes: Any, sweep: Curves, by: Sequence[str], metrics: Sequence[str]) -> None:
     """The curves of one panel, with the default and the axes."""
     factor, unit = factor_of(sweep.values[0]), unit_name(sweep.values[0])
     numbers = [amount(value) / factor for value in sweep.values]

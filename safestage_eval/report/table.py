@@ -28,7 +28,7 @@ class Table:
 
     @property
     def width(self) -> int:
-        """How many columns it has."""
+        """Number of columns."""
         return len(self.columns or (self.rows[0] if self.rows else ()))
 
     def is_left(self, column: int) -> bool:

@@ -7,13 +7,13 @@ import json
 from contextlib import suppress
 from pathlib import Path
 
-from safestage_eval.cache import question
-from safestage_eval.cache.identity import code_version
-from safestage_eval.cache.log import Log, append
 from safestage_eval.errors import TraceError
+from safestage_eval.evidence.answer_log import Log, append
+from safestage_eval.evidence.trace_identity import code_version
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.parquet.dataset_reader import read_rows
 
+from .result_question import result_question
 from .settings import Settings
 
 _PLACE = ("episode_index", "file")
@@ -52,7 +52,7 @@ class Keys:
         if header is None:
             return None
         s = self._settings
-        asked = question(
+        asked = result_question(
             ref, self._rules, s.overrides, s.bind, s.backend, assigned_only=s.assigned_only
         )
         return _digest(f"{code_version()} {ref.content_hash} {header} {asked}")

@@ -11,8 +11,9 @@ from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts.problem import Problem
 
 if TYPE_CHECKING:
-    from safestage_eval.cache import CacheFolder, Memory
     from safestage_eval.episode import Episode
+    from safestage_eval.evidence.cache_folder import CacheFolder
+    from safestage_eval.evidence.store import Store
     from safestage_eval.rules import BindFile, RuleSet
     from safestage_eval.verdicts import EpisodeResult
 
@@ -36,22 +37,26 @@ def score_episode(
         if ref.problem is not None:
             raise ref.problem
 
-        def judged(episode: Episode, memory: Memory | None = None) -> EpisodeResult:
+        def judged(episode: Episode, store: Store | None = None) -> EpisodeResult:
             return judge(
                 episode, rules, overrides=overrides, bind=bind, backend=backend,
-                assigned_only=assigned_only, memory=memory,
+                assigned_only=assigned_only, store=store,
             )  # fmt: skip
 
         if cache is None:
             return judged(ref.open())
-        from safestage_eval.cache import CacheFolder, Memory, question
+        from safestage_eval.evidence.cache_folder import CacheFolder
+        from safestage_eval.evidence.disk_store import DiskStore
+        from safestage_eval.verdicts.verdict_json import result_from_json, to_json
+
+        from .result_question import result_question
 
         folder = cache if isinstance(cache, CacheFolder) else CacheFolder(cache)
-        asked = question(ref, rules, overrides, bind, backend, assigned_only=assigned_only)
-        memory = Memory(folder, ref)
-        found = memory.result(asked, lambda: judged(memory.episode, memory))
-        memory.save()
-        return found
+        asked = result_question(ref, rules, overrides, bind, backend, assigned_only=assigned_only)
+        store = DiskStore(folder, ref)
+        found = store.answer(asked, lambda: to_json(judged(store.episode, store)))
+        store.save()
+        return result_from_json(found, ref.shown)
     except InputError as error:
         return Problem(ref.shown, str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others

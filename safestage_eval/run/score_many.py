@@ -59,7 +59,7 @@ def score_many(
             if progress is not None:
                 progress(len(found), len(refs))
     if settings.cache is not None:
-        from safestage_eval.cache import CacheFolder
+        from safestage_eval.evidence.cache_folder import CacheFolder
 
         CacheFolder(settings.cache).prune()
     return found

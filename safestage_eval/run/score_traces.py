@@ -174,7 +174,7 @@ def _announced(todo: Iterable[Numbered], starting: Callable[[], None]) -> Iterat
 def prune(settings: Settings) -> None:
     """Keep the cache within its size."""
     if settings.cache is not None:
-        from safestage_eval.cache import CacheFolder
+        from safestage_eval.evidence.cache_folder import CacheFolder
 
         CacheFolder(settings.cache).prune()
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from safestage_eval.rules import BindFile, RuleSet, load_rules
 
 if TYPE_CHECKING:
-    from safestage_eval.cache import CacheFolder
+    from safestage_eval.evidence.cache_folder import CacheFolder
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Settings:
     def _folder(self) -> CacheFolder | None:
         if self.cache is None:
             return None
-        from safestage_eval.cache import CacheFolder
+        from safestage_eval.evidence.cache_folder import CacheFolder
 
         return CacheFolder(self.cache, measurements=not self.verdicts_only)
 

@@ -6,8 +6,8 @@ import json
 from collections.abc import Sequence
 from typing import overload
 
-from safestage_eval.cache.stored import result
 from safestage_eval.verdicts import EpisodeResult
+from safestage_eval.verdicts.verdict_json import result_from_json
 
 from .result_parts import Parts
 
@@ -36,4 +36,4 @@ class StoredResults(Sequence[EpisodeResult]):
         """Read from disk. Raises InputError when a part was damaged meanwhile."""
         if isinstance(index, slice):
             return tuple(self[i] for i in range(*index.indices(len(self))))
-        return result(json.loads(self._parts.line(self._rows[index])), self._paths[index])
+        return result_from_json(json.loads(self._parts.line(self._rows[index])), self._paths[index])

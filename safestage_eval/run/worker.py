@@ -42,7 +42,7 @@ def line_of(found: EpisodeResult | Problem) -> Line | Problem:
     """A result as it is stored; a problem as it is."""
     if isinstance(found, Problem):
         return found
-    from safestage_eval.cache.stored import plain
+    from safestage_eval.verdicts.verdict_json import to_json
 
-    text = json.dumps(plain(found), separators=(",", ":"), ensure_ascii=False).encode()
+    text = json.dumps(to_json(found), separators=(",", ":"), ensure_ascii=False).encode()
     return Line(text, found.episode_id, found.trace_hash)

@@ -4,7 +4,7 @@ For examples of rules, for tests, for trying a rule out. A sketch is a drawing, 
 move as the file says, and contact forces follow from where they are. What stands on a flat face
 has contact points at the corners of what meets, which share its weight and all that stands on it so
 that forces and torques balance; what is held hangs from two fingers; what falls, falls freely;
-everything else that touches is told.
+every other contact is stated.
 
     says     = "The apple is carried past the cans, too close."
     duration = "6 s"

@@ -1,4 +1,4 @@
-"""Where every body is at every frame: the story's moves, turns and falls, one after the other."""
+"""Poses of every body at every frame: the story's moves, turns and falls in order."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Paths:
         self.orientation = {n: np.tile(start[n][1], (len(t), 1)) for n in solids}
 
     def pose(self, name: str, frame: int) -> tuple[F64, F64]:
-        """Where a body is at a frame: position (3,) m and orientation (4,), world."""
+        """A body's pose at a frame: position (3,) m and orientation (4,) wxyz, world."""
         return self.position[name][frame], self.orientation[name][frame]
 
     def frame(self, time: float) -> int:

@@ -1,4 +1,4 @@
-"""Who stands on whom at one frame, and with what forces: flat faces that meet, and their statics."""
+"""Support between bodies at one frame, and its forces: flat faces that meet, and their statics."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ class Resting:
         return self._views[name]
 
     def _meeting(self, name: str, other: str) -> list[_Point]:
-        """Where a body's bottom lies on faces of another."""
+        """Places where a body's bottom lies on faces of another."""
         a, b = self._views[name], self._views[other]
         known = self._met.get((name, other))
         if known is None or known[:2] != (a.key, b.key):
@@ -141,15 +141,15 @@ class Resting:
     def _found(self, a: View, other: str) -> list[_Point]:
         middle, level = a.bottom[:, :2].mean(0), float(a.bottom[:, 2].min())
         pose = self._views[other].pose
-        found: list[_Point] = []
+        result: list[_Point] = []
         for normal, corners, hull in self._views[other].faces:
             face = normal, corners
             if abs(level_at(face, middle) - level) > GAP:
                 continue
             for point in _corners(_clipped(a.base, hull)):
                 place = np.array([*point, level_at(face, point)])
-                found.append((other, _part_at(self._solids[other], pose, place), place, normal))
-        return found
+                result.append((other, _part_at(self._solids[other], pose, place), place, normal))
+        return result
 
     def _shared(self, name: str, points: Sequence[_Point], load: F64) -> F64:
         """(P,) N, upward: least squares over force and torque, none pulling, as even as can be."""

@@ -1,4 +1,4 @@
-"""The contacts of a sketch: what stands, what is held, what the story says is touched."""
+"""The contacts of a sketch: of bodies that stand, that are held, or that the story says touch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .sketch_model import Hold, Reach, Touch
 F64 = NDArray[np.float64]
 
 GRIP_HEIGHT = 0.75
-"""Share of a body's height at which it is gripped unless told."""
+"""Default height of a grip, as a share of the body's height."""
 AXES = {
     f"{sign}{axis}": (1.0 if sign == "+" else -1.0) * np.eye(3)[i]
     for i, axis in enumerate("xyz")

@@ -1,4 +1,4 @@
-"""What a sketch may say: the keys of its tables and of each step of its story."""
+"""The keys of a sketch's tables and of each step of its story."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ def _of(dimension: str) -> BeforeValidator:
 
 def _positive(dimension: str) -> BeforeValidator:
     def parse(value: Any) -> float:
-        found = q.quantity(value, dimension)
-        if not found > 0:
+        result = q.quantity(value, dimension)
+        if not result > 0:
             raise ValueError(f"{value!r} is not positive")
-        return found
+        return result
 
     return BeforeValidator(parse)
 
@@ -64,17 +64,17 @@ class BodySketch(Table):
     shape: Shapes
     """One shape or several; sizes are outer ones, and each part stands on its ``at``."""
     at: Place = (0.0, 0.0, 0.0)
-    """Where it stands, world; from the origin of what it stands ``on`` if that is given."""
+    """Position in the world; relative to the origin of what it stands ``on`` if that is given."""
     on: str | None = None
     """The body on whose upward face it stands; without it, height 0 or that of ``at``."""
     turned: Turned | None = None
-    """How it is turned at first, about its own origin: ``"30 deg about z"``."""
+    """Initial rotation about its own origin: ``"30 deg about z"``."""
     mass: Mass = 0.2
     kind: BodyKind = "object"
     movable: bool | None = None
-    """All but fixtures and regions move, unless told."""
+    """Whether it can move; by default all but fixtures and regions."""
     up: Literal["x", "y", "z", "none"] | None = None
-    """Declared up axis; z, but none for a sphere or an ellipsoid, unless told."""
+    """Declared up axis; by default z, and none for a sphere or an ellipsoid."""
     material: str | None = None
     tags: Names | tuple[()] = ()
     friction: Ratio = 1.0
@@ -120,11 +120,11 @@ class Hold(Step):
     hold: str
     during: Span
     grip: Force = 20.0
-    """How hard each finger presses."""
+    """Force of each finger."""
     across: Literal["x", "y"] = "y"
     """World axis along which the fingers close."""
     height: Length | None = None
-    """Where they grip, above the body's origin; three quarters up unless told."""
+    """Height of the grip above the body's origin; three quarters up by default."""
 
 
 class Move(Step):
@@ -179,7 +179,7 @@ class Drop(Step):
     drop: str
     at: Time
     by: Annotated[float, _positive("length")] | None = None
-    """How far; as far as there is nothing beneath its origin, unless told."""
+    """Distance; by default until something is beneath its origin."""
 
 
 class Touch(Step):
@@ -194,13 +194,13 @@ class Touch(Step):
     by: str
     during: Span
     force: Push
-    """How hard, straight into the touched side; or the whole vector, world axes."""
+    """Force straight into the touched side; or the whole vector, world axes."""
     side: Side = "+x"
     """The side of the touched body, world axes: where, and against which normal."""
     at: Way | None = None
-    """Where, from the touched body's origin; the middle of that side unless told."""
+    """Point relative to the touched body's origin; the middle of that side by default."""
     peak: Force | None = None
-    """Largest force between the frames; that at the frame unless told."""
+    """Largest force between the frames; by default that at the frame."""
 
 
 class Reach(Step):

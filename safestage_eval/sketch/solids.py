@@ -20,7 +20,6 @@ F64 = NDArray[np.float64]
 Pose = tuple[F64, F64]
 """Position (3,) m and orientation (4,) wxyz: body frame to world."""
 
-ROUND = ("sphere", "ellipsoid", "capsule")
 CUP_SIDES = 16
 """Flat walls around a cup."""
 UP: dict[str, Vec3 | None] = {

@@ -10,7 +10,6 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import digest_of
 
 from .known import Known
-from .memory import Memory
 from .values import Env, Values
 
 Found = TypeVar("Found")
@@ -20,7 +19,7 @@ class Answers(Values):
     """Values as they hold for an episode, and what they were asked for before.
 
     Attributes:
-        memory: where answers from before are found.
+        store: answers queries about the episode, and keeps answers to questions.
         notes: on what is being found out, in the order in which they came up.
         players: role → all bodies that play it, for ``at least K role``.
         success, success_known: frame of native success, None if it never came; and whether that is known.
@@ -36,11 +35,10 @@ class Answers(Values):
         relations: Relations,
         rules: ast.RuleSet,
         params: Mapping[str, ast.Quantity | ast.Duration],
-        memory: Memory | None = None,
     ) -> None:
         """Arguments as in ``Evaluator``."""
         super().__init__(relations, rules, params)
-        self.memory = memory
+        self.store = relations.store
         self.players: Mapping[str, Sequence[str]] = {}
         self._digests: dict[Any, tuple[object, str]] = {}
         self._know(Known(rules), shares=False)
@@ -95,12 +93,12 @@ class Answers(Values):
         The question names all that the answer may depend on besides the trace: the part with every
         definition and value that it reaches, who plays what, and what is known of success.
         """
-        if self.memory is None:
+        if not self.store.lasting:
             return find()
         part = f"{what} {self.digest(node)} {sorted(env.items())}"
         facts = self.success, self.success_known, self.causal
         question = f"{part} {sorted(self.players.items())} {facts}"
-        answer, notes = self.memory.answer(question, lambda: self._noted(find))
+        answer, notes = self.store.answer(question, lambda: self._noted(find))
         self.notes.update(dict.fromkeys(notes))
         return answer
 

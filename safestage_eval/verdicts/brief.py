@@ -27,7 +27,7 @@ def series_within(
     evaluator: Evaluator, atom: ast.SignalAtom, env: Env, first: int, stop: int
 ) -> Series | None:
     """The signal of an atom in the frames [first, stop) alone; None where it needs others."""
-    if evaluator.memory is not None:  # which keeps whole series
+    if evaluator.store.lasting:  # which keeps whole series
         return None
     asked, reference = evaluator.asked(atom, env), None
     if atom.since is not None:

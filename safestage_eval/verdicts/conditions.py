@@ -23,7 +23,6 @@ from safestage_eval.states.moment import Moment, Truth, truth_of
 from . import hidden_start
 from .answers import Answers, Found
 from .costly import Costly, Gates
-from .memory import Memory
 from .values import Asked, Env, limit_margin
 
 
@@ -37,10 +36,9 @@ class Conditions(Answers, ABC):
         params: Mapping[str, ast.Quantity | ast.Duration],
         *,
         causal: bool = False,
-        memory: Memory | None = None,
     ) -> None:
         """Arguments as in ``Evaluator``."""
-        super().__init__(relations, rules, params, memory)
+        super().__init__(relations, rules, params)
         self.causal = causal
         self.frames = len(self.episode)
         self._obligation: ast.ClauseKind | None = None

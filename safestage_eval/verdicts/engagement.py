@@ -57,9 +57,7 @@ def engagement(
     states = evaluator.rules.states
     if any(name not in states or len(states[name].of) != n for name, n in _STATES.items()):
         rules = _defaults()
-        evaluator = Evaluator(
-            evaluator.relations, rules, rules.params, None, memory=evaluator.memory
-        )
+        evaluator = Evaluator(evaluator.relations, rules, rules.params, None)
     asked = tuple(evaluator.rules.states[name] for name in _STATES)
 
     def find() -> list[int]:

@@ -15,9 +15,8 @@ from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
 
 from . import between_samples
-from .memory import Memory
 from .partial_states import PartialStates
-from .values import Env, ends_early, ends_with_success, lasting
+from .values import Env, ends_early, ends_with_success, lacks_its_success, lasting
 
 
 class Evaluator(PartialStates):
@@ -36,7 +35,6 @@ class Evaluator(PartialStates):
         *,
         success_known: bool = True,
         causal: bool = False,
-        memory: Memory | None = None,
     ) -> None:
         """Prepare; nothing is computed yet.
 
@@ -47,12 +45,12 @@ class Evaluator(PartialStates):
             success: frame that confirmed native success, None if it never came.
             success_known: False where the trace does not tell; then nothing after it is known.
             causal: states look only backwards, as in a rollout that is still running.
-            memory: where answers from before are found.
         """
-        super().__init__(relations, rules, params, causal=causal, memory=memory)
+        super().__init__(relations, rules, params, causal=causal)
         self.success = success
         self.success_known = success_known
-        self.truncated = ends_early(self.episode)
+        cut = success is None and not causal and lacks_its_success(self.episode)
+        self.truncated = cut or ends_early(self.episode)
         self.unfollowed = self.truncated or ends_with_success(self.episode)
 
     def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
@@ -64,7 +62,6 @@ class Evaluator(PartialStates):
             self.success,
             success_known=self.success_known,
             causal=self.causal,
-            memory=self.memory,
         )
         found.share(self)
         return found

@@ -12,6 +12,7 @@ from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import RuleError, readable
 from safestage_eval.evidence.at_hand import ReadSoFar
 from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.store import Store
 from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
@@ -23,13 +24,14 @@ from safestage_eval.version import __version__
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
 from .explain import inconclusive
-from .memory import Memory, short, verdict_question
+from .memory import short, verdict_question
 from .obligations.cost import judge_cost
 from .players import combinations
 from .rule_verdict import judge_rule, violates
 from .success import native_success
 from .values import UNDECLARED, lasting
 from .verdict import CostTotal, EpisodeResult, Vacuity, Verdict, VerdictName
+from .verdict_json import to_json, verdict_from_json
 
 Params = Mapping[str, ast.Quantity | ast.Duration]
 
@@ -45,7 +47,7 @@ def judge(
     trace_hash: str | None = None,
     backend: str = "gjk",
     assigned_only: bool = False,
-    memory: Memory | None = None,
+    store: Store | None = None,
 ) -> EpisodeResult:
     """Judge one episode by every rule of a set.
 
@@ -59,7 +61,7 @@ def judge(
             computed (``Episode.trace_hash``).
         backend: whose clearances (``geometry.backend``); part of each rule's digest.
         assigned_only: judge only the rules that the episode's task is assigned.
-        memory: where what was measured before is found.
+        store: that answers queries about the episode; a new one in memory if None.
 
     Raises:
         InputError: a backend that does not exist, or is not installed.
@@ -68,10 +70,8 @@ def judge(
         RuleError: an override that does not fit its parameter.
     """
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
-    episode, relations = as_judged(episode), None
-    if memory is not None:
-        relations = memory.relations(baseline_frames(rules, episode), backend)
-    judge_ = Judge(episode, rules, binding, relations, backend=backend, memory=memory)
+    episode = as_judged(episode)
+    judge_ = Judge(episode, rules, binding, backend=backend, store=store)
     found = judge_.result(trace_hash, assigned_only=assigned_only)
     judge_.demand_sound()
     return found
@@ -88,18 +88,17 @@ class Judge:
         relations: Relations | None = None,
         *,
         backend: str = "gjk",
-        memory: Memory | None = None,
+        store: Store | None = None,
     ) -> None:
         """Native success is found at once, verdicts when they are asked for.
 
         ``relations``: of the same episode and baseline, to measure nothing twice; they know their
-        backend, without them it is the one given. ``memory``: to judge no rule twice.
+        backend and store; without them these are the ones given.
         """
-        self._memory = memory
         episode = with_holes(episode) if relations is None else relations.episode
         self._episode, self._rules, self.binding = episode, rules, binding
         self._relations = relations or Relations(
-            Signals(episode, baseline_frames(rules, episode), backend)
+            Signals(episode, baseline_frames(rules, episode), backend, store)
         )
         self._backend = self._relations.signals.backend
         self._evaluators: list[Evaluator] = []
@@ -113,7 +112,7 @@ class Judge:
         self.notes += self._too_light()
         self._success = native_success(
             episode, binding.goal, Evaluator(
-                self._relations, rules, binding.params(None), None, causal=True, memory=memory
+                self._relations, rules, binding.params(None), None, causal=True
             ), binding.goal_players(),
         )  # fmt: skip
         self.notes += self._success.notes
@@ -165,7 +164,7 @@ class Judge:
         """Raises TraceError where columns that were read from a file cannot all be true."""
         if self._episode.path is None:  # made in memory, mostly of what a rule asks for alone
             return
-        if self._memory is not None and not self._memory.opened:  # sound when it was measured
+        if not self._relations.store.opened:  # sound when it was measured
             return
         relations = self._relations
         at_hand = ReadSoFar(relations.signals.gaps, relations.chained)
@@ -184,10 +183,13 @@ class Judge:
         blank, players = self._start(rule)
         if blank.vacuity:
             return blank
-        if self._memory is None:
+        store = self._relations.store
+        if not store.lasting:
             return self._judged(rule, blank, players)
         asked = verdict_question(self._rules, rule, blank, players, self._about_success)
-        return self._memory.verdict(asked, lambda: self._judged(rule, blank, players))
+        return verdict_from_json(
+            store.answer(asked, lambda: to_json(self._judged(rule, blank, players)))
+        )
 
     def _judged(
         self, rule: ast.Rule, blank: Verdict, players: Mapping[str, Sequence[str]]
@@ -287,7 +289,6 @@ class Judge:
             params,
             self._success.frame,
             success_known=self._success.known,
-            memory=self._memory,
         )
         self._evaluators.append(found)
         return found

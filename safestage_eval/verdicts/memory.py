@@ -1,38 +1,20 @@
-"""Answers about an episode from before, as the evaluator asks for them."""
+"""Questions about an episode that name all their answers depend on, for stores that keep answers."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from safestage_eval.episode.runs import runs
-from safestage_eval.relations.measure import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.scope import Scope
 
 from .verdict import Verdict
 
 Stretch = tuple[Scope, int | None]
-
-
-class Memory(Protocol):
-    """Answers about an episode that were found before."""
-
-    @property
-    def opened(self) -> bool:
-        """Something was read from the trace, because it was not known from before."""
-
-    def relations(self, baseline_frames: int, backend: str) -> Relations:
-        """Relations and signals that are measured only where they are not remembered."""
-
-    def verdict(self, question: str, judge: Callable[[], Verdict]) -> Verdict:
-        """What ``judge`` returns, or returned before to the same question."""
-
-    def answer(self, question: str, find: Callable[[], Any]) -> Any:
-        """What ``find`` returns (JSON), or returned before to the same question."""
 
 
 def short(text: str) -> str:
@@ -55,7 +37,7 @@ def verdict_question(
     players: Mapping[str, Sequence[str]],
     success: str,
 ) -> str:
-    """What a verdict depends on besides the trace, for ``Memory.verdict``."""
+    """What a verdict depends on besides the trace, for ``Store.answer``."""
     start = blank.assigned, blank.sources, blank.rule_digest
     return f"verdict {said(rules, rule)} {start} {sorted(players.items())} {success}"
 

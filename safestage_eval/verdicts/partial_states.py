@@ -53,7 +53,7 @@ class PartialStates(Conditions):
 
     def _where(self, wanted: Bool) -> tuple[bytes, int]:
         """The part of a cache key that depends on the wanted frames."""
-        return wanted.tobytes(), -1 if wanted.any() else self.relations.found_out
+        return wanted.tobytes(), -1 if wanted.any() else self.relations.store.sparse_count
 
     def _since_reset(self, state: ast.StateDef, env: Env, wanted: Bool) -> Band:
         """Whether a latched state holds at the wanted frames: since its last end before them."""

@@ -35,7 +35,7 @@ def applies(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> bool | None:
 def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]:
     """The frames that are judged, and for each stretch the frame at which ``until`` ended it."""
     where = (rule.during, rule.at, rule.until)
-    if evaluator.memory is None:
+    if not evaluator.store.lasting:
         named = [env.get(role) for role in where_it_counts(rule)]
         return evaluator.once(
             where, ("stretches", id(rule), *named), _stretches, evaluator, rule, env

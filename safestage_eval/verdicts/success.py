@@ -12,7 +12,7 @@ from safestage_eval.rules import syntax as ast
 
 from .evaluate import Evaluator
 from .goal import Reached, first_success
-from .values import ends_early
+from .values import ends_early, lacks_its_success
 
 
 class Success(NamedTuple):
@@ -68,7 +68,8 @@ def native_success(
     )
     reached = Reached(*found)
     if header.success is None:
-        unsure = reached.unsure or (reached.frame is None and ends_early(episode))
+        cut = ends_early(episode) or lacks_its_success(episode)
+        unsure = reached.unsure or (reached.frame is None and cut)
         return Success(reached.frame, None if unsure else reached.frame is not None)
     if header.success and recorded is None:
         return Success(reached.frame, True)

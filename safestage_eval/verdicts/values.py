@@ -155,6 +155,14 @@ def ends_early(episode: Episode) -> bool:
     return header.termination in ("truncated", "error") or beyond
 
 
+def lacks_its_success(episode: Episode) -> bool:
+    """Its rollout ended because the goal was reached, and that is all the trace says of success.
+
+    Where the goal is not seen to be reached, the trace stops before its rollout did.
+    """
+    return episode.header.success is None and episode.header.termination == "success"
+
+
 def ends_with_success(episode: Episode) -> bool:
     """Nothing was recorded after success: what was under way then is not followed to its end."""
     reached = episode.header.success_time

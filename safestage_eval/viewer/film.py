@@ -105,15 +105,15 @@ def _names(body: Body, roles: Mapping[str, Sequence[str]]) -> dict[str, Any]:
 
 
 def _geom(geom: Geom, meshes: dict[str, int]) -> dict[str, Any]:
-    found: dict[str, Any] = {
+    result: dict[str, Any] = {
         "kind": geom.kind,
         "size": geom.size,
         "position": geom.position,
         "orientation": geom.orientation,
     }
     if geom.mesh is not None:
-        found["mesh"] = meshes.setdefault(geom.mesh, len(meshes))
-    return found
+        result["mesh"] = meshes.setdefault(geom.mesh, len(meshes))
+    return result
 
 
 def _motion(track: Track, chosen: NDArray[np.intp], data: _Numbers) -> dict[str, Any]:

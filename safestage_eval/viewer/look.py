@@ -1,4 +1,4 @@
-"""From where an episode is looked at."""
+"""The viewpoint from which an episode is shown."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Look(NamedTuple):
 
 
 def look_at(episode: Episode) -> Look:
-    """A look at all that happens: at the objects that have a role, across the arm's reach.
+    """A view of everything that happens: of the objects with a role, across the arm's reach.
 
     Without roles, at all objects that can move; without any, at all bodies but planes.
     """

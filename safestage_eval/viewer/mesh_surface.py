@@ -1,4 +1,4 @@
-"""What is drawn of a mesh."""
+"""The part of a mesh that is drawn."""
 
 from __future__ import annotations
 

@@ -78,10 +78,14 @@ def diff_episode(
     after: RuleSet,
     overrides: Mapping[str, str],
     binds: tuple[BindFile | None, BindFile | None],
+    usual: Mapping[str, str] | None = None,
 ) -> Judged:
-    """One episode by two rule sets. Raises TraceError where it cannot be read."""
+    """One episode by two rule sets; ``usual``: overrides for ``before``.
+
+    Raises TraceError where it cannot be read.
+    """
     episode = ref.open()
-    old = Again(episode, before, bind=binds[0])
+    old = Again(episode, before, usual, binds[0])
     new = Again(episode, after, overrides, binds[1], like=old)
     rows, others = ({row["rule"]: row for row in side.judge.result().rows()} for side in (old, new))
     plain = difference(rows.values(), others.values())

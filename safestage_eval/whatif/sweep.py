@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -80,16 +81,15 @@ class Swept:
 
 
 @dataclass(frozen=True)
-class Sweep:
-    """What a sweep came to.
+class Curves(ABC):
+    """The rates of episodes under every value of a parameter.
 
     Attributes:
         param: its name.
         values: in rising order.
         default: the value of ``[param]``.
         readers: codes of the rules that read it and judged an episode.
-        episodes: those with an assigned rule that reads it.
-        unread: how many have none.
+        unread: how many episodes have no assigned rule that reads it.
         problems: what could not be judged.
     """
 
@@ -97,22 +97,26 @@ class Sweep:
     values: tuple[Value, ...]
     default: Value
     readers: tuple[str, ...]
-    episodes: tuple[Swept, ...]
     unread: int
     problems: tuple[Problem, ...]
 
+    @property
+    @abstractmethod
+    def count(self) -> int:
+        """Of the episodes that are counted."""
+
+    @abstractmethod
     def curves(self, by: Sequence[str] = ()) -> dict[tuple[str, ...], list[Rates]]:
         """Group → the rates under every value; one group ``()`` if nothing is told apart."""
-        groups: dict[tuple[str, ...], list[tuple[Swept, str | None]]] = {}
-        for episode in self.episodes:
-            for rule in (episode.moved or {}) if "rule" in by else (None,):
-                names = {"rule": rule}
-                key = tuple(str(names.get(name) or getattr(episode, name, "–")) for name in by)
-                groups.setdefault(key, []).append((episode, rule))
-        return {
-            key: [rates(_outcome(e, i, rule) for e, rule in group) for i in range(len(self.values))]
-            for key, group in sorted(groups.items())
-        }
+
+    @property
+    def remarks(self) -> list[str]:
+        """Sentences on how the verdicts were found."""
+        return []
+
+    @abstractmethod
+    def flips(self) -> list[dict[str, Any]]:
+        """Between which two values each verdict changes."""
 
     def rows(self, by: Sequence[str] = ()) -> list[dict[str, Any]]:
         """One flat row per group and value: rates 0…1, their counts, what is not in N, and at risk."""
@@ -133,6 +137,37 @@ class Sweep:
             for key, cells in self.curves(by).items()
             for value, cell in zip(self.values, cells, strict=True)
         ]
+
+
+@dataclass(frozen=True)
+class Sweep(Curves):
+    """A sweep over traces.
+
+    Attributes:
+        episodes: those with an assigned rule that reads the parameter.
+    """
+
+    episodes: tuple[Swept, ...]
+
+    @property
+    def count(self) -> int:
+        """Of the episodes that are counted."""
+        return len(self.episodes)
+
+    def curves(self, by: Sequence[str] = ()) -> dict[tuple[str, ...], list[Rates]]:
+        """Group → the rates under every value; one group ``()`` if nothing is told apart."""
+        groups: dict[tuple[str, ...], list[tuple[Swept, str | None]]] = {}
+        for episode in self.episodes:
+            for rule in (episode.moved or {}) if "rule" in by else (None,):
+                names = {"rule": rule}
+                key = tuple(str(names.get(name) or getattr(episode, name, "–")) for name in by)
+                groups.setdefault(key, []).append((episode, rule))
+        return {
+            key: [
+                rates(outcome_of(e, i, rule) for e, rule in group) for i in range(len(self.values))
+            ]
+            for key, group in sorted(groups.items())
+        }
 
     def flips(self) -> list[dict[str, Any]]:
         """Between which two values each verdict changes."""
@@ -210,9 +245,9 @@ def sweep(
         rising,
         rules.params[param],
         tuple(c for c in readers if any(c in (e.moved or ()) for e in kept.values())),
-        tuple(reversed(kept.values())),
         len({item.episode_id for item in swept if item.unread}),
         problems,
+        tuple(reversed(kept.values())),
     )
 
 
@@ -267,7 +302,8 @@ def swept(again: Again, path: str, param: str, values: Sequence[Value]) -> Swept
     )
 
 
-def _outcome(episode: Swept, index: int, rule: str | None) -> Outcome:
+def outcome_of(episode: Swept, index: int, rule: str | None) -> Outcome:
+    """What an episode counts as under the value with this index: by one rule, or by all assigned."""
     violation = episode.violation(index, rule)
     return Outcome(
         episode.policy,

@@ -25,9 +25,6 @@ GRIPPER_ROOT = "base"
 HOME = np.array([0.0, -0.2, 0.0, -0.8, 0.0, 0.6, 0.0]) * np.pi
 """(7,) rad, where every episode starts."""
 
-ACTION_SIZE = 8
-"""Seven absolute joint positions (rad) and a binary gripper command (1 closes)."""
-
 GRIP_FORCE = 10.0
 """N, range of the gripper's tendon actuator: about 200 N between the pads (50 gives 1,000 N)."""
 GRIP_BEYOND = 0.05
@@ -112,7 +109,7 @@ def arm_spec(mjcf: Path | None = None, *, visuals: bool = False) -> mujoco.MjSpe
 
 
 def _missing(spec: mujoco.MjSpec) -> list[str]:
-    """What makes the DROID arm and is not in the spec."""
+    """Changes that turn the model into the DROID arm."""
     wanted = {
         "joint": (spec.joint, (*JOINTS, GRIPPER_JOINT)),
         "actuator": (spec.actuator, (*JOINTS, GRIPPER_ACTUATOR)),

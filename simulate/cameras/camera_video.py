@@ -1,4 +1,4 @@
-"""What the cameras saw of a rollout, as a film beside its trace."""
+"""Camera pictures of a rollout as a video beside its trace."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class CameraVideo:
 
     @property
     def about(self) -> Video:
-        """What a trace's header says of it."""
+        """The header entry for the video."""
         return Video(
             file=f"{self.path.parent.name}/{self.path.name}",
             rate=CONTROL_RATE,

@@ -1,4 +1,4 @@
-"""What the DROID cameras see, drawn off screen: two stand outside, one is on the wrist."""
+"""The DROID cameras, drawn off screen: two outside, one on the wrist."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Cameras:
         self._rect = mujoco.MjrRect(0, 0, width, height)
 
     def images(self) -> dict[str, Image]:
-        """What each camera sees now."""
+        """The current picture of each camera."""
         model, now = self._world.model, self._now
         self._context.make_current()
         now.qpos[:], now.time = self._world.data.qpos, self._world.data.time
@@ -79,7 +79,7 @@ class Cameras:
 def camera_facts(world: World, names: Sequence[str], size: tuple[int, int]) -> tuple[Camera, ...]:
     """Intrinsics and places of cameras, as a trace's header has them.
 
-    A camera that stands still is told in the world's frame, any other in that of the body on it.
+    A fixed camera's pose is in the world frame, any other's in that of its body.
     """
     height, width = size
     found = []

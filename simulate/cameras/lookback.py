@@ -22,7 +22,7 @@ class Lookback:
         self._kept: dict[int, Images] = {}
 
     def due(self, played: int, length: int) -> bool:
-        """Whether a later request wants a picture of now.
+        """Whether a later request needs a picture of now.
 
         Args:
             played: actions that were played of the last answer.

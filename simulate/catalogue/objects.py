@@ -63,7 +63,7 @@ class Ring(Strict):
 
 
 class ObjectModel(Strict):
-    """What an object is: shapes, mass, friction, how it stands, what it holds."""
+    """Model of an object: shapes, mass, friction, up axis, cavity."""
 
     mass: float = Field(default=0.0, ge=0)
     """kg; a region has none."""
@@ -72,9 +72,9 @@ class ObjectModel(Strict):
     friction: tuple[float, float, float] = (1.0, 0.02, 0.001)
     """Sliding, torsional (m), rolling (m)."""
     up: bool = True
-    """It has an up axis (+z of its frame); False for what may lie any way, like fruit."""
+    """Whether it has an up axis (+z of its frame); False for objects that may lie any way, like fruit."""
     fixed: bool = False
-    """It does not move: a shelf."""
+    """Whether it is fixed, like a shelf."""
     region: bool = False
     """A room and no thing: nothing can touch it, rules can forbid it. Always fixed."""
     material: str | None = None

@@ -177,7 +177,7 @@ def record(
         from simulate.record.watch import Watching
 
         watching = Watching(watched, stop_at_violation)
-        for line in watching.told([job.setting.task for job in todo]):
+        for line in watching.notices([job.setting.task for job in todo]):
             say(line, err=True)
     outcomes = []
     with progress(len(todo), "episode") as show:

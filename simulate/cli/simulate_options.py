@@ -1,4 +1,4 @@
-"""What the commands share: options, errors, progress."""
+"""Options, errors and progress that the commands share."""
 
 from __future__ import annotations
 
@@ -114,12 +114,12 @@ def progress(total: int, what: str) -> Iterator[Callable[[int], None]]:
     with Console(stderr=True).status(f"{what} 1 of {total}") as status:
 
         def show(done: int) -> None:
-            status.update(told(done, total, what, time.monotonic() - start))
+            status.update(progress_line(done, total, what, time.monotonic() - start))
 
         yield show
 
 
-def told(done: int, total: int, what: str, seconds: float) -> str:
+def progress_line(done: int, total: int, what: str, seconds: float) -> str:
     """``episode 12 of 90, 20 a minute, 4 min left``."""
     if not done or seconds <= 0:
         return f"{what} {done} of {total}"

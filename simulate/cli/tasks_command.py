@@ -88,25 +88,25 @@ def _table(task: Task) -> dict[str, Any]:
     return task.model_dump(mode="json", exclude_defaults=True)
 
 
-def _words(found: Task) -> str:
-    lines = [f"{found.id}  ({found.stage}, {found.family})", ""]
-    lines += [f"  {name:<9} {getattr(found.prompts, name)}" for name in PROMPTS]
-    lines += ["", f"  {'goal':<11} {found.goal}, within {found.horizon:g} s"]
-    lines += [f"  {'rules':<11} {', '.join(_titled(code) for code in found.rules)}"]
-    lines += [f"  {role:<11} {', '.join(players)}" for role, players in found.roles.items()]
-    lines += [f"  {name} = {value}" for name, value in found.parameters.items()]
+def _words(task: Task) -> str:
+    lines = [f"{task.id}  ({task.stage}, {task.family})", ""]
+    lines += [f"  {name:<9} {getattr(task.prompts, name)}" for name in PROMPTS]
+    lines += ["", f"  {'goal':<11} {task.goal}, within {task.horizon:g} s"]
+    lines += [f"  {'rules':<11} {', '.join(_titled(code) for code in task.rules)}"]
+    lines += [f"  {role:<11} {', '.join(players)}" for role, players in task.roles.items()]
+    lines += [f"  {name} = {value}" for name, value in task.parameters.items()]
     lines += ["", "  objects"]
-    for name, place in found.objects.items():
+    for name, place in task.objects.items():
         x, y = place.position
         where = f"on {place.on}" if place.on else f"in {place.inside}" if place.inside else "table"
         vary = f"± {place.jitter.xy * 100:g} cm, ± {place.jitter.yaw:g} deg"
         lines.append(f"    {name:<14} {where:<14} ({x:g}, {y:g}) m  {vary}")
     for kind in ("safe", "unsafe"):
         lines += ["", f"  {kind} reference"]
-        for step in found.steps(kind):
+        for step in task.steps(kind):
             said = ", ".join(f"{k} = {v}" for k, v in step.arguments.items())
             lines.append(f"    {step.skill}({said})")
-    for name, grade in found.grades.items():
+    for name, grade in task.grades.items():
         values = ", ".join(f"{value:g}" for value in grade.values)
         lines += ["", f"  graded reference {name}: {grade.parameter}"]
         lines += [f"    {values} {grade.unit}; {grade.signal} = {grade.expected}"]

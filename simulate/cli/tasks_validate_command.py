@@ -152,12 +152,12 @@ def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:
     width = max(len(case.task.id) for case in todo)
     kinds = max(len(case.policy.removeprefix("reference:")) for case in todo)
     say(f"{'task':<{width}}  seed  {'policy':<{kinds}}    goal  verdict")
-    found = []
+    result = []
     with progress(len(todo), "episode") as show:
         for trial in trials(todo, jobs=jobs, each=_draws(pictures), done=show):
-            found.append(trial)
+            result.append(trial)
             say(_row(trial, width, kinds))
-    return found
+    return result
 
 
 def _row(trial: Trial, width: int, kinds: int) -> str:

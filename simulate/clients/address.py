@@ -28,12 +28,12 @@ NEEDED = ("msgpack", "websockets", "zmq", "PIL", "zstandard")
 
 
 class Common(BaseModel):
-    """What every address may set, whatever its protocol."""
+    """Options of an address in every protocol."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     name: str | None = Field(None, pattern=r"^[\w.=+-]+$")
-    """What the policy is called in episodes and tables; the protocol where None."""
+    """The policy's name in episodes and tables; the protocol where None."""
     wait: float = Field(10.0, ge=0)
     """s to wait for a server that is not there yet."""
     timeout: float | None = Field(None, gt=0)
@@ -48,12 +48,12 @@ class Address:
 
     dialect: Dialect
     url: str
-    """Of the server; of a kept conversation, where it begins with ``talk:``."""
+    """URL of the server, or of a kept conversation where it begins with ``talk:``."""
     common: Common
 
     @property
     def name(self) -> str:
-        """What the policy is called: two servers of one protocol need a name each."""
+        """The policy's name: two servers of one protocol need a name each."""
         return self.common.name or self.dialect.protocol
 
 
@@ -74,8 +74,8 @@ def dialect_named(protocol: str) -> type[Dialect]:
             fix="pip install 'safestage[policies]'",
         )  # fmt: skip
     module, name = PROTOCOLS[protocol]
-    found: type[Dialect] = getattr(importlib.import_module(f"{__package__}.{module}"), name)
-    return found
+    result: type[Dialect] = getattr(importlib.import_module(f"{__package__}.{module}"), name)
+    return result
 
 
 def address_of(policy: str) -> Address:
@@ -110,6 +110,6 @@ def address_of(policy: str) -> Address:
 
 
 def example(kind: type[Dialect]) -> str:
-    """How an address of a protocol looks."""
+    """Form of a protocol's addresses."""
     url = f"{kind.schemes[0]}://HOST:{kind.port}"
     return f"{kind.protocol}:{url}?name=MY_MODEL, or {kind.protocol}:talk:FILE"

@@ -9,7 +9,7 @@ import numpy as np
 
 
 def rows(tree: Any) -> int:
-    """How many there are in a map of arrays and lists. Raises ValueError where they differ."""
+    """Number of rows in a map of arrays and lists. Raises ValueError where they differ."""
     found = set(_lengths(tree))
     if len(found) != 1:
         raise ValueError(f"arrays and lists of the lengths {sorted(found)} in one batch")

@@ -20,7 +20,7 @@ Message = tuple[str, bytes | str]
 
 
 class Kept:
-    """A line of which everything said goes into a file as well."""
+    """A connection that also writes all messages into a file."""
 
     def __init__(self, line: Line, path: Path) -> None:
         """``path``: is made, its folder too."""

@@ -1,4 +1,4 @@
-"""What a protocol consists of: both ends of its conversation, and how its actions are understood."""
+"""Interface of a protocol: both ends of its conversation, and the meaning of its actions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ THRESHOLD = 0.5
 
 @dataclass(frozen=True)
 class Asked:
-    """What a server makes of a request."""
+    """A request as a server reads it."""
 
     observation: Observation
     session: str | None = None
@@ -67,7 +67,7 @@ class Dialect(BaseModel, ABC):
 
     @abstractmethod
     def request(self, observation: Observation, session: str) -> dict[str, Any]:
-        """What is asked at a control step."""
+        """The request at a control step."""
 
     @abstractmethod
     def actions(self, answer: Any, observation: Observation) -> F64:
@@ -77,22 +77,22 @@ class Dialect(BaseModel, ABC):
         """
 
     def opening(self, _session: str) -> dict[str, Any] | None:
-        """What tells the server that an episode begins; None where nothing is said."""
+        """Message that an episode begins; None where the protocol has none."""
         return None
 
     def question(self) -> dict[str, Any] | None:
-        """What is asked of the server before the first request; None where all is known."""
+        """Question to the server before the first request; None where all is known."""
         return None
 
     def learned(self, _answer: Any) -> Self:
-        """What the protocol is after the answer. Raises as ``actions`` does."""
+        """The dialect after the server's answer. Raises as ``actions`` does."""
         return self
 
     # The other end, for servers of references and for tests.
 
     @abstractmethod
     def asked(self, request: dict[str, Any]) -> Asked:
-        """What a request says. Raises KeyError, TypeError or ValueError for what is none."""
+        """Read a request. Raises KeyError, TypeError or ValueError for a malformed one."""
 
     @abstractmethod
     def answer(self, actions: F64, observation: Observation) -> Any:
@@ -103,12 +103,12 @@ class Dialect(BaseModel, ABC):
         return {}
 
     def greeting(self) -> dict[str, Any]:
-        """What a server says first on a websocket."""
+        """A server's greeting on a websocket."""
         return {}
 
     @property
     def style(self) -> Style:
-        """How arrays are written."""
+        """Encoding of arrays."""
         return self.arrays
 
 
@@ -132,10 +132,10 @@ def decided(actions: Any) -> F64:
 
 def vector(thing: Any, length: int) -> F64:
     """(length,) of what has so many numbers, in whatever shape. Raises ValueError otherwise."""
-    found = np.asarray(thing, np.float64).reshape(-1)
-    if len(found) != length:
-        raise ValueError(f"{len(found)} numbers where {length} belong")
-    return found
+    result = np.asarray(thing, np.float64).reshape(-1)
+    if len(result) != length:
+        raise ValueError(f"{len(result)} numbers where {length} belong")
+    return result
 
 
 def closed(observation: Observation) -> NDArray[np.float32]:

@@ -122,7 +122,7 @@ class Dreamzero(Dialect):
         return actions.astype(np.float32)
 
     def greeting(self) -> dict[str, Any]:
-        """What the server wants to be sent."""
+        """Settings that the server asks for."""
         return {
             "image_resolution": SIZE,
             "needs_wrist_camera": True,

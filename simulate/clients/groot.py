@@ -27,7 +27,7 @@ from .message_arrays import Style
 SIZE = (180, 320)
 """Pixels: height, width."""
 TURN = np.array([[0.0, 0.0, -1.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-"""What the flange's rotation is multiplied by on its right in the training data."""
+"""Right factor of the flange's rotation in the training data."""
 PROMPT = "annotation.language.language_instruction"
 
 
@@ -44,7 +44,7 @@ class Groot(Dialect):
     keys: Literal["flat", "nested"] = "flat"
     """Flat behind ``--use-sim-policy-wrapper``, nested without it."""
     coding: Literal["nd", "npy"] = "nd"
-    """How arrays are written: as msgpack-numpy does, or as NumPy files (older servers)."""
+    """Encoding of arrays: msgpack-numpy's, or NumPy files (older servers)."""
     camera: CAMERA = "exterior_left"
     """The one outside."""
     history: tuple[int, ...] | None = None
@@ -69,7 +69,7 @@ class Groot(Dialect):
         return {"endpoint": "get_modality_config"} if self.history is None else None
 
     def learned(self, answer: Any) -> Self:
-        """Which moments the server wants pictures of: ``delta_indices`` of its ``video``."""
+        """Moments that the server needs pictures of: ``delta_indices`` of its ``video``."""
         video = answer.get("video", {})
         video = video.get("as_json", video)
         if isinstance(video, str):
@@ -80,7 +80,7 @@ class Groot(Dialect):
         return self.model_copy(update={"history": tuple(-step for step in moments[:-1])})
 
     def described(self) -> Any:
-        """What ``get_modality_config`` is answered."""
+        """The answer to ``get_modality_config``."""
         moments = [*(-step for step in self.lookback), 0]
         states = ["eef_9d", "gripper_position", "joint_position"]
         told = {

@@ -1,4 +1,4 @@
-"""The lines that requests go over: a websocket or ZeroMQ, with patience and with plain complaints."""
+"""Connections for requests, by websocket or ZeroMQ, with time limits and clear errors."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ PAUSE = 0.25
 
 SETTING = "safestage-setting"
 """Header of a handshake, by which a served reference asks which task and seed a rollout is of; and the
-endpoint where it is told. No other server has it, and none is told."""
+endpoint that it is sent to. Other servers have neither."""
 
 
 class Line(Protocol):
     """A connection to a policy server, for one episode."""
 
     greeting: bytes
-    """What the server said first; empty where it says nothing."""
+    """The server's greeting; empty where it sends none."""
 
     def ask(self, message: bytes, patience: float) -> bytes | str:
         """Send a message and wait for its answer, at most ``patience`` s. Raises PolicyError."""
@@ -100,8 +100,8 @@ class WebsocketLine:
         from websockets.exceptions import ConnectionClosed
 
         try:
-            found: bytes | str = self._socket.recv(timeout=patience)
-            return found
+            result: bytes | str = self._socket.recv(timeout=patience)
+            return result
         except TimeoutError:
             raise too_slow(self._url, patience, what) from None
         except (ConnectionClosed, OSError) as error:
@@ -168,7 +168,7 @@ def too_slow(url: str, patience: float, what: str) -> PolicyError:
 
 
 def last_line(said: str) -> str:
-    """What a server's traceback comes to."""
+    """The last line of a server's traceback."""
     lines = [line.strip() for line in said.strip().splitlines() if line.strip()]
     return lines[-1] if lines else "nothing"
 

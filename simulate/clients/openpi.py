@@ -55,11 +55,11 @@ class Openpi(Dialect):
 
     def actions(self, answer: Any, observation: Observation) -> F64:
         """Positions as they are; velocities are added up from the measured position on."""
-        found = decided(answer["actions"])
+        result = decided(answer["actions"])
         if self.actions_are == "velocity":
-            steps = STEP * np.clip(found[:, :7], -1.0, 1.0)
-            found[:, :7] = observation.joint_position + np.cumsum(steps, axis=0)
-        return found
+            steps = STEP * np.clip(result[:, :7], -1.0, 1.0)
+            result[:, :7] = observation.joint_position + np.cumsum(steps, axis=0)
+        return result
 
     def asked(self, request: dict[str, Any]) -> Asked:
         """The observation of a request."""

@@ -1,4 +1,4 @@
-"""A policy behind a line: asks for actions, checks them, and says plainly what went wrong."""
+"""A served policy: requests actions, checks them, and reports what went wrong."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Remote:
     """A served policy. Every episode has a connection and a session of its own."""
 
     def __init__(self, address: Address, seed: int | None = None) -> None:
-        """Nothing is connected before ``reset``. A served reference alone is told the seed, if any."""
+        """Nothing is connected before ``reset``. Only a served reference receives the seed, if any."""
         self.address, self.name, self._seed = address, address.name, seed
         self._dialect = address.dialect
         self.cameras, self.image_size = self._dialect.cameras, self._dialect.image_size
@@ -46,8 +46,8 @@ class Remote:
         self._task, self._session = task, str(uuid.uuid4())
         self._line = self._connected()
         if self._seed is not None and getattr(self._line, "wants_setting", False):
-            told = {"endpoint": SETTING, "task": task, "seed": self._seed}
-            self._asked(self._sealed(told), max(self.address.common.wait, 1.0))
+            setting = {"endpoint": SETTING, "task": task, "seed": self._seed}
+            self._asked(self._sealed(setting), max(self.address.common.wait, 1.0))
         if self.address.common.keep is not None:
             self._line = Kept(self._line, _free(self.address.common.keep, task))
         opening = self._dialect.opening(self._session)
@@ -117,13 +117,13 @@ class Remote:
     def _asked(self, message: bytes, patience: float, *, opening: bool = False) -> Any:
         if self._line is None:
             raise RuntimeError("reset comes before act")
-        found = self._line.ask(message, patience)
-        if isinstance(found, str):
+        result = self._line.ask(message, patience)
+        if isinstance(result, str):
             if opening:
-                return found
-            raise PolicyError(self.address.url, f"the server says: {last_line(found)}")
+                return result
+            raise PolicyError(self.address.url, f"the server says: {last_line(result)}")
         try:
-            answer = unpack(found)
+            answer = unpack(result)
         except ValueError as error:
             raise PolicyError(self.address.url, f"its answer is {error}.") from None
         if isinstance(answer, dict) and "error" in answer:

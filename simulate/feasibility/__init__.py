@@ -1,1 +1,1 @@
-"""Whether tasks, references, grades and controls do what the benchmark says, and the pages on it."""
+"""Validation of tasks, references, grades and controls, and the pages that report it."""

@@ -1,4 +1,4 @@
-"""Whether a task counts: safe reference succeeds and passes, unsafe one succeeds and violates."""
+"""Feasibility of a task: the safe reference succeeds and passes, the unsafe one succeeds and violates."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from safestage_eval.verdicts.judging import judge
 from safestage_eval.verdicts.verdict import Verdict
 from simulate.policies.policy_names import policy_named
 from simulate.record.jobs import write_recording
-from simulate.record.pool import Died, run_many
 from simulate.record.rollout import Setting, roll_out
+from simulate.record.worker_pool import Died, run_many
 from simulate.tasks.task import Task
 
 REFERENCES = ("reference:safe", "reference:unsafe")
@@ -47,7 +47,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Trial:
-    """What a policy came to on one seed.
+    """Outcome of a policy on one seed.
 
     Attributes:
         task: its id.
@@ -152,7 +152,7 @@ def trials(
         todo: see ``cases``.
         jobs: processes.
         each: is handed every episode, in its process (to draw it, say).
-        done: told how many are done.
+        done: called with the number done.
     """
     found = run_many(partial(attempt, each=each), todo, jobs, done)
     for case, trial in zip(todo, found, strict=True):
@@ -203,5 +203,5 @@ def attempt(case: Case, each: Draw | None = None) -> Trial:
 
 @cache
 def builtin_rules() -> RuleSet:
-    """Of the three stages."""
+    """Built-in rules of the three stages."""
     return load_rules(RULES)

@@ -1,4 +1,4 @@
-"""What validation found, in words and as the page docs/feasibility.md."""
+"""Results of validation in words, and as the page docs/feasibility.md."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from safestage_eval.verdicts.verdict import Verdict
 from .feasibility import Trial
 
 SHARE_KEPT = 0.95
-"""Of the noisy references' verdicts that must be those of the references."""
+"""Share of the noisy references' verdicts that must equal those of the references."""
 
 
 def page(trials: Sequence[Trial]) -> str:
@@ -53,7 +53,7 @@ def page(trials: Sequence[Trial]) -> str:
 
 
 def said(trial: Trial) -> str:
-    """What a trial came to, in words."""
+    """The outcome of a trial in words."""
     decisive = trial.decisive
     if decisive is None:
         return trial.problem or "no assigned rule was judged"

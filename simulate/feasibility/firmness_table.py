@@ -1,4 +1,4 @@
-"""What noise and controls came to, as the pages docs/noise.md and docs/controls.md."""
+"""The pages docs/noise.md and docs/controls.md."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ _ROW = re.compile(r"\| `(\w+)` \| (\d+)/(\d+) \| (\d+)/(\d+) \| (.*) \|")
 
 @dataclass(frozen=True)
 class NoiseRow:
-    """How many noisy rollouts of a task kept their verdict."""
+    """Noisy rollouts of a task that kept their verdict."""
 
     task: str
     safe: tuple[int, int]
     """Kept, of how many."""
     unsafe: tuple[int, int]
     why: str
-    """What the others came to."""
+    """Outcomes of the others."""
 
     @property
     def firm(self) -> bool:

@@ -1,4 +1,4 @@
-"""The gallery: for each task its start, and what its two references come to."""
+"""The gallery: the start of each task and the outcome of its two references."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from safestage_eval.verdicts.judging import judge
 from simulate.policies.policy_names import policy_named
-from simulate.record.pool import Died, run_many
 from simulate.record.rollout import Setting, roll_out
+from simulate.record.worker_pool import Died, run_many
 from simulate.render.marks import (
     PASSED,
     ROLE_COLORS,
@@ -36,7 +36,7 @@ CAMERAS = (
     replace(VIEWS["front"], elevation=-50.0),
     replace(VIEWS["front"], azimuth=220.0, elevation=-50.0),
 )
-"""Where a task may be looked at from; the first one, if nothing hides what matters."""
+"""Viewpoints of a task; the first one, if nothing hides what matters."""
 HIDDEN = 0.2
 """Share of its best pixels below which a body counts as hidden."""
 GREY = (0.25, 0.25, 0.25)

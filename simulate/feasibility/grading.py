@@ -1,4 +1,4 @@
-"""Whether graded references turn unsafe where the analytic value of their signal says so."""
+"""Check that graded references become unsafe where the analytic value of their signal does."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def grade_result(
 
 
 def measured(grade: Grade, trial: Trial) -> float | None:
-    """What the driven signal came to, where it was the decisive one."""
+    """Value of the driven signal, where it was the decisive one."""
     return next((v.value for v in trial.verdicts if _drives(grade, v)), None)
 
 

@@ -1,4 +1,4 @@
-"""What a foreign model's bodies are: robot, gripper, object or fixture; and which finger is which."""
+"""Kinds of a foreign model's bodies: robot, gripper, object or fixture; and sides of fingers."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class ForeignFacts:
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Of a compiled model."""
+        """Facts of a compiled model."""
         self._model = model
         root = model.body_rootid
         self._driven = {int(root[body]) for body in _driven_bodies(model)}
@@ -55,7 +55,7 @@ class ForeignFacts:
         return "object" if int(self._model.body_rootid[body]) in self._free else "fixture"
 
     def _on_gripper(self, body: int) -> bool:
-        """It is named as a gripper, or hangs on what is."""
+        """Whether it is named as a gripper, or is a child of one."""
         while body:
             if _GRIPPER.search(self._model.body(body).name):
                 return True
@@ -83,16 +83,16 @@ class ForeignFacts:
 
     def _finger_root(self, body: int) -> int | None:
         """The uppermost body with a joint of its own between it and the gripper's first body."""
-        model, found = self._model, None
+        model, result = self._model, None
         while body and self._on_gripper(body):
             parent = int(model.body_parentid[body])
             if model.body_jntnum[body] and self._on_gripper(parent):
-                found = body
+                result = body
             body = parent
-        return found
+        return result
 
     def openness(self) -> Openness | None:
-        """How far the gripper is open, from its joints; None where the fingers do not tell."""
+        """Gripper opening from its joints; None where the fingers do not show it."""
         if self.hand is None:
             return None
         joints = [
@@ -133,7 +133,7 @@ class Openness:
                 self._closed[k], self._open[k] = ends[k, 1], ends[k, 0]
 
     def __call__(self, qpos: F64) -> float:
-        """Of (nq,) coordinates; the mean over the joints."""
+        """Opening at (nq,) coordinates; the mean over the joints."""
         share = (qpos[self._address] - self._closed) / (self._open - self._closed)
         return float(np.clip(share.mean(), 0.0, 1.0))
 

@@ -45,7 +45,7 @@ class DemoFile:
         return None
 
     def names(self) -> list[str]:
-        """Of the demonstrations, by their numbers."""
+        """Names of the demonstrations, by number."""
         import h5py
 
         data = self._file.get("data")
@@ -54,11 +54,11 @@ class DemoFile:
         return numbered(name for name in data if isinstance(data.get(name), h5py.Group))
 
     def fingerprint(self, name: str) -> str:
-        """Of the model, and of the ends of its data."""
+        """Digest of the model, and of the ends of its data."""
         demo = self._file["data"][name]
         with layout(f"{self.path}:data/{name}"):
-            told = str(demo.attrs.get("model_file", ""))
-        model = sha256(told.encode()).hexdigest()
+            model_text = str(demo.attrs.get("model_file", ""))
+        model = sha256(model_text.encode()).hexdigest()
         return f"{model[:16]}{fingerprint(demo)[:16]}"
 
     def read(self, name: str) -> Stored:

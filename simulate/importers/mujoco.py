@@ -54,7 +54,7 @@ class MujocoStates(Importer):
         return self._file.names() if self._file is not None else list(self._folders)
 
     def fingerprint(self, name: str) -> str:
-        """Of the model and of the states' first and last row."""
+        """Digest of the model and of the states' first and last row."""
         if self._file is not None:
             return self._file.fingerprint(name)
         return state_folders.fingerprint(self._folders[name])

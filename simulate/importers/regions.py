@@ -17,7 +17,7 @@ def region_cavities(
 ) -> dict[str, Cavity]:
     """Body → the box of its one site named ``…_region``, open to the side that is up now.
 
-    A body with several such rooms has none that could be told apart by its name. Sites on what
+    A body with several such rooms has none that its name could identify. Sites on what
     neither moves nor collides (the regions of a table) are none.
     """
     found: dict[str, list[Cavity]] = {}

@@ -1,4 +1,4 @@
-"""What is always missing, recomputed or guessed where only states were stored."""
+"""Remarks on what is missing, recomputed or guessed where only states were stored."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def tell(
     if facts.hand is None:
         account.missing(
             "finger sides",
-            cost="whether something is held is not told by forces",
+            cost="whether something is held is not known from forces",
             remedy=f'{MAP} [body.NAME] finger = "left"',
         )
     if any("up_axis" in body.untold for body in bodies):

@@ -25,14 +25,14 @@ def episode_folders(path: Path) -> list[Path]:
     if (path / "states.npz").is_file():
         return [path]
     for folder in (path / "extras", path):
-        found = sorted(file.parent for file in folder.glob("episode_*/states.npz"))
-        if found:
-            return found
+        result = sorted(file.parent for file in folder.glob("episode_*/states.npz"))
+        if result:
+            return result
     return []
 
 
 def fingerprint(folder: Path) -> str:
-    """Of both files."""
+    """Digest of both files."""
     digest = sha256()
     for name in ("states.npz", "model.xml.gz"):
         if (folder / name).is_file():

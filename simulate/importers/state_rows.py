@@ -81,7 +81,7 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
         rows: the states.
         header: without bodies and joints.
         map_: what the user says of bodies; masses are put into the model before forces are computed.
-        account: told what is recomputed, guessed or missing.
+        account: receives what is recomputed, guessed or missing.
 
     Raises:
         InputError: a model with a shape that no trace can hold, or a map file that does not fit.

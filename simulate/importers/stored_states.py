@@ -15,7 +15,7 @@ from safestage_eval._text.json_text import from_json
 
 @dataclass(frozen=True)
 class Stored:
-    """What a file holds of one episode.
+    """The stored data of one episode.
 
     Attributes:
         where: as messages say it.
@@ -62,7 +62,7 @@ class Stored:
 
     @property
     def instruction(self) -> str | None:
-        """What the robot was told, if the file says it."""
+        """The instruction, if the file has one."""
         said = self.meta.get("lang") or _table(self.about.get("problem_info")).get(
             "language_instruction"
         )

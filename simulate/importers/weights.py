@@ -1,4 +1,4 @@
-"""What the bodies of a foreign model weigh, and how light a contact still counts."""
+"""Weights of the bodies of a foreign model, and the lightest contact that still counts."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from simulate.world.describe import Description, body_name
 ORDINARY = 0.1
 """N: the lightest contact that counts by default (``contact_force`` in rules/defaults.toml)."""
 SHARE = 0.5
-"""Of the lightest object's weight: what each of two supports bears of it."""
+"""Share of the lightest object's weight that each of two supports bears."""
 
 
 def weigh(model: mujoco.MjModel, data: mujoco.MjData, map_: MapFile) -> None:

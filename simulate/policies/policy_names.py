@@ -15,8 +15,8 @@ from simulate.clients.address import address_of, is_address
 from simulate.policy import Policy
 
 from .controls import Idle, RandomNearHome
-from .references import KINDS, Noisy, Reference
-from .replay import Replay
+from .reference_policies import KINDS, Noisy, Reference
+from .replay_policy import Replay
 
 POLICIES = (
     "reference:safe",
@@ -29,7 +29,7 @@ POLICIES = (
     "PROTOCOL:URL[?OPTION=VALUE&…]",
     "MODULE:CLASS",
 )
-"""What ``policy_named`` understands. SIGMA is in rad, EPISODE an id where PATH holds several;
+"""Forms of policy names that ``policy_named`` accepts. SIGMA is in rad, EPISODE an id where PATH holds several;
 PROTOCOL is one of ``clients.address.PROTOCOLS``, as in ``openpi:ws://127.0.0.1:8000?name=pi05``."""
 
 
@@ -68,7 +68,7 @@ def policy_named(name: str, draw: Sequence[int] = (0,)) -> Policy:
 
 @cache
 def policy_name(name: str) -> str:
-    """What the episodes of a policy are called by; one of a user's is not made for that."""
+    """A policy's name in episodes; a user's policy is not instantiated for it."""
     if is_address(name):
         return address_of(name).name
     kind, _, rest = name.partition(":")
@@ -92,16 +92,16 @@ def class_at(path: str) -> Any:
     except ModuleNotFoundError as error:
         fix = "run from the module's folder, or install it"
         raise InputError(where, f"{error}.", ", ".join(POLICIES), fix) from None
-    found = getattr(module, name, None)
-    if not isinstance(found, type):
+    result = getattr(module, name, None)
+    if not isinstance(result, type):
         classes = [n for n, value in vars(module).items() if isinstance(value, type)]
         raise InputError(where, f"{module_name} has no class {name!r}.", ", ".join(classes))
-    lacking = [part for part in ("reset", "act") if not callable(getattr(found, part, None))]
-    if not isinstance(getattr(found, "name", None), str):
+    lacking = [part for part in ("reset", "act") if not callable(getattr(result, part, None))]
+    if not isinstance(getattr(result, "name", None), str):
         lacking.append("name (a text, in the class)")
     if lacking:
         raise InputError(where, f"it has no {', no '.join(lacking)}.", fix="see docs/tasks.md")
-    return found
+    return result
 
 
 @cache

@@ -20,7 +20,7 @@ from .jobs import Format, Job, plan
 
 
 class Campaign(Strict):
-    """What is recorded: every combination."""
+    """A campaign: every combination is recorded."""
 
     policies: tuple[str, ...] = Field(min_length=1)
     """As ``--policy`` takes them."""
@@ -45,15 +45,15 @@ class Campaign(Strict):
 
     def chosen(self) -> list[Task]:
         """Its tasks. Raises InputError when none is left."""
-        found = [
+        result = [
             task
             for task in tasks_matching(self.tasks)
             if task.stage in self.stages
             and any(fnmatchcase(task.family, pattern) for pattern in self.families)
         ]
-        if not found:
+        if not result:
             raise InputError("campaign", "no task is of these stages and families.")
-        return found
+        return result
 
     def named(self, servers: Mapping[str, str] | None = None) -> tuple[str, ...]:
         """The policies with the addresses of their servers; those given go before the file's.

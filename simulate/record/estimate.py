@@ -1,4 +1,4 @@
-"""What a campaign comes to before it is run: rollouts, hours, gigabytes."""
+"""Cost of a campaign before it is run: rollouts, hours, gigabytes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BYTES = 120e3
 
 @dataclass(frozen=True)
 class Estimate:
-    """What rollouts come to if every one of them goes on to its horizon.
+    """Cost of rollouts if each runs to its horizon.
 
     Attributes:
         rollouts: how many.
@@ -36,7 +36,7 @@ class Estimate:
 
     @classmethod
     def of(cls, jobs: Iterable[Job]) -> Estimate:
-        """Of these jobs."""
+        """Estimate for these jobs."""
         horizons = [job.setting.horizon or job.setting.task.horizon for job in jobs]
         return cls(
             len(horizons),

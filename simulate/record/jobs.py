@@ -16,13 +16,13 @@ from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import TraceWriter, discover
 from safestage_eval.formats.discover import aborted
 from simulate.policies.policy_names import policy_name, policy_named
-from simulate.policies.references import KINDS
+from simulate.policies.reference_policies import KINDS
 from simulate.tasks.task import Task
 from simulate.world.world import FRAME_RATE, FRAMES_PER_ACTION
 
-from .pool import Died, run_many
 from .rollout import Setting, roll_out
 from .watch import Watching
+from .worker_pool import Died, run_many
 
 Format = Literal["parquet", "mcap"]
 
@@ -47,13 +47,13 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a job."""
+    """Outcome of a job."""
 
     episode_id: str
     skipped: bool = False
     """An episode with this id was there already."""
     problem: str = ""
-    """Why nothing was recorded, if so."""
+    """Why nothing was recorded; empty if something was."""
     success_time: float | None = None
     """s."""
     simulated: float = 0.0
@@ -61,7 +61,7 @@ class Outcome:
     taken: float = 0.0
     """s of processor time, writing included."""
     aborted: bool = False
-    """It ended in an error; what was recorded until then is kept, and tried again."""
+    """Whether it ended in an error; the recording until then is kept, and the job tried again."""
     stopped: str = ""
     """At which violation it was stopped, if it was."""
 
@@ -143,7 +143,7 @@ def record(
         out: a Parquet dataset, or the folder of MCAP files.
         format: which of the two.
         jobs: processes.
-        done: told how many jobs are done.
+        done: called with the number of jobs done.
         watching: rules that are judged meanwhile.
         video: film what the cameras see, into ``out/videos``.
 
@@ -178,7 +178,7 @@ def record_one(
     video: bool = False,
     tried: AbstractSet[str] = frozenset(),
 ) -> Outcome:
-    """Roll out and write one episode; what goes wrong with it is told, not raised.
+    """Roll out and write one episode; what goes wrong is returned, not raised.
 
     Of the ids in ``tried`` there is an episode that ended in an error. Another one is not written in
     its place when it got no first action either: a server that is not there all night fills no disk.
@@ -229,7 +229,7 @@ def write_recording(
 
 
 def summary(outcomes: Sequence[Outcome]) -> str:
-    """What recording came to, in a line."""
+    """One line on the outcome of recording."""
     new = [o for o in outcomes if not (o.skipped or o.problem)]
     parts = [f"{len(new)} recorded"]
     if new:
@@ -263,15 +263,15 @@ def _ids(folder: Path) -> tuple[set[str], set[str]]:
         refs = discover([folder])
     except TraceError:
         return set(), set()
-    found: tuple[set[str], set[str]] = set(), set()
+    result: tuple[set[str], set[str]] = set(), set()
     for ref in refs:
         if ref.problem is None and ref.episode_id:
-            found[aborted(ref)].add(ref.episode_id)
-    return found
+            result[aborted(ref)].add(ref.episode_id)
+    return result
 
 
 def _grade(policy: str) -> str:
-    """The grade of which a policy's name asks all values; empty if it does not."""
+    """The grade whose values a policy's name asks for all; empty if it does not."""
     kind, _, rest = policy.partition(":")
     return rest if kind == "reference" and rest not in KINDS and "=" not in rest else ""
 

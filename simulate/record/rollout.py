@@ -24,7 +24,7 @@ from safestage_eval.version import __version__
 from simulate.cameras.camera_video import CameraVideo
 from simulate.cameras.droid_cameras import SIZE, Cameras, camera_facts
 from simulate.cameras.lookback import Lookback
-from simulate.policies.references import Reference
+from simulate.policies.reference_policies import Reference
 from simulate.policy import Observation, Policy, PolicyError
 from simulate.tasks.task import Task
 from simulate.world.privileged import PrivilegedState
@@ -46,7 +46,7 @@ PROMPTS = ("default", "generic", "specific")
 
 @dataclass(frozen=True)
 class Setting:
-    """What one rollout is of."""
+    """Setting of one rollout."""
 
     task: Task
     seed: int = 0
@@ -58,11 +58,11 @@ class Setting:
 
     @property
     def draw(self) -> tuple[int, int, int]:
-        """What is random in a policy is drawn from task, environment seed and rollout."""
+        """Seed of a policy's randomness, from task, environment seed and rollout."""
         return zlib.crc32(self.task.id.encode()), self.seed, self.rollout
 
     def episode_id(self, policy: str) -> str:
-        """The same for the same rollout, whenever it is recorded.
+        """Id that is the same whenever the rollout is recorded.
 
         What departs from the task's own setting (a horizon, another arm model) is part of it.
         """
@@ -221,7 +221,7 @@ def _watch(monitor: GoalMonitor, writer: TraceWriter) -> float | None:
 def observe(
     world: World, time: float, instruction: str, cameras: Cameras | None = None
 ) -> Observation:
-    """What a policy may know of a world now."""
+    """The observation of a world now."""
     return Observation(
         time,
         world.arm_position,
@@ -235,7 +235,7 @@ def observe(
 
 
 def _told(policy: Policy, do: Callable[[], Result]) -> Result:
-    """What a policy does; whatever goes wrong in it is said as a PolicyError, InputErrors aside."""
+    """A policy's actions; any failure but an InputError becomes a PolicyError."""
     try:
         return do()
     except InputError:

@@ -1,4 +1,4 @@
-"""Rules watched while a rollout is going on: told at once, and a reason to stop."""
+"""Rules watched during a rollout: violations are reported at once, and may stop it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ EVERY = 4
 
 @dataclass(frozen=True)
 class Watching:
-    """What is watched, and to what end.
+    """The watched rules, and what a violation does.
 
     Attributes:
         rules: paths, folders or built-in names of rule files, all rules of which are watched; none
@@ -39,13 +39,13 @@ class Watching:
         return Watch(writer, self)
 
     def codes(self, tasks: Sequence[Task]) -> list[str]:
-        """Which rules are watched in some of these tasks."""
+        """Rules that are watched in some of these tasks."""
         if self.rules:
             return list(_loaded(self.rules).rules)
         return sorted({code for task in tasks for code in task.rules})
 
-    def told(self, tasks: Sequence[Task]) -> Iterator[str]:
-        """Which rules cannot be judged while the rollout goes on, and what they wait for."""
+    def notices(self, tasks: Sequence[Task]) -> Iterator[str]:
+        """Rules that cannot be judged during the rollout, and what they wait for."""
         rules = _loaded(self.rules)
         for code in self.codes(tasks):
             if code in rules.rules:

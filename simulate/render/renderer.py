@@ -7,13 +7,13 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval._process.closing import Closing
 from safestage_eval.episode import Body, Episode, Geom
 from simulate.cameras.graphics import graphics_context
 from simulate.catalogue.objects import REGION_ALPHA, catalogue
@@ -54,7 +54,7 @@ VIEWS = {
 
 @dataclass(frozen=True)
 class Style:
-    """How a scene is drawn.
+    """Style of a drawn scene.
 
     Attributes:
         colors: body → red, green, blue in 0 … 1; others have the catalogue's.
@@ -71,7 +71,7 @@ class Style:
     matt: bool = False
 
 
-class EpisodeRenderer:
+class EpisodeRenderer(Closing):
     """Draws frames of an episode off screen. A context manager: it holds a graphics context.
 
     The shapes are those of the trace, so the picture shows what is judged. One at a time per
@@ -228,19 +228,6 @@ class EpisodeRenderer:
         """Give the graphics context back."""
         self._target.free()
         self._context.free()
-
-    def __enter__(self) -> Self:
-        """The renderer itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
 
 def contact_sheet(images: Sequence[Image], columns: int = 4) -> Image:

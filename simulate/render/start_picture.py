@@ -1,4 +1,4 @@
-"""How a task's scene looks before anything has moved."""
+"""Picture of a task's scene before anything has moved."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from simulate.policy import Observation
 from .served_episode import Direct, Shadow, at_home, is_own
 
 DONE = "reset successful"
-"""What DreamZero's server says to a reset, as a text."""
+"""DreamZero's answer to a reset, as text."""
 TOGETHER = 8
 """Episodes that one client may have under way where a request holds several observations."""
 
@@ -52,7 +52,7 @@ class Desk:
         self._resets = 0
 
     def greeting(self) -> bytes:
-        """What a websocket's server says first."""
+        """Greeting on a websocket."""
         return pack(self._dialect.greeting(), self._dialect.style)
 
     def answered(self, message: bytes) -> bytes | str:
@@ -126,6 +126,6 @@ class Desk:
 
 
 def complaint(error: Exception) -> str:
-    """What a client is told of an error."""
+    """Error message for a client."""
     known = isinstance(error, InputError | ValueError)
     return str(error) if known else f"{type(error).__name__}: {error}"

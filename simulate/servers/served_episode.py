@@ -1,4 +1,4 @@
-"""What a served policy does in one episode, of which only requests are known."""
+"""One episode of a served policy, known by its requests alone."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from safestage_eval.errors import InputError
 from simulate.arm import droid
 from simulate.policies.policy_names import policy_named
-from simulate.policies.references import Reference
+from simulate.policies.reference_policies import Reference
 from simulate.policy import Observation, Policy
 from simulate.record.rollout import PROMPTS, Setting, observe, start
 from simulate.tasks.task import Task, tasks
@@ -67,14 +67,14 @@ class Shadow:
         self._chunk: list[F64] = []
 
     def off(self, observation: Observation) -> float:
-        """How far an observation is from where this world is: rad, and opening of the gripper."""
+        """Distance of an observation from this world's state: rad, and opening of the gripper."""
         if observation.instruction != self._instruction:
             return float("inf")
         joints = np.abs(observation.joint_position - self._world.arm_position).max()
         return float(joints + abs(observation.gripper_opening - self._world.gripper_opening))
 
     def fits(self, observation: Observation) -> bool:
-        """Whether an observation is of where this world is."""
+        """Whether an observation matches this world's state."""
         off = np.abs(observation.joint_position - self._world.arm_position).max()
         return observation.instruction == self._instruction and bool(off <= ASTRAY)
 
@@ -118,7 +118,7 @@ class Direct:
         return True
 
     def answer(self, observation: Observation, play: int, rows: int) -> F64:  # noqa: ARG002
-        """What the policy returns."""
+        """The policy's actions."""
         return np.asarray(self._policy.act(observation), np.float64)
 
 
@@ -129,7 +129,7 @@ def is_own(policy: str) -> bool:
 
 
 def at_home(observation: Observation) -> bool:
-    """Whether the arm is where every episode begins."""
+    """Whether the arm is at its initial pose."""
     return bool(np.abs(observation.joint_position - droid.HOME).max() <= ASTRAY)
 
 

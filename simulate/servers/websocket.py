@@ -6,9 +6,9 @@ import socket
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
+from safestage_eval._process.closing import Closing
 from simulate.clients.line import SETTING
 
 from .served_answers import Desk, complaint
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 INTERNAL_ERROR = 1011
 
 
-class WebsocketServer:
+class WebsocketServer(Closing):
     """Serves in threads from when it is made until it is closed. A context manager."""
 
     def __init__(
@@ -65,7 +65,7 @@ class WebsocketServer:
                 data = message if isinstance(message, bytes) else message.encode()
                 try:
                     answer = desk.answered(data)
-                except Exception as error:  # noqa: BLE001 - whatever it is, the client is told
+                except Exception as error:  # noqa: BLE001 - sent to the client, whatever it is
                     connection.send(complaint(error))
                     connection.close(INTERNAL_ERROR, "what is wrong is said in the frame before")
                     return
@@ -86,19 +86,6 @@ class WebsocketServer:
     def wait(self) -> None:
         """Serve until somebody closes it."""
         self._thread.join()
-
-    def __enter__(self) -> Self:
-        """The server itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
 
 
 def _health(connection: ServerConnection, request: Request) -> Response | None:

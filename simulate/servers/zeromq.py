@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import threading
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
+from safestage_eval._process.closing import Closing
 from simulate.clients.message_arrays import pack
 
 from .served_answers import Desk, complaint
@@ -21,7 +21,7 @@ Asked = tuple[bytes, bytes]
 """A client's identity, and its message."""
 
 
-class Router(ABC):
+class Router(Closing):
     """Answers many clients in a thread from when it is made until it is closed. A context manager."""
 
     def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
@@ -45,7 +45,7 @@ class Router(ABC):
     def answers(self, waiting: Sequence[Asked]) -> Iterator[Asked]:
         """Answers to all that wait, in any order."""
 
-    def finish(self) -> None:  # noqa: B027 - most have nothing to do
+    def finish(self) -> None:
         """Called in the serving thread when it ends."""
 
     def _serve(self) -> None:
@@ -70,19 +70,6 @@ class Router(ABC):
         """Serve until somebody closes it."""
         self._thread.join()
 
-    def __enter__(self) -> Self:
-        """The server itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close."""
-        self.close()
-
 
 class ZeromqServer(Router):
     """A desk for each client."""
@@ -98,6 +85,6 @@ class ZeromqServer(Router):
             desk = self._desks.setdefault(client, self._desk())
             try:
                 answer = desk.answered(message)
-            except Exception as error:  # noqa: BLE001 - whatever it is, the client is told
+            except Exception as error:  # noqa: BLE001 - sent to the client, whatever it is
                 answer = pack({"error": complaint(error)})
             yield client, answer if isinstance(answer, bytes) else answer.encode()

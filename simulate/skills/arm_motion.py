@@ -1,4 +1,4 @@
-"""What skills are made of: straight moves, grips and corrections of the arm, 15 actions a second."""
+"""Building blocks of skills: straight moves, grips and corrections of the arm, 15 actions a second."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Motion:
         command: (7,) rad, the joints' present command.
         position: (3,) m, the TCP's present command, world.
         rotation: (3, 3), TCP to world, commanded.
-        closed: the gripper is told to close.
+        closed: the gripper is commanded to close.
         held: name of the object in it.
     """
 

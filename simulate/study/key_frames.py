@@ -1,4 +1,4 @@
-"""Which moments of an episode are worth a picture: by what moves and touches, not by any rule."""
+"""Moments of an episode for pictures, chosen by motion and contact, not by any rule."""
 
 from __future__ import annotations
 
@@ -79,13 +79,13 @@ def _moves(episode: Episode, body: Body, frames: NDArray[np.intp]) -> NDArray[np
 def _changes(times: F64, on: NDArray[np.bool_]) -> list[float]:
     """When something begins and ends, pauses and short spells left out."""
     edges = np.flatnonzero(np.diff(on.astype(int)))
-    found: list[float] = []
+    result: list[float] = []
     for time in times[edges + 1].tolist():
-        if found and time - found[-1] < PAUSE:
-            found.pop()
+        if result and time - result[-1] < PAUSE:
+            result.pop()
         else:
-            found.append(time)
-    return found
+            result.append(time)
+    return result
 
 
 def _touches(episode: Episode, watched: Sequence[str]) -> list[float]:
@@ -95,16 +95,16 @@ def _touches(episode: Episode, watched: Sequence[str]) -> list[float]:
     counts = np.array([body.name in watched for body in bodies])
     one, two = table.body1.astype(int), table.body2.astype(int)
     row = counts[one] | counts[two]
-    found: list[float] = []
+    result: list[float] = []
     pairs = (kinds[one] + 1) * (len(bodies) + 1) + kinds[two] + 1
     for pair in np.unique(pairs[row]):
         times = episode.t[np.unique(table.frame[row & (pairs == pair)])]
         breaks = np.flatnonzero(np.diff(times) > PAUSE)
         starts, ends = times[np.append(0, breaks + 1)], times[np.append(breaks, len(times) - 1)]
         edge = 2 * episode.dt
-        found += starts[starts > episode.t[0] + edge].tolist()
-        found += ends[ends < episode.t[-1] - edge].tolist()
-    return found
+        result += starts[starts > episode.t[0] + edge].tolist()
+        result += ends[ends < episode.t[-1] - edge].tolist()
+    return result
 
 
 def _merged(events: Sequence[float]) -> F64:
@@ -117,7 +117,7 @@ def _merged(events: Sequence[float]) -> F64:
 
 
 def _apart(frames: NDArray[np.intp], last: int) -> list[int]:
-    """The same frames, none twice."""
+    """The frames without repetitions."""
     up = np.maximum.accumulate(frames - np.arange(len(frames))) + np.arange(len(frames))
     back = last - np.arange(len(frames))[::-1]
     return [int(frame) for frame in np.minimum(up, back)]

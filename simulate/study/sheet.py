@@ -48,7 +48,7 @@ def sheet(
 
     Args:
         scene: what is shown.
-        asked: what a reviewer is told, of ``safestage_eval.label.question``.
+        asked: the question to a reviewer, by ``safestage_eval.label.review_question``.
         views: of ``DIRECTIONS``.
         count: cells.
         size: width, height of a cell.
@@ -57,14 +57,14 @@ def sheet(
         InputError: nothing can be drawn off screen, or Pillow is not installed.
     """
     frames = key_frames(scene.episode, count, scene.framed)
-    found = []
+    result = []
     with _renderer(scene, size) as renderer:
         for view in views:
             renderer.fade(scene.opacity(view))
             camera = camera_of(scene, view, frames, size, renderer)
             cells = [_cell(scene, renderer, frame, camera) for frame in frames]
-            found.append(_composed(cells, _header(scene, asked, camera), scene))
-    return found
+            result.append(_composed(cells, _header(scene, asked, camera), scene))
+    return result
 
 
 def close_up(
@@ -175,12 +175,12 @@ def _outlined(scene: Scene, image: Image, owners: NDArray[np.int64]) -> Image:
 
 def _header(scene: Scene, asked: Mapping[str, Any], camera: Camera) -> list[tuple[str, bool]]:
     """Lines of words; True: bold."""
-    lines = [(f"Task: {asked['instruction'] or 'not told'}", True)]
+    lines = [(f"Task: {asked['instruction'] or 'not given'}", True)]
     if asked["look"]:
         lines.append((asked["look"], False))
     lines += [(text, bold) for rule in asked["rules"] for text, bold in rule_lines(rule)]
     if asked["success"] is None:
-        goal = "not told whether the goal was reached"
+        goal = "not known whether the goal was reached"
     elif asked["success"]:
         goal = f"goal reached at {asked['success_time']:.2f} s"
     else:
@@ -229,12 +229,12 @@ def _composed(cells: Sequence[Image], lines: Sequence[tuple[str, bool]], scene: 
 
 def _legend(scene: Scene) -> list[tuple[str, Color]]:
     colors = scene.colors
-    found: list[tuple[str, Color]] = []
+    result: list[tuple[str, Color]] = []
     for name in scene.framed:
         roles = [role for role, bodies in scene.roles.items() if name in bodies]
         told = f"{name}: {', '.join(roles)}" if roles else f"{name}: no role"
-        found.append((told, colors.get(name, OTHER_ROLE)))
-    return found
+        result.append((told, colors.get(name, OTHER_ROLE)))
+    return result
 
 
 def _pen(image: Image, size: int) -> tuple[Any, ImageDraw, FreeTypeFont]:

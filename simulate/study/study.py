@@ -17,7 +17,7 @@ from typing import Any
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.label import Ledger
-from safestage_eval.label.question import question
+from safestage_eval.label.review_question import question
 from safestage_eval.metrics.labels import ANSWERS, Label
 from safestage_eval.rules import BindFile, RuleSet
 from simulate.render.renderer import Image, write_png
@@ -54,24 +54,24 @@ class Numbered:
 
 def number(refs: Sequence[EpisodeRef], folder: Path) -> list[Numbered]:
     """Number episodes in their order and write ``sample.csv``; an existing one must say the same."""
-    found = [
+    result = [
         Numbered(i, ref.episode_id, ref.fields.get("stage") or "", str(ref.path))
         for i, ref in enumerate(refs, 1)
     ]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    writer.writerows([x.number, x.episode_id, x.stage, x.path] for x in found)
+    writer.writerows([x.number, x.episode_id, x.stage, x.path] for x in result)
     file = folder / "sample.csv"
-    if file.exists() and read_sample(folder) != found:
+    if file.exists() and read_sample(folder) != result:
         raise InputError(str(file), "is of another sample.", fix="choose another folder")
     folder.mkdir(parents=True, exist_ok=True)
     file.write_text(text.getvalue(), encoding="utf-8")
-    return found
+    return result
 
 
 def read_sample(folder: Path) -> list[Numbered]:
-    """What ``sample.csv`` says. Raises InputError where it is missing or broken."""
+    """Read ``sample.csv``. Raises InputError where it is missing or broken."""
     file = folder / "sample.csv"
     try:
         with file.open(newline="", encoding="utf-8") as handle:
@@ -105,7 +105,7 @@ def draw(
                 write_png(image, folder / f"{one.name}_{letter}.png")
             if asked["stage"] == "FSH":
                 write_png(ending(scene, asked), folder / f"{one.name}_d.png")
-            text = "\n".join(told(one, asked, scene))
+            text = "\n".join(question_lines(one, asked, scene))
             (folder / f"{one.name}.txt").write_text(text + "\n", encoding="utf-8")
             drawn += 1
         if done is not None:
@@ -113,7 +113,7 @@ def draw(
     return drawn
 
 
-def told(one: Numbered, asked: Mapping[str, Any], scene: Scene) -> list[str]:
+def question_lines(one: Numbered, asked: Mapping[str, Any], scene: Scene) -> list[str]:
     """The question in words, with what the words of the rules mean."""
     lines = [f"Rollout {one.name}, stage {asked['stage']}", f"Task: {asked['instruction']}"]
     lines += [asked["look"]] if asked["look"] else []

@@ -1,4 +1,4 @@
-"""What of an episode is pictured, in which colours, and from where it is seen best."""
+"""Choice of bodies, colours and viewpoint for pictures of an episode."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ DIRECTIONS = {"front": -25.0, "robot": -30.0, "side": -4.0, "top": -89.0}
 
 @dataclass(frozen=True)
 class Scene:
-    """What of an episode is shown.
+    """The part of an episode that is shown.
 
     Attributes:
         episode: which.
@@ -72,15 +72,15 @@ class Scene:
     @property
     def colors(self) -> dict[str, Color]:
         """Body → colour: that of its role, or a pale one. Several of a role differ in shade."""
-        found: dict[str, Color] = {}
+        result: dict[str, Color] = {}
         for role, bodies in self.roles.items():
             base = COLORS.get(role, OTHER_ROLE)
-            for i, name in enumerate(name for name in bodies if name not in found):
-                found[name] = _shaded(base, i)
+            for i, name in enumerate(name for name in bodies if name not in result):
+                result[name] = _shaded(base, i)
         for body in self.episode.header.bodies:
-            if body.kind in ("object", "fixture") and body.name not in found:
-                found[body.name] = OBJECT if body.movable else FIXTURE
-        return found
+            if body.kind in ("object", "fixture") and body.name not in result:
+                result[body.name] = OBJECT if body.movable else FIXTURE
+        return result
 
     def opacity(self, view: str) -> dict[str, float]:
         """Body → how solid it is in a view: the arm is seen through, the gripper a little."""
@@ -100,7 +100,7 @@ def camera_of(
     height: float = 0.0,
     steady: Sequence[int] | None = None,
 ) -> Camera:
-    """An orthographic look, or for ``front`` a perspective one, at all that is framed.
+    """An orthographic look, or for ``front`` a perspective one, at everything in the frame.
 
     Of directions that show it equally broad the one is taken in which the robot hides least.
 

@@ -17,7 +17,7 @@ from simulate.catalogue.objects import Strict
 from .steps import Step, check_step
 
 WORD = "value"
-"""The name by which formulas speak of the parameter."""
+"""The parameter's name in formulas."""
 
 _OPERATORS: dict[type, Callable[..., float]] = {
     ast.Add: operator.add,
@@ -33,19 +33,19 @@ class Grade(Strict):
     """A reference with one parameter, and what the signal that it drives must come to."""
 
     parameter: str
-    """What it is, in words."""
+    """Description."""
     unit: str
     """m, deg, s, m/s …"""
     values: tuple[float, ...] = Field(min_length=3)
     """From safe to unsafe."""
     signal: str
-    """Of the violated rule: ``edge_margin(bottle)``, or ``edge_margin`` whatever it is of."""
+    """Signal of the violated rule: ``edge_margin(bottle)``, or ``edge_margin`` of any body."""
     expected: str
     """Formula: the signal's analytic value. SI and radians."""
     limit: float | None = None
-    """Where the analytic value turns unsafe; the rule's own limit on the signal where None."""
+    """Limit of the analytic value; the rule's own limit on the signal where None."""
     tolerance: float = Field(gt=0)
-    """How well the analytic value is known: seeds vary the scene, the arm errs."""
+    """Tolerance of the analytic value: seeds vary the scene, the arm errs."""
     steps: tuple[Step, ...] = Field(min_length=1)
     """The behaviour; an argument ``"= 0.1 - value"`` is a formula."""
 
@@ -85,12 +85,12 @@ def _one_way(numbers: Sequence[float]) -> bool:
 def formula(text: str, value: float) -> float:
     """Work out numbers, ``value``, ``+ - * /`` and brackets. Raises ValueError for anything else."""
     try:
-        found = _worked_out(_parsed(text), value)
+        result = _worked_out(_parsed(text), value)
     except (SyntaxError, ZeroDivisionError) as error:
         raise ValueError(f"formula {text!r}: {error}") from None
-    if not math.isfinite(found):
+    if not math.isfinite(result):
         raise ValueError(f"formula {text!r} is not finite at {value:g}")
-    return found
+    return result
 
 
 @cache

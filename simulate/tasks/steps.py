@@ -51,7 +51,7 @@ def check_step(step: Step, objects: Mapping[str, Any], where: str) -> None:
 
 @cache
 def _arguments(skill: str) -> type[BaseModel]:
-    """What checks the arguments of a skill: their names and types are those of its function."""
+    """Model that checks the arguments of a skill against its function's names and types."""
     hints, fields = get_type_hints(SKILLS[skill]), dict[str, Any]()
     for name, parameter in [*inspect.signature(SKILLS[skill]).parameters.items()][1:]:
         default = ... if parameter.default is parameter.empty else parameter.default

@@ -41,7 +41,7 @@ class Prompts(Strict):
 
 
 class Jitter(Strict):
-    """How much a seed may vary a place: uniform in ±."""
+    """Range in which a seed varies a place: uniform in ±."""
 
     xy: float = 0.0
     """m."""
@@ -50,7 +50,7 @@ class Jitter(Strict):
 
 
 class Placement(Strict):
-    """Where an object starts."""
+    """Initial place of an object."""
 
     model: str = ""
     """Name in ``catalogue/``; the object's own name where empty."""
@@ -142,10 +142,10 @@ class Task(Strict):
         """
         name, _, value = reference.partition("=")
         if value and name in self.grades:
-            found = self.grades[name].steps_at(float(value))
-            for i, step in enumerate(found, 1):
+            result = self.grades[name].steps_at(float(value))
+            for i, step in enumerate(result, 1):
                 check_step(step, self.objects, f"grades.{name}, step {i} at {value}")
-            return found
+            return result
         if reference in ("safe", "unsafe"):
             return self.references.safe if reference == "safe" else self.references.unsafe
         there = ["safe", "unsafe", *(f"{name}=VALUE" for name in self.grades)]

@@ -1,4 +1,4 @@
-"""What a compiled model consists of, as a trace's header says it: bodies, shapes, joints."""
+"""Bodies, shapes and joints of a compiled model, for a trace's header."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Kind = Literal["robot", "gripper", "object", "fixture", "region"]
 
 @dataclass(frozen=True)
 class Facts:
-    """What a model does not say of a body; the fields are those of ``episode.Body``."""
+    """Facts about a body that a model lacks; the fields are those of ``episode.Body``."""
 
     kind: Kind
     up_axis: Vec3 | None = None
@@ -137,7 +137,7 @@ class Description:
 
 @lru_cache(maxsize=256)
 def _convex_hull(points: bytes) -> Mesh:
-    """Of (V, 3) float32 m; the arm is the same in every scene."""
+    """Digest of (V, 3) float32 m; cached, as the arm is the same in every scene."""
     vertices = np.frombuffer(points, np.float32).reshape(-1, 3)
     return Mesh.build(vertices[ConvexHull(vertices).vertices])
 

@@ -1,4 +1,4 @@
-"""What a world made here knows of its bodies beyond the model: kinds, materials, finger sides."""
+"""Facts about bodies that the model lacks: kinds, materials, finger sides."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .world import World
 
 
 def own_facts(world: World) -> list[Facts]:
-    """Of every body of a world, by MuJoCo's ids."""
+    """Facts of every body of a world, by MuJoCo's ids."""
     return [_facts(world, i) for i in range(world.model.nbody)]
 
 

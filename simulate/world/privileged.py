@@ -50,7 +50,7 @@ class PrivilegedState:
         return data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy()
 
     def model(self, name: str) -> ObjectModel:
-        """What an object is."""
+        """Model of an object."""
         return self._world.objects[name]
 
     def names(self) -> list[str]:

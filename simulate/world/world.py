@@ -77,7 +77,7 @@ class World:
         mujoco.mj_forward(self.model, self.data)
 
     def act(self, action: F64, each_substep: Callable[[int], None] | None = None) -> None:
-        """Apply one action for 1/15 s; ``each_substep`` is told the substep within the frame."""
+        """Apply one action for 1/15 s; ``each_substep`` is called with the substep within the frame."""
         self.data.ctrl[self._arm_ctrl] = action[:7]
         self.data.ctrl[self._grip_ctrl] = 255.0 if action[7] > 0.5 else 0.0
         for _ in range(FRAMES_PER_ACTION):

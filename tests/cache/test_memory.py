@@ -12,8 +12,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from recordings import falling_cube
 
-from safestage_eval.cache import CacheFolder, Memory, memory
 from safestage_eval.episode import Track
+from safestage_eval.evidence import disk_store
+from safestage_eval.evidence.cache_folder import CacheFolder
+from safestage_eval.evidence.disk_store import DiskStore
+from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import EpisodeRef, discover, load, save
 from safestage_eval.rules import load_rules
 from safestage_eval.run.score_episode import score_episode
@@ -59,7 +62,7 @@ def shared(tmp_path_factory):
 @pytest.fixture
 def trusting(monkeypatch):
     """Files count as settled at once, so that those a test has just written can be remembered."""
-    monkeypatch.setattr(memory, "RACY", 0)
+    monkeypatch.setattr(disk_store, "RACY", 0)
 
 
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -126,7 +129,7 @@ def rules(tmp_path):
 def knows(folder, path):
     """Whether a cache would answer for the trace without reading it."""
     (ref,) = discover(path)
-    return Memory(CacheFolder(folder), ref).about is not None
+    return DiskStore(CacheFolder(folder), ref).about is not None
 
 
 def test_a_trace_that_changed_is_read_again(trusting, stored, rules, tmp_path):
@@ -170,7 +173,7 @@ def test_code_that_changed_measures_again(trusting, stored, rules, tmp_path, mon
     cache = tmp_path / "cache"
     score_episode(discover(stored)[0], rules, cache=cache)
     assert knows(cache, stored)
-    monkeypatch.setattr(memory, "code_version", lambda: "another")
+    monkeypatch.setattr(disk_store, "code_version", lambda: "another")
     assert not knows(cache, stored)
 
 
@@ -182,8 +185,8 @@ def test_a_file_that_may_still_be_changing_is_not_trusted(stored, rules, tmp_pat
 
 def test_a_file_that_changes_while_it_is_judged_is_not_kept(trusting, stored, rules, tmp_path):
     (ref,) = discover(stored)
-    known = Memory(CacheFolder(tmp_path / "cache"), ref)
-    known.relations(5).signal("speed", ("cube",))
+    known = DiskStore(CacheFolder(tmp_path / "cache"), ref)
+    Signals(known.episode, store=known).get("speed", ("cube",))
     ref.path.touch()
     known.save()
     assert not list((tmp_path / "cache").rglob("*.measured"))

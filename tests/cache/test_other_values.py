@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from turns import in_turn
 
-from safestage_eval.cache import log, memory
+from safestage_eval.evidence import answer_log, disk_store
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.digest import parameters_read
@@ -26,7 +26,7 @@ SHARES = (-0.4, 0.3, 0.9, 4.0)
 @pytest.fixture(autouse=True)
 def trusting(monkeypatch):
     """Files count as settled at once, so that those a test has just written can be remembered."""
-    monkeypatch.setattr(memory, "RACY", 0)
+    monkeypatch.setattr(disk_store, "RACY", 0)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def others(rules):
 def test_a_log_that_grew_too_long_keeps_what_is_used(episodes, tmp_path, monkeypatch):
     rules, ref = load_rules(["ets"]), episodes["ETS"]
     score_episode(ref, rules, assigned_only=True, cache=tmp_path)
-    monkeypatch.setattr(log, "MOST", 0)  # begun anew each time
+    monkeypatch.setattr(answer_log, "MOST", 0)  # begun anew each time
     values = [{"min_clearance": f"{value} cm"} for value in (3, 4, 3.5)]
     truth = [score_episode(ref, rules, value, assigned_only=True) for value in values]
     forbid_opening(monkeypatch)

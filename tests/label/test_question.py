@@ -2,7 +2,7 @@
 
 from scenes import Scene
 
-from safestage_eval.label.question import question
+from safestage_eval.label.review_question import question
 from safestage_eval.rules import builtin_names, load_rules
 
 

@@ -6,7 +6,7 @@ import shutil
 import pytest
 from studio import block, run, safe_and_unsafe
 
-from safestage_eval.cache import memory
+from safestage_eval.evidence import disk_store
 from safestage_eval.formats import load, save
 from safestage_eval.run import score_traces as runs
 from safestage_eval.run.score_episode import score_episode
@@ -125,18 +125,19 @@ def test_what_was_asked_otherwise_is_answered_anew(traces, tmp_path, counted, ch
 def test_after_a_rule_changed_only_its_verdicts_are_reached_anew(tmp_path, counted, monkeypatch):
     """FSH101 asks for ``edge``; the other rules do not, and are not looked at again."""
     folder = safe_and_unsafe(tmp_path / "t")
-    monkeypatch.setattr(memory, "RACY", 0)  # files that were written just now are trusted
+    monkeypatch.setattr(disk_store, "RACY", 0)  # files that were written just now are trusted
     judged = []
-    real = memory.Memory.verdict
+    real = disk_store.DiskStore.answer
 
     def watched(self, question, find):
         def looked():
-            judged.append(question)
+            if question.startswith("verdict "):
+                judged.append(question)
             return find()
 
         return real(self, question, looked)
 
-    monkeypatch.setattr(memory.Memory, "verdict", watched)
+    monkeypatch.setattr(disk_store.DiskStore, "answer", watched)
     choice = Choice(resume=tmp_path / "kept")
     first = runs.score_traces([folder], load_settings(["fsh"]), choice)
     assert first.results

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from safestage_eval.verdicts.verdict import Verdict, VerdictName
-from simulate.cli.simulate_options import told
+from simulate.cli.simulate_options import progress_line
 from simulate.cli.tasks_validate_command import validate
 from simulate.feasibility.feasibility import Trial
 from simulate.feasibility.feasibility_table import kept, page
@@ -73,7 +73,7 @@ def test_seeds_that_differ_in_the_signal_each_have_their_own() -> None:
     ],
 )
 def test_progress_tells_rate_and_time_left(done: int, seconds: float, said: str) -> None:
-    assert told(done, 60, "episode", seconds) == said
+    assert progress_line(done, 60, "episode", seconds) == said
 
 
 def test_what_is_wrong_is_listed() -> None:

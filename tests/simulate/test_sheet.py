@@ -17,7 +17,7 @@ from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, save
 from safestage_eval.label import Ledger, sample
-from safestage_eval.label.question import question
+from safestage_eval.label.review_question import question
 from safestage_eval.metrics.labels import read_labels
 from safestage_eval.rules import builtin_names, load_rules
 from simulate.cli.sheets_command import sheets

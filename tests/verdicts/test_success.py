@@ -157,3 +157,12 @@ def test_a_trace_cut_off_before_its_success_is_not_called_safe(placed: Episode) 
     assert found.violation is None
     assert any("before its success" in note for note in found.notes)
     assert {v.rule: v.verdict for v in found.verdicts}["FSH101"] == "inconclusive"
+
+
+def test_a_trace_that_stops_before_the_success_it_ended_with_is_not_safe(placed: Episode) -> None:
+    cut = changed(placed, 250, success=None, success_time=None, termination="success")
+    found = judge(cut, load_rules(["fsh", "ets", "goals"]))
+    assert found.success is None
+    assert "pass" not in {v.verdict for v in found.verdicts if v.rule in ("FSH101", "FSH104")}
+    whole = changed(placed, success=None, success_time=None, termination="success")
+    assert judge(whole, load_rules(["fsh", "goals"])).success is True

@@ -13,6 +13,7 @@ from scenes import Scene
 from safestage_eval.episode import Episode
 from safestage_eval.evidence.reference import Baseline
 from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.store import Store
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.signals import SIGNALS
@@ -56,6 +57,7 @@ class Facts:
         self.signals = SimpleNamespace(
             baseline=first, baseline_of=lambda _: first, stretch=lambda *_: None
         )
+        self.store = Store()
         self._series = {name: np.asarray(values, float) for name, values in series.items()}
 
     def between_frames(self, *_: Any) -> None:

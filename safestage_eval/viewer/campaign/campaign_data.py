@@ -22,7 +22,7 @@ COLUMNS = (
     "margin_normalised", "severity", "consequence_of", "explanation", "intervals", "rule_digest", "version",
     "trace_hash",
 )  # fmt: skip
-"""Of result rows; those that a file lacks are left empty."""
+"""Columns of result rows; those that a file lacks are left empty."""
 
 MOST = 500
 """Sections that are drawn unless another number is asked for."""
@@ -55,7 +55,7 @@ def compose(
         bind: the bind file that they were made with.
         most: sections at most; violations come first.
         jobs: worker processes.
-        progress: told (done, total) of the episodes.
+        progress: called with (done, total) episodes.
 
     Raises:
         InputError: the results cannot be read or lack a column, or no trace belongs to them.
@@ -70,7 +70,7 @@ def compose(
         if traces:
             raise InputError(
                 str(results),
-                "names no episodes, so no trace can be told to belong to it.",
+                "names no episodes, so traces cannot be matched to it.",
                 "results of safestage score",
                 "leave the traces out, or score them: safestage score TRACES -f parquet -o rows.parquet",
             )

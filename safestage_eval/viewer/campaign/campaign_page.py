@@ -1,4 +1,4 @@
-"""The page put together."""
+"""The page of a campaign, built from its parts."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ HEADS = (
 
 @dataclass(frozen=True)
 class Report:
-    """All that goes into the page.
+    """The page's contents.
 
     Attributes:
         title: its heading.
@@ -46,7 +46,7 @@ class Report:
         rows: result rows; empty for a bare table of outcomes.
         outcomes: of a bare table.
         sections: what was drawn from traces; None without traces.
-        notes: what the reader should be told besides.
+        notes: further remarks for the reader.
     """
 
     title: str
@@ -175,7 +175,7 @@ def _findings(*, bare: bool, sections: int) -> str:
 
 
 def _plain(report: Report) -> str:
-    """What stands under an episode without a section."""
+    """The text under an episode without a section."""
     if report.sections is None:
         return "No timeline: the report was made without the traces."
     return "No timeline: this episode is not among those that were drawn."

@@ -32,7 +32,7 @@ QUADRANTS = {
 """Part of N → in words, in the order in which bars show them."""
 
 SERIES = 6
-"""Colours that are told apart; further policies begin again with the first, in another dash."""
+"""Distinguishable colours; further policies start over with the first, in another dash."""
 
 
 def series(index: int) -> str:
@@ -45,16 +45,16 @@ def shape(index: int) -> str:
     return SHAPES[index % len(SHAPES)]
 
 
-def success_and_safety(found: Aggregate) -> str:
+def success_and_safety(aggregate: Aggregate) -> str:
     """A mark per policy and prompt, and what became of the rollouts of each."""
-    pairs = [(p, q, found.group(p, q).whole) for p, q in found.pairs]
+    pairs = [(p, q, aggregate.group(p, q).whole) for p, q in aggregate.pairs]
     pairs = [(p, q, cell) for p, q, cell in pairs if cell.n]
     if not pairs:
         return ""
     return (
         '<section id="quadrants" aria-labelledby="quadrants-title">'
         '<h2 id="quadrants-title">Success and safety</h2><div class="two">'
-        f"<figure>{_scatter(found, pairs)}{_legend(found)}"
+        f"<figure>{_scatter(aggregate, pairs)}{_legend(aggregate)}"
         "<figcaption>Each mark is a policy under a prompt; whiskers are 95 % intervals. "
         "The best place is top right.</figcaption></figure>"
         f"<figure>{_bars(pairs)}<figcaption>What became of the rollouts. Hatched: unsafe.</figcaption>"
@@ -62,7 +62,7 @@ def success_and_safety(found: Aggregate) -> str:
     )
 
 
-def _scatter(found: Aggregate, pairs: Sequence[tuple[str, str, Rates]]) -> str:
+def _scatter(aggregate: Aggregate, pairs: Sequence[tuple[str, str, Rates]]) -> str:
     width, height = 460.0, 400.0
     x, y = Scale(0, 100, 50, width - 16), Scale(0, 100, height - 46, 16)
     parts = [
@@ -93,16 +93,16 @@ def _scatter(found: Aggregate, pairs: Sequence[tuple[str, str, Rates]]) -> str:
     parts.append(
         text(14, y(50), "free of violations (%)", anchor="middle", css="label", more=turned)
     )
-    for policy in found.policies:
+    for policy in aggregate.policies:
         own = [
             (100 * (c.value("SR") or 0), 100 - 100 * (c.value("VR") or 0))
             for p, _, c in pairs
             if p == policy
         ]
-        css = f"trail {series(found.policies.index(policy))}"
+        css = f"trail {series(aggregate.policies.index(policy))}"
         parts += [line(x(a[0]), y(a[1]), x(b[0]), y(b[1]), css) for a, b in pairwise(own)]
     for policy, prompt, cell in pairs:
-        css = series(found.policies.index(policy))
+        css = series(aggregate.policies.index(policy))
         sr, vr = wilson(cell.counts["SR"], cell.n), wilson(cell.counts["VR"], cell.n)
         assert sr is not None and vr is not None  # n > 0
         at_x, at_y = 100 * (cell.value("SR") or 0), 100 - 100 * (cell.value("VR") or 0)
@@ -112,26 +112,27 @@ def _scatter(found: Aggregate, pairs: Sequence[tuple[str, str, Rates]]) -> str:
         parts += [
             line(x(100 * sr[0]), y(at_y), x(100 * sr[1]), y(at_y), f"whisker {css}"),
             line(x(at_x), y(100 - 100 * vr[1]), x(at_x), y(100 - 100 * vr[0]), f"whisker {css}"),
-            mark(shape(found.prompts.index(prompt)), x(at_x), y(at_y), 6, f"mark {css}", said),
+            mark(shape(aggregate.prompts.index(prompt)), x(at_x), y(at_y), 6, f"mark {css}", said),
         ]
     return drawing(
         width, height, "Success rate against the share free of violations", parts, css="chart"
     )
 
 
-def _legend(found: Aggregate) -> str:
+def _legend(aggregate: Aggregate) -> str:
     def item(inner: str, name: str) -> str:
         return f'<li><svg viewBox="0 0 16 16" aria-hidden="true">{inner}</svg>{escape(name)}</li>'
 
     policies = "".join(
         item(mark("circle", 8, 8, 5.5, f"mark {series(i)}"), name)
-        for i, name in enumerate(found.policies)
+        for i, name in enumerate(aggregate.policies)
     )
     prompts = "".join(
-        item(mark(shape(i), 8, 8, 5, "mark plain"), name) for i, name in enumerate(found.prompts)
+        item(mark(shape(i), 8, 8, 5, "mark plain"), name)
+        for i, name in enumerate(aggregate.prompts)
     )
     both = f'<ul class="legend">{policies}</ul>'
-    return both + (f'<ul class="legend">{prompts}</ul>' if len(found.prompts) > 1 else "")
+    return both + (f'<ul class="legend">{prompts}</ul>' if len(aggregate.prompts) > 1 else "")
 
 
 def _bars(pairs: Sequence[tuple[str, str, Rates]]) -> str:
@@ -194,15 +195,15 @@ def _short(policy: str, prompt: str) -> str:
     return policy if prompt in ("–", "default") else f"{policy}, {prompt}"
 
 
-def profiles(found: Aggregate) -> str:
+def profiles(aggregate: Aggregate) -> str:
     """Violation rate by stage, a panel for each policy."""
-    panels = "".join(_profile(found, policy, i) for i, policy in enumerate(found.policies))
+    panels = "".join(_profile(aggregate, policy, i) for i, policy in enumerate(aggregate.policies))
     legend = ""
-    if len(found.prompts) > 1:
+    if len(aggregate.prompts) > 1:
         items = "".join(
             f'<li><svg viewBox="0 0 16 16" aria-hidden="true">'
             f"{mark(shape(i), 8, 8, 5, 'mark plain')}</svg>{escape(name)}</li>"
-            for i, name in enumerate(found.prompts)
+            for i, name in enumerate(aggregate.prompts)
         )
         legend = f'<ul class="legend">{items}</ul>'
     return (
@@ -214,8 +215,8 @@ def profiles(found: Aggregate) -> str:
     )
 
 
-def _profile(found: Aggregate, policy: str, index: int) -> str:
-    prompts = [q for p, q in found.pairs if p == policy]
+def _profile(aggregate: Aggregate, policy: str, index: int) -> str:
+    prompts = [q for p, q in aggregate.pairs if p == policy]
     row = 14.0
     width, block = 340.0, row * len(prompts) + 10
     x = Scale(0, 100, 44, width - 62)
@@ -230,7 +231,7 @@ def _profile(found: Aggregate, policy: str, index: int) -> str:
         parts.append(text(36, top + block / 2 + 4, stage, anchor="end", css="stage"))
         for i, prompt in enumerate(prompts):
             y = top + 5 + row * (i + 0.5)
-            cell = found.group(policy, prompt, stage).whole
+            cell = aggregate.group(policy, prompt, stage).whole
             ends = wilson(cell.counts["VR"], cell.n)
             if ends is None:
                 parts.append(text(x(0) + 4, y + 4, "no rollouts", css="tick soft"))
@@ -240,7 +241,7 @@ def _profile(found: Aggregate, policy: str, index: int) -> str:
             parts += [
                 line(x(100 * ends[0]), y, x(100 * ends[1]), y, f"whisker {series(index)}"),
                 mark(
-                    shape(found.prompts.index(prompt)),
+                    shape(aggregate.prompts.index(prompt)),
                     x(value),
                     y,
                     5,

@@ -31,7 +31,7 @@ DRAWN = 4
 
 @dataclass(frozen=True)
 class Sections:
-    """What came of the traces.
+    """Sections drawn from the traces.
 
     Attributes:
         html: episode id → its section, compressed.
@@ -75,7 +75,7 @@ def sections(
         overrides: parameters, as written; these are not swept.
         bind: a bind file.
         jobs: worker processes.
-        progress: told (done, total).
+        progress: called with (done, total).
 
     Raises RuleErrors, RuleError, InputError as ``scoring.score_many``.
     """
@@ -150,7 +150,7 @@ def _is_length(value: Value) -> bool:
 def _sweeps(
     rules: RuleSet, visited: Mapping[str, tuple[Value, ...]], drawn: Sequence[Drawn]
 ) -> tuple[Sweep, ...]:
-    """Of the limits at which any verdict flips, those that most flip at."""
+    """The limits at which most verdicts flip."""
     found = []
     flips: Counter[str] = Counter()
     for param, values in visited.items():
@@ -159,7 +159,7 @@ def _sweeps(
         if not read:
             continue
         codes = sorted({code for e in read for code in e.moved or ()})
-        sweep = Sweep(param, values, rules.params[param], tuple(codes), read, 0, ())
+        sweep = Sweep(param, values, rules.params[param], tuple(codes), 0, (), read)
         flips[param] = len(sweep.flips())
         if flips[param]:
             found.append(replace(sweep, unread=len(drawn) - len(read)))

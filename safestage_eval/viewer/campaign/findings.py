@@ -37,7 +37,7 @@ def of_results(rows: Sequence[Row], drawn: Mapping[str, int]) -> str:
         if verdict is None or not (row["assigned"] or verdict == "violation"):
             continue
         name = str(row["episode_id"])
-        told = {
+        values_of_row = {
             "episode": name,
             "verdict": verdict,
             "own": bool(row["assigned"]),
@@ -55,7 +55,7 @@ def of_results(rows: Sequence[Row], drawn: Mapping[str, int]) -> str:
             "section": drawn.get(name, -1),
         }
         for key, values in table.items():
-            values.append(told[key])
+            values.append(values_of_row[key])
     return columns(table, REPEATED)
 
 

@@ -29,9 +29,9 @@ def interval(k: int, n: int) -> str:
     return "–" if found is None else f"{100 * found[0]:.1f}–{100 * found[1]:.1f} %"
 
 
-def headline(found: Aggregate) -> str:
+def headline(aggregate: Aggregate) -> str:
     """One sentence, who was at risk and who did anything, then a tile for each rate."""
-    whole = found.whole
+    whole = aggregate.whole
     tiles = "".join(_tile(whole, metric) for metric in METRICS)
     return (
         '<section id="headline" aria-labelledby="headline-title">'
@@ -48,8 +48,8 @@ def _sentence(whole: Rates) -> str:
     said = f"Of {whole.n:,} rollouts, {whole.counts['SR']:,} reached their goal"
     if share is not None:
         said += f" and {parts['unsafe_success']:,} of those were unsafe: {percent(share)} of all successes"
-    told = "".join(f"<li>{escape(line[:1].upper() + line[1:])}.</li>" for line in summary(whole))
-    return f'<p class="lead">{escape(said)}.</p>' + (f"<ul>{told}</ul>" if told else "")
+    items = "".join(f"<li>{escape(line[:1].upper() + line[1:])}.</li>" for line in summary(whole))
+    return f'<p class="lead">{escape(said)}.</p>' + (f"<ul>{items}</ul>" if items else "")
 
 
 def _tile(whole: Rates, metric: str) -> str:

@@ -13,14 +13,14 @@ SHOWN = ("VR", "USR", "SSR", "SR")
 """Metrics that can be chosen; the first is shown at the beginning."""
 
 
-def heatmap(found: Aggregate) -> str:
+def heatmap(aggregate: Aggregate) -> str:
     """A table with a row per task, the stages one after another, the worst tasks first."""
     cells: dict[tuple[str, str], dict[tuple[str, str], list[Rates]]] = defaultdict(
         lambda: defaultdict(list)
     )
-    for (policy, prompt, stage, _, task, _), cell in found.base.items():
+    for (policy, prompt, stage, _, task, _), cell in aggregate.base.items():
         cells[stage, task or "–"][policy, prompt].append(cell)
-    pairs = found.pairs
+    pairs = aggregate.pairs
     summed = {
         row: {pair: total(parts) for pair, parts in own.items()} for row, own in cells.items()
     }

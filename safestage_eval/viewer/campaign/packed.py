@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 TYPE = "application/x-deflate"
-"""Of ``<script>`` elements that hold such a piece; no browser runs them."""
+"""Type of the ``<script>`` elements that hold such a piece; no browser runs them."""
 
 
 def packed(text: str) -> str:

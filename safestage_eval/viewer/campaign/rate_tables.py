@@ -14,13 +14,13 @@ DIRECTION = {"SR": "↑", "SSR": "↑"}
 """Higher is better; of all others lower is."""
 
 
-def tables(found: Aggregate) -> str:
+def tables(aggregate: Aggregate) -> str:
     """Both, and what is uneven in them."""
-    by_policy = [(r.group.policy or "–", r.group.prompt or "–", r) for r in found.by_policy]
-    by_stage = [(r.group.prompt or "–", r.group.stage or "All", r) for r in found.by_stage]
-    notes = [escape(problem.message) for problem in found.problems]
+    by_policy = [(r.group.policy or "–", r.group.prompt or "–", r) for r in aggregate.by_policy]
+    by_stage = [(r.group.prompt or "–", r.group.stage or "All", r) for r in aggregate.by_stage]
+    notes = [escape(problem.message) for problem in aggregate.problems]
     reasons: dict[str, dict[str, None]] = {}
-    for rate in (*found.by_policy, *found.by_stage):
+    for rate in (*aggregate.by_policy, *aggregate.by_stage):
         if rate.reason:
             reasons.setdefault(rate.reason, {})[rate.name] = None
     notes += [escape(f"{', '.join(names)}: {reason}.") for reason, names in reasons.items()]
@@ -31,15 +31,15 @@ def tables(found: Aggregate) -> str:
         "All rates of a row group are over the same rollouts, so SR = SSR + USR.</p>"
         + _table("By policy and prompt", ("Policy", "Prompt"), by_policy)
         + _table("By prompt and stage, over all policies", ("Prompt", "Stage"), by_stage)
-        + _conditions(found)
+        + _conditions(aggregate)
         + (f'<div class="small"><h3>Notes</h3><ul>{told}</ul></div>' if told else "")
         + "</section>"
     )
 
 
-def _conditions(found: Aggregate) -> str:
+def _conditions(aggregate: Aggregate) -> str:
     """Rates over the rollouts at risk, and VR by how far they got; empty if neither is known."""
-    groups = [(a, b, found.group(a, b).whole) for a, b in found.pairs]
+    groups = [(a, b, aggregate.group(a, b).whole) for a, b in aggregate.pairs]
     columns = [("at risk", metric) for metric in METRICS]
     columns += [(name, "VR") for name in CONDITIONS[1:]]
     told = {given for given, _ in columns if any(cell.given[given]["N"] for *_, cell in groups)}

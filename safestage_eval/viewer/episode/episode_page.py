@@ -20,7 +20,7 @@ from safestage_eval.whatif.again import Again
 Found = tuple[ast.Scoped, Verdict]
 
 MOST = 12
-"""Findings whose measurements are drawn over time; further ones are told in words."""
+"""Number of findings whose measurements are drawn over time; further ones are described in words."""
 
 
 def build(again: Again, *, everything: bool = False) -> str:
@@ -154,13 +154,13 @@ def _cards(again: Again, found: Sequence[Found]) -> Iterable[str]:
             for name, time in moments
             if time is not None
         )
-        told = "assigned to this task"
+        status = "assigned to this task"
         if not v.assigned:
-            told = f"follows {v.consequence_of}" if v.consequence_of else "not assigned"
+            status = f"follows {v.consequence_of}" if v.consequence_of else "not assigned"
         text = evidence(again, rule, v) if i < MOST else f"<p>{escape(v.explanation)}</p>"
         yield (
             f'<article class="card" id="{escape(v.rule)}"><p class="moments">{buttons}'
-            f'<span class="small soft">{escape(told)}</span></p>{text}</article>'
+            f'<span class="small soft">{escape(status)}</span></p>{text}</article>'
         )
 
 

@@ -20,12 +20,12 @@ from .timeline import timeline
 
 ORDER = ("violation", "inconclusive", "pass", "not_applicable")
 MOST = 4
-"""Verdicts that are drawn; of further ones the sentence alone is told."""
+"""Number of verdicts that are drawn; further ones are shown as a sentence."""
 
 
 @dataclass(frozen=True)
 class Said:
-    """What the results say of an episode, for comparison and for what is not drawn.
+    """An episode's results, for comparison and for what is not drawn.
 
     Attributes:
         verdicts: code → (verdict, rule digest) of the assigned rules.
@@ -95,7 +95,7 @@ def evidence(again: Again, rule: ast.Scoped, verdict: Verdict) -> str:
 
 
 def looks(again: Again, rule: ast.Rule, verdict: Verdict) -> Looked:
-    """What a rule looked at, costly signals measured at some frames and at the decisive one."""
+    """The measurements of a rule; costly signals at some frames and at the decisive one."""
     episode = again.episode
     players = dict(again.binding.players(rule, episode.header))
     if not all(players.values()):
@@ -137,8 +137,8 @@ def _numbers(v: Verdict) -> str:
         facts.append(("in violation", f"{v.exposure_time:.2f} s in {several}"))
     if not facts:
         return ""
-    told = "".join(f"<div><dt>{escape(a)}</dt><dd>{escape(b)}</dd></div>" for a, b in facts)
-    return f'<dl class="numbers">{told}</dl>'
+    items = "".join(f"<div><dt>{escape(a)}</dt><dd>{escape(b)}</dd></div>" for a, b in facts)
+    return f'<dl class="numbers">{items}</dl>'
 
 
 def _key_frame(again: Again, v: Verdict) -> str:
@@ -161,7 +161,7 @@ def _key_frame(again: Again, v: Verdict) -> str:
 
 
 def _differences(verdicts: Sequence[Verdict], said: Said) -> tuple[str, ...]:
-    """Where results and the rules used here disagree; told, never hidden."""
+    """Where results and the rules used here disagree; always shown."""
     found = []
     for v in verdicts:
         verdict, digest = said.verdicts.get(v.rule, ("", ""))
@@ -176,7 +176,7 @@ def _differences(verdicts: Sequence[Verdict], said: Said) -> tuple[str, ...]:
 
 
 def said_of(rows: Sequence[Mapping[str, Any]]) -> Said:
-    """What the rows of one episode say."""
+    """Read the rows of one episode."""
     return Said(
         {
             str(row["rule"]): (str(row["verdict"]), str(row.get("rule_digest") or ""))

@@ -26,7 +26,7 @@ AXES: dict[View, tuple[int, int, int, int]] = {
 SIDE = {"xz": "from the side, along y", "yz": "from the side, along x", "xy": "from above"}
 
 WIDTH, HEIGHT = 720.0, 540.0
-"""Of one drawing."""
+"""Size of one drawing."""
 
 MOVED = 0.01
 """m from which on it is shown where a body was at the start."""
@@ -125,7 +125,7 @@ def _view(sight: Sight, frame: int, named: Sequence[str]) -> str:
 def _labels(labels: Sequence[tuple[str, float, float, str]]) -> list[str]:
     """Names at their bodies, moved down where two would cover each other."""
     placed: list[tuple[float, float, float]] = []
-    found = []
+    result = []
     for name, x, y, css in labels:
         half = 6.8 * len(name) + 8
         at = min(max(x, half), WIDTH - half)
@@ -135,8 +135,8 @@ def _labels(labels: Sequence[tuple[str, float, float, str]]) -> list[str]:
         if low > HEIGHT - 8:
             continue
         placed.append((at, low, half))
-        found.append(text(at, low + 8, name.replace("_", " "), anchor="middle", css=css))
-    return found
+        result.append(text(at, low + 8, name.replace("_", " "), anchor="middle", css=css))
+    return result
 
 
 def _window(sight: Sight, frame: int, bodies: Sequence[str]) -> Window:
@@ -159,7 +159,7 @@ def outlines(
     track = episode.tracks[body]
     row = frame if len(track) > 1 else 0
     turn, origin = matrix(track.orientation[row].astype(float)), track.position[row]
-    found = []
+    result = []
     for geom in episode.bodies[body].geoms:
         if geom.kind == "plane":
             continue
@@ -177,8 +177,8 @@ def outlines(
                 continue
         hull = _hull(flat)
         if len(hull) >= 3:  # not seen edge on
-            found.append(Outline(float(away * world[:, depth].mean()), hull))
-    return found
+            result.append(Outline(float(away * world[:, depth].mean()), hull))
+    return result
 
 
 _TURNS = 2 * np.pi * (np.arange(48) + 0.37) / 48

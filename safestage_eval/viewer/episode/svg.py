@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from html import escape
 
 SHAPES = ("circle", "square", "triangle", "diamond")
-"""Marks, told apart without colours."""
+"""Marks that can be distinguished without colours."""
 
 
 def short(value: float, digits: int = 1) -> str:

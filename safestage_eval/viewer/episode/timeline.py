@@ -1,4 +1,4 @@
-"""What a verdict rests on, over time: measurements with their limits, states, stretches in violation."""
+"""A verdict's evidence over time: measurements with their limits, states, intervals in violation."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import BindFile, RuleSet
 
 
-def question(
+def result_question(
     ref: EpisodeRef,
     rules: RuleSet,
     overrides: Mapping[str, str] | None = None,

@@ -20,7 +20,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Died:
-    """What stands for the result of an item whose process died, twice."""
+    """Stands for the result of an item whose process died twice."""
 
     reason: str = "its worker process died: out of memory, or a library crashed"
 
@@ -40,7 +40,7 @@ def run_many(
         work: a function of a module, as processes are spawned.
         items: what can be pickled.
         jobs: processes; with 1 all is done in this one.
-        done: told how many items are done, in whatever order.
+        done: called with the number of items done, in whatever order.
     """
     if min(jobs, len(items)) <= 1:
         for n, item in enumerate(items, 1):

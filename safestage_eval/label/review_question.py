@@ -1,4 +1,4 @@
-"""What a reviewer is told about a rollout: the task, and what safe means in it."""
+"""The question to a reviewer: the task of a rollout, and what safe means in it."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _with_material_limits(
 
 
 def unasked(header: Header, rules: RuleSet, bind: BindFile | None = None) -> str | None:
-    """Why a reviewer could not be asked about an episode; None if there is nothing amiss."""
+    """Why an episode cannot be reviewed; None if it can."""
     try:
         binding = bind_episode(rules, header, bind=bind)
     except InputError as error:

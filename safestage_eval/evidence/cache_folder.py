@@ -12,11 +12,11 @@ from uuid import uuid4
 
 from safestage_eval.formats import EpisodeRef
 
-from .entry import Entry, Value, encode
-from .log import Log, append
+from .answer_log import Log, append
+from .cache_entry import Entry, Value, encode
 
 PARTS = ("measured", "answers")
-"""Files of an episode: arrays (entry.py), and the small answers that rest on them (log.py)."""
+"""Files of an episode: arrays (cache_entry.py), and the small answers that rest on them (answer_log.py)."""
 RECENT = 60.0
 """s in which a file that was used counts as used just now."""
 MOST = 4 * 1024**3

@@ -1,0 +1,45 @@
+"""``safestage slack``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from .shared_options import written
+
+
+@click.command("slack")
+@click.argument("rows", metavar="ROWS")
+@click.option(
+    "--param", "-p", "params", multiple=True, metavar="NAME",
+    help="A parameter. Repeatable. Default: all in the what-if table.",
+)  # fmt: skip
+@click.option(
+    "--format", "-f", "form", type=click.Choice(["table", "csv", "json"]), default="table",
+    show_default=True,
+)  # fmt: skip
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
+)
+def command(rows: str, params: tuple[str, ...], form: str, output: Path | None) -> None:
+    """Say how far each parameter may move before a verdict flips.
+
+    ROWS is a result file, rows.parquet of score --what-if. The table gives, per parameter, rule and
+    verdict, how many verdicts flip when the parameter falls or rises, and the least and the median
+    distance; CSV and JSON have a row for each verdict, in SI.
+
+    \b
+    Examples:
+      safestage slack rows.parquet
+      safestage slack rows.parquet -p min_clearance -p edge
+      safestage slack rows.parquet -p edge -f csv
+    """
+    from safestage_eval.report import slack_report
+    from safestage_eval.rules import load_rules
+    from safestage_eval.whatif.flip_query import slack
+    from safestage_eval.whatif.flip_table import FlipTable
+
+    table = FlipTable(rows)
+    rules = load_rules(list(table.judging.rules))
+    written(slack_report.render(slack(table, params), rules, form), output)
