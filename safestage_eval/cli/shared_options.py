@@ -12,8 +12,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .terminal import say
-
 if TYPE_CHECKING:
     from rich.progress import Progress
 

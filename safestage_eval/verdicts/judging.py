@@ -13,7 +13,7 @@ from safestage_eval.errors import RuleError, readable
 from safestage_eval.evidence.at_hand import ReadSoFar
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.store import Store
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import BACKEND, parameters_read, rule_digest
@@ -24,9 +24,9 @@ from safestage_eval.version import __version__
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
 from .explain import inconclusive
-from .memory import short, verdict_question
 from .obligations.cost import judge_cost
 from .players import combinations
+from .questions import short, verdict_question
 from .rule_verdict import judge_rule, violates
 from .success import native_success
 from .values import UNDECLARED, lasting
