@@ -11,6 +11,7 @@ import pytest
 from safestage_eval._process import precompile
 from safestage_eval._process.kernel_types import from_json, to_json
 from safestage_eval._process.precompile import read_signatures
+from safestage_eval.cli.shared_options import prepare_kernels
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 ONE_ROOM = """
@@ -92,3 +93,13 @@ def test_a_list_that_is_out_of_date_is_no_error(monkeypatch):
     assert not precompile.compile_one("safestage_eval.gone", "kernel", [])
     gone = ["named", "safestage_eval.states.limits:Gone", ["int64"]]
     assert not precompile.compile_one("safestage_eval.states.limits", "_limit_margin", [gone])
+
+
+def test_the_first_compile_is_announced_once_without_a_terminal(monkeypatch, capsys):
+    def compiled(tell):
+        for done in range(3):
+            tell(done, 2)
+
+    monkeypatch.setattr(precompile, "compile_kernels", compiled)
+    prepare_kernels()
+    assert capsys.readouterr().err == "compiling 2 numerical kernels, once per machine …\n"
