@@ -1,7 +1,7 @@
 """One file of small answers: a line each, added as they come, never rewritten.
 
 A line is a key, a checksum and JSON. Any number of processes may add lines to the same file; a line
-that was cut off or damaged is none. What an answer depends on is all in its key.
+that was cut off or damaged is ignored. The key covers everything that the answer depends on.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The folder of a cache: one file per episode, bounded in size."""
+"""The folder of a cache: two files per episode, bounded in size."""
 
 from __future__ import annotations
 
@@ -24,12 +24,18 @@ MOST = 4 * 1024**3
 
 
 class CacheFolder:
-    """Reads and writes entries. Whatever goes wrong with a file, it is as if it were not there."""
+    """Reads and writes files of the cache; a file that cannot be read counts as missing."""
 
     def __init__(
         self, path: str | Path, most: int | None = None, *, measurements: bool = True
     ) -> None:
-        """``most``: bytes to prune to; ``measurements``: keep them, and not only answers."""
+        """Open a folder, which need not exist.
+
+        Args:
+            path: of the folder.
+            most: bytes to prune to; ``SAFESTAGE_CACHE_SIZE`` or ``MOST`` if None.
+            measurements: keep series and relations too, and not only verdicts.
+        """
         self.path = Path(path).expanduser()
         self.measurements = measurements
         self._last: tuple[EpisodeRef | None, str] = None, ""
@@ -37,11 +43,11 @@ class CacheFolder:
         self.most = most if most is not None else int(told) if told.isdigit() else MOST
 
     def file(self, ref: EpisodeRef, part: str) -> Path:
-        """Where a part of the entry of an episode is: named after the place of the episode."""
+        """The path of one of ``PARTS``, named after where the episode is stored."""
         return Path(self._file(ref, part))
 
     def _file(self, ref: EpisodeRef, part: str) -> str:
-        """The same, soon told again of the episode that was asked about last."""
+        """Like ``file``; remembers the episode that it was called with last."""
         if self._last[0] is not ref:
             place = f"{os.path.abspath(ref.path)}\n{ref.episode_index}\n{ref.episode_id}"  # noqa: PTH100 - fast
             name = hashlib.sha256(os.fsencode(place)).hexdigest()[:32]
@@ -49,11 +55,11 @@ class CacheFolder:
         return self._last[1] + part
 
     def measured(self, ref: EpisodeRef) -> Entry | None:
-        """What was measured of an episode, whatever state of its files it is about."""
+        """The measurements of an episode, of whatever state of its files."""
         return Entry.read(self._file(ref, "measured"))
 
     def answers(self, ref: EpisodeRef) -> Log:
-        """What was found out about an episode, in whatever state of its files."""
+        """The answers about an episode, of whatever state of its files."""
         file = self._file(ref, "answers")
         for path in (file, file.removesuffix("answers") + "measured"):
             with contextlib.suppress(OSError):
@@ -62,15 +68,15 @@ class CacheFolder:
         return Log.read(file)
 
     def add(self, ref: EpisodeRef, answers: dict[str, Any], keep: bytes) -> None:
-        """Keep answers besides those that are there. A folder that cannot be written to keeps none.
+        """Add answers to those that are there; does nothing where the folder cannot be written to.
 
-        ``keep``: lines that stay where the others grew too many.
+        ``keep``: lines that stay when a file that has grown too long is begun anew.
         """
         with contextlib.suppress(OSError):
             append(self._file(ref, "answers"), answers, keep)
 
     def write(self, ref: EpisodeRef, values: dict[str, Value]) -> None:
-        """Replace what was measured. A folder that cannot be written to keeps nothing."""
+        """Replace the measurements; does nothing where the folder cannot be written to."""
         if not self.measurements:
             return
         path, data = self.file(ref, "measured"), encode(values)

@@ -45,12 +45,12 @@ class DiskStore(Store):
     lasting = True
 
     def __init__(self, folder: CacheFolder, ref: EpisodeRef) -> None:
-        """Look the episode up; what does not fit its files or this code is not there."""
+        """Look the episode up in a folder; entries of other files or other code are ignored."""
         super().__init__()
         self._folder, self._ref = folder, ref
         noticed, self._before = time.time_ns(), stamp(ref)
         self._whose = ""
-        """Which state of which files, and which code; empty where nothing may be kept."""
+        """Identifies the state of the trace's files and the code; empty where nothing may be kept."""
         if self._before is not None and code_version() and self._before[1] <= noticed - RACY:
             self._whose = f"{code_version()} {self._before[0]}"
         self._new: set[Query] = set()
@@ -69,7 +69,7 @@ class DiskStore(Store):
 
     @property
     def about(self) -> Value | None:
-        """What is known of the trace besides measurements; None if it has to be read."""
+        """Header, times and hash of the trace as they were kept; None if it has to be read."""
         return self._entry.get(ABOUT) if self._entry is not None else None
 
     @cached_property
@@ -87,7 +87,7 @@ class DiskStore(Store):
         return as_judged(self._found())
 
     def _found(self) -> Episode:
-        """The episode; of one that is known, nothing is read before it has to be measured."""
+        """The episode; one that was kept is opened only when something has to be measured."""
         about = self.about
         if about is None:
             return self._real
@@ -117,7 +117,7 @@ class DiskStore(Store):
     # ---- measurements
 
     def unmeasured(self, query: Query, measure: Callable[[Any], Column | None]) -> Column | None:
-        """Like the base class; as it was kept, as long as nothing is read from the trace."""
+        """Like the base class, but the kept answer as long as nothing is read from the trace."""
         known = self._known.get(query, _NOT_KEPT)
         if known is _NOT_KEPT:
             known = self._known[query] = self._kept(query)
@@ -174,7 +174,7 @@ class DiskStore(Store):
         return hashlib.sha256(f"{self._whose} {question}".encode()).hexdigest()[:32]
 
     def save(self) -> None:
-        """Write what is new, unless it was read from a file that changed since it was looked up."""
+        """Write new answers, unless the trace changed since it was looked up."""
         if not (self._new or self._answered) or not self._whose:
             return
         if self.opened and stamp(self._ref) != self._before:

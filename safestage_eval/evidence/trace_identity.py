@@ -1,4 +1,4 @@
-"""When what was measured before still holds: the same files, read by the same code."""
+"""What identifies the state of a trace's files and of the code that reads them."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ def code_version() -> str:
 
 
 def stamp(ref: EpisodeRef) -> tuple[str, int] | None:
-    """What the operating system says of the files that an episode is read from.
+    """A digest of what the operating system knows about the files of an episode.
 
     Size, both times, and the number of each file: writing to a file, replacing it, or setting its
     time back changes at least one of them. Not its bytes: reading them all would cost as much as
     scoring. Meshes are not among them, they are named after their content.
 
     Returns:
-        The digest of all that, and the time (ns) of the latest change; None if a file is missing.
+        The digest, and the time (ns) of the latest change; None if a file is missing.
     """
     facts = [f"{ref.episode_id!r} {ref.episode_index} {ref.content_hash}"]
     latest = 0

@@ -24,9 +24,9 @@ from safestage_eval.version import __version__
 from .engagement import Engagement, engagement
 from .evaluate import Evaluator
 from .explain import inconclusive
-from .memory import short, verdict_question
 from .obligations.cost import judge_cost
 from .players import combinations
+from .questions import short, verdict_question
 from .rule_verdict import judge_rule, violates
 from .success import native_success
 from .values import UNDECLARED, lasting

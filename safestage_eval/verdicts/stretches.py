@@ -12,8 +12,8 @@ from safestage_eval.states import scope as scopes
 from safestage_eval.states.scope import Scope
 
 from .evaluate import Evaluator
-from .memory import Stretch, plain_stretches, stretches_of
 from .players import where_it_counts
+from .questions import Stretch, plain_stretches, stretches_of
 from .spans import may_recur, spans
 from .values import Env
 

@@ -27,7 +27,6 @@ ROOMS = {
         "sketch",  # example scenes of the rules
         "verdicts",
         "metrics",
-        "cache",
         "whatif",  # the same traces under other values and other rules
         "run",  # many episodes, in one process, a pool, or on Ray
         "importers",  # other people's files

@@ -1,4 +1,4 @@
-"""Remembered verdicts are those of the traces: for any parameters, files, code and company."""
+"""Verdicts from kept answers are those of the trace: for any parameters, files, code and processes."""
 
 import os
 import shutil
@@ -7,6 +7,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -17,6 +18,8 @@ from safestage_eval.evidence import disk_store
 from safestage_eval.evidence.cache_folder import CacheFolder
 from safestage_eval.evidence.disk_store import DiskStore
 from safestage_eval.evidence.measure import Signals
+from safestage_eval.evidence.query import Query
+from safestage_eval.evidence.series import Series, exact
 from safestage_eval.formats import EpisodeRef, discover, load, save
 from safestage_eval.rules import load_rules
 from safestage_eval.run.score_episode import score_episode
@@ -190,6 +193,44 @@ def test_a_file_that_changes_while_it_is_judged_is_not_kept(trusting, stored, ru
     ref.path.touch()
     known.save()
     assert not list((tmp_path / "cache").rglob("*.measured"))
+
+
+def test_every_kind_of_answer_outlives_the_process(trusting, stored, tmp_path):
+    (ref,) = discover(stored)
+    folder = CacheFolder(tmp_path / "cache")
+    bounds = Series(np.array([0.0, -np.inf, 2.0]), np.array([1.0, np.inf, 2.0]), "length", ("so",))
+    wanted = np.array([False, True, True])
+    answers = {
+        "exact": exact(np.arange(3.0), "speed"), "bounds": bounds,
+        "truth": np.array([True, False, True]),
+    }  # fmt: skip
+    for known in (DiskStore(folder, ref), DiskStore(folder, ref)):
+        first = known.about is None
+        asked = []
+
+        def find(answer, asked=asked):
+            return lambda *_: asked.append(1) or answer
+
+        for name in ("exact", "bounds"):
+            found = known.series(Query("signal", name), find(answers[name]))
+            assert np.array_equal(found.lower, answers[name].lower)
+            assert np.array_equal(found.upper, answers[name].upper)
+            assert (found.dimension, found.notes) == (answers[name].dimension, answers[name].notes)
+        assert known.column(Query("relation", "nowhere"), find(None)) is None
+        assert known.column(Query("relation", "t"), find(answers["truth"])).tolist() == [1, 0, 1]
+        assert known.value(Query("between frames", "a"), find(0.25)) == 0.25
+        partial = known.partial(
+            Query("signal", "costly"), wanted, find((np.array([1, 2]), exact([7.0, 8.0], "mass")))
+        )
+        assert partial.done.tolist() == wanted.tolist()
+        assert partial.lower[wanted].tolist() == [7.0, 8.0]
+        assert known.answer("who?", find([1, "two"])) == [1, "two"]
+        assert len(asked) == (7 if first else 0)
+        known.save()
+    again = DiskStore(folder, ref).partial(
+        Query("signal", "costly"), ~wanted, lambda _, at: (at, exact([6.0], "mass"))
+    )
+    assert again.lower.tolist() == [6.0, 7.0, 8.0]
 
 
 @pytest.mark.parametrize("part", ["measured", "answers"])
