@@ -14,16 +14,18 @@ ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
 endif
 
-.PHONY: demo setup test tests format lint typecheck schemas catalogue traces validate validate-share gallery blind-study
+.PHONY: demo setup test tests quick format lint typecheck schemas catalogue traces validate validate-share gallery blind-study
 
 demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 	$(BIN)/safestage-score traces/ --rules rules/
 
 test: lint typecheck tests  ## all checks; side by side with make -j 3 test
 
-# Some sets of like cases are tried in turn, a quarter at a time: SAFESTAGE_TURN=0 to 3, or all.
 tests: $(BIN)/pytest  ## the tests, slow ones included
 	$(BIN)/pytest -n 2 --dist worksteal
+
+quick: $(BIN)/pytest  ## for every save: one case of each fast test of what a verdict is made of
+	$(BIN)/pytest -n 2 --dist worksteal --quick
 
 setup:  ## the environment for working on SafeStage, simulator and tools included
 	$(PYTHON) -m venv $(VENV)

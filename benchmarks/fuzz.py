@@ -35,9 +35,7 @@ from itertools import pairwise
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [
-    str(ROOT / place) for place in ("tests/fuzz", "tests", "tests/importers", "tests/simulate", ".")
-]
+sys.path[:0] = [str(ROOT / place) for place in ("tests/fuzz", "tests/helpers", ".")]
 
 from outcome import BAD  # noqa: E402
 from targets import TARGETS, attempt  # noqa: E402

@@ -31,7 +31,7 @@ from plain import distances
 from safestage_eval._process import heap
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats.episode_ref import EpisodeRef
-from safestage_eval.formats.parquet import stored_table
+from safestage_eval.formats.parquet import table_file
 from safestage_eval.rules import load_rules
 from safestage_eval.run.score_episode import score_episode
 from safestage_eval.verdicts import EpisodeResult, judge
@@ -63,7 +63,7 @@ def timed(function: Callable[[], Any], runs: int) -> tuple[Times, Any]:
 
 def read_and_score(ref: EpisodeRef, rules: Any, assigned_only: bool = True) -> EpisodeResult:
     """One episode from its file to its verdicts; no footer is kept from the time before."""
-    stored_table.FOOTERS.clear()
+    table_file.FOOTERS.clear()
     return judge(ref.open(), rules, trace_hash=ref.content_hash, assigned_only=assigned_only)
 
 

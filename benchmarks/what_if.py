@@ -1,11 +1,12 @@
 """The what-if table against judging again: agreement, what it leaves open, and how long both take.
 
     python benchmarks/what_if.py agree FOLDER… [--draws 4] [--every 1] [--seed 0]
+    python benchmarks/what_if.py cost FOLDER… [--every 1]
     python benchmarks/what_if.py times ROWS.parquet [--episodes 34920]
 
 ``agree`` draws random values of every parameter that the assigned rules read, and judges each
-episode again under each value that its table decides; a difference makes the exit code 1. ``times``
-repeats the rows of a run, which ``safestage score --what-if all`` wrote, to as many episodes, and
+episode again under each value that its table decides; a difference makes the exit code 1. ``cost``
+gives the processor time of judging an episode, opened anew, and of its table. ``times`` repeats the rows of a run, which ``safestage score --what-if all`` wrote, to as many episodes, and
 answers one other value and a sweep of 200 from them.
 """
 
@@ -13,11 +14,13 @@ from __future__ import annotations
 
 import argparse
 import random
+import statistics
 import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import polars as pl
@@ -26,12 +29,13 @@ from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
+from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.verdict import Verdict, at_risk
 from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.flip_lasting import like
 from safestage_eval.whatif.flip_query import verdicts_under
 from safestage_eval.whatif.flip_sweep import sweep_table
-from safestage_eval.whatif.flip_table import SUFFIX, FlipTable, moves_success
+from safestage_eval.whatif.flip_table import SUFFIX, FlipTable, episode_rows, moves_success
 from safestage_eval.whatif.flips import Piece, pieces_of
 from safestage_eval.whatif.values import amount, between
 
@@ -101,6 +105,29 @@ def agree(folders: Sequence[str], draws: int, every: int, seed: int) -> int:
     return wrong
 
 
+def cost(folders: Sequence[str], every: int) -> None:
+    """Print the processor time of judging, and of the table of all parameters, by stage."""
+    rules = load_rules(["ish", "ets", "fsh", "goals"])
+    refs = discover(list(folders))[::every]
+    asked = partial(episode_rows, rules=rules, overrides={}, bind=None, params=None)
+    for ref in refs:  # scenes are met, kernels loaded
+        judge(ref.open(), rules, assigned_only=True)
+    spent: dict[str, list[tuple[float, float]]] = {}
+    for ref in refs:
+        start = time.process_time()
+        found = judge(ref.open(), rules, assigned_only=True)
+        judged = time.process_time()
+        asked(ref)
+        spent.setdefault(found.stage or "–", []).append(
+            (judged - start, time.process_time() - judged)
+        )
+    for stage, pairs in sorted(spent.items()):
+        one, other = (1e3 * statistics.mean(side) for side in zip(*pairs, strict=True))
+        print(
+            f"{stage}: {len(pairs)} episodes, judging {one:.0f} ms, the table {other:.0f} ms each"
+        )
+
+
 def times(path: str, episodes: int) -> None:
     """Print how long other values take over so many episodes."""
     rows, pieces = pl.read_parquet(path), pl.read_parquet(FlipTable(path).beside)
@@ -156,13 +183,19 @@ def main() -> int:
     one.add_argument("--draws", type=int, default=4)
     one.add_argument("--every", type=int, default=1)
     one.add_argument("--seed", type=int, default=0)
+    spent = commands.add_parser("cost")
+    spent.add_argument("folders", nargs="+")
+    spent.add_argument("--every", type=int, default=1)
     other = commands.add_parser("times")
     other.add_argument("rows")
     other.add_argument("--episodes", type=int, default=34_920)
     args = parser.parse_args()
     if args.command == "agree":
         return int(agree(args.folders, args.draws, args.every, args.seed) > 0)
-    times(args.rows, args.episodes)
+    if args.command == "cost":
+        cost(args.folders, args.every)
+    else:
+        times(args.rows, args.episodes)
     return 0
 
 

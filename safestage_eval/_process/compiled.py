@@ -16,8 +16,13 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.caching import FunctionCache
+from numba.core.runtime.nrt import rtsys
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+KERNELS: list[Any] = []
+"""Every kernel that was imported, as numba's dispatcher."""
 
 
 @cache
@@ -30,6 +35,20 @@ def cache_folder(room: Path) -> Path:
     if os.access(room, os.W_OK):
         return room / "__pycache__" / name
     return Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "safestage" / name
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    """Numba's cache, which loads machine code without getting ready to compile.
+
+    Before it loads a kernel, numba imports all that it could compile, SciPy's linear algebra with it: a
+    third of what a process does up to its first verdict. Compiling still begins with that.
+    """
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled kernel from disk; None where there is none."""
+        rtsys.initialize(target_context)
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
 
 def kernel(function: F) -> F:
@@ -45,7 +64,8 @@ def kernel(function: F) -> F:
 def helper(function: F) -> F:
     """As kernel, for a small function: its code goes into its callers.
 
-    A call hands over every array of a named tuple, which takes longer than such a function.
+    A call hands over every array of a named tuple, which takes longer than such a function. One whose
+    name begins with an underscore can be called by kernels only.
     """
     return _compiled(function, inline=True)
 
@@ -60,9 +80,21 @@ def _compiled(function: F, *, inline: bool, counted: bool = False) -> F:
     if not chosen:
         numba.config.CACHE_DIR = str(cache_folder(Path(function.__code__.co_filename).parent))
     try:
-        compile_it = numba.njit(
-            cache=True, nogil=True, error_model="numpy", forceinline=inline, _nrt=counted
-        )
-        return cast(F, compile_it(function))
+        dispatcher = numba.njit(
+            nogil=True, error_model="numpy", forceinline=inline, _nrt=counted,
+            no_cfunc_wrapper=True,
+            no_cpython_wrapper=inline and function.__name__.startswith("_"),
+        )(function)  # fmt: skip
+        dispatcher._cache = _Cache(function)  # noqa: SLF001
     finally:
         numba.config.CACHE_DIR = chosen
+    resolve = dispatcher.get_call_template
+
+    def resolve_types(args: Any, kws: Any) -> Any:
+        """Compile one version for all integers, where numba would compile one for each literal."""
+        plain = {name: numba.types.unliteral(kind) for name, kind in kws.items()}
+        return resolve(tuple(map(numba.types.unliteral, args)), plain)
+
+    dispatcher.get_call_template = resolve_types
+    KERNELS.append(dispatcher)
+    return cast(F, dispatcher)

@@ -9,9 +9,9 @@ from typing import Any
 import click
 
 from .shared_options import (
-    announce_compiling,
     bind_option,
     pairs,
+    prepare_kernels,
     progress,
     rules_option,
     set_option,
@@ -140,7 +140,7 @@ def _judge(
     bound = None if bind is None else load_bind(bind, loaded)
     overrides = pairs(settings, "--set")
     parse_overrides(loaded, overrides)
-    announce_compiling()
+    prepare_kernels()
 
     def said(episode: Any) -> Sequence[Any]:
         try:

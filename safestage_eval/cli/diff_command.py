@@ -8,9 +8,9 @@ from typing import Any
 import click
 
 from .shared_options import (
-    announce_compiling,
     bind_option,
     pairs,
+    prepare_kernels,
     progress,
     rules_option,
     set_option,
@@ -125,7 +125,7 @@ def _of_rules(
     before = list(rules) or builtin_names()
     overrides = pairs(settings, "--set")
     refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
-    announce_compiling()
+    prepare_kernels()
     with progress("comparing") as tell:
         return diff(
             refs,

@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 from .shared_options import (
-    announce_compiling,
     bind_option,
     chosen_ref,
     episode_argument,
     episode_option,
     pairs,
+    prepare_kernels,
     rules_option,
     set_option,
 )
@@ -55,7 +55,7 @@ def command(
 
     ref = chosen_ref(trace, name, episode)
     loaded = load_rules(list(rules) or builtin_names())
-    announce_compiling()
+    prepare_kernels()
     result = judge(
         ref.open(),
         loaded,

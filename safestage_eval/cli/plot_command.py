@@ -7,11 +7,11 @@ from pathlib import Path
 import click
 
 from .shared_options import (
-    announce_compiling,
     bind_option,
     chosen_ref,
     episode_option,
     pairs,
+    prepare_kernels,
     rules_option,
     set_option,
 )
@@ -57,7 +57,7 @@ def command(
     ready("--output", output)
     ref = chosen_ref(trace, None, episode)
     loaded = load_rules(list(rules) or builtin_names())
-    announce_compiling()
+    prepare_kernels()
     again = Again(
         ref.open(),
         loaded,

@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from .shared_options import (
-    announce_compiling,
     bind_option,
     pairs,
+    prepare_kernels,
     progress,
     rules_option,
     set_option,
@@ -65,7 +65,7 @@ def command(
     from safestage_eval.viewer.campaign.campaign_page import build
 
     if traces:
-        announce_compiling()
+        prepare_kernels()
     with progress("drawing") as tell:
         found = compose(
             results,

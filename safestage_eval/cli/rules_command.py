@@ -8,9 +8,9 @@ from pathlib import Path
 import click
 
 from .shared_options import (
-    announce_compiling,
     format_option,
     output_option,
+    prepare_kernels,
     progress,
     rules_option,
     written,
@@ -270,7 +270,7 @@ def test(
 
     recorded = discover(list(traces)) if traces else []
     sets = {str(group[0]): load_rules(group) for group in groups(rules, each=True)}
-    announce_compiling()
+    prepare_kernels()
     with progress("rules") as tell:
         suites, hunted = check_sets(
             sets,

@@ -13,9 +13,9 @@ import click
 from safestage_eval.report import FORMATS
 
 from .shared_options import (
-    announce_compiling,
     bind_option,
     pairs,
+    prepare_kernels,
     progress,
     rules_option,
     set_option,
@@ -168,7 +168,7 @@ def command(
     if golden is not None and sample is not None:
         raise click.UsageError("--golden is about all episodes: leave out --sample")
     from safestage_eval._process import heap, memory_limit
-    from safestage_eval.rules import builtin_names, load_rules
+    from safestage_eval.rules import builtin_names
     from safestage_eval.run.bind_checks import misspelt_roles
     from safestage_eval.run.score_traces import Choice, score_traces
     from safestage_eval.run.settings import load_settings
@@ -188,11 +188,11 @@ def command(
         memory=None if memory is None else memory_limit.limit(memory),
     )
     if asked.bind is not None:
-        for warning in misspelt_roles(asked.bind, load_rules(list(asked.rules))):
+        for warning in misspelt_roles(asked.bind, asked.rule_set):
             say(f"warning: {warning}", err=True)
     with progress("scoring") as tell:
         heap.keep()
-        scores = score_traces(traces, asked, choice, tell, announce_compiling)
+        scores = score_traces(traces, asked, choice, tell, prepare_kernels)
     if scores.sample:
         say(scores.sample, err=True)
     changes = None

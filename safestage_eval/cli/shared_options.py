@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .terminal import say
-
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from safestage_eval.formats import EpisodeRef
 
 traces_argument = click.argument("traces", nargs=-1, required=True, metavar="TRACES...")
@@ -135,22 +135,31 @@ def wants_color(stream: Any) -> bool:
     return bool(stream.isatty()) and not os.environ.get("NO_COLOR")
 
 
-def announce_compiling() -> None:
-    """Say on stderr why the very first verdict takes a while."""
-    from safestage_eval import geometry
-    from safestage_eval._process.compiled import cache_folder
-
-    room = Path(geometry.__file__).parent
-    if not cache_folder(room).exists() and not os.environ.get("NUMBA_CACHE_DIR"):
-        say("compiling the numerical kernels, once: about a minute …", err=True)
-
-
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
-    """Progress, rate and time left on stderr while the block runs, if stderr is a terminal."""
+    """Progress, rate and time left on stderr while the block runs, if stderr is a terminal.
+
+    The bar appears with the first count.
+    """
     if not sys.stderr.isatty():
         yield None
         return
+    bar: Progress | None = None
+
+    def tell(done: int, total: int | None) -> None:
+        nonlocal bar
+        if bar is None:
+            bar = _start_bar(what)
+        bar.update(bar.task_ids[0], completed=done, total=total)
+
+    try:
+        yield tell
+    finally:
+        if bar is not None:
+            bar.stop()
+
+
+def _start_bar(what: str) -> Progress:
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -161,6 +170,7 @@ def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
         TimeElapsedColumn,
         TimeRemainingColumn,
     )
+    from rich.text import Text
 
     class Rate(TextColumn):
         """Items per second."""
@@ -168,12 +178,28 @@ def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
         def render(self, task: Task) -> Text:
             return Text(f"{task.finished_speed or task.speed or 0:.1f}/s")
 
-    from rich.text import Text
-
     columns = (
         TextColumn(what), BarColumn(), MofNCompleteColumn(), Rate(""), TimeElapsedColumn(),
         TextColumn("left:"), TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    bar.add_task(what, total=None)
+    bar.start()
+    return bar
+
+
+def prepare_kernels() -> None:
+    """Compile the numerical kernels where this machine has not done so yet."""
+    from safestage_eval._process.precompile import compile_kernels
+
+    said = False
+
+    def say(_: int, total: int) -> None:
+        """Without a terminal, one line."""
+        nonlocal said
+        if not said:
+            click.echo(f"compiling {total} numerical kernels, once per machine …", err=True)
+        said = True
+
+    with progress("compiling kernels, once per machine") as tell:
+        compile_kernels(tell or say)

@@ -7,9 +7,9 @@ from pathlib import Path
 import click
 
 from .shared_options import (
-    announce_compiling,
     bind_option,
     pairs,
+    prepare_kernels,
     progress,
     rules_option,
     set_option,
@@ -128,7 +128,7 @@ def command(
             found = sweep_table(table, param, visited, jobs=jobs, progress=tell)
         else:
             refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
-            announce_compiling()
+            prepare_kernels()
             found = sweeps.sweep(
                 refs,
                 specs,

@@ -9,12 +9,12 @@ from pathlib import Path
 import click
 
 from .shared_options import (
-    announce_compiling,
     bind_option,
     chosen_ref,
     episode_argument,
     episode_option,
     pairs,
+    prepare_kernels,
     rules_option,
     set_option,
     written,
@@ -63,7 +63,7 @@ def command(
 
     ref = chosen_ref(trace, name, episode)
     loaded = load_rules(list(rules) or builtin_names())
-    announce_compiling()
+    prepare_kernels()
     bound = None if bind is None else load_bind(bind, loaded)
     again = Again(ref.open(), loaded, pairs(settings, "--set"), bound)
     target = output or Path(tempfile.mkdtemp(prefix="safestage-")) / "episode.html"

@@ -4,46 +4,54 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from .body import Body
-    from .episode import Episode
-    from .header import Header
+from .body import Body
+from .contacts import ContactTable
+from .frames import RobotFrames
+from .header import Header
+from .track import Track
 
 _DESCRIPTIVE = {"material", "tags"}
 """Body fields that describe rather than measure: an importer may correct them later."""
 
 
-def content_hash(episode: Episode) -> str:
+def content_hash(
+    header: Header,
+    t: NDArray[np.float64],
+    tracks: Mapping[str, Track],
+    contacts: ContactTable,
+    frames: RobotFrames,
+    channels: Mapping[tuple[str, str], NDArray[np.float32]],
+) -> str:
     """SHA-256 (hex) over time, motion, contacts, commands and geometry.
 
     The header's names for the episode (id, task, policy, roles, success, …) are left out, so that
     correcting them keeps the hash; body names, masses and shapes (meshes by their own hash) are in. Floats are hashed in the
     precision in which they are stored: float32, time in float64.
     """
-    digest = hashlib.sha256(scene_text(episode.header).encode())
+    digest = hashlib.sha256(scene_text(header).encode())
 
     def feed(name: str, array: NDArray[np.generic], dtype: str) -> None:
         digest.update(f"{name}{array.shape}".encode())
         digest.update(np.ascontiguousarray(array, dtype).data)
 
-    feed("t", episode.t, "<f8")
-    for body in episode.header.bodies:
-        for name, column in episode.tracks[body.name].columns.items():
+    feed("t", t, "<f8")
+    for body in header.bodies:
+        for name, column in tracks[body.name].columns.items():
             feed(f"{body.name}.{name}", column, "<f4")
-    contacts, frames = episode.contacts, episode.frames
     for part in fields(contacts):
         array = getattr(contacts, part.name)
         feed(part.name, array, array.dtype.newbyteorder("<").str)
     for part in fields(frames):
         feed(part.name, getattr(frames, part.name), "<f4")
-    for key in sorted(episode.channels):
-        feed(f"channel {key}", episode.channels[key], "<f4")
+    for key in sorted(channels):
+        feed(f"channel {key}", channels[key], "<f4")
     return digest.hexdigest()
 
 

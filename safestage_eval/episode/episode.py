@@ -123,7 +123,8 @@ class Episode:
     @cached_property
     def content_hash(self) -> str:
         """SHA-256 over the physical data (docs/traces.md): the same in every format."""
-        return content_hash(self.recorded or self)
+        e = self.recorded or self
+        return content_hash(e.header, e.t, e.tracks, e.contacts, e.frames, e.channels)
 
     @property
     def trace_hash(self) -> str:

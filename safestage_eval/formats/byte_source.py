@@ -1,4 +1,4 @@
-"""Bytes that are read by ranges: of a file on this machine, or of an object in a store."""
+"""Bytes of an object in a store that are read by ranges."""
 
 from __future__ import annotations
 
@@ -7,9 +7,7 @@ import os
 from abc import ABC, abstractmethod
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
-from pathlib import Path
 from typing import Any
-from weakref import finalize
 
 BLOCK = 1 << 18
 """Bytes that are asked of a store at least: a request costs as much time as a megabyte or so."""
@@ -32,24 +30,6 @@ class Source(ABC):
     @abstractmethod
     def read(self, at: int, count: int) -> bytes:
         """So many bytes from a place on, or as many as there are. Raises OSError."""
-
-
-class LocalSource(Source):
-    """A file on this machine. Raises OSError where there is none."""
-
-    def __init__(self, path: Path) -> None:
-        self._file = os.open(path, os.O_RDONLY | getattr(os, "O_BINARY", 0))
-        finalize(self, os.close, self._file)
-        stat = os.fstat(self._file)
-        self.size = stat.st_size
-        self.state = (stat.st_mtime_ns, stat.st_ctime_ns, stat.st_size, stat.st_ino)
-
-    def read(self, at: int, count: int) -> bytes:
-        """See ``Source.read``."""
-        if hasattr(os, "pread"):
-            return os.pread(self._file, count, at)
-        os.lseek(self._file, at, os.SEEK_SET)
-        return os.read(self._file, count)
 
 
 class BlockSource(Source):

@@ -11,12 +11,11 @@ hash, which ``validate`` computes.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from hashlib import sha256
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode, Header, check
@@ -24,11 +23,6 @@ from safestage_eval.episode.content_hash import scene_text
 from safestage_eval.errors import TraceError
 
 from .checksum import crc32
-from .parquet.arrow_tables import TABLES
-from .parquet.arrow_values import raw_values
-
-JUDGED = ("bodies", "contacts", "frames", "channels")
-"""Tables of which each column has a digest; simulator states are not judged."""
 
 Digests = Mapping[str, Sequence[str]]
 """Table → of each row group its number of rows, and the CRCs of its columns (8 digits each)."""
@@ -41,56 +35,6 @@ def crc(values: NDArray[Any]) -> str:
     if values.dtype.kind in "iu" and values.dtype.itemsize > 1:
         values = values.astype("<i4", copy=False)
     return f"{crc32(np.ascontiguousarray(values).view(np.uint8).reshape(-1)):08x}"
-
-
-def columns(table: str) -> list[str]:
-    """Columns of numbers that have a digest, in the table's order."""
-    return [
-        name
-        for name, column in TABLES[table].items()
-        if name != "episode_index" and column.type not in ("dictionary", "string")
-    ]
-
-
-def numbers(column: pa.ChunkedArray) -> NDArray[Any]:
-    """The numbers of a column, those of lists one after the other."""
-    lists = pa.types.is_list(column.type) or pa.types.is_large_list(column.type)
-    chunks = [chunk.flatten() if lists else chunk for chunk in column.chunks]
-    found = [raw_values(chunk) for chunk in chunks if len(chunk)]
-    if not found:
-        return np.zeros(0, np.float32)
-    return found[0] if len(found) == 1 else np.concatenate(found)
-
-
-def noting(
-    table: str, groups: Iterator[pa.Table], found: dict[str, list[str]]
-) -> Iterator[pa.Table]:
-    """The same row groups; their digests are collected in ``found``."""
-    if table not in JUDGED:
-        yield from groups
-        return
-    lines = found.setdefault(table, [])
-    for group in groups:
-        if len(group):
-            told = "".join(crc(numbers(group[name])) for name in columns(table))
-            lines.append(f"{len(group)}:{told}{_names(table, group)}")
-        yield group
-
-
-KEYS = {"bodies": ("body",), "contacts": ("body1", "body2")}
-"""Columns that say whom the rows of a group are about."""
-
-
-def names_crc(names: Sequence[str | None]) -> str:
-    """CRC-32 of whom all rows of a row group are about; of none where they are about several."""
-    return f"{crc32(json.dumps(names).encode()):08x}"
-
-
-def _names(table: str, group: pa.Table) -> str:
-    """Of the first row, if its names are those of the last one: rows are sorted by them."""
-    keys = KEYS.get(table, ())
-    ends = [[group[key][at].as_py() for key in keys] for at in (0, len(group) - 1)]
-    return names_crc(ends[0] if ends[0] == ends[1] else [])
 
 
 def seal(content_hash: str, header: Header, told: object) -> str:

@@ -18,7 +18,7 @@ from typing import IO, Any, TypeVar
 
 from safestage_eval.errors import InputError
 
-from .byte_source import BlockSource, LocalSource, Source, SourceStream
+from .byte_source import BlockSource, SourceStream
 
 T = TypeVar("T")
 
@@ -45,11 +45,6 @@ def as_path(place: str | Path) -> Path:
     if isinstance(place, str) and "://" in place:
         return RemotePath(place)
     return Path(place)
-
-
-def source_of(path: Path) -> Source:
-    """What a path names, open for reading. Raises OSError where there is nothing."""
-    return path.source() if isinstance(path, RemotePath) else LocalSource(path)
 
 
 def walk(folder: Path) -> Iterator[tuple[Path, list[str], list[str]]]:

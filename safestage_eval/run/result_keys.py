@@ -38,7 +38,7 @@ class Keys:
 
     def __init__(self, settings: Settings, known: Path | None = None) -> None:
         """``known``: file of digests of headers from before; None: none is kept."""
-        self._settings, self._rules = settings, settings.load()
+        self._settings, self._rules = settings, settings.rule_set
         self._known = known
         self._log = Log(b"") if known is None else Log.read(known)
         self._file: Path | None = None

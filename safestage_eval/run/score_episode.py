@@ -29,10 +29,8 @@ def score_episode(
     cache: str | Path | CacheFolder | None = None,
 ) -> EpisodeResult | Problem:
     """Open and judge one episode; whatever is wrong with it becomes a problem, not an exception."""
-    from safestage_eval._process import blas
     from safestage_eval.verdicts import judge
 
-    blas.postpone()
     try:
         if ref.problem is not None:
             raise ref.problem

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from safestage_eval._process.precompile import compile_kernels
 from safestage_eval._process.spawned import WORTH_A_POOL
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.formats.episode_filter import Chosen
@@ -53,9 +54,11 @@ def score_many(
     if refs and (several or settings.timeout is not None or settings.memory is not None):
         found = _in_processes(refs, settings, workers if several else 1, progress)
     else:
-        loaded, found = settings.load(), []
+        found = []
+        if refs:
+            compile_kernels()
         for ref in refs:
-            found.append(score_episode(ref, loaded, **settings.arguments()))
+            found.append(score_episode(ref, settings.rule_set, **settings.arguments()))
             if progress is not None:
                 progress(len(found), len(refs))
     if settings.cache is not None:
@@ -100,7 +103,7 @@ def score_paths(
     return Scores(
         tuple(results),
         tuple(problems),
-        titles(specs),
+        titles(settings.rule_set),
         tuple(copies),
         aborted,
         gates=Gates.of(specs),

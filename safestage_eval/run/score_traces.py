@@ -122,7 +122,7 @@ def _in_memory(
     results, problems, copies = deduplicate(
         score_many(refs, settings=settings, jobs=jobs, progress=progress)
     )
-    return Scores(tuple(results), tuple(problems), titles(settings.rules), tuple(copies))
+    return Scores(tuple(results), tuple(problems), titles(settings.rule_set), tuple(copies))
 
 
 def _on_disk(
@@ -139,7 +139,7 @@ def _on_disk(
         else:
             folder, place = None, choice.resume
             if settings.cache is None and choice.engine == "local":
-                settings = replace(settings, cache=place / ANSWERS, verdicts_only=True)
+                settings = settings.copy_with(cache=place / ANSWERS, verdicts_only=True)
         keys = (
             None if choice.resume is None else Keys(settings, place / HEADERS)
         )  # else nobody asks
@@ -160,7 +160,7 @@ def _on_disk(
             finally:
                 ledger.flush()
     prune(settings)
-    return ledger.scores(titles(settings.rules))
+    return ledger.scores(titles(settings.rule_set))
 
 
 def _announced(todo: Iterable[Numbered], starting: Callable[[], None]) -> Iterator[Numbered]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from safestage_eval.errors import InputError
@@ -13,6 +12,7 @@ from safestage_eval.verdicts.problem import Problem
 from .gates import Gates
 
 if TYPE_CHECKING:
+    from safestage_eval.rules import RuleSet
     from safestage_eval.verdicts import EpisodeResult
 
 
@@ -41,13 +41,10 @@ class Scores:
     gates: Gates = field(default_factory=Gates)
 
 
-def titles(rules: Sequence[str | Path]) -> dict[str, str]:
+def titles(rules: RuleSet) -> dict[str, str]:
     """Code → title of all rules and costs."""
-    from safestage_eval.rules import load_rules
-
-    loaded = load_rules(list(rules))
-    found = {rule.code: rule.title for rule in loaded.rules.values()}
-    return found | {cost.code: cost.title for cost in loaded.costs.values()}
+    found = {rule.code: rule.title for rule in rules.rules.values()}
+    return found | {cost.code: cost.title for cost in rules.costs.values()}
 
 
 def deduplicate(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,9 +47,20 @@ class Settings:
 
         return CacheFolder(self.cache, measurements=not self.verdicts_only)
 
-    def load(self) -> RuleSet:
-        """The rules themselves."""
+    @cached_property
+    def rule_set(self) -> RuleSet:
+        """The rules themselves: read once, and sent to every worker with the settings.
+
+        Raises RuleErrors, RuleError: they do not mean anything.
+        """
         return load_rules(list(self.rules))
+
+    def copy_with(self, **changes: Any) -> Settings:
+        """A copy with other values; rules that were loaded stay, if they are the same."""
+        changed = replace(self, **changes)
+        if changed.rules == self.rules and "rule_set" in self.__dict__:
+            changed.__dict__["rule_set"] = self.rule_set
+        return changed
 
     def arguments(self) -> dict[str, Any]:
         """Those of ``score_episode`` besides the episode and the rules."""
@@ -72,7 +84,7 @@ def load_settings(
     timeout: float | None = None,
     memory: int | None = None,
 ) -> Settings:
-    """Settings of which everything means something.
+    """Check the settings of a run and load its rules.
 
     Args:
         rules: paths, folders or built-in names of rule files.
@@ -96,9 +108,9 @@ def load_settings(
         from safestage_eval.geometry.backend import check_backend
 
         check_backend(backend)
-    loaded = load_rules(list(rules))
-    parse_overrides(loaded, overrides or {})
-    bound = None if bind is None else load_bind(bind, loaded)
-    return Settings(
-        tuple(rules), overrides, bound, backend, assigned_only, cache, False, timeout, memory
+    settings = Settings(
+        tuple(rules), overrides, None, backend, assigned_only, cache, False, timeout, memory
     )
+    loaded = settings.rule_set
+    parse_overrides(loaded, overrides or {})
+    return settings if bind is None else settings.copy_with(bind=load_bind(bind, loaded))

@@ -6,6 +6,7 @@ import json
 from multiprocessing.connection import Connection
 
 from safestage_eval._process import heap
+from safestage_eval._process.precompile import compile_kernels
 from safestage_eval._process.spawned import READY, follow
 from safestage_eval.verdicts import EpisodeResult
 from safestage_eval.verdicts.problem import Problem
@@ -26,7 +27,8 @@ def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
     follow()
     heap.keep()
     bound = heap.Bound()
-    rules, arguments = settings.load(), settings.arguments()
+    compile_kernels()
+    rules, arguments = settings.rule_set, settings.arguments()
     try:
         pipe.send(READY)
         while (refs := pipe.recv()) is not None:

@@ -87,6 +87,7 @@ class Library:
         self._recorded = {ref.episode_id: ref for ref in recorded}
         self._opened: dict[tuple[str, str], Episode] = {}
         self._measured: dict[tuple[str, str, int], Relations] = {}
+        self._right: dict[tuple[int, str], tuple[RuleSet, list[tuple[str, Expected]]]] = {}
 
     def episode(self, name: str, rule: ast.Scoped) -> Episode:
         """The episode that a rule calls by a name.
@@ -141,6 +142,25 @@ class Library:
         verdict = judge.cost(rule)[1]
         assert verdict is not None, "only a budget makes a cost a verdict"
         return verdict
+
+    def right(self, rules: RuleSet, rule: ast.Scoped) -> list[tuple[str, Expected]]:
+        """The examples of a rule that come out as they should; each is judged once per rule set."""
+        key = (id(rules), rule.code)
+        if key not in self._right:
+            found = [
+                (name, expected)
+                for name, expected in examples_of(rule)
+                if self.comes_out(rules, rule.code, name, expected)
+            ]
+            self._right[key] = rules, found  # with the set, or another one might get its identity
+        return self._right[key][1]
+
+    def comes_out(self, rules: RuleSet, code: str, name: str, expected: Expected) -> bool:
+        """An example is there, can be judged and gets the verdict that is expected of it."""
+        try:
+            return outcome(self.judge(name, rules, rules.scoped[code]), expected) == expected
+        except InputError:
+            return False
 
 
 def deciding(rules: RuleSet) -> dict[str, ast.Scoped]:

@@ -38,11 +38,20 @@ class FlipBands:
     """The rule language on one episode, at one value of a parameter that moves one way."""
 
     def __init__(
-        self, at: Evaluator, param: str, value: float, way: Way, counts: Counts, further: float
+        self,
+        base: Evaluator,
+        at: Evaluator,
+        param: str,
+        value: float,
+        way: Way,
+        counts: Counts,
+        further: float,
     ) -> None:
         """Prepare; nothing is computed yet.
 
         Args:
+            base: the evaluator under the values that hold; it is asked what does not depend on the
+                parameter, and remembers.
             at: the evaluator under this value.
             param: name of the parameter.
             value: of it.
@@ -50,7 +59,8 @@ class FlipBands:
             counts: samples that it takes as a duration.
             further: m, up to where distances are wanted.
         """
-        self.at, self.param, self.value, self.way = at, param, value, way
+        self.base, self.at = base, at
+        self.param, self.value, self.way = param, value, way
         self.counts = counts
         self.frames = at.frames
         self._further = further
@@ -71,7 +81,7 @@ class FlipBands:
     def alternative(self, what: ast.Alternative, env: Env, kind: Kind, wanted: Bool) -> Band:
         """(T,) a condition or event in an obligation of some kind; only ``wanted`` frames count."""
         if not self.reads(what):
-            return self._given(self.at.alternative, what, env, kind, wanted)
+            return self._given(self.base.alternative, what, env, kind, wanted)
         if isinstance(what, ast.Condition):
             return self.condition(what, env, kind, wanted)
         assert what.call is not None
@@ -92,7 +102,7 @@ class FlipBands:
     def atom(self, atom: ast.Atom, env: Env, kind: Kind, wanted: Bool) -> Band:
         """(T,) one entry of a condition."""
         if not self.reads(atom):
-            return self._given(self.at.atom, atom, env, kind, wanted)
+            return self._given(self.base.atom, atom, env, kind, wanted)
         if isinstance(atom, ast.SignalAtom):
             return self._compared(atom, env, kind, wanted)
         if isinstance(atom, ast.StateAtom):
@@ -114,12 +124,12 @@ class FlipBands:
         self, find: Callable[..., Band], node: object, env: Env, kind: Kind, wanted: Bool
     ) -> Band:
         """(T,) what does not depend on the parameter."""
-        if not self.at.asks_costly(node):  # type: ignore[arg-type]
-            return fixed(self.at.obliged(kind, find, node, env))
+        if not self.base.asks_costly(node):  # type: ignore[arg-type]
+            return fixed(self.base.obliged(kind, find, node, env))
         if not wanted.any():
             nothing = certain(wanted)
             return Band(nothing, nothing)
-        return fixed(self.at.only_signs(self.at.obliged, kind, find, node, env, wanted))
+        return fixed(self.base.only_signs(self.base.obliged, kind, find, node, env, wanted))
 
     def _compared(self, atom: ast.SignalAtom, env: Env, kind: Kind, wanted: Bool) -> Band:
         """(T,) limits of a signal, one of which is the parameter."""
@@ -177,14 +187,14 @@ class FlipBands:
         if not self.reads(call):
             everywhere = np.ones(self.frames, np.bool_)
             asked = ast.StateAtom(call, True)
-            must_not = self.at.must_not
-            if self.at.asks_costly(asked):
+            must_not = self.base.must_not
+            if self.base.asks_costly(asked):
                 return fixed(
-                    self.at.only_signs(
-                        self.at.obliged, kind, must_not, call, env, breaks, everywhere
+                    self.base.only_signs(
+                        self.base.obliged, kind, must_not, call, env, breaks, everywhere
                     )
                 )
-            return fixed(self.at.obliged(kind, must_not, call, env, breaks))
+            return fixed(self.base.obliged(kind, must_not, call, env, breaks))
         found, state = self.state(call, env), self.at.rules.states[call.name]
         if kind is None or kind != breaks or state.for_ is None or state.until is not None:
             return found
@@ -210,8 +220,8 @@ class FlipBands:
         everywhere = np.ones(self.frames, np.bool_)
         if not self.reads(call):
             if self.at.asks_costly(ast.StateAtom(call, True)):
-                return fixed(self.at.only_signs(self.at.state, call, env, everywhere))
-            return fixed(self.at.obliged(None, self.at.state, call, env))
+                return fixed(self.base.only_signs(self.base.state, call, env, everywhere))
+            return fixed(self.base.obliged(None, self.base.state, call, env))
         state = self.at.rules.states[call.name]
         inner = self._inner(state, call, env)
         found = self._persistent(state, self._momentary(state, inner))
@@ -308,7 +318,7 @@ class FlipBands:
         if event.kind == "state" and event.call is not None and self.reads(event.call):
             found = self.state(event.call, env)
             return found if event.edge is None else _edge(found, event.edge)
-        truth = self.at.obliged(None, self.at.truth, event, env)
+        truth = self.base.obliged(None, self.base.truth, event, env)
         return Band(certain(truth.sure), certain(truth.possible))
 
 

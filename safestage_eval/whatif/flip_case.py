@@ -25,8 +25,10 @@ class Case:
     ) -> None:
         """``base``: the evaluator under the values that hold; others as in ``judge_rule``."""
         self.base, self.rule, self.players, self.blank = base, rule, players, blank
+        base.players = players
         self.param, self.usual = param, base.params[param]
         self.counts = Counts(base.clock, self.usual)
+        self._judged: dict[float, tuple[VerdictName, bool]] = {}
 
     def at(self, number: float) -> Evaluator:
         """The evaluator under another value."""
@@ -34,7 +36,13 @@ class Case:
         found.players = self.players
         return found
 
-    def judged(self, at: Evaluator) -> tuple[VerdictName, bool]:
-        """The verdict, and whether it was reached on something."""
-        found = judge_rule(at, self.rule, self.players, self.blank)
-        return found.verdict, at_risk(found.verdict, found.instances, found.vacuity)
+    def judged(self, number: float, at: Evaluator | None = None) -> tuple[VerdictName, bool]:
+        """The verdict under a value, and whether it was reached on something.
+
+        ``at``: the evaluator under it, where there is one.
+        """
+        if number not in self._judged:
+            found = judge_rule(at or self.at(number), self.rule, self.players, self.blank)
+            risk = at_risk(found.verdict, found.instances, found.vacuity)
+            self._judged[number] = found.verdict, risk
+        return self._judged[number]

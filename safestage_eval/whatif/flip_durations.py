@@ -117,7 +117,7 @@ class _Durations:
         self._end = 2 * (float(base.episode.t[-1]) + base.clock.dt) + 1
         if isinstance(case.usual, ast.Duration) and case.usual.frames:
             self._end = 2.0 * base.frames + 1
-        self._flips = FlipBands(base, case.param, 0.0, "up", case.counts, 0.0)
+        self._flips = FlipBands(base, base, case.param, 0.0, "up", case.counts, 0.0)
         everything = [*self._at(0.0), *self._at(self._end)]
         lows = [min((s.first for s in stretch), default=0) for stretch in everything]
         highs = [max((s.stop for s in stretch), default=0) for stretch in everything]
@@ -137,7 +137,7 @@ class _Durations:
         changes = self._changes(0.0, self._end)
         out: list[Plain] = []
         for low, high in zip([0.0, *changes], [*changes, np.inf], strict=True):
-            out.append((low, high, *self._case.judged(self._case.at(low))))
+            out.append((low, high, *self._case.judged(low)))
         return out
 
     def _at(self, number: float) -> list[list[Scope]]:

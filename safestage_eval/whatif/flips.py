@@ -119,11 +119,11 @@ def _walk(
     for _ in range(MOST):
         at = case.at(value)
         further = FURTHER * start * (1 + 1e-6) + 1e-6
-        flips = FlipBands(at, case.param, value, way, case.counts, further)
+        flips = FlipBands(case.base, at, case.param, value, way, case.counts, further)
         keys = _keys(flips, case)
         found: tuple[VerdictName | None, bool] = (None, False)
         if not (flips.capped and (keys.verdict == "inconclusive" or value <= 0)):
-            found = case.judged(at)
+            found = case.judged(value, at)
             if found[0] != keys.verdict:
                 found = (None, False)
         next_ = value_of(keys.size, way)
@@ -136,7 +136,7 @@ def _walk(
             low = float(np.nextafter(0.0, 1.0)) if deep else low
             out.append((low, float(np.nextafter(value, np.inf)), *found))
             if deep:
-                out.append((0.0, low, *case.judged(case.at(0.0))))
+                out.append((0.0, low, *case.judged(0.0)))
         if next_ is None:
             break
         value = next_

@@ -9,13 +9,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
-from safestage_eval.errors import InputError
 from safestage_eval.rules import RuleSet, rule_digest
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import digest_of, reached
 from safestage_eval.rules.uses import own_params
 
-from .examples import Expected, Library, deciding, examples_of, outcome
+from .examples import Expected, Library, deciding
 from .mistakes import KINDS, Kind, mistakes, mistakes_in
 
 
@@ -107,9 +106,9 @@ def hunt(
         library: where the examples are.
         kinds: of mistakes.
     """
-    sound = _sound(rules, rule, library)
+    right = library.right(rules, rule)
     return [
-        Hunted(m.where, m.kind, m.what, _killer(m.rules, rule.code, sound, library))
+        Hunted(m.where, m.kind, m.what, _killer(m.rules, rule.code, right, library))
         for m in mutants(rules, rule)
         if m.kind in kinds
     ]
@@ -129,22 +128,22 @@ def hunt_in(
         library: where the examples are.
         kinds: of mistakes.
     """
-    resting = [
-        [(rule, _sound(rules, rule, library)) for rule in resting_on(rules, name)] for rules in sets
+    examples = [
+        (i, rule.code, example, expected)
+        for i, rules in enumerate(sets)
+        for rule in resting_on(rules, name)
+        for example, expected in library.right(rules, rule)
     ]
     found = []
     for mutant, *others in zip(*(mutants_in(rules, name) for rules in sets), strict=True):
         if mutant.kind not in kinds:
             continue
-        killer = next(
-            (
-                killer
-                for one, users in zip((mutant, *others), resting, strict=True)
-                for rule, sound in users
-                if (killer := _killer(one.rules, rule.code, sound, library)) is not None
-            ),
-            None,
-        )
+        killer = None
+        for n, (i, code, example, expected) in enumerate(examples):
+            if not library.comes_out((mutant, *others)[i].rules, code, example, expected):
+                killer = example
+                examples.insert(0, examples.pop(n))  # it may well notice the next mistake too
+                break
         found.append(Hunted(name, mutant.kind, mutant.what, killer))
     return found
 
@@ -160,23 +159,8 @@ def resting_on(rules: RuleSet, name: str) -> list[ast.Scoped]:
 
 
 def _killer(
-    rules: RuleSet, code: str, sound: Sequence[tuple[str, Expected]], library: Library
+    rules: RuleSet, code: str, right: Sequence[tuple[str, Expected]], library: Library
 ) -> str | None:
     return next(
-        (name for name, expected in sound if not _right(rules, code, name, expected, library)), None
+        (n for n, expected in right if not library.comes_out(rules, code, n, expected)), None
     )
-
-
-def _sound(rules: RuleSet, rule: ast.Scoped, library: Library) -> list[tuple[str, Expected]]:
-    return [
-        (name, expected)
-        for name, expected in examples_of(rule)
-        if _right(rules, rule.code, name, expected, library)
-    ]
-
-
-def _right(rules: RuleSet, code: str, name: str, expected: Expected, library: Library) -> bool:
-    try:
-        return outcome(library.judge(name, rules, rules.scoped[code]), expected) == expected
-    except InputError:
-        return False

@@ -4,7 +4,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from turns import in_turn
 
 from safestage_eval.evidence import answer_log, disk_store
 from safestage_eval.formats import EpisodeRef, discover
@@ -89,7 +88,7 @@ def forbid_opening(monkeypatch):
 def test_every_parameter_under_other_values(episodes, stage, assigned, tmp_path):
     rules, ref = load_rules([stage.lower()]), episodes[stage]
     asked = list(others(rules))
-    asked = asked[::9] if assigned else in_turn(asked)
+    asked = asked[:: 9 if assigned else 3]
     score_episode(ref, rules, assigned_only=assigned, cache=tmp_path)
     for name, text in asked:
         truth = score_episode(ref, rules, {name: text}, assigned_only=assigned)

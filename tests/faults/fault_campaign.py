@@ -20,9 +20,7 @@ HERE = Path(__file__).resolve().parent
 if __name__ == "__main__":
     sys.path[:0] = [
         str(HERE),
-        str(HERE.parent / "importers"),
-        str(HERE.parent / "formats"),
-        str(HERE.parent),
+        str(HERE.parent / "helpers"),
         str(HERE.parents[1]),
     ]
 

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numba  # noqa: F401  once it is loaded, kernels read footers; before, pyarrow does
 import numpy as np
 import polars as pl
 import pyarrow as pa
@@ -17,7 +16,7 @@ from recordings import falling_cube
 
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import discover, load, validate
-from safestage_eval.formats.parquet.stored_table import StoredTable
+from safestage_eval.formats.parquet.table_file import TableFile
 
 TABLES = ("bodies", "contacts", "frames", "geometry", "meta/episodes")
 
@@ -57,34 +56,19 @@ def test_encodings_and_row_groups_are_as_documented(dataset):
 
 
 def test_only_what_is_looked_at_is_read(dataset, monkeypatch):
-    read = []
-
-    by_pyarrow, by_group = StoredTable.read, StoredTable.of_group
+    read, original = [], TableFile.read
 
     def spied(self, groups, columns):
         read.append((self.path.parent.name, tuple(groups), tuple(columns)))
-        return by_pyarrow(self, groups, columns)
-
-    def spied_group(self, group, blocks):
-        columns = tuple(name for block in blocks for name in block.names)
-        read.append((self.path.parent.name, (group,), columns))
-        return by_group(self, group, blocks)
+        return original(self, groups, columns)
 
     ref = discover(dataset)[1]
-    monkeypatch.setattr(StoredTable, "read", spied)
-    monkeypatch.setattr(StoredTable, "of_group", spied_group)
-    records = StoredTable.records
-
-    def spied_records(self, columns, *episode):
-        read.append((self.path.parent.name, (), tuple(columns)))
-        return records(self, columns, *episode)
-
-    monkeypatch.setattr(StoredTable, "records", spied_records)
+    monkeypatch.setattr(TableFile, "read", spied)
     episode = ref.open()
     assert {table for table, _, _ in read} == {"episodes", "geometry", "frames"}
     assert [columns for table, _, columns in read if table == "frames"] == [
-        ("frame_index",), ("timestamp",)
-    ]  # fmt: skip
+        ("frame_index", "timestamp")
+    ]
     read.clear()
     assert len(episode.tracks["cube"].position) == 15
     assert {(table, groups) for table, groups, _ in read} == {("bodies", (0,))}
@@ -294,7 +278,7 @@ def test_a_killed_recorder_leaves_no_half_episode(dataset, renames):
     script = f"""
 import os, sys
 from pathlib import Path
-sys.path.insert(0, {str(Path(__file__).parents[1])!r})
+sys.path.insert(0, {str(Path(__file__).parents[1] / "helpers")!r})
 from recordings import falling_cube
 left = {renames}
 original = Path.replace

@@ -11,7 +11,7 @@ from strategies import episodes
 from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import TraceWriter, discover, save
-from safestage_eval.formats.parquet.stored_table import StoredTable
+from safestage_eval.formats.parquet.table_file import TableFile
 
 COLUMNS = ("frame", "force", "normal", "peak_force", "force.z", "geom1", "depth", "position")
 
@@ -90,13 +90,13 @@ def test_other_pairs_are_not_read(tmp_path, monkeypatch):
     save(episode, tmp_path)
     contacts = discover(tmp_path)[0].open().contacts
     contacts.pairs  # noqa: B018 — what pairs there are is known from here on
-    read, original = [], StoredTable.of_group
+    read, original = [], TableFile.read
 
-    def spied(self, group, blocks):
-        read.append([name for block in blocks for name in block.names])
-        return original(self, group, blocks)
+    def spied(self, groups, columns):
+        read.append(list(columns))
+        return original(self, groups, columns)
 
-    monkeypatch.setattr(StoredTable, "of_group", spied)
+    monkeypatch.setattr(TableFile, "read", spied)
     contacts.of_pair((2, 3), "frame", "force.z")
     assert read == [["frame_index", "force.z"]]
     contacts.of_pair((2, 3), "force.z", "frame", "force.z")

@@ -1,6 +1,5 @@
 """Bodies that were understood once are taken again only where every byte of them is the same."""
 
-import numba  # noqa: F401 — the quick way is taken where it is loaded
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -9,7 +8,7 @@ import pytest
 from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.errors import TraceError
 from safestage_eval.formats import TraceWriter, discover, save
-from safestage_eval.formats.parquet import small_table, stored_scene
+from safestage_eval.formats.parquet import stored_scene
 
 
 def recorded(episode_id, *, size=0.1, mass=1.0, name="cube", geoms=2):
@@ -26,7 +25,6 @@ def recorded(episode_id, *, size=0.1, mass=1.0, name="cube", geoms=2):
 def forgotten():
     """Nothing is known from other tests."""
     stored_scene._SCENES.clear()
-    small_table._READ.clear()
 
 
 SCENES = ({}, {"size": 0.2}, {"mass": 2.0}, {"name": "tin"}, {"geoms": 1})

@@ -23,7 +23,7 @@ from random import Random
 from types import FunctionType
 
 ROOT = Path(__file__).resolve().parents[2]
-PLACES = ("tests/fuzz", "tests", ".")
+PLACES = ("tests/fuzz", "tests/helpers", ".")
 
 FOLLOWED = [
     *(f"safestage_eval.formats.{name}" for name in (
@@ -32,9 +32,9 @@ FOLLOWED = [
         "mcap.mcap_messages", "mcap.mcap_metadata", "mcap.mcap_reader", "mcap.mcap_records",
         "mcap.point_arrays", "mcap.protobuf_wire",
         "parquet.arrow_tables", "parquet.dataset_reader", "parquet.dataset_tables",
-        "parquet.episode_row", "parquet.parquet_columns", "parquet.parquet_footer",
-        "parquet.row_groups", "parquet.stored_contacts", "parquet.stored_scene",
-        "parquet.stored_table",
+        "parquet.episode_row", "parquet.row_index", "parquet.stored_contacts",
+        "parquet.stored_scene", "parquet.stored_table", "parquet.table_digests",
+        "parquet.table_file",
     )),
     "safestage_eval.rules",
     "safestage_eval.episode.invariants",

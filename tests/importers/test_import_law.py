@@ -9,7 +9,6 @@ touched where none of its shapes is (a strap that was not drawn), the map file g
 import numpy as np
 import pytest
 from exports import RIGID, map_text, write_lerobot, write_maniskill, write_robolab
-from turns import in_turn
 
 from safestage_eval.episode import Body, Episode, RobotFrames, Track, still_track
 from safestage_eval.evidence.measure import Signals
@@ -157,7 +156,7 @@ def test_more_sketches_there_and_back(rules, tmp_path, number):
 def test_every_example_of_every_rule(rules, part):
     """Sketches with all knobs that rules name: what RoboLab's layout loses, and what others do."""
     named = {name for rule in rules.rules.values() for name in (*rule.violates, *rule.passes)}
-    for name in in_turn(sorted(named))[part::4]:
+    for name in sorted(named)[part::4]:
         ours = resolve(name, FOLDER)
         original = verdicts(ours, rules)
         for layout in ("robolab", "maniskill"):  # LeRobot's loses what ManiSkill's does

@@ -32,9 +32,10 @@ METHODS = {
 }
 
 ALLOWED = {
-    "_process": {"ctypes"},
+    "_process": {"ctypes", "subprocess"},
 }
-"""Folder → modules that it may import: the allocator of C is told to keep what it has."""
+"""Folder → modules that it may import: the allocator of C is told to keep what it has, and kernels are
+compiled by processes of this package."""
 
 
 def imported(tree):

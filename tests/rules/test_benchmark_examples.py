@@ -3,7 +3,6 @@
 from functools import cache, lru_cache
 
 import pytest
-from turns import in_turn
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.invariants import check
@@ -94,7 +93,7 @@ OWN = [(n, d) for n in benchmark_names() for d in definitions(rules(n)) if d not
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "defined"), in_turn(OWN))
+@pytest.mark.parametrize(("name", "defined"), OWN)
 def test_some_example_notices_every_mistake_in_what_rules_rest_on(name: str, defined: str) -> None:
     found = hunt_in([rules(name)], defined, LIBRARY)
     survived = [mutant.what for mutant in found if mutant.killer is None]

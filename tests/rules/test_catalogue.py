@@ -1,7 +1,6 @@
 """The built-in rules on their own examples."""
 
 import pytest
-from turns import in_turn
 
 from safestage_eval.episode.invariants import check
 from safestage_eval.rules import load_rules
@@ -62,7 +61,7 @@ def test_the_examples_notice_every_mistake(code: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", in_turn(list(definitions(RULES))))
+@pytest.mark.parametrize("name", definitions(RULES))
 def test_some_example_notices_every_mistake_in_what_rules_rest_on(name: str) -> None:
     found = hunt_in([RULES], name, LIBRARY)
     assert [mutant.what for mutant in found if mutant.killer is None] == []

@@ -40,7 +40,7 @@ def counted(monkeypatch):
         """An engine that judges right here."""
 
         def __init__(self, workers, settings, *, lines):
-            self._settings, self._rules = settings, settings.load()
+            self._settings, self._rules = settings, settings.rule_set
 
         def __enter__(self):
             return self

@@ -65,7 +65,15 @@ def test_every_episode_has_the_same_chance():
     expected = seeds * 15 / 60
     chi = sum((counts[ref.episode_id] - expected) ** 2 / expected for ref in all_refs)
     assert chi < 110
-    assert random.Random(0)  # nothing above depends on the state of the generator
+
+
+def test_only_the_seed_chooses():
+    all_refs = refs({"a": 300, "b": 100})
+    random.seed(1)
+    state, one = random.getstate(), names(sample(all_refs, 40, 7))
+    assert random.getstate() == state
+    random.seed(2)
+    assert names(sample(all_refs, 40, 7)) == one
 
 
 def campaign(stages, policies, tasks):

@@ -7,12 +7,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from tests.scenes import G, Scene
 
 from safestage_eval.episode import Episode
 from safestage_eval.report.episode_report import explain
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
-from tests.scenes import G, Scene
 
 FRAMES = 840
 SUCCESS = 1.0

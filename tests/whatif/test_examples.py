@@ -5,7 +5,6 @@ from xml.etree import ElementTree as ET
 
 import pytest
 from studio import block, run
-from turns import in_turn
 
 from safestage_eval.formats import discover, save
 from safestage_eval.rules import load_rules
@@ -188,7 +187,7 @@ def test_roles_are_exchanged_but_not_where_order_says_nothing():
 
 def test_a_mutant_means_something_else_and_keeps_the_rest():
     rules = load_rules(["ish", "ets"])
-    for rule in in_turn(list(rules.rules.values())):
+    for rule in rules.rules.values():
         for mutant in mutants(rules, rule):
             assert mutant.kind in KINDS
             same = {code: r for code, r in mutant.rules.rules.items() if code != rule.code}
@@ -197,7 +196,7 @@ def test_a_mutant_means_something_else_and_keeps_the_rest():
 
 def test_a_mistake_in_a_state_changes_that_state_alone():
     rules = load_rules(["ish", "ets"])
-    for name in in_turn(list(definitions(rules))):
+    for name in definitions(rules):
         for mutant in mutants_in(rules, name):
             assert mutant.where == name
             assert mutant.rules.rules == rules.rules

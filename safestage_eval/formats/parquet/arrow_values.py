@@ -44,35 +44,58 @@ def lists(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArray
     return np.asarray(values, dtype).reshape(len(table), width)
 
 
-def codes(table: pa.Table, column: str, index: dict[str, int], where: str) -> NDArray[np.int16]:
-    """A column of names as (rows,) numbers; raises TraceError for a name not in the index."""
-    found = []
+def coded_words(table: pa.Table, column: str, where: str) -> tuple[NDArray[np.intp], list[str]]:
+    """A column of names as (rows,) numbers, and the names that they stand for.
+
+    Raises:
+        TraceError: it holds something else, gaps, or names that its dictionary does not have.
+    """
     kind = table[column].type
     word = kind.value_type if pa.types.is_dictionary(kind) else kind
-    if not (pa.types.is_string(word) or pa.types.is_large_string(word)):
+    if not _is_text(word):
         raise TraceError(where, f"the column {column!r} holds {kind}.", "names")
+    numbers: dict[str, int] = {}
+    found = []
     for chunk in table[column].chunks:
-        words = chunk if isinstance(chunk, pa.DictionaryArray) else chunk.dictionary_encode()
+        if chunk.null_count:
+            raise TraceError(where, f"{column} is empty in {chunk.null_count} rows")
+        words = chunk if isinstance(chunk, pa.DictionaryArray) else _encoded(chunk)
         names = words.dictionary.to_pylist()
         used = raw_values(words.indices)
-        if words.null_count:
-            raise TraceError(where, f"{column} is empty in {words.null_count} rows")
         if len(used) and not 0 <= used.min() <= used.max() < len(names):
             raise TraceError(
                 where,
                 f"{column} refers to names {used.min()} to {used.max()} of its dictionary.",
                 f"0 to {len(names) - 1}",
             )
-        codes = np.array([index.get(name, -1) for name in names], np.int16)[used]
-        if len(codes) and codes.min() < 0:
-            stranger = names[used[np.argmin(codes)]]
-            raise TraceError(
-                where,
-                f"{column} names {stranger!r}, which is no body.",
-                ", ".join(index),
-            )
-        found.append(codes)
-    return np.concatenate(found) if found else np.zeros(0, np.int16)
+        codes = np.array([numbers.setdefault(name, len(numbers)) for name in names], np.intp)
+        found.append(codes[used] if len(used) else np.zeros(0, np.intp))
+    return np.concatenate(found) if found else np.zeros(0, np.intp), list(numbers)
+
+
+def _encoded(chunk: pa.Array) -> pa.DictionaryArray:
+    plain = pa.types.is_string(chunk.type) or pa.types.is_large_string(chunk.type)
+    return (chunk if plain else chunk.cast(pa.string())).dictionary_encode()
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    tests = (pa.types.is_string, pa.types.is_large_string, pa.types.is_string_view)
+    return any(test(kind) for test in tests)
+
+
+def codes(table: pa.Table, column: str, index: dict[str, int], where: str) -> NDArray[np.int16]:
+    """A column of names as (rows,) places in an index.
+
+    Raises:
+        TraceError: as ``coded_words``, and for a name that is not in the index.
+    """
+    found, names = coded_words(table, column, where)
+    places = np.array([index.get(name, -1) for name in names], np.int16)
+    result = places[found] if len(found) else np.zeros(0, np.int16)
+    if len(result) and result.min() < 0:
+        stranger = names[found[np.argmin(result)]]
+        raise TraceError(where, f"{column} names {stranger!r}, which is no body.", ", ".join(index))
+    return result
 
 
 def raw_values(array: pa.Array) -> NDArray[Any]:

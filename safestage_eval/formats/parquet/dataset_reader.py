@@ -25,9 +25,8 @@ from safestage_eval.episode import (
     check_time,
     check_track_column,
 )
-from safestage_eval.episode.scene_invariants import UNIT_TOLERANCE
 from safestage_eval.errors import TraceError
-from safestage_eval.formats.digests import JUDGED, Seal, computed
+from safestage_eval.formats.digests import Seal, computed
 from safestage_eval.formats.lazy_columns import StoredItems, StoredTrack
 from safestage_eval.formats.ply import from_ply
 from safestage_eval.formats.trace_files import present, regular, stays, within
@@ -35,14 +34,13 @@ from safestage_eval.formats.trace_files import present, regular, stays, within
 from . import dataset_layout as layout
 from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, WXYZ, XYZ, schema
 from .episode_row import from_row
-from .parquet_columns import Block, Values
-from .parquet_footer import Footer
 from .stored_contacts import Source, StoredContacts
 from .stored_scene import known_scene, new_scene
-from .stored_table import StoredTable
+from .stored_table import Block, StoredTable
+from .table_digests import DIGESTED_TABLES
+from .table_file import Footer
 
 Kind = TypeVar("Kind")
-Shapes = TypeVar("Shapes", pa.Table, list[dict[str, Any]])
 
 _FRAME = Block(("frame_index",), np.dtype(np.int32))
 _TRACK = {
@@ -53,6 +51,8 @@ _TRACK = {
     for column in ("position", "orientation", "linear_velocity", "angular_velocity")
 }
 """What is stored of a body's track."""
+
+_TIME = Block(("timestamp",), np.dtype(np.float64))
 
 MOST_GEOMS = 1 << 16
 """Contacts tell geoms by numbers of 16 bits."""
@@ -78,15 +78,12 @@ def read_rows(file: Path, columns: tuple[str, ...] | None = None) -> list[dict[s
 def _rows(
     table: StoredTable, file: Path, columns: tuple[str, ...] | None = None
 ) -> list[dict[str, Any]]:
-    missing = [name for name in REQUIRED if name not in table.columns]
+    there = table.footer.columns
+    missing = [name for name in REQUIRED if name not in there]
     if missing:
         raise TraceError(str(file), f"the column {missing[0]!r} is missing.", ", ".join(EPISODES))
-    wanted = [name for name in columns or EPISODES if name in table.columns]
-    rows = table.records(wanted)
-    needed = [name for name in REQUIRED if name in wanted]
-    if rows is None or any(row[name] is None for name in needed for row in rows):
-        return _records(table.all(wanted), wanted, file)
-    return rows
+    wanted = [name for name in columns or EPISODES if name in there]
+    return _records(table.all(wanted), wanted, file)
 
 
 def _records(table: pa.Table, columns: Sequence[str], file: Path) -> list[dict[str, Any]]:
@@ -154,13 +151,6 @@ def _by_episode(table: StoredTable, file: Path) -> dict[int, list[dict[str, Any]
     return found
 
 
-def _near_unit(orientation: NDArray[np.float32]) -> bool:
-    """Whether quaternions have unit norm for sure; kernels are loaded."""
-    from .page_kernels import near_unit
-
-    return bool(near_unit(orientation, UNIT_TOLERANCE))
-
-
 class _StoredEpisode:
     """Where the columns of one episode are, and how to load them."""
 
@@ -174,17 +164,17 @@ class _StoredEpisode:
         self.seal = Seal(
             row.get("content_hash"), row.get("digests"), partial(_recomputed, file, row), self.where
         )
+        self.whole = checked and self.seal.told is None  # its content hash will be computed
         layout.check_version(row.get("schema_version") or "1.0", self.where)
 
     def episode(self) -> Episode:
         geometry = self.table("geometry")
         names = [name for name in geometry.names if name != "episode_index"]
-        shapes = geometry.records(names, self.index)
-        if shapes is None:
-            shapes = self.few(geometry.rows(names, self.index)).to_pylist()
+        shapes = self.few(geometry.rows(names, self.index))
         text = self.row.get("bodies")
-        scene = known_scene(text, self.few(shapes))
-        header = from_row(self.row, shapes, self.where, scene and scene.bodies)
+        scene = known_scene(text, shapes)
+        rows = [] if scene else shapes.to_pylist()
+        header = from_row(self.row, rows, self.where, scene and scene.bodies)
         self.frames_table = self.table("frames")
         t = self.time()
         if self.checked:
@@ -224,7 +214,7 @@ class _StoredEpisode:
             vars(episode)["_vouched"] = self.seal.content_hash
         return episode
 
-    def few(self, shapes: Shapes) -> Shapes:
+    def few(self, shapes: pa.Table) -> pa.Table:
         """The same; raises TraceError for more geoms than contacts can tell apart."""
         if len(shapes) > MOST_GEOMS:
             raise TraceError(self.where, f"{len(shapes):,} geoms.", f"{MOST_GEOMS:,} at most")
@@ -244,7 +234,7 @@ class _StoredEpisode:
     def table(self, name: str) -> StoredTable:
         file = within(self.dataset, name, f"{self.row['file']}.parquet", self.where)
         table = StoredTable(file, name)
-        if self.checked and name in JUDGED and self.seal.open:
+        if self.checked and name in DIGESTED_TABLES and self.seal.open:
             table.compare(self.index, self.seal)
         return table
 
@@ -281,11 +271,8 @@ class _StoredEpisode:
         if self.checked and errors:
             raise errors[0]
 
-    def in_order(self, frames: Values, what: str, rows: int) -> None:
+    def in_order(self, frame: NDArray[np.int32], what: str, rows: int) -> None:
         """Rows must stand for frames 0, 1, 2, …; otherwise they would be taken for others."""
-        frame = frames.array
-        if len(frame) == rows and frames.sound:
-            return
         if len(frame) != rows or (frame[:, 0] != np.arange(rows, dtype=frame.dtype)).any():
             raise TraceError(
                 self.where,
@@ -294,36 +281,40 @@ class _StoredEpisode:
             )
 
     def time(self) -> NDArray[np.float64]:
-        [frame] = self.frames_table.several((_FRAME,), self.index)
+        frame, t = self.frames_table.blocks((_FRAME, _TIME), self.index)
         self.in_order(frame, "frames", self.length)
-        return self.frames_table.values(("timestamp",), np.float64, self.index)[:, 0]
+        return t[:, 0]
 
     def track(self, body: str) -> Track:
         return StoredTrack(lambda columns: self.track_columns(body, columns))
 
     def track_columns(self, body: str, columns: tuple[str, ...]) -> dict[str, NDArray[np.float32]]:
         source = self.bodies_table
+        if self.whole and not self._in_order:
+            source.read_ahead(self.index)
         blocks = tuple(_TRACK[column] for column in columns)
         first = () if body in self._in_order else (_FRAME,)
-        found = source.several((*first, *blocks), self.index, body)
+        found = source.blocks((*first, *blocks), self.index, (body,))
         loaded: dict[str, NDArray[np.float32]] = {}
-        for column, (values, sound) in zip(columns, found[len(first) :], strict=True):
+        for column, values in zip(columns, found[len(first) :], strict=True):
             if len(values) == 0:
                 raise TraceError(self.where, f"body {body!r} has no poses in {source.path}")
             if body not in self._in_order:
                 rows = 1 if len(values) == 1 else self.length
                 self.in_order(found[0], f"body {body!r}", rows)
                 self._in_order.add(body)
-            usual = sound and len(values) in (1, self.length)
-            if not usual or (column == "orientation" and not _near_unit(values)):
+            if self.checked:
                 self.demand(check_track_column(column, values, body, self.length, self.where))
             loaded[column] = values
         return loaded
 
     def contacts(self, geom_owner: NDArray[np.int16]) -> ContactTable:
+        table = self.table("contacts")
+        if self.whole:
+            table.read_ahead(self.index)
         return StoredContacts(
             Source(
-                self.table("contacts"),
+                table,
                 self.index,
                 self.row["contacts"],
                 self.length,
@@ -352,7 +343,7 @@ class _StoredEpisode:
         table = source.rows(("frame_index", "name", "value"), self.index, key[0])
         table = table.filter([name == key[1] for name in table["name"].to_pylist()])
         frame = source.numbers(table, "frame_index", np.int32)[:, None]
-        self.in_order(Values(frame, False), f"channel {key[1]!r} of {key[0]!r}", self.length)
+        self.in_order(frame, f"channel {key[1]!r} of {key[0]!r}", self.length)
         values: NDArray[np.float32] = source.numbers(table, "value", np.float32)
         self.demand(check_finite(values, f"channel {key[1]!r} of {key[0]!r}", self.where))
         return values
@@ -373,4 +364,6 @@ class _StoredEpisode:
 
 def _recomputed(file: Path, row: Mapping[str, Any]) -> str:
     """The content hash, of everything. Raises TraceError for the first thing that is wrong with it."""
-    return computed(_StoredEpisode(file, row, checked=False).episode())
+    stored = _StoredEpisode(file, row, checked=False)
+    stored.whole = True
+    return computed(stored.episode())

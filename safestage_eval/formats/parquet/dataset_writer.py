@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 
 from safestage_eval.episode import Episode
 from safestage_eval.formats.atomic import PART, replacing, sync, write_bytes
-from safestage_eval.formats.digests import noting
 from safestage_eval.formats.ply import to_ply
 
 from . import dataset_layout as layout
-from .arrow_tables import arrow_file, schema, write_options
+from .arrow_tables import arrow_file
 from .dataset_tables import as_rows, episode_entry, episode_tables
 from .episode_row import mesh_keys, to_row
+from .table_digests import noted
+from .table_writer import write_whole, writing_table
 
 
 def add_episode(episode: Episode, dataset: Path) -> Path:
@@ -39,10 +39,14 @@ def add_episode(episode: Episode, dataset: Path) -> Path:
         file = _file_name(index)
         digests: dict[str, list[str]] = {}
         for table, groups in episode_tables(episode, index).items():
-            with replacing(dataset / table / f"{file}.parquet") as path:
-                _write_table(path, table, noting(table, groups, digests))
+            with (
+                replacing(dataset / table / f"{file}.parquet") as path,
+                writing_table(path, table) as writer,
+            ):
+                for group, runs in noted(table, groups, digests):
+                    writer.add(group, runs)
         entry = episode_entry(episode, index, file, attachments, digests)
-        _write_table(part, "meta/episodes", [as_rows("meta/episodes", [entry])])
+        write_whole(part, "meta/episodes", as_rows("meta/episodes", [entry]))
     return dataset / layout.EPISODES / f"{file}.parquet"
 
 
@@ -118,14 +122,3 @@ def _add_asset(dataset: Path, name: str, data: bytes) -> str:
     if not path.exists():
         write_bytes(path, data)
     return name
-
-
-def _write_table(path: Path, table: str, groups: Iterable[pa.Table]) -> None:
-    """One row group per given table; a file without groups has the schema only."""
-    with (
-        arrow_file(path, "wb") as sink,
-        pq.ParquetWriter(sink, schema(table), **write_options(table)) as writer,
-    ):
-        for group in groups:
-            if len(group):
-                writer.write_table(group, row_group_size=len(group))

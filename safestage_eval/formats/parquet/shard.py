@@ -7,17 +7,15 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet as pq
-
 from safestage_eval.episode import Episode
 from safestage_eval.formats.atomic import replacing
-from safestage_eval.formats.digests import noting
 
 from . import dataset_layout as layout
-from .arrow_tables import arrow_file, schema, write_options
 from .dataset_tables import as_rows, episode_entry, episode_tables
 from .dataset_writer import add_assets
 from .episode_row import to_row
+from .table_digests import noted
+from .table_writer import TableWriter, write_whole, writing_table
 
 
 class Shard:
@@ -26,7 +24,7 @@ class Shard:
     def __init__(self, dataset: Path, file: str, first_index: int, files: ExitStack) -> None:
         self._dataset, self._file, self._first = dataset, file, first_index
         self._files = files
-        self._writers: dict[str, pq.ParquetWriter] = {}
+        self._writers: dict[str, TableWriter] = {}
         self.entries: list[dict[str, Any]] = []
 
     def __len__(self) -> int:
@@ -44,23 +42,20 @@ class Shard:
         index = self._first + len(self)
         digests: dict[str, list[str]] = {}
         whole = {
-            table: list(noting(table, groups, digests))
+            table: list(noted(table, groups, digests))
             for table, groups in episode_tables(episode, index).items()
         }
         assets = add_assets(episode, self._dataset)
         entry = episode_entry(episode, index, self._file, assets, digests)
         for table, groups in whole.items():
             writer = self._writers.get(table) or self._open(table)
-            for group in groups:
-                if len(group):
-                    writer.write_table(group, row_group_size=len(group))
+            for group, runs in groups:
+                writer.add(group, runs)
         self.entries.append(entry)
 
-    def _open(self, table: str) -> pq.ParquetWriter:
+    def _open(self, table: str) -> TableWriter:
         path = self._files.enter_context(replacing(self._dataset / table / f"{self._file}.parquet"))
-        sink = self._files.enter_context(arrow_file(path, "wb"))
-        options = write_options(table)
-        writer = self._files.enter_context(pq.ParquetWriter(sink, schema(table), **options))
+        writer = self._files.enter_context(writing_table(path, table))
         self._writers[table] = writer
         return writer
 
@@ -81,6 +76,4 @@ def writing_shard(dataset: Path, file: str, first_index: int) -> Iterator[Shard]
         yield shard
     if shard.entries:
         with replacing(dataset / layout.EPISODES / f"{file}.parquet") as path:
-            rows = as_rows("meta/episodes", shard.entries)
-            with arrow_file(path, "wb") as sink:
-                pq.write_table(rows, sink, **write_options("meta/episodes"))
+            write_whole(path, "meta/episodes", as_rows("meta/episodes", shard.entries))

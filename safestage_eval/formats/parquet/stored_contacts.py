@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache, cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,8 +21,8 @@ from safestage_eval.errors import TraceError
 from safestage_eval.formats.lazy_columns import StoredColumns
 
 from .arrow_tables import CONTACT_VECTORS, XYZ
-from .parquet_columns import Block, Values
-from .stored_table import StoredTable
+from .row_index import Names
+from .stored_table import Block, StoredTable
 
 KEYS = ("frame", "body1", "body2")
 GEOMS = ("geom1", "geom2")
@@ -96,38 +97,40 @@ class _ByPair:
         self._known: dict[tuple[Pair, str], NDArray[Any]] = {}
 
     @cached_property
-    def places(self) -> dict[Pair, list[tuple[int, slice]]] | None:
-        """Pair → row groups and the rows in them; None where a pair's rows are not together."""
-        table = self._source.table
-        found: dict[Pair, list[tuple[int, slice]]] = {}
-        last, rows = None, 0
-        groups, exact = table.groups(self._source.episode_index)
-        for group in groups if exact else ():
-            for pair, part in self._runs(group):
-                if pair in found and pair != last:
+    def places(self) -> dict[Pair, Names] | None:
+        """Pair → the names that its rows are found by; None where a pair's rows are not together.
+
+        Raises:
+            TraceError: contacts of what is no body, or not as many as the episode has.
+        """
+        source = self._source
+        found: dict[Pair, Names] = {}
+        spans, rows = [], 0
+        for names, places in source.table.places(source.episode_index).items():
+            first, second = (self._body(name, i + 1) for i, name in enumerate(names))
+            source.demand(check_contact_order(np.array([first]), np.array([second]), source.where))
+            found[first, second] = names
+            for group, part in places:
+                if not isinstance(part, slice):
                     return None
-                found.setdefault(pair, []).append((group, part))
-                last, rows = pair, rows + part.stop - part.start
-        if not exact:
+                spans.append((group, part.start, first, second))
+                rows += part.stop - part.start
+        spans.sort()
+        stretches = 1 + sum(a[2:] != b[2:] for a, b in pairwise(spans)) if spans else 0
+        if stretches != len(found):
             return None
-        self._source.complete(rows)
+        source.complete(rows)
         return found
 
-    def _runs(self, group: int) -> list[tuple[Pair, slice]]:
-        """The pairs of a row group and their rows in it; told by its statistics if there is one."""
-        source = self._source
-        names = [source.table.single(group, key) for key in ("body1", "body2")]
-        first, second = (source.body_index.get(name, -1) for name in names)
-        if 0 <= first < second:
-            return [((first, second), slice(0, source.table.rows_of(group)))]
-        rows = source.table.read([group], ("body1", "body2"))
-        codes = [source.table.codes(rows, key, source.body_index) for key in ("body1", "body2")]
-        new = (codes[0][1:] != codes[0][:-1]) | (codes[1][1:] != codes[1][:-1])
-        cuts = [0, *(np.flatnonzero(new) + 1).tolist(), len(codes[0])]
-        codes = [column[cuts[:-1]] for column in codes]
-        pairs = list(zip(*(column.tolist() for column in codes), strict=True))
-        source.demand(check_contact_order(codes[0], codes[1], source.where))
-        return [(pair, slice(*cuts[i : i + 2])) for i, pair in enumerate(pairs)]
+    def _body(self, name: str | None, side: int) -> int:
+        index = self._source.body_index
+        if name is None or name not in index:
+            raise TraceError(
+                str(self._source.table.path),
+                f"body{side} names {name!r}, which is no body.",
+                ", ".join(index),
+            )
+        return index[name]
 
     def columns(self, pair: Pair, names: tuple[str, ...]) -> tuple[NDArray[Any], ...]:
         """Columns of the table, and components of vectors; those not known yet in one go."""
@@ -148,23 +151,18 @@ class _ByPair:
         return known
 
     def _load(self, pair: Pair, names: tuple[str, ...]) -> dict[tuple[Pair, str], NDArray[Any]]:
-        source, places = self._source, (self.places or {}).get(pair, [])
+        source, known = self._source, (self.places or {}).get(pair)
         blocks = tuple(_block(name) for name in names)
-        none = [Values(np.empty((0, len(block.names)), block.dtype), True) for block in blocks]
-        parts = (
-            [(slice(0), none)]
-            if not places
-            else [(part, source.table.of_group(number, blocks)) for number, part in places]
+        arrays = (
+            [np.empty((0, len(block.names)), block.dtype) for block in blocks]
+            if known is None
+            else source.table.blocks(blocks, source.episode_index, known)
         )
         found = {}
-        for i, name in enumerate(names):
-            arrays = [values[i].array[part] for part, values in parts]
-            array = arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
-            if array.shape[1] == 1:
-                array = array[:, 0]
-            if not all(values[i].sound for _, values in parts) or array.dtype.kind != "f":
-                self._check(pair, name, array)
-            found[pair, name] = array
+        for name, array in zip(names, arrays, strict=True):
+            values = array[:, 0] if array.shape[1] == 1 else array
+            self._check(pair, name, values)
+            found[pair, name] = values
         return found
 
     def _check(self, pair: Pair, name: str, values: NDArray[Any]) -> None:
@@ -234,7 +232,7 @@ class _ByFrame:
 
     def _column(self, name: str) -> NDArray[Any]:
         source, stored = self._source, _stored_names(name)
-        values = source.table.values(stored, _dtype(name), source.episode_index)
+        values = source.table.values(_block(name), source.episode_index)
         if len(values) != len(self._keys[1]):
             raise TraceError(
                 source.where, f"{source.table.path} has {len(values)} values of {name}, not as many"

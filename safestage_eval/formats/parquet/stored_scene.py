@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Header
@@ -14,15 +15,13 @@ from .episode_row import mesh_keys
 
 _KEPT = 8
 
-Shapes = list[dict[str, Any]]
-
 
 class Scene(NamedTuple):
     """What is known of a scene.
 
     Attributes:
         text: its bodies as they are stored.
-        shapes: rows of ``geometry``, as ``read_records`` gives them.
+        shapes: rows of ``geometry``.
         bodies: the same, understood.
         places: name → index among them.
         owner: (G,) index of each geom's body.
@@ -31,7 +30,7 @@ class Scene(NamedTuple):
     """
 
     text: str | None
-    shapes: Shapes
+    shapes: pa.Table
     bodies: tuple[Body, ...]
     places: dict[str, int]
     owner: NDArray[np.int16]
@@ -43,15 +42,15 @@ _SCENES: list[Scene] = []
 """Those that were met last."""
 
 
-def known_scene(text: str | None, shapes: Shapes) -> Scene | None:
-    """The same, if it was met lately; rows of ``geometry`` must be the very same object."""
+def known_scene(text: str | None, shapes: pa.Table) -> Scene | None:
+    """The scene with these bodies and rows of ``geometry``, if it was met lately."""
     for scene in _SCENES:
-        if scene.shapes is shapes and scene.text == text:
+        if scene.text == text and scene.shapes.equals(shapes):
             return scene
     return None
 
 
-def new_scene(text: str | None, shapes: Shapes, header: Header, *, sound: bool) -> Scene:
+def new_scene(text: str | None, shapes: pa.Table, header: Header, *, sound: bool) -> Scene:
     """Of the header that was made of them; kept if it is sound."""
     index = {body.name: i for i, body in enumerate(header.bodies)}
     owner = GeomNames(header).owner

@@ -49,9 +49,9 @@ def nap(folder: str) -> None:
 @pytest.mark.skipif(not Path("/proc").exists(), reason="looks at /proc")
 def test_workers_die_with_the_process_that_started_them(tmp_path: Path) -> None:
     code = (
-        "import sys, test_pool, simulate.record.worker_pool\n"
+        "import sys, test_worker_pool, simulate.record.worker_pool\n"
         "if __name__ == '__main__':\n"
-        "    list(simulate.record.worker_pool.run_many(test_pool.nap, [sys.argv[1]] * 2, 2))\n"
+        "    list(simulate.record.worker_pool.run_many(test_worker_pool.nap, [sys.argv[1]] * 2, 2))\n"
     )
     script = tmp_path / "main.py"
     script.write_text(code, "utf-8")

@@ -13,7 +13,7 @@ from safestage_eval.episode import Episode, Remark
 from safestage_eval.importers import Account, MapFile, Settings
 from simulate.importers.mujoco import MujocoStates
 
-FOREIGN = Path(__file__).parent / "foreign"
+FOREIGN = Path(__file__).parents[1] / "simulate" / "foreign"
 ASSETS = FOREIGN / "robosuite" / "assets"
 
 TABLE_AND_CUBE = """

@@ -1,0 +1,254 @@
+"""The row-group index of a Parquet file: which rows of which row groups belong to whom.
+
+Rows of a table are looked up by episode and by the bodies that they are about. Files written here
+state that in their key-value metadata, so that no statistics are touched and no column of names is
+read. For all other files it follows from the statistics of the row groups, where each holds rows of
+one body or pair; where they hold several, the key columns are read once (``runs_of``).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from .arrow_values import coded_words, numbers
+
+METADATA_KEY = b"safestage.row_index"
+
+EPISODE = "episode_index"
+NAME_COLUMNS = {"bodies": ("body",), "contacts": ("body1", "body2"), "channels": ("body",)}
+"""Table → columns with the names that its rows are looked up by, besides ``episode_index``."""
+
+Names = tuple[str | None, ...]
+"""Of the bodies that a row is about, as many as the table has name columns."""
+
+Rows = slice | NDArray[np.intp]
+"""Rows of a row group, ascending."""
+
+
+class Run(NamedTuple):
+    """Consecutive rows of a row group with the same keys."""
+
+    episode: int
+    names: Names
+    rows: int
+
+
+class Place(NamedTuple):
+    """Rows of a row group."""
+
+    group: int
+    rows: Rows
+
+
+Members = Mapping[tuple[int, Names], Rows]
+"""Episode and names → their rows in a row group."""
+
+
+class RowIndex:
+    """What a file says about its row groups without its columns being read.
+
+    Attributes:
+        rows: how many rows each row group has.
+        members: whose rows each holds; None where its key columns have to be read.
+        episodes: least and greatest episode of each; None where that is not known.
+        stated: the file itself has the index.
+    """
+
+    def __init__(
+        self,
+        rows: Sequence[int],
+        members: Sequence[Members | None],
+        episodes: Sequence[tuple[int, int] | None],
+        *,
+        stated: bool = False,
+    ) -> None:
+        """Each of the arguments is explained above."""
+        self.rows, self.stated = rows, stated
+        self.members, self.episodes = list(members), episodes
+        self._by_episode: dict[int, list[int]] = {}
+        self._unknown: list[tuple[int, tuple[int, int] | None]] = []
+        for number, known in enumerate(members):
+            if known is None:
+                self._unknown.append((number, episodes[number]))
+                continue
+            for episode in dict.fromkeys(key[0] for key in known):
+                self._by_episode.setdefault(episode, []).append(number)
+
+    def groups_of(self, episode: int) -> list[int]:
+        """Row groups that hold, or may hold, rows of an episode, in the file's order."""
+        known = self._by_episode.get(episode, [])
+        if not self._unknown:
+            return known
+        maybe = [n for n, ends in self._unknown if ends is None or ends[0] <= episode <= ends[1]]
+        return sorted([*known, *maybe])
+
+
+def load_row_index(metadata: pq.FileMetaData, table: str | None, file_size: int) -> RowIndex:
+    """The index that a file states, or the one that follows from its statistics.
+
+    Args:
+        metadata: of the file.
+        table: name of the table; None for one that is always read whole.
+        file_size: in bytes; an index that was copied from another file does not fit.
+    """
+    rows = [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)]
+    if table is None:
+        return RowIndex(rows, [None] * len(rows), [None] * len(rows))
+    text = (metadata.metadata or {}).get(METADATA_KEY)
+    if text is not None:
+        end = file_size - 8 - metadata.serialized_size
+        groups = _decoded(text, rows, end, len(NAME_COLUMNS.get(table, ())))
+        if groups is not None:
+            members = [runs_to_members(runs) for runs in groups]
+            return RowIndex(rows, members, [None] * len(rows), stated=True)
+    return _from_statistics(metadata, table, rows)
+
+
+def encode_row_index(groups: Sequence[Sequence[Run]], end: int) -> bytes:
+    """The text that ``load_row_index`` reads.
+
+    Args:
+        groups: the runs of each row group.
+        end: bytes of the file up to its footer.
+    """
+    names: dict[str | None, int] = {}
+    for run in (run for runs in groups for run in runs):
+        for name in run.names:
+            names.setdefault(name, len(names))
+    coded = [[[run.episode, *(names[n] for n in run.names), run.rows] for run in g] for g in groups]
+    index = {"version": 1, "end": end, "names": list(names), "groups": coded}
+    return json.dumps(index, separators=(",", ":"), ensure_ascii=False).encode()
+
+
+def _decoded(text: bytes, rows: Sequence[int], end: int, width: int) -> list[list[Run]] | None:
+    """The runs of each row group; None for an index that is damaged or of another file."""
+    try:
+        index = json.loads(text)
+        names, groups = index["names"], index["groups"]
+        if index["version"] != 1 or index["end"] != end or len(groups) != len(rows):
+            return None
+        if not all(isinstance(name, str) for name in names):
+            return None
+        if not all(type(n) is int and n >= 0 for group in groups for run in group for n in run):
+            return None
+        found = [
+            [Run(run[0], tuple(names[n] for n in run[1:-1]), run[-1]) for run in group]
+            for group in groups
+        ]
+    except (ValueError, KeyError, TypeError, IndexError, RecursionError):
+        return None
+    fits = all(
+        sum(run.rows for run in runs) == count and all(len(run.names) == width for run in runs)
+        for runs, count in zip(found, rows, strict=True)
+    )
+    return found if fits else None
+
+
+def _from_statistics(metadata: pq.FileMetaData, table: str, rows: Sequence[int]) -> RowIndex:
+    """Row groups of one episode and one body or pair have known members, all others unknown ones."""
+    keys = {EPISODE: int, **dict.fromkeys(NAME_COLUMNS.get(table, ()), str)}
+    paths = [metadata.schema.column(i).path for i in range(metadata.num_columns)]
+    places = [paths.index(key) if key in paths else -1 for key in keys]
+    members: list[Members | None] = []
+    episodes: list[tuple[int, int] | None] = []
+    for number, count in enumerate(rows):
+        ends = [
+            _limits(metadata, number, place, kind)
+            for place, kind in zip(places, keys.values(), strict=True)
+        ]
+        single = [pair[0] for pair in ends if pair is not None and pair[0] == pair[1]]
+        whole = slice(0, count)
+        members.append(
+            {(single[0], tuple(single[1:])): whole} if len(single) == len(keys) else None
+        )
+        episodes.append(ends[0])
+    return RowIndex(rows, members, episodes)
+
+
+def _limits(metadata: pq.FileMetaData, group: int, place: int, kind: type) -> Any:
+    """Least and greatest value of a column in a row group; None where it does not say.
+
+    pyarrow ends the process when it is asked for the statistics of a column whose chunk states
+    another type than the schema: such a column says nothing.
+    """
+    about = metadata.row_group(group)
+    if place < 0 or about.num_columns != metadata.num_columns:
+        return None
+    column = about.column(place)
+    if column.physical_type != metadata.schema.column(place).physical_type:
+        return None
+    try:
+        found = column.statistics
+        if found is None or not found.has_min_max or found.null_count:
+            return None
+        ends = found.min, found.max
+    except (pa.ArrowException, ValueError, OSError):  # a name that is no text is a ValueError
+        return None
+    return ends if all(type(end) is kind for end in ends) else None
+
+
+def runs_to_members(runs: Iterable[Run]) -> Members:
+    """The rows of each episode and names."""
+    parts: dict[tuple[int, Names], list[tuple[int, int]]] = {}
+    begin = 0
+    for episode, names, rows in runs:
+        known = parts.setdefault((episode, names), [])
+        if known and known[-1][1] == begin:
+            known[-1] = known[-1][0], begin + rows
+        else:
+            known.append((begin, begin + rows))
+        begin += rows
+    return {
+        key: slice(*spans[0])
+        if len(spans) == 1
+        else np.concatenate([np.arange(*span, dtype=np.intp) for span in spans])
+        for key, spans in parts.items()
+    }
+
+
+def _key_runs(
+    episodes: NDArray[Any], names: Sequence[tuple[NDArray[Any], Sequence[Any]]]
+) -> list[Run]:
+    """The runs of consecutive rows with the same keys.
+
+    Args:
+        episodes: (N,) whole numbers.
+        names: of each name column (N,) codes, and the names that they stand for.
+    """
+    if not len(episodes):
+        return []
+    new = episodes[1:] != episodes[:-1]
+    for codes, _ in names:
+        new = new | (codes[1:] != codes[:-1])
+    starts = np.concatenate([[0], np.flatnonzero(new) + 1])
+    lengths = np.diff(starts, append=len(episodes))
+    columns = [[words[code] for code in codes[starts].tolist()] for codes, words in names]
+    return [
+        Run(episode, tuple(column[i] for column in columns), length)
+        for i, (episode, length) in enumerate(
+            zip(episodes[starts].tolist(), lengths.tolist(), strict=True)
+        )
+    ]
+
+
+def runs_of(table: str, rows: pa.Table, where: str = "") -> list[Run]:
+    """The runs of consecutive rows with the same keys.
+
+    Args:
+        table: name of the table.
+        rows: its key columns, or all.
+        where: for messages.
+
+    Raises:
+        TraceError: a key column holds no whole numbers, or no names.
+    """
+    episodes = numbers(rows, EPISODE, np.int64, where)
+    names = [coded_words(rows, column, where) for column in NAME_COLUMNS.get(table, ())]
+    return _key_runs(episodes, names)

@@ -1,0 +1,166 @@
+"""CRC-32 of the columns of a table: noted when an episode is written, compared when it is read.
+
+An episode's rows in a table are cut into segments, the row groups that were written. Each has a
+line: its number of rows, the CRCs of its columns, and one of the names that its rows are about. The
+lines go by the order of the rows alone, so they hold as well where another library has written the
+same rows into other row groups.
+"""
+
+from __future__ import annotations
+
+import json
+from bisect import bisect_right
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from safestage_eval.formats.checksum import crc32
+from safestage_eval.formats.digests import Seal, crc
+
+from .arrow_tables import TABLES
+from .arrow_values import raw_values
+from .row_index import Names, Run, runs_of
+
+DIGESTED_TABLES = ("bodies", "contacts", "frames", "channels")
+"""Tables of which each column has a digest; simulator states are not judged."""
+
+DIGESTED_NAMES = ("bodies", "contacts")
+"""Tables whose lines end with a digest of the names that the rows are about."""
+
+
+@cache
+def digested_columns(table: str) -> tuple[str, ...]:
+    """Columns of numbers that have a digest, in the table's order."""
+    return tuple(
+        name
+        for name, column in TABLES[table].items()
+        if name != "episode_index" and column.type not in ("dictionary", "string")
+    )
+
+
+def flat_numbers(column: pa.ChunkedArray) -> NDArray[Any]:
+    """The numbers of a column, those of lists one after the other."""
+    lists = pa.types.is_list(column.type) or pa.types.is_large_list(column.type)
+    chunks = [chunk.flatten() if lists else chunk for chunk in column.chunks]
+    found = [raw_values(chunk) for chunk in chunks if len(chunk)]
+    if not found:
+        return np.zeros(0, np.float32)
+    return found[0] if len(found) == 1 else np.concatenate(found)
+
+
+def digest_line(table: str, group: pa.Table, runs: Sequence[Run]) -> str:
+    """The line of a row group that is written."""
+    told = "".join(crc(flat_numbers(group[name])) for name in digested_columns(table))
+    spans = [(run.names, run.rows) for run in runs] if table in DIGESTED_NAMES else []
+    return f"{len(group)}:{told}{names_crc(spans)}"
+
+
+def names_crc(spans: Sequence[tuple[Names, int]]) -> str:
+    """CRC-32 of whom the rows of a segment are about: names, or names and rows of each stretch."""
+    names: object = [[*names, rows] for names, rows in spans]
+    if len(spans) < 2:
+        names = [*spans[0][0]] if spans else []
+    return f"{crc32(json.dumps(names).encode()):08x}"
+
+
+class Segments:
+    """The lines of an episode's rows in a table, compared column by column as they are read."""
+
+    def __init__(self, table: str, lines: object, seal: Seal) -> None:
+        """Lines that are none give no segments."""
+        self._table, self._seal = table, seal
+        sound = isinstance(lines, list) and all(isinstance(line, str) for line in lines)
+        parts = [line.partition(":") for line in lines] if isinstance(lines, list) and sound else []
+        rows = [int(n) if n.isdecimal() else -1 for n, _, _ in parts]
+        self.starts = [0, *accumulate(rows)]
+        names = digested_columns(table)
+        width = 8 * len(names)
+        self._names = [crcs[width:] for _, _, crcs in parts]
+        self._left = [
+            {name: crcs[8 * i : 8 * i + 8] for i, name in enumerate(names)} for _, _, crcs in parts
+        ]
+
+    @property
+    def rows(self) -> int:
+        """How many rows all segments have; −1 where that is not said."""
+        return self.starts[-1] if sorted(self.starts) == self.starts else -1
+
+    def differ(self) -> None:
+        """The rows are not those that were written; raises TraceError if their content differs."""
+        self._seal.differs(f"the table {self._table}")
+
+    def compare_names(self, runs: Sequence[tuple[Names, int]], *, stated: bool) -> None:
+        """Raise TraceError where rows are about others than when they were written.
+
+        Args:
+            runs: names and rows of all rows of the episode, in order.
+            stated: by the file's own index; files without one have no digest of several names.
+        """
+        if self._table not in DIGESTED_NAMES:
+            return
+        ends = list(accumulate(rows for _, rows in runs))
+        for number, told in enumerate(self._names):
+            first, last = self.starts[number : number + 2]
+            spans, at = [], bisect_right(ends, first)
+            while at < len(runs) and ends[at] - runs[at][1] < last:
+                begin = max(ends[at] - runs[at][1], first)
+                spans.append((runs[at][0], min(ends[at], last) - begin))
+                at += 1
+            wanted = {names_crc(spans)} if stated or len(spans) == 1 else {names_crc(spans), _OLD}
+            if told not in wanted:
+                self._seal.differs(f"the names in {self._table}")
+
+    def compare(
+        self,
+        name: str,
+        first: int,
+        at: int,
+        rows: int,
+        values: Callable[[int, int], NDArray[Any]],
+        whole: Callable[[str, int, int], NDArray[Any]],
+    ) -> None:
+        """Compare what was read of a column; raises TraceError where it is not as it was written.
+
+        Args:
+            name: of the column.
+            first: the first row that was read, among those of the episode.
+            at: its place in what was read.
+            rows: how many were read.
+            values: the rows from … to … of what was read.
+            whole: reads the column from row … to … of the episode.
+        """
+        number = bisect_right(self.starts, first) - 1
+        while 0 <= number < len(self._left) and self.starts[number] < first + rows:
+            told = self._left[number].pop(name, None)  # once is enough
+            begin, end = self.starts[number : number + 2]
+            if told is not None:
+                inside = first <= begin and end <= first + rows
+                found = (
+                    values(at + begin - first, at + end - first)
+                    if inside
+                    else whole(name, begin, end)
+                )
+                if crc(found) != told:
+                    self._seal.differs(f"the column {name!r} of {self._table}")
+            number += 1
+
+
+_OLD = names_crc([])
+"""What files without an index have for the names of a segment with several."""
+
+
+def noted(
+    table: str, groups: Iterator[pa.Table], found: dict[str, list[str]]
+) -> Iterator[tuple[pa.Table, list[Run]]]:
+    """The same row groups and their runs; their digest lines are collected in ``found``."""
+    lines = found.setdefault(table, []) if table in DIGESTED_TABLES else None
+    for group in groups:
+        runs = runs_of(table, group)
+        if lines is not None and len(group):
+            lines.append(digest_line(table, group, runs))
+        yield group, runs

@@ -1,0 +1,213 @@
+"""A Parquet file opened through pyarrow: its metadata, row groups and columns, within bounds of memory."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from safestage_eval.errors import TraceError
+from safestage_eval.formats.byte_source import SourceStream
+from safestage_eval.formats.remote_path import RemotePath
+from safestage_eval.formats.trace_files import regular
+
+from .arrow_tables import arrow_file, columns_of
+from .row_index import RowIndex, load_row_index
+
+LARGEST = 1 << 32
+"""Most bytes that the rows read at once may take: hours of a crowded scene."""
+
+_KEPT_BYTES = 96 << 20
+"""Most bytes of decoded columns that are kept, of row groups that several bodies or episodes share."""
+
+_WHOLE_BYTES = 8 << 20
+"""Size up to which a local file is read at once: each column chunk would take system calls of its own."""
+
+_FILES_KEPT = 12
+"""Files whose metadata are kept: those of two shards. Of 50 episodes, a shard's take some 6 MB."""
+
+EPISODES_TABLE = "meta/episodes"
+"""The table that is always read whole, and needs no row index."""
+
+
+@dataclass(frozen=True, eq=False)
+class Footer:
+    """What the end of a file says.
+
+    Attributes:
+        metadata: as pyarrow has it.
+        columns: names of the columns, of lists and records too.
+        index: which rows belong to whom.
+    """
+
+    metadata: pq.FileMetaData
+    columns: frozenset[str]
+    index: RowIndex
+
+
+FOOTERS: dict[tuple[Path, Hashable], Footer] = {}
+"""By path and state of the file: shards hold many episodes, and their footers are large."""
+
+
+class _ColumnCache:
+    """Decoded columns of row groups, the least recently used of them dropped."""
+
+    def __init__(self, most: int) -> None:
+        self._most, self._bytes = most, 0
+        self._columns: OrderedDict[Hashable, pa.ChunkedArray] = OrderedDict()
+
+    def get(self, key: Hashable) -> pa.ChunkedArray | None:
+        """The column, or None."""
+        found = self._columns.get(key)
+        if found is not None:
+            self._columns.move_to_end(key)
+        return found
+
+    def put(self, key: Hashable, column: pa.ChunkedArray) -> None:
+        """Keep a column, unless it alone is too large."""
+        if column.nbytes > self._most or key in self._columns:
+            return
+        self._columns[key] = column
+        self._bytes += column.nbytes
+        while self._bytes > self._most:
+            self._bytes -= self._columns.popitem(last=False)[1].nbytes
+
+
+_COLUMNS = _ColumnCache(_KEPT_BYTES)
+
+
+class TableFile:
+    """A file of one table. Nothing but its footer is read when it is opened.
+
+    Attributes:
+        path: of the file.
+        names: the columns that the format has for this table.
+        footer: what its end says; the same object as long as the file is the same.
+    """
+
+    def __init__(self, path: Path, table: str) -> None:
+        """Open it; raises TraceError where there is no file, or none that can be read."""
+        self.path, self.names = path, list(columns_of(table))
+        try:
+            stat = regular(path)
+            source = path.source() if isinstance(path, RemotePath) else None
+        except (FileNotFoundError, NotADirectoryError):
+            raise TraceError(
+                str(path),
+                f"the table {table!r} is missing.",
+                fix="copy the dataset again, with all of its folders",
+            ) from None
+        except OSError as error:
+            raise TraceError(str(path), f"cannot be read: {error.strerror or error}") from None
+        self._source = source
+        state: Hashable = (
+            (stat.st_mtime_ns, stat.st_ctime_ns, stat.st_size, stat.st_ino)
+            if source is None
+            else source.state
+        )
+        self._key = path, state
+        known = FOOTERS.get(self._key)
+        self._metadata = known.metadata if known is not None else None
+        self.footer = known or self._read_footer(table, stat.st_size)
+        FOOTERS[self._key] = self.footer
+        if len(FOOTERS) > _FILES_KEPT:
+            FOOTERS.pop(next(iter(FOOTERS)), None)
+
+    def _read_footer(self, table: str, size: int) -> Footer:
+        try:
+            metadata = self._file.metadata
+            columns = frozenset(metadata.schema.to_arrow_schema().names)
+            index = load_row_index(metadata, None if table == EPISODES_TABLE else table, size)
+        except (pa.ArrowException, OSError, ValueError) as error:  # a name may be no text
+            raise self._unreadable(error) from None
+        return Footer(metadata, columns, index)
+
+    @cached_property
+    def _file(self) -> pq.ParquetFile:
+        if self._source is not None:
+            stream = pa.PythonFile(SourceStream(self._source), "r")
+        else:
+            stream = arrow_file(self.path)
+            if stream.size() <= _WHOLE_BYTES:
+                stream = pa.BufferReader(stream.read_buffer())
+        return pq.ParquetFile(
+            stream,
+            metadata=self._metadata,
+            pre_buffer=self._source is not None,
+            page_checksum_verification=True,
+        )
+
+    def read(self, groups: Sequence[int], columns: Sequence[str]) -> pa.Table:
+        """All rows of some row groups, the columns in the order given, each once.
+
+        Raises:
+            TraceError: a column is missing, the bytes are damaged, or there are too many rows.
+        """
+        columns = list(dict.fromkeys(columns))
+        for name in columns:
+            if name not in self.footer.columns:
+                raise TraceError(
+                    str(self.path),
+                    f"the column {name!r} is missing; "
+                    f"there are {', '.join(sorted(self.footer.columns))}.",
+                    ", ".join(self.names),
+                )
+        rows = sum(self.footer.index.rows[group] for group in groups)
+        if 4 * rows * len(columns) > LARGEST:
+            raise TraceError(
+                str(self.path),
+                f"{rows:,} rows would have to be read at once.",
+                f"{LARGEST // 4 // len(columns):,} rows of {len(columns)} columns",
+                "write row groups of one episode each" if len(self.footer.index.rows) == 1 else "",
+            )
+        try:
+            table = self._file.read_row_groups(groups, columns=columns, use_threads=False)
+        except (pa.ArrowException, OSError, UnicodeDecodeError, MemoryError) as error:
+            raise self._unreadable(error) from None
+        if table.column_names != columns:
+            counts = {name: table.column_names.count(name) for name in columns}
+            name = next((name for name in columns if counts[name] != 1), columns[0])
+            raise TraceError(
+                str(self.path), f"the column {name!r} is there {counts[name]} times.", "once"
+            )
+        if table.num_rows != rows or any(len(column) != rows for column in table.itercolumns()):
+            name = next((name for name in columns if len(table[name]) != rows), columns[0])
+            raise TraceError(
+                str(self.path),
+                f"{len(table[name])} values of {name!r} in {rows} rows.",
+                fix="copy the dataset again",
+            )
+        return table
+
+    def read_shared(self, group: int, columns: Iterable[str]) -> pa.Table:
+        """All rows of a row group that several bodies or episodes share; raises as ``read``.
+
+        Its columns are kept for the next one, as far as there is room.
+        """
+        names = list(dict.fromkeys(columns))
+        found = {name: _COLUMNS.get((self._key, group, name)) for name in names}
+        missing = [name for name, column in found.items() if column is None]
+        if missing:
+            table = self.read([group], missing)
+            for name in missing:
+                found[name] = table[name]
+                _COLUMNS.put((self._key, group, name), table[name])
+        return pa.table([found[name] for name in names], names)
+
+    def _unreadable(self, error: Exception) -> TraceError:
+        try:
+            size = self.path.stat().st_size
+        except OSError:
+            return TraceError(str(self.path), f"cannot be read: {error}")
+        why = (str(error).strip() or type(error).__name__).splitlines()[0]
+        return TraceError(
+            str(self.path),
+            f"not a whole Parquet file ({size} bytes): {why}.",
+            "a file that ends with its footer",
+            "copy it again, or record the episode again",
+        )
