@@ -252,7 +252,7 @@ class Conditions(Answers, ABC):
         """Margins of a signal's limits; ``wanted`` as in ``condition``."""
         asked = self.asked(atom, env)
         series = self._series(asked, atom, env, wanted)
-        if self._obligation is not None and asked.name == "tilt" and self.untilted(asked.bodies[0]):
+        if self._obligation is not None and self.exempt(asked):
             skipped = self._obligation != "forbid"
             return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
         return self.margins(series, atom, asked)
@@ -270,10 +270,11 @@ class Conditions(Answers, ABC):
             len(series),
         )
 
-    def untilted(self, name: str) -> bool:
-        """A body that has no up axis, and so no tilt."""
-        body = self.episode.bodies.get(name)
-        return body is not None and body.up_axis is None and "up_axis" not in body.untold
+    def exempt(self, asked: Asked) -> bool:
+        """The body has no such quantity: a ball has no tilt."""
+        is_exempt = SIGNALS[asked.name].exempt
+        body = self.episode.bodies.get(asked.bodies[0]) if asked.bodies else None
+        return is_exempt is not None and body is not None and is_exempt(body)
 
     def _deep(self, call: ast.Call | None) -> bool:
         """A declared state that asks for something costly."""

@@ -136,7 +136,7 @@ class FlipBands:
         if self.reads(atom.call):
             raise Undecided("it changes what is measured")
         asked = self.at.asked(atom, env)
-        if kind is not None and asked.name == "tilt" and self.at.untilted(asked.bodies[0]):
+        if kind is not None and self.at.exempt(asked):
             return fixed(band.crisp(np.full(self.frames, kind != "forbid")))
         bands = [
             self._limit(limit, number, self._series(atom, env, asked.name, wanted))
