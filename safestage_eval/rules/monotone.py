@@ -9,14 +9,14 @@ from .clauses import CLAUSES
 from .digest import reached
 
 Signs = frozenset[int]
-"""What raising a parameter may do to a truth: {+1} only towards true, {−1} only towards false."""
+"""The effect of raising a parameter on a truth: {+1} only towards true, {−1} only towards false."""
 
 NOTHING: Signs = frozenset()
 EITHER: Signs = frozenset({1, -1})
 
 
 def direction(rules: ast.RuleSet, rule: ast.Scoped, param: str) -> int | None:
-    """What raising a parameter does to the verdict, ordered pass < inconclusive < violation.
+    """The effect of raising a parameter on the verdict, ordered pass < inconclusive < violation.
 
     Returns +1 if it can only get worse, −1 if it can only get better, 0 if nothing changes, None
     if it may go either way.
