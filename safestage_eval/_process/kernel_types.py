@@ -5,9 +5,10 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+import numba
 import numpy as np
-from numba import from_dtype
-from numba.core import types
+
+types: Any = numba.types
 
 
 def to_json(kind: Any) -> Any:
@@ -35,7 +36,7 @@ def from_json(data: Any) -> Any:
     """The type. Raises ImportError or AttributeError where a named tuple is no longer there."""
     match data:
         case str():
-            return from_dtype(np.dtype(data))
+            return numba.from_dtype(np.dtype(data))
         case ["default", value]:
             return types.Omitted(value)
         case ["array", item, ndim, layout, mutable]:

@@ -29,10 +29,8 @@ import numba
 
 from .compiled import cache_folder
 
-try:
+if sys.platform != "win32":  # where two processes may compile the same kernel
     import fcntl
-except ImportError:  # no such lock on Windows: two processes may compile the same kernel there
-    fcntl = None  # type: ignore[assignment]
 
 SIGNATURES = Path(__file__).with_name("kernel_signatures.json")
 PROGRAM = f"from {__name__} import serve; serve()"
@@ -71,6 +69,20 @@ def compile_kernels(tell: Tell | None = None) -> None:
         return
 
 
+def is_compiled() -> bool:
+    """Whether this machine has compiled all kernels of this version."""
+    return _stamp().exists()
+
+
+def load_kernels() -> None:
+    """Load every listed kernel into this process, compiled before or now."""
+    compile_kernels()
+    for module, kernels in read_signatures().items():
+        for kernel, all_types in kernels.items():
+            for types in all_types:
+                compile_one(module, kernel, types)
+
+
 def by_room(signatures: dict[str, Any]) -> dict[str, list[str]]:
     """Modules by their folder, largest first: kernels call no kernels of another folder."""
     rooms: dict[str, list[str]] = {}
@@ -102,7 +114,7 @@ def _stamp() -> Path:
 @contextlib.contextmanager
 def _only_one(path: Path, tell: Tell, total: int) -> Iterator[None]:
     """Hold a lock that ends with the process, however that ends."""
-    if fcntl is None:
+    if sys.platform == "win32":
         yield
         return
     with path.open("w") as lock:

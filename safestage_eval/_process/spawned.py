@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import multiprocessing
 import multiprocessing.connection
+import multiprocessing.forkserver
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext, SpawnContext
 from multiprocessing.process import BaseProcess
 from typing import Any, Self
 
 from safestage_eval.errors import InputError
 
 from .memory_limit import resident
+
+FORKS = sys.platform == "linux"
+"""Whether processes may be forked from one that has loaded libraries; elsewhere systems forbid it."""
 
 READY = "ready"
 """What a process says first."""
@@ -44,9 +50,15 @@ class Spawned:
     """It has answered before."""
 
     @classmethod
-    def start(cls, work: Callable[..., None], *args: Any, **named: Any) -> Self:
-        """Call a module's function in a new process, its end of the pipe first."""
-        context = multiprocessing.get_context("spawn")
+    def start(
+        cls, work: Callable[..., None], *args: Any, preload: str | None = None, **named: Any
+    ) -> Self:
+        """Call a module's function in a new process, its end of the pipe first.
+
+        ``preload``: a module; the process is then forked from one that has imported it, where that
+        is safe, instead of starting from nothing.
+        """
+        context = _context(preload)
         ours, theirs = context.Pipe()
         process = context.Process(target=work, args=(theirs, *args), kwargs=named, daemon=True)
         process.start()
@@ -78,6 +90,21 @@ class Spawned:
         self.process.join()
         self.pipe.close()
         return ended(self.process.exitcode)
+
+
+def prepare(preload: str) -> None:
+    """Start the process that others will be forked from; returns before it has imported anything."""
+    if FORKS:
+        _context(preload)
+        multiprocessing.forkserver.ensure_running()
+
+
+def _context(preload: str | None) -> SpawnContext | ForkServerContext:
+    if preload is None or not FORKS:
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([preload])
+    return context
 
 
 class Births:

@@ -194,12 +194,12 @@ def prepare_kernels() -> None:
 
     said = False
 
-    def say(_: int, total: int) -> None:
+    def announce(_: int, total: int) -> None:
         """Without a terminal, one line."""
         nonlocal said
         if not said:
-            click.echo(f"compiling {total} numerical kernels, once per machine …", err=True)
+            say(f"compiling {total} numerical kernels, once per machine …", err=True)
         said = True
 
     with progress("compiling kernels, once per machine") as tell:
-        compile_kernels(tell or say)
+        compile_kernels(tell or announce)

@@ -334,8 +334,9 @@ def _graph(corners: NDArray[np.integer], faces: NDArray[np.integer]) -> Graph:
     row = np.zeros(int(corners.max()) + 1, np.int64)
     row[corners] = np.arange(len(corners))
     ends = row[faces[:, [[0, 1], [1, 2], [2, 0], [1, 0], [2, 1], [0, 2]]].reshape(-1, 2)]
-    ends = np.unique(ends, axis=0)
-    return Graph(np.bincount(ends[:, 0], minlength=len(corners)), ends[:, 1])
+    count = len(corners)
+    first, second = np.divmod(np.unique(ends[:, 0] * count + ends[:, 1]), count)
+    return Graph(np.bincount(first, minlength=count), second)
 
 
 def _spread(part: Part) -> F64:

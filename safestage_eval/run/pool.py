@@ -25,6 +25,9 @@ CHUNK = 0.25
 FIRST, MOST = 2, 64
 """Episodes that a process is sent at first, and at most."""
 
+PRELOAD = "safestage_eval.run.preload"
+"""Module that several workers share."""
+
 COMPILING = 180.0
 """s more that the very first episode of a run may take: kernels are compiled then, and loaded
 in the first of each process."""
@@ -42,6 +45,7 @@ class Local(Engine):
         """``lines``: give results as they are stored (``Line``)."""
         self._settings, self._lines = settings, lines
         self._size = workers
+        self._preload = PRELOAD if workers > 1 else None
         self._workers: list[_Worker] = []
         self._suspects: set[int] = set()
         self._back: deque[list[Numbered]] = deque()
@@ -87,7 +91,9 @@ class Local(Engine):
             if not chunk:
                 return
             if worker is None:
-                worker = _Worker.start(work, self._settings, lines=self._lines)
+                worker = _Worker.start(
+                    work, self._settings, lines=self._lines, preload=self._preload
+                )
                 self._workers.append(worker)
             worker.give(chunk)
 
