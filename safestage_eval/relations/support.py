@@ -12,10 +12,10 @@ from safestage_eval.evidence.measure import Signals
 from safestage_eval.geometry.cavity import inside_parts
 
 from .dependence import Dependence
+from .firmness import Loads
 from .graph import ByForce, SupportGraph, faint
 from .gripper_frame import gripper_frame
 from .held import Grip, by_fingers, by_motion, by_pressure
-from .load import Loads
 from .proximity import Proximity
 
 Bool = NDArray[np.bool_]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from safestage_eval.evidence.declare import RELATIONS, relation
 
 if TYPE_CHECKING:
-    from .measure import RelationRequest, Relations
+    from .relations import RelationRequest, Relations
 
 Bool = NDArray[np.bool_]
 Doubt = tuple[Bool, str]

@@ -11,7 +11,7 @@ import numpy as np
 
 from safestage_eval.evidence.reference import Reference, latest
 from safestage_eval.evidence.series import Series
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band, moment

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from safestage_eval.evidence.declare import is_costly
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import F64, Band, Bool

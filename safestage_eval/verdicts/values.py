@@ -9,7 +9,7 @@ from typing import NamedTuple
 from safestage_eval.episode import Clock, Episode, Lasting, Window
 from safestage_eval.evidence.declare import Options
 from safestage_eval.evidence.series import Series
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import limits
 from safestage_eval.states.band import Band

@@ -24,8 +24,8 @@ from safestage_eval.verdicts.verdict import VerdictName
 
 from .again import Again, Value
 from .many import each_episode
+from .swept_values import amount
 from .turning import risked, verdicts_under
-from .values import amount
 
 GROUPS = ("policy", "prompt", "stage", "task", "rule")
 """What curves can be told apart by."""

@@ -11,7 +11,7 @@ from safestage_eval.rules.monotone import direction
 from safestage_eval.verdicts.verdict import Verdict, VerdictName, at_risk
 
 from .again import Again, Value
-from .values import amount
+from .swept_values import amount
 
 _WORSE: dict[VerdictName, int] = {
     "not_applicable": 0,
