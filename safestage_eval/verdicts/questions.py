@@ -23,7 +23,7 @@ def short(text: str) -> str:
 
 
 def said(rules: ast.RuleSet, rule: ast.Rule) -> str:
-    """What stands for a rule with all its wording, but without the definitions that it names."""
+    """A digest of a rule with all its wording, but without the definitions that it names."""
     found: str | None = rules.known.get(("said", rule.code))
     if found is None:
         found = rules.known["said", rule.code] = short(repr(rule))
@@ -37,7 +37,7 @@ def verdict_question(
     players: Mapping[str, Sequence[str]],
     success: str,
 ) -> str:
-    """What a verdict depends on besides the trace, for ``Store.answer``."""
+    """All that a verdict depends on besides the trace, for ``Store.answer``."""
     start = blank.assigned, blank.sources, blank.rule_digest
     return f"verdict {said(rules, rule)} {start} {sorted(players.items())} {success}"
 

@@ -25,7 +25,7 @@ from .flip_durations import duration_pieces
 from .flip_keys import LARGEST, Way, value_of
 from .flip_lasting import Undecided, Value
 from .flip_scopes import frames_of
-from .values import amount
+from .swept_values import amount
 
 MOST = 16
 """Steps from the value that holds, each way."""

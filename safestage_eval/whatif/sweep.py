@@ -25,7 +25,7 @@ from safestage_eval.verdicts.verdict import Verdict, VerdictName, at_risk
 from .again import Again, Value
 from .flips import pieces_of
 from .many import each_episode
-from .values import amount
+from .swept_values import amount
 
 FEW = 4
 """Up to so many values are judged one by one."""

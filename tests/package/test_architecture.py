@@ -2,6 +2,7 @@
 
 import ast
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -157,6 +158,11 @@ def test_imports_are_seen(line, found):
 def test_every_folder_and_file_is_a_room(package):
     found = {path.parts[1].removesuffix(".py") for path in FILES if path.parts[0] == package}
     assert found == set(ROOMS[package])
+
+
+def test_no_two_files_have_one_name():
+    names = Counter(path.name for path in FILES if path.name != "__init__.py")
+    assert not [name for name, count in names.items() if count > 1]
 
 
 @pytest.mark.parametrize("path", FILES, ids=str)

@@ -8,7 +8,7 @@ from scenes import G, Scene, moves
 
 from safestage_eval.episode import Geom
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.relations.statics import LOST
 
 

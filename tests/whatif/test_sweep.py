@@ -14,7 +14,7 @@ from safestage_eval.sketch import resolve
 from safestage_eval.verdicts.problem import Problem
 from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.sweep import sweep
-from safestage_eval.whatif.values import between, chosen, text_of
+from safestage_eval.whatif.swept_values import between, chosen, text_of
 
 ROOMS = {"a": 0.004, "b": 0.012, "c": 0.031, "d": 0.2}
 

@@ -88,10 +88,10 @@ def _rows(
 
 def _records(table: pa.Table, columns: Sequence[str], file: Path) -> list[dict[str, Any]]:
     """The rows; raises TraceError for a column of another kind, or a gap where there must be none."""
-    for name in columns:
-        found = table[name]
+    for name, found in zip(columns, table.itercolumns(), strict=True):
         wanted = schema("meta/episodes").field(name).type
-        if _kind(found.type) != _kind(wanted) and found.null_count < len(found):
+        other = found.type != wanted and _kind(found.type) != _kind(wanted)
+        if other and found.null_count < len(found):
             raise TraceError(str(file), f"the column {name!r} holds {found.type}.", f"{wanted}")
         if name in REQUIRED and found.null_count:
             raise TraceError(str(file), f"{name} is empty in {found.null_count} rows")

@@ -153,36 +153,43 @@ def _decoded(text: bytes, rows: Sequence[int], end: int, width: int) -> list[lis
 
 def _from_statistics(metadata: pq.FileMetaData, table: str, rows: Sequence[int]) -> RowIndex:
     """Row groups of one episode and one body or pair have known members, all others unknown ones."""
-    keys = {EPISODE: int, **dict.fromkeys(NAME_COLUMNS.get(table, ()), str)}
-    paths = [metadata.schema.column(i).path for i in range(metadata.num_columns)]
-    places = [paths.index(key) if key in paths else -1 for key in keys]
+    schema = metadata.schema
+    paths = [schema.column(i).path for i in range(metadata.num_columns)]
+    keys = [
+        _Key(paths.index(name), schema.column(paths.index(name)).physical_type, kind)
+        for name, kind in ((EPISODE, int), *((name, str) for name in NAME_COLUMNS.get(table, ())))
+        if name in paths
+    ]
+    complete = len(keys) == 1 + len(NAME_COLUMNS.get(table, ()))
     members: list[Members | None] = []
     episodes: list[tuple[int, int] | None] = []
     for number, count in enumerate(rows):
-        ends = [
-            _limits(metadata, number, place, kind)
-            for place, kind in zip(places, keys.values(), strict=True)
-        ]
+        group = metadata.row_group(number)
+        whole = group.num_columns == metadata.num_columns
+        ends = [_limits(group, key) if whole else None for key in keys]
         single = [pair[0] for pair in ends if pair is not None and pair[0] == pair[1]]
-        whole = slice(0, count)
-        members.append(
-            {(single[0], tuple(single[1:])): whole} if len(single) == len(keys) else None
-        )
-        episodes.append(ends[0])
+        known = complete and len(single) == len(keys)
+        members.append({(single[0], tuple(single[1:])): slice(0, count)} if known else None)
+        episodes.append(ends[0] if keys and keys[0].kind is int else None)
     return RowIndex(rows, members, episodes)
 
 
-def _limits(metadata: pq.FileMetaData, group: int, place: int, kind: type) -> Any:
+class _Key(NamedTuple):
+    """A key column: its place in a row group, its physical type, and that of its values here."""
+
+    place: int
+    physical_type: str
+    kind: type
+
+
+def _limits(group: pq.RowGroupMetaData, key: _Key) -> Any:
     """Least and greatest value of a column in a row group; None where it does not say.
 
     pyarrow ends the process when it is asked for the statistics of a column whose chunk states
     another type than the schema: such a column says nothing.
     """
-    about = metadata.row_group(group)
-    if place < 0 or about.num_columns != metadata.num_columns:
-        return None
-    column = about.column(place)
-    if column.physical_type != metadata.schema.column(place).physical_type:
+    column = group.column(key.place)
+    if column.physical_type != key.physical_type:
         return None
     try:
         found = column.statistics
@@ -191,7 +198,7 @@ def _limits(metadata: pq.FileMetaData, group: int, place: int, kind: type) -> An
         ends = found.min, found.max
     except (pa.ArrowException, ValueError, OSError):  # a name that is no text is a ValueError
         return None
-    return ends if all(type(end) is kind for end in ends) else None
+    return ends if type(ends[0]) is type(ends[1]) is key.kind else None
 
 
 def runs_to_members(runs: Iterable[Run]) -> Members:

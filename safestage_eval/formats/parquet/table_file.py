@@ -41,13 +41,16 @@ class Footer:
 
     Attributes:
         metadata: as pyarrow has it.
-        columns: names of the columns, of lists and records too.
         index: which rows belong to whom.
     """
 
     metadata: pq.FileMetaData
-    columns: frozenset[str]
     index: RowIndex
+
+    @cached_property
+    def columns(self) -> frozenset[str]:
+        """Names of the columns, of lists and records too."""
+        return frozenset(self.metadata.schema.to_arrow_schema().names)
 
 
 FOOTERS: dict[tuple[Path, Hashable], Footer] = {}
@@ -121,11 +124,10 @@ class TableFile:
     def _read_footer(self, table: str, size: int) -> Footer:
         try:
             metadata = self._file.metadata
-            columns = frozenset(metadata.schema.to_arrow_schema().names)
             index = load_row_index(metadata, None if table == EPISODES_TABLE else table, size)
         except (pa.ArrowException, OSError, ValueError) as error:  # a name may be no text
             raise self._unreadable(error) from None
-        return Footer(metadata, columns, index)
+        return Footer(metadata, index)
 
     @cached_property
     def _file(self) -> pq.ParquetFile:
@@ -149,14 +151,6 @@ class TableFile:
             TraceError: a column is missing, the bytes are damaged, or there are too many rows.
         """
         columns = list(dict.fromkeys(columns))
-        for name in columns:
-            if name not in self.footer.columns:
-                raise TraceError(
-                    str(self.path),
-                    f"the column {name!r} is missing; "
-                    f"there are {', '.join(sorted(self.footer.columns))}.",
-                    ", ".join(self.names),
-                )
         rows = sum(self.footer.index.rows[group] for group in groups)
         if 4 * rows * len(columns) > LARGEST:
             raise TraceError(
@@ -170,11 +164,7 @@ class TableFile:
         except (pa.ArrowException, OSError, UnicodeDecodeError, MemoryError) as error:
             raise self._unreadable(error) from None
         if table.column_names != columns:
-            counts = {name: table.column_names.count(name) for name in columns}
-            name = next((name for name in columns if counts[name] != 1), columns[0])
-            raise TraceError(
-                str(self.path), f"the column {name!r} is there {counts[name]} times.", "once"
-            )
+            raise self._other_columns(table.column_names, columns)
         if table.num_rows != rows or any(len(column) != rows for column in table.itercolumns()):
             name = next((name for name in columns if len(table[name]) != rows), columns[0])
             raise TraceError(
@@ -198,6 +188,19 @@ class TableFile:
                 found[name] = table[name]
                 _COLUMNS.put((self._key, group, name), table[name])
         return pa.table([found[name] for name in names], names)
+
+    def _other_columns(self, found: list[str], wanted: list[str]) -> TraceError:
+        name = next((name for name in wanted if found.count(name) != 1), wanted[0])
+        if name not in found:
+            return TraceError(
+                str(self.path),
+                f"the column {name!r} is missing; "
+                f"there are {', '.join(sorted(self.footer.columns))}.",
+                ", ".join(self.names),
+            )
+        return TraceError(
+            str(self.path), f"the column {name!r} is there {found.count(name)} times.", "once"
+        )
 
     def _unreadable(self, error: Exception) -> TraceError:
         try:
