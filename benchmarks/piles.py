@@ -40,7 +40,7 @@ from safestage_eval.api import load
 from safestage_eval.episode import ContactTable, Episode, Header, RobotFrames
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import TraceWriter
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from simulate.world.contact_reader import ContactReader
 from simulate.world.describe import Description, Facts
 from simulate.world.motion_reader import MotionReader

@@ -23,7 +23,7 @@ from safestage_eval.metrics import outcomes, rates
 from safestage_eval.rules import load_rules
 from safestage_eval.run.score_many import score_many, score_paths
 from safestage_eval.whatif.sweep import sweep
-from safestage_eval.whatif.values import between, text_of
+from safestage_eval.whatif.swept_values import between, text_of
 
 
 def timed(function: Callable[[], Any], runs: int) -> tuple[float, Any]:

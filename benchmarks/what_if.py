@@ -37,7 +37,7 @@ from safestage_eval.whatif.flip_query import verdicts_under
 from safestage_eval.whatif.flip_sweep import sweep_table
 from safestage_eval.whatif.flip_table import SUFFIX, FlipTable, episode_rows, moves_success
 from safestage_eval.whatif.flips import Piece, pieces_of
-from safestage_eval.whatif.values import amount, between
+from safestage_eval.whatif.swept_values import amount, between
 
 
 def drawn(usual: float, rng: random.Random, *, whole: bool) -> float:

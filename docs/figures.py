@@ -25,7 +25,7 @@ import safestage_eval
 from safestage_eval.api import Episode
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import discover
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import parse
 from safestage_eval.signals import SIGNALS

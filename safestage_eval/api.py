@@ -15,7 +15,7 @@ from safestage_eval.run.score_many import score_paths
 if TYPE_CHECKING:
     import pandas as pd
 
-    from safestage_eval.relations.measure import Relations
+    from safestage_eval.relations.relations import Relations
     from safestage_eval.rules import RuleSet
 
 
@@ -70,7 +70,7 @@ class Episode(model.Episode):
     def _relations(self) -> Relations:
         """What was measured stays."""
         from safestage_eval.evidence.measure import Signals
-        from safestage_eval.relations.measure import Relations
+        from safestage_eval.relations.relations import Relations
 
         return Relations(Signals(model.with_holes(self)))
 

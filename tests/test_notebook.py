@@ -14,7 +14,7 @@ import safestage_eval as sse
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import load as load_plain
 from safestage_eval.formats import save
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.report.result_rows import COLUMNS
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.syntax import Call

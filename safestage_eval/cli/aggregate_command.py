@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from safestage_eval.report import TABLE_FORMATS
+
 from .shared_options import (
     bootstrap_seed_option,
     format_option,
@@ -21,7 +23,7 @@ MOST = 20
 
 @click.command("aggregate")
 @click.argument("results", nargs=-1, required=True, metavar="RESULTS...")
-@format_option("table", "json", "csv", "markdown", "latex")
+@format_option(*TABLE_FORMATS)
 @output_option
 @click.option(
     "--intervals", type=click.Choice(["none", "wilson", "bootstrap"]), default="none",

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from safestage_eval.report import TABLE_FORMATS
+
 from .shared_options import (
     bootstrap_seed_option,
     format_option,
@@ -40,7 +42,7 @@ FIELDS = ("task", "stage", "family", "policy", "prompt", "seed", "rollout")
     "--where", multiple=True, metavar="FIELD=VALUE",
     help="Select outcomes: policy=…, prompt=…, stage=…, task=…, seed=…. Repeatable.",
 )  # fmt: skip
-@format_option("table", "json", "csv", "markdown")
+@format_option(*TABLE_FORMATS)
 @output_option
 @resamples_option
 @bootstrap_seed_option

@@ -265,7 +265,7 @@ def test(
     from safestage_eval.report import examples_report
     from safestage_eval.rules import load_rules
     from safestage_eval.rules.find import groups
-    from safestage_eval.whatif.check import check_sets
+    from safestage_eval.whatif.check_suites import check_sets
     from safestage_eval.whatif.mistakes import KINDS
 
     recorded = discover(list(traces)) if traces else []

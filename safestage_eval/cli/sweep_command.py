@@ -103,7 +103,7 @@ def command(
     from safestage_eval.whatif import sweep as sweeps
     from safestage_eval.whatif.flip_sweep import sweep_table
     from safestage_eval.whatif.flip_table import FlipTable, is_result_file
-    from safestage_eval.whatif.values import between, chosen
+    from safestage_eval.whatif.swept_values import between, chosen
 
     if plot is not None:
         ready("--plot", plot)

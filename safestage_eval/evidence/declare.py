@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from safestage_eval.episode import Body
 from safestage_eval.units import UNIT_DIMENSION
 
 from .series import Series
@@ -93,6 +94,7 @@ class Signal:
         support: needs relations or the support graph.
         by_motion: without forces it is measured from a whole motion, its end included.
         costly: clips polygons or solves statics: measured only at the frames that matter.
+        exempt: whether a body has no such quantity, and is not judged by it.
         refine: widens the measured series by what relations tell: ``(relations, bodies, series)`` →
             the series.
         stretch: measures a few neighbouring frames alone: ``(facts, body, reference, frames)`` →
@@ -124,6 +126,7 @@ class Signal:
     support: bool = False
     by_motion: bool = False
     costly: bool = False
+    exempt: Callable[[Body], bool] | None = None
     refine: Callable[[Any, tuple[str, ...], Series], Series] | None = None
     stretch: Callable[..., Any] | None = None
 
@@ -200,6 +203,10 @@ class Relation:
         gate: says whether something else counts at all; takes no part in how close it came.
         rests_on: what was not measured leaves it unknown of its own ``bodies``, of a ``chain`` of
             support that leads anywhere, or of all touches in the ``past``.
+        lacking: what the trace would need and does not have, if not just forces or shapes:
+            ``(relations, bodies)`` → text, empty if nothing.
+        without_forces: how it is decided without contact forces, if not like support:
+            ``(relations)`` → text.
         doubt: where the recording leaves it open though nothing is missing: ``(relations, bodies,
             wanted)`` → (T,) bool and why, or None.
     """
@@ -215,6 +222,8 @@ class Relation:
     costly: bool = False
     gate: bool = False
     rests_on: Literal["bodies", "chain", "past"] = "bodies"
+    lacking: Callable[[Any, tuple[str, ...]], str] | None = None
+    without_forces: Callable[[Any], str] | None = None
     doubt: Callable[[Any, tuple[str, ...], Any], tuple[Any, str] | None] | None = None
 
     @property

@@ -10,7 +10,7 @@ from safestage_eval._process.compiled import allocating, helper
 from .arrays import owned
 from .mover import Motion, Mover, rotation_at
 from .shape import BOX, CYLINDER, HULL, PLANE, SEGMENT, Packed
-from .support import support_point, support_value
+from .support_function import support_point, support_value
 
 F64 = NDArray[np.float64]
 

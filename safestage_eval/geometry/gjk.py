@@ -20,7 +20,7 @@ from safestage_eval._process.compiled import allocating, helper, kernel
 from .penetration import penetration_depth
 from .shape import BOX, PLANE, Packed
 from .simplex import nearest_weights
-from .support import support_point, support_value
+from .support_function import support_point, support_value
 
 F64 = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from safestage_eval._process.compiled import allocating, kernel
 
 from .shape import Packed
-from .support import support_point
+from .support_function import support_point
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

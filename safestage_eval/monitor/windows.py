@@ -6,7 +6,7 @@ from typing import Protocol
 
 from safestage_eval.episode import Episode, Header
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 
 
 class Recording(Protocol):

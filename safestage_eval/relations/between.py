@@ -13,7 +13,7 @@ from safestage_eval.evidence.contact_sums import ONE_STEP
 from safestage_eval.evidence.gaps import TWIST
 from safestage_eval.evidence.motion import derived
 from safestage_eval.evidence.series import Series
-from safestage_eval.geometry.clearance import motion_bound
+from safestage_eval.geometry.certified_distance import motion_bound
 from safestage_eval.geometry.mover import Mover
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from safestage_eval.geometry.pose import angle, matrix
 from .near import NEAR
 
 if TYPE_CHECKING:
-    from .measure import Relations
+    from .relations import Relations
 
 STAYS = (1e-3, np.radians(1.0))
 """m, rad: what has moved by less still stands where it stood, also in a hand."""

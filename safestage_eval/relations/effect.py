@@ -15,7 +15,7 @@ from safestage_eval.evidence.series import Series
 from safestage_eval.geometry.pose import rotate
 
 if TYPE_CHECKING:
-    from .measure import SupportRequest
+    from .relations import SupportRequest
     from .support import Support
 
 F64 = NDArray[np.float64]

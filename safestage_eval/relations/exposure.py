@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
-from safestage_eval.geometry.clearance import clearance_series, motion_bound
+from safestage_eval.geometry.certified_distance import clearance_series, motion_bound
 from safestage_eval.geometry.pose import angle
 
 from .gripper_frame import gripper_frame

@@ -12,11 +12,11 @@ from safestage_eval.evidence.measure import Signals
 from safestage_eval.geometry.cavity import inside_parts
 
 from .dependence import Dependence
+from .firmness import Loads
 from .graph import ByForce, SupportGraph, faint
 from .gripper_frame import gripper_frame
 from .held import Grip, by_fingers, by_motion, by_pressure
-from .load import Loads
-from .proximity import Proximity
+from .proximity import LIFT, TOUCH, Proximity
 
 Bool = NDArray[np.bool_]
 
@@ -106,17 +106,43 @@ class Support:
         names = [b.name for b in self.episode.header.bodies if b.kind not in ("robot", "gripper")]
         return self.blind and bool(self.signals.movers.unseen(names))
 
-    @cached_property
-    def hand_unrecorded(self) -> bool:
-        """The robot has a hand, and its poses are not recorded."""
-        bodies = self.episode.header.bodies
-        hands = any(body.kind == "gripper" for body in bodies)
-        return not hands and any("links" in body.untold for body in bodies)
+    def lacks_forces(self, names: tuple[str, ...]) -> str:
+        """Forces and shapes, where there are none of either; else nothing.
 
-    def without_shape(self, name: str) -> list[str]:
-        """Bodies of that name or union whose shape is missed; a union may have mere frames."""
-        bodies, movers = self.signals.bodies(name), self.signals.movers
-        return movers.unseen(bodies) if movers.of(bodies) else bodies
+        A union may have mere frames: they have no shape to miss.
+        """
+        if not self.blind:
+            return ""
+        movers, missing = self.signals.movers, list[str]()
+        for bodies in map(self.signals.bodies, names):
+            missing += movers.unseen(bodies) if movers.of(bodies) else bodies
+        return f"contact forces and no shape of {', '.join(missing)}" if missing else ""
+
+    def lacks_hand(self) -> str:
+        """What is missing of the robot's hand to decide what it holds."""
+        bodies = self.episode.header.bodies
+        if not any(body.kind == "gripper" for body in bodies):
+            return "poses of the robot's hand" if any("links" in b.untold for b in bodies) else ""
+        if not self.blind and not {"left", "right"} <= {body.finger for body in bodies}:
+            return "names of the left and the right finger"
+        if self.blind and not self.fingers_seen and self.hand is None:
+            return "contact forces, and does not say which body is the gripper"
+        return ""
+
+    def lacks_masses(self, on: str) -> str:
+        """Masses of the bodies near one that may be taken away."""
+        if not self.unweighed:
+            return ""
+        near = self.dependence.beside(self.episode.body_index[on])
+        return ", ".join(f"mass of {body}" for body in self.unweighed if body in near)
+
+    by_geometry = (
+        f"by geometry: within {TOUCH * 1e3:g} mm, and a lift by {LIFT * 1e3:g} mm opens the gap"
+    )
+    """How support is decided without forces."""
+
+    by_touch = f"by geometry: a touch is a distance of at most {TOUCH * 1e3:g} mm"
+    """How touches are decided without forces."""
 
     @cached_property
     def hand(self) -> str | None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from safestage_eval.evidence.declare import RELATIONS, relation
 
 if TYPE_CHECKING:
-    from .measure import RelationRequest, Relations
+    from .relations import RelationRequest, Relations
 
 Bool = NDArray[np.bool_]
 Doubt = tuple[Bool, str]
@@ -62,6 +62,10 @@ def supported(request: RelationRequest) -> Bool:
     return request.graph.supported(body)
 
 
+def _lacking_to_carry(relations: Relations, bodies: tuple[str, ...]) -> str:
+    return relations.lacks_forces(bodies) or relations.lacks_hand()
+
+
 def _doubt_of_carried(
     relations: Relations, bodies: tuple[str, ...], _: Bool | None
 ) -> Doubt | None:
@@ -74,7 +78,7 @@ def _doubt_of_carried(
 
 @relation(
     "carried", args=("a",), needs=("touch",), per_frame=True, by_motion=True, rests_on="chain",
-    doubt=_doubt_of_carried,
+    doubt=_doubt_of_carried, lacking=_lacking_to_carry,
 )  # fmt: skip
 def carried(request: RelationRequest) -> Bool:
     """A path of support leads from the body to one that the robot holds.
@@ -100,9 +104,19 @@ def _doubt_of_dependence(
     return doubt.may_be_caught(relations, body, on, wanted)
 
 
+def _lacking_to_depend(relations: Relations, bodies: tuple[str, ...]) -> str:
+    return relations.lacks_forces(bodies) or (relations.lacks_masses(bodies[1]) if bodies else "")
+
+
+def _dependence_by_geometry(_: Relations) -> str:
+    return (
+        "by what rests on what: needless supports count; what touches from the side may lean or not"
+    )
+
+
 @relation(
     "depends_on", args=("a", "b"), needs=("touch",), costly=True, rests_on="chain",
-    doubt=_doubt_of_dependence,
+    doubt=_doubt_of_dependence, lacking=_lacking_to_depend, without_forces=_dependence_by_geometry,
 )  # fmt: skip
 def depends_on(request: RelationRequest) -> Bool:
     """Take the second body, whatever it is but the robot, away and the first falls (statics
@@ -123,9 +137,15 @@ def _doubt_of_inside(relations: Relations, bodies: tuple[str, ...], _: Bool | No
     return doubt.may_be_too_weak(relations, "inside", bodies)
 
 
+def _lacking_a_cavity(relations: Relations, bodies: tuple[str, ...]) -> str:
+    unknown = bodies and "cavity" in relations.episode.bodies[bodies[1]].untold
+    return f"inside of {bodies[1]}" if unknown else ""
+
+
 @relation(
-    "inside", args=("a", "b"), needs=("poses", "geometry"), per_frame=True, doubt=_doubt_of_inside
-)
+    "inside", args=("a", "b"), needs=("poses", "geometry"), per_frame=True,
+    doubt=_doubt_of_inside, lacking=_lacking_a_cavity,
+)  # fmt: skip
 def inside(request: RelationRequest) -> Bool | None:
     """The first body lies in the second's cavity, seen in the second's own frame.
 
@@ -143,15 +163,33 @@ def _doubt_of_held(relations: Relations, bodies: tuple[str, ...], _: Bool | None
     return doubt.may_be_in_the_grip(relations, "held", bodies) if relations.blind else None
 
 
+def _lacking_a_hand(relations: Relations, _: tuple[str, ...]) -> str:
+    return relations.lacks_hand()
+
+
+def _grip_by_geometry(relations: Relations) -> str:
+    if relations.fingers_seen:
+        return "by the shapes of both fingers"
+    return "by what goes along with the gripper"
+
+
 @relation(
-    "held", args=("a",), needs=("touch",), per_frame=True, by_motion=True, doubt=_doubt_of_held
-)
+    "held", args=("a",), needs=("touch",), per_frame=True, by_motion=True, doubt=_doubt_of_held,
+    lacking=_lacking_a_hand, without_forces=_grip_by_geometry,
+)  # fmt: skip
 def held(request: RelationRequest) -> Bool:
     """Fingers of one gripper press on the body from opposing sides."""
     return request.held(*request.ids)
 
 
-@relation("exposed_to", args=("a", "b"), needs=("touch",), groups=True, rests_on="past")
+def _touch_by_geometry(relations: Relations) -> str:
+    return relations.by_touch
+
+
+@relation(
+    "exposed_to", args=("a", "b"), needs=("touch",), groups=True, rests_on="past",
+    without_forces=_touch_by_geometry,
+)  # fmt: skip
 def exposed_to(request: RelationRequest) -> Bool:
     """The first body has touched the second, or what had been exposed to it before."""
     relations = request.relations
@@ -166,9 +204,14 @@ def _doubt_of_caused(relations: Relations, bodies: tuple[str, ...], _: Bool | No
     return doubt.may_have_been_touched(relations, *bodies)
 
 
+def _lacking_a_robot(relations: Relations, _: tuple[str, ...]) -> str:
+    return "" if relations.graph.assemblies.robot else "poses of the robot"
+
+
 @relation(
-    "caused", args=("a",), needs=("touch",), gate=True, rests_on="past", doubt=_doubt_of_caused
-)
+    "caused", args=("a",), needs=("touch",), gate=True, rests_on="past", doubt=_doubt_of_caused,
+    lacking=_lacking_a_robot, without_forces=_touch_by_geometry,
+)  # fmt: skip
 def caused(request: RelationRequest) -> Bool:
     """Since the start the robot has touched the body, or something that touched it from then
     on: what happens to it may be the robot's doing.

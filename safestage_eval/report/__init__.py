@@ -10,6 +10,9 @@ if TYPE_CHECKING:
 
     from .golden import Change
 
+TABLE_FORMATS = ("table", "json", "csv", "markdown", "latex")
+"""Formats of result tables and comparisons: those of ``layouts``, and two for programs."""
+
 FORMATS = ("table", "json", "jsonl", "csv", "parquet", "markdown", "junit", "github")
 
 

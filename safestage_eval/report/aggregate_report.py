@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -15,14 +14,11 @@ from safestage_eval.metrics.seeds import decimal, shown
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 from safestage_eval.version import __version__
 
+from .layouts import LAYOUTS
 from .render_csv import render_csv
-from .render_latex import render_latex
-from .render_markdown import render_markdown
-from .render_text import render_text
+from .render_json import render_json
 from .summary import share, summary
 from .table import Table
-
-FORMATS = ("table", "json", "csv", "markdown", "latex")
 
 _ARROWS = {"SR": "SR ↑", "SSR": "SSR ↑"}
 
@@ -37,17 +33,13 @@ class Drawing:
 
 
 def render(aggregate: Aggregate, form: str, drawing: Drawing | None = None) -> str:
-    """The tables in one of ``FORMATS``. Raises KeyError for another."""
+    """The tables in one of ``report.TABLE_FORMATS``. Raises KeyError for another."""
     drawing = drawing or Drawing()
     if form == "json":
-        text = json.dumps(
-            document(aggregate, drawing), indent=1, ensure_ascii=False, allow_nan=False
-        )
-        return text + "\n"
+        return render_json(document(aggregate, drawing))
     if form == "csv":
         return _csv(aggregate, drawing)
-    layout = {"table": render_text, "markdown": render_markdown, "latex": render_latex}[form]
-    return layout(list(tables(aggregate, drawing)), notes(aggregate))
+    return LAYOUTS[form](list(tables(aggregate, drawing)), notes(aggregate))
 
 
 def document(aggregate: Aggregate, drawing: Drawing) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
@@ -14,6 +13,7 @@ from safestage_eval.metrics.rates import ALL
 from safestage_eval.version import __version__
 
 from .render_csv import render_csv
+from .render_json import render_json
 from .render_markdown import markdown_code, markdown_text, render_markdown
 from .render_text import render_text
 from .table import Table
@@ -82,7 +82,7 @@ def _json(agreement: Agreement) -> str:
             "replaced": agreement.replaced,
         },
     }
-    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return render_json(document)
 
 
 def _csv(agreement: Agreement) -> str:

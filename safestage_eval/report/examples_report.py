@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
@@ -10,6 +9,7 @@ from xml.etree import ElementTree as ET
 from safestage_eval.units import format_quantity, in_unit, unit_of
 
 from .ci_report import junit_text
+from .render_json import render_json
 from .render_text import text_lines
 from .table import Table
 
@@ -83,7 +83,7 @@ def _json(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | 
             for name, found in hunted.items()
             for m in found
         ]
-    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+    return render_json(document)
 
 
 def _junit(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:

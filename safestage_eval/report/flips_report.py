@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from safestage_eval.version import __version__
 
 from .render_csv import render_csv
+from .render_json import render_json
 from .render_markdown import markdown_list, render_markdown
 from .render_text import render_text
 from .table import Table
@@ -77,7 +77,7 @@ def _json(difference: Difference) -> str:
         "only_after": [list(pair) for pair in difference.only_after],
         "problems": list(difference.problems),
     }
-    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+    return render_json(document)
 
 
 def _facts(flip: Flip) -> dict[str, Any]:

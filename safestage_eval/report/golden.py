@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from dataclasses import dataclass
@@ -16,6 +15,8 @@ from safestage_eval.run.gates import Gates
 from safestage_eval.run.scores import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
+
+from .render_json import render_json
 
 FORMAT = 1
 FRAME = 1 / 120
@@ -69,7 +70,7 @@ def write_golden(scores: Scores, path: Path) -> None:
         "episodes": {r.episode_id: _expected(r, scores.gates) for r in results},
     }
     try:
-        write_bytes(path, (json.dumps(table, indent=1, ensure_ascii=False) + "\n").encode())
+        write_bytes(path, (render_json(table)).encode())
     except OSError as error:
         raise InputError(str(path), f"cannot be written: {error.strerror}.") from None
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 from safestage_eval.metrics.comparison import Comparison, Line
@@ -12,25 +11,20 @@ from safestage_eval.metrics.seeds import decimal
 from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 from safestage_eval.version import __version__
 
+from .layouts import LAYOUTS
 from .render_csv import render_csv
-from .render_markdown import render_markdown
-from .render_text import render_text
+from .render_json import render_json
 from .summary import share
 from .table import Table
 
-FORMATS = ("table", "json", "csv", "markdown")
-
 
 def render(comparison: Comparison, form: str) -> str:
-    """The comparison in one of ``FORMATS``. Raises KeyError for another."""
+    """The comparison in one of ``report.TABLE_FORMATS``. Raises KeyError for another."""
     if form == "json":
-        return (
-            json.dumps(document(comparison), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-        )
+        return render_json(document(comparison))
     if form == "csv":
         return _csv(comparison)
-    layout = {"table": render_text, "markdown": render_markdown}[form]
-    return layout([_table(comparison), *_engagement(comparison)], notes(comparison))
+    return LAYOUTS[form]([_table(comparison), *_engagement(comparison)], notes(comparison))
 
 
 def document(comparison: Comparison) -> dict[str, Any]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 
 from safestage_eval.rules.compare import Comparison
 from safestage_eval.rules.parts import Part
+
+from .render_json import render_json
 
 
 def text(comparison: Comparison) -> str:
@@ -45,7 +46,7 @@ def as_json(comparison: Comparison) -> str:
         "others": list(comparison.others),
         "unread": [_part(part) for part in comparison.unread],
     }
-    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+    return render_json(document)
 
 
 def _part(part: Part) -> dict[str, str | None]:

@@ -8,8 +8,10 @@ import polars as pl
 
 from safestage_eval.rules import RuleSet
 from safestage_eval.whatif.flip_lasting import like
-from safestage_eval.whatif.values import text_of
+from safestage_eval.whatif.swept_values import text_of
 
+from .render_csv import render_csv
+from .render_json import render_json
 from .render_text import render_text
 from .table import Table
 
@@ -21,29 +23,31 @@ FORMATS = ("table", "csv", "json")
 SIDES = ("down", "up")
 
 
-def render(found: pl.DataFrame, rules: RuleSet, form: str) -> str:
+COLUMNS = ("param", "rule", "verdict", "moved", "flips to", "verdicts", "least", "median")
+
+
+def render(slack: pl.DataFrame, rules: RuleSet, form: str) -> str:
     """Slack per episode, rule and parameter (``whatif.flip_query.slack``) in one of ``FORMATS``."""
     if form == "csv":
-        return found.write_csv()
+        return render_csv(slack.columns, slack.iter_rows(named=True))
     if form == "json":
-        return found.write_json() + "\n"
-    head = ("param", "rule", "verdict", "moved", "flips to", "verdicts", "least", "median")
-    left = int(found["verdict"].null_count())
-    said = [f"{left} verdicts are left open by the table."] if left else []
-    return render_text([Table("", head, list(_rows(found, rules)), 5)], said)
+        return render_json(slack.to_dicts())
+    undecided = int(slack["verdict"].null_count())
+    notes = [f"{undecided} verdicts are left open by the table."] if undecided else []
+    return render_text([Table("", COLUMNS, list(_rows(slack, rules)), 5)], notes)
 
 
-def _rows(found: pl.DataFrame, rules: RuleSet) -> Iterator[tuple[str, ...]]:
+def _rows(slack: pl.DataFrame, rules: RuleSet) -> Iterator[tuple[str, ...]]:
     """One row per parameter, rule, verdict and way in which it flips."""
     for side in SIDES:
         keys = ["param", "rule", "verdict", f"to_{side}"]
-        told = (
-            found.filter(pl.col(side).is_not_null())
+        groups = (
+            slack.filter(pl.col(side).is_not_null())
             .group_by(keys)
             .agg(pl.len(), pl.col(side).min().alias("least"), pl.col(side).median().alias("median"))
             .sort(keys)
         )
-        for row in told.iter_rows(named=True):
+        for row in groups.iter_rows(named=True):
             usual = rules.params[row["param"]]
             sizes = [text_of(like(usual, row[name])) for name in ("least", "median")]
             yield (

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from safestage_eval.metrics import METRICS
 from safestage_eval.version import __version__
-from safestage_eval.whatif.values import amount, factor_of, text_of, unit_name
+from safestage_eval.whatif.swept_values import amount, factor_of, text_of, unit_name
 
 from .figure import ready, write
 from .render_csv import render_csv
+from .render_json import render_json
 from .render_text import render_text
 from .summary import share
 from .table import Table
@@ -90,7 +90,7 @@ def _json(sweep: Curves, by: Sequence[str]) -> str:
         "unread": sweep.unread,
         "problems": [{"path": p.path, "message": p.message} for p in sweep.problems],
     }
-    return json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+    return render_json(document)
 
 
 def plot(sweep: Curves, path: Path, by: Sequence[str] = ()) -> None:

@@ -16,7 +16,7 @@ class Table:
         rows: as many cells each.
         names: how many leading columns name the row; these are aligned left, numbers right.
         texts: how many trailing columns hold sentences, aligned left.
-        grouped: leave out a row's first name where it repeats the one above.
+        grouped: leave out a row's leading names where they repeat those above; the last name stays.
     """
 
     title: str
@@ -36,11 +36,17 @@ class Table:
         return column < self.names or column >= self.width - self.texts
 
     def shown_rows(self) -> list[list[str]]:
-        """The rows, without repeated names if ``grouped``."""
+        """The rows; if ``grouped``, without leading names (but the last) that repeat the row above."""
         rows: list[list[str]] = []
-        above = None
-        for row in self.rows:
-            repeats = self.grouped and row[0] == above
-            rows.append(["", *row[1:]] if repeats else list(row))
-            above = row[0]
+        above: list[str] = []
+        for row in map(list, self.rows):
+            repeats = 0
+            while (
+                self.grouped
+                and repeats < self.names - 1
+                and row[: repeats + 1] == above[: repeats + 1]
+            ):
+                repeats += 1
+            rows.append([""] * repeats + row[repeats:])
+            above = row
         return rows

@@ -53,7 +53,7 @@ class BindFile:
     episodes: Mapping[str, ast.TaskDef] = field(default_factory=dict)
 
     def layers(self, header: Header) -> list[ast.TaskDef]:
-        """What it says of an episode: of its task, then of itself."""
+        """The bindings of an episode: those of its task, then its own."""
         found = (self.tasks.get(header.task or ""), self.episodes.get(header.episode_id))
         return [layer for layer in found if layer is not None]
 

@@ -179,7 +179,7 @@ def _levels(table: Table) -> tuple[tuple[str, tuple[tuple[str, Any], ...]], ...]
     return tuple((name, settings(values)) for name, values in table.get("severity", {}).items())
 
 
-def _examples(table: Table) -> dict[str, tuple[str, ...]]:
+def _examples(table: Table) -> dict[str, Any]:
     named = table.get("examples", {})
     return {kind: tuple(named.get(kind, ())) for kind in TABLES["examples"]}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 ClauseKind = Literal["require", "forbid", "reach"]
@@ -29,6 +30,11 @@ class ClauseSpec:
     wanted: bool
     once: bool
     lasts: bool
+
+    @cached_property
+    def breaks(self) -> bool | None:
+        """Broken at a frame where its condition holds, or (False) does not; None: at no one frame."""
+        return None if self.once else not self.wanted
 
     def entries(self, value: Any) -> tuple[Any, ...]:
         """The entries of what a rule holds under the key: atoms, or alternatives; none if None."""

@@ -1,4 +1,4 @@
-"""What two rule sets change: rules, obligations, limits, parameters, and which meanings differ."""
+"""The differences of two rule sets: rules, obligations, limits, parameters, and which meanings differ."""
 
 from __future__ import annotations
 

@@ -69,7 +69,7 @@ class Declarations:
     def scope(
         self, read: Read, label: str, roles: tuple[str, ...], siblings: tuple[str, ...] = ()
     ) -> Scope:
-        """What a definition uses, remembered under its kind and name; empty so far."""
+        """An empty scope for a definition, kept under its kind and name."""
         scope = Scope(label, roles, siblings=siblings)
         self.scopes[read] = scope
         return scope

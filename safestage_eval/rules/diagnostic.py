@@ -1,4 +1,4 @@
-"""What is wrong with a rule file, where exactly, and how to mend it."""
+"""Problems of rule files: where exactly, and how to mend them."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 from safestage_eval.signals import SIGNALS
@@ -121,7 +121,7 @@ def _known(rules: ast.RuleSet, node: object) -> _Known:
 
 
 class _Definition(NamedTuple):
-    """What a definition names directly, and itself as JSON."""
+    """The names that a definition uses directly, and its JSON."""
 
     names: list[tuple[str, Any]]
     text: str
@@ -198,10 +198,15 @@ def _named(node: Any, rules: ast.RuleSet) -> Iterator[tuple[str, Any]]:
 _LEAVES = (str, int, float)
 
 
-@cache
+_COMPARED: dict[type, tuple[str, ...] | None] = {}
+
+
 def _compared(kind: type) -> tuple[str, ...] | None:
-    """The fields of a part of the syntax that make it what it is, without prose; else None."""
-    return tuple([f.name for f in fields(kind) if f.compare]) if is_dataclass(kind) else None
+    """The fields of a part of the syntax that tell it from others, without prose; else None."""
+    if kind not in _COMPARED:
+        named = [f.name for f in fields(kind) if f.compare] if is_dataclass(kind) else None
+        _COMPARED[kind] = None if named is None else tuple(named)
+    return _COMPARED[kind]
 
 
 def _json(node: Any) -> str:

@@ -234,7 +234,7 @@ class _Reader:
 
 
 def not_toml(shown: str, text: str, message: str) -> Diagnostic:
-    """What the TOML parser said, at the place that it named."""
+    """The problem that the TOML parser reports, at the place that it names."""
     match = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
     lines = text.split("\n")
     what, line, column = (match[1], match[2], match[3]) if match else (message, None, None)

@@ -79,7 +79,7 @@ def _by_code(code: str, specs: Sequence[str | Path]) -> Found:
 
 
 def groups(specs: Sequence[str | Path], *, each: bool = False) -> list[list[str | Path]]:
-    """What is read together: all that was asked for, or each built-in file by itself.
+    """The specs to read together: all that were given, or each built-in file by itself.
 
     With ``each``, what was asked for is not read together either.
 

@@ -14,7 +14,7 @@ Kind = Literal[
     "event", "duration", "roles", "players", "settings", "levels", "examples", "charges", "number",
     "call", "value", "per", "goal", "goal table", "base", "box",
 ]  # fmt: skip
-"""What a key holds; ``schema`` and ``check`` know each of them."""
+"""The kinds of values; ``schema`` and ``structure`` know each of them."""
 
 
 @dataclass(frozen=True)

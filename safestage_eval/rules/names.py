@@ -1,4 +1,4 @@
-"""What each name means when a rule file is checked: its arguments, its dimension, its kind."""
+"""The names that rule files may use: their arguments, dimensions and kinds."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from .names import Near
 from .references import Scope
 
 _WORDS = ("signal", "value", "limit", "margin", "time", "t.worst", "t.first")
-"""What a rule's ``explain`` may mention besides roles and states."""
+"""Words that a rule's ``explain`` may use besides roles and states."""
 
 
 class Obligations(Declarations):

@@ -51,7 +51,7 @@ class Part:
 
     @property
     def label(self) -> str:
-        """What it is called in reports: a parameter by its name alone."""
+        """The name of the part in reports: a parameter by its name alone."""
         if self.kind == "param":
             return self.name
         said = _WORDS.get(self.kind, self.kind)
@@ -208,7 +208,7 @@ def _named(found: dict[str, Any], items: list[tuple[str, Any]]) -> dict[str, Any
 
 
 def _name(item: Any) -> str:
-    """What an obligation is about: the call without its limit, so that a limit can change."""
+    """The name of an entry: its call without the limit, so that a limit can change."""
     if isinstance(item, ast.Condition) and len(item.atoms) == 1:
         item = item.atoms[0]
     if isinstance(item, ast.SignalAtom):

@@ -1,4 +1,4 @@
-"""What the strings and conditions of a rule file say: quantities, limits, events, spans and roles.
+"""The syntax of strings and conditions: quantities, limits, events, spans and roles.
 
 Frozen and hashable. ``text`` fields keep what the author wrote, for messages and explanations; they
 are not part of the meaning.
@@ -193,7 +193,7 @@ Span = Whole | PhaseSpan | StateSpan | Part | Around | FromTo | While
 
 @dataclass(frozen=True)
 class RoleSpec:
-    """What may play a role: ``"every object tagged fragile except target, support"``."""
+    """The bodies that may play a role: ``"every object tagged fragile except target, support"``."""
 
     kind: str
     every: bool = False

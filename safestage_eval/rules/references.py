@@ -84,7 +84,7 @@ class References:
     def parsed(
         self, code: str, keys: Keys, read: Callable[[Any], T], text: Any, *, key: bool = False
     ) -> T | None:
-        """What the grammar makes of a string; None, and a problem, if nothing."""
+        """A string parsed by ``parse``; None, with a problem reported, if it is not in the grammar."""
         try:
             return read(text)
         except parse.GrammarError as error:
@@ -263,7 +263,7 @@ class References:
             )  # fmt: skip
 
     def budget(self, value: Any, keys: Keys, scope: Scope) -> None:
-        """What a cost is compared with: a plain number that is not negative."""
+        """Check a budget: a plain number that is not negative."""
         limit = self.parsed("R301", keys, parse.limit, f"<= {value}")
         if limit is None:
             return
@@ -274,7 +274,7 @@ class References:
             self.report("R301", keys, "a cost is never negative", "a number from 0 on")
 
     def above(self, call: ast.Call, value: Any, keys: Keys, scope: Scope) -> None:
-        """What a charged signal is compared with."""
+        """Check the ``above`` of a charge."""
         spec = self.names.signal(call.name)
         limit = self.parsed("R301", keys, parse.limit, f"> {value}")
         if limit is not None and spec is not None:

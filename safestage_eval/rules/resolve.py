@@ -1,4 +1,4 @@
-"""What holds for one episode: its roles, goal, assigned rules and parameter values, and whence.
+"""The binding of an episode: its roles, goal, assigned rules and parameter values, and their sources.
 
 The rule file's ``[task.X]`` says most, then a bind file, then the trace's header, then its family,
 then the rule's own ``set``, then ``[param]``. ``--set`` beats them all.
@@ -26,7 +26,7 @@ Setting = ast.Quantity | ast.Duration
 
 @dataclass(frozen=True)
 class Binding:
-    """What one episode brings to the rules.
+    """The roles, rules, goal and values of one episode.
 
     Attributes:
         roles: role → bodies.
@@ -135,7 +135,7 @@ class Binding:
         )
 
     def warnings(self) -> list[str]:
-        """What is wrong with the binding though the episode can be judged: unbound roles."""
+        """Warnings about roles of assigned rules that nothing binds."""
         scoped: Mapping[str, ast.Scoped] = {**self._rules.rules, **self._rules.costs}
         return [
             self.binds_none(code, missing)
@@ -199,7 +199,7 @@ def bind_episode(
     for source, layer in layers:
         if layer.family:
             family, provenance["family"] = layer.family, source
-    if family in rules.families:
+    if family is not None and family in rules.families:
         assigned = rules.families[family].rules
         values.update(rules.families[family].set)
         provenance.update({f"param.{name}": f"family {family}" for name in values})

@@ -107,7 +107,7 @@ class StateDef:
     perhaps: Condition | None = None
     """With ``fallback``: where this holds and that does not, the state is not known."""
     explain: str = field(default="", compare=False)
-    """What to say of a violation that this state decided, instead of the rule's own sentence."""
+    """The sentence on a violation that this state decided, instead of the rule's own."""
     also: Condition | None = None
     """It holds where this does too, however briefly; a causal reading, which sees no future, skips it."""
 
@@ -236,7 +236,7 @@ class Cost:
 
 
 Scoped = Rule | Cost
-"""What is judged over stretches of frames, for bodies that play roles."""
+"""A rule or cost: judged over stretches of frames, for bodies that play roles."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a rule rests on: signals, relations, definitions, parameters, and where each value is from."""
+"""The signals, relations, definitions and parameters that a rule uses, and where each value is from."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def own_params(rules: ast.RuleSet, rule: ast.Scoped) -> dict[str, ast.Quantity |
 
 
 def uses_of(rules: ast.RuleSet, node: Any, params: Params) -> Uses:
-    """What a rule, state, phase or condition rests on."""
+    """The definitions that a rule, state, phase or condition uses."""
     found = reached(rules, node, params)
     names: dict[str, list[str]] = {}
     for name in found:

@@ -94,7 +94,7 @@ def role(found: ast.RoleSpec) -> str:
 
 
 def state(found: ast.StateDef, params: Values) -> str:
-    """What a declared state means, with how it lasts."""
+    """A declared state in words, with how long it must last."""
     parts = [condition(found.when, params)]
     if found.gap is not None:
         parts.append(f"gaps up to {duration(found.gap, params)} are closed")

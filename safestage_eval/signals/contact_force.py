@@ -12,7 +12,7 @@ from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Request
-    from safestage_eval.relations.measure import Relations
+    from safestage_eval.relations.relations import Relations
 
 F64 = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from safestage_eval.evidence.gaps import POSE, TWIST
 from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
-    from safestage_eval.relations.measure import Relations, SupportRequest
+    from safestage_eval.relations.relations import Relations, SupportRequest
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

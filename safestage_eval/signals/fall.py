@@ -12,7 +12,7 @@ from safestage_eval.evidence.declare import signal
 from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
-    from safestage_eval.relations.measure import Relations, SupportRequest
+    from safestage_eval.relations.relations import Relations, SupportRequest
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
@@ -130,7 +130,7 @@ def _unaided(
 
 def _hand_near(relations: Relations, name: str, first: int, then: int) -> bool:
     """Between two frames the hand may have come to the body and gone again."""
-    from safestage_eval.geometry.clearance import clearance_series
+    from safestage_eval.geometry.certified_distance import clearance_series
 
     signals = relations.signals
     episode, movers = signals.episode, signals.movers

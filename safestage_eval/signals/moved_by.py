@@ -8,7 +8,7 @@ from safestage_eval.evidence.declare import Option, signal
 from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
-    from safestage_eval.relations.measure import SupportRequest
+    from safestage_eval.relations.relations import SupportRequest
 
 AFTER = Option(
     "over",

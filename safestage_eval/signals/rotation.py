@@ -11,6 +11,7 @@ from safestage_eval.evidence.declare import signal
 from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
+    from safestage_eval.episode import Body
     from safestage_eval.evidence.facts import Facts, Request
     from safestage_eval.evidence.reference import Reference
 
@@ -67,9 +68,13 @@ def _stretch_tilt(facts: Facts, body: str, _: Reference | None, frames: slice) -
     return None if axis is None else _lean(facts, body, axis, frames)
 
 
+def _has_no_up_axis(body: Body) -> bool:
+    return body.up_axis is None and "up_axis" not in body.untold
+
+
 @signal(
     "tilt", "angle", args=("a",), needs=("poses",), scale=0.0175, reads="up axis",
-    stretch=_stretch_tilt,
+    exempt=_has_no_up_axis, stretch=_stretch_tilt,
 )  # fmt: skip
 def tilt(request: Request) -> Series:
     """Angle between the body's declared up axis and world z; a body without one has none."""
@@ -77,7 +82,7 @@ def tilt(request: Request) -> Series:
     body = request.episode.bodies[name]
     if body.up_axis is not None:
         return request.exact(_lean(request.facts, name, body.up_axis, slice(None)))
-    if "up_axis" in body.untold:
+    if not _has_no_up_axis(body):
         return request.unknown(f"the trace does not tell the up axis of {name}")
     # below every upper limit and above no lower one: skipped
     note = f"{name} has no up axis: its tilt is not judged"

@@ -14,7 +14,7 @@ from safestage_eval.evidence.series import Series, exact, hide, unknown
 if TYPE_CHECKING:
     from safestage_eval.episode import Episode
     from safestage_eval.evidence.reference import Reference
-    from safestage_eval.relations.measure import SupportRequest
+    from safestage_eval.relations.relations import SupportRequest
 
 
 @signal("slip", "length", args=("a",), needs=("poses", "touch"), since=True, reads="", support=True)

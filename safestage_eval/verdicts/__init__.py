@@ -11,7 +11,7 @@ __all__ = ["CostTotal", "EpisodeResult", "Verdict", "judge"]
 
 
 def __getattr__(name: str) -> Any:
-    """What judges comes with all that measures, and is loaded when it is asked for."""
+    """Import ``judge``, and with it everything that measures, on first use."""
     if name != "judge":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from .judging import judge

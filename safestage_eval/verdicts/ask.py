@@ -10,7 +10,7 @@ from safestage_eval.episode import Episode, with_holes
 from safestage_eval.errors import InputError
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.series import Series
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import parse
 from safestage_eval.rules import syntax as ast

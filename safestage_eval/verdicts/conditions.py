@@ -11,8 +11,9 @@ import numpy as np
 
 from safestage_eval.evidence.reference import Reference, latest
 from safestage_eval.evidence.series import Series
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band, moment
 from safestage_eval.states.band import Band, Bool
@@ -26,7 +27,7 @@ from .values import Asked, Env, limit_margin
 
 
 class Conditions(Answers, ABC):
-    """What conditions come to, as ``Band`` of normalised margins; states are told by who evaluates."""
+    """Conditions as ``Band`` of normalised margins; subclasses evaluate states."""
 
     def __init__(
         self,
@@ -40,7 +41,7 @@ class Conditions(Answers, ABC):
         super().__init__(relations, rules, params)
         self.causal = causal
         self.frames = len(self.episode)
-        self._obligation: str | None = None
+        self._obligation: ast.ClauseKind | None = None
         self._signs = False
         """Only whether something holds matters, not by what margin."""
         self.costly, self.gates = Costly(rules), Gates(rules)
@@ -53,7 +54,11 @@ class Conditions(Answers, ABC):
 
     @abstractmethod
     def must_not(
-        self, call: ast.Call, env: Env, kind: str | None = None, wanted: Bool | None = None
+        self,
+        call: ast.Call,
+        env: Env,
+        kind: ast.ClauseKind | None = None,
+        wanted: Bool | None = None,
     ) -> Band:
         """A state, as an obligation that breaks where it holds has to see it."""
 
@@ -65,8 +70,10 @@ class Conditions(Answers, ABC):
     def moments(self, event: ast.Event, env: Env) -> list[Moment]:
         """When an event happens; a bare state happens where it starts."""
 
-    def obliged(self, kind: str | None, find: Callable[..., Found], *asked: Any) -> Found:
-        """What ``find`` says where conditions are those of a ``require``, ``forbid`` or ``reach``.
+    def obliged(
+        self, kind: ast.ClauseKind | None, find: Callable[..., Found], *asked: Any
+    ) -> Found:
+        """Call ``find`` with conditions read as those of an obligation of this kind.
 
         A limit on a tilt that a body does not have is skipped there: it holds where it must, and
         does not where it must not. A state (None) asks whether the body is tilted, and it never is.
@@ -77,8 +84,12 @@ class Conditions(Answers, ABC):
         finally:
             self._obligation = outer
 
+    def _forbidding(self) -> bool:
+        """Conditions are those of an obligation that breaks where they hold."""
+        return self._obligation is not None and not CLAUSES[self._obligation].wanted
+
     def only_signs(self, find: Callable[..., Found], *asked: Any) -> Found:
-        """What ``find`` says where only matters whether something holds, not by what margin."""
+        """Call ``find`` where only the signs of margins matter, not their sizes."""
         outer, self._signs = self._signs, True
         try:
             return find(*asked)
@@ -119,7 +130,7 @@ class Conditions(Answers, ABC):
         return replace(found, lower=lower, upper=upper)
 
     def since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
-        """What a change since an event is measured from; and the frames of that, if any is open."""
+        """The reference of a change since an event; and the event's frames, if any is uncertain."""
         return self.once(event, ("since", id(event), *env.items()), self._since, event, env)
 
     def _since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
@@ -162,7 +173,7 @@ class Conditions(Answers, ABC):
     def _gated(
         self, found: Band, gates: Sequence[ast.StateAtom], env: Env, wanted: Bool | None
     ) -> Band:
-        """What is left of a condition by its gates, asked only where the rest may hold.
+        """A condition with its gates, which are evaluated only where the rest may hold.
 
         Where it does not hold anyway, its margin stays: a gate does not say how close it came.
         """
@@ -194,7 +205,7 @@ class Conditions(Answers, ABC):
         call, edge = alternative.call, alternative.edge
         if call is not None and edge is None:
             return self.must_not(call, env, "forbid", wanted)
-        if call is not None and edge == "start" and self._obligation == "forbid":
+        if call is not None and edge == "start" and self._forbidding():
             now = truth_of(self.must_not(call, env, "forbid"))
             found = moment.edges(now, "start")
         elif call is not None and edge is not None and wanted is not None and self._deep(call):
@@ -252,8 +263,8 @@ class Conditions(Answers, ABC):
         """Margins of a signal's limits; ``wanted`` as in ``condition``."""
         asked = self.asked(atom, env)
         series = self._series(asked, atom, env, wanted)
-        if self._obligation is not None and asked.name == "tilt" and self.untilted(asked.bodies[0]):
-            skipped = self._obligation != "forbid"
+        if self._obligation is not None and self.exempt(asked):
+            skipped = not self._forbidding()
             return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
         return self.margins(series, atom, asked)
 
@@ -270,10 +281,11 @@ class Conditions(Answers, ABC):
             len(series),
         )
 
-    def untilted(self, name: str) -> bool:
-        """A body that has no up axis, and so no tilt."""
-        body = self.episode.bodies.get(name)
-        return body is not None and body.up_axis is None and "up_axis" not in body.untold
+    def exempt(self, asked: Asked) -> bool:
+        """The body has no such quantity: a ball has no tilt."""
+        is_exempt = SIGNALS[asked.name].exempt
+        body = self.episode.bodies.get(asked.bodies[0]) if asked.bodies else None
+        return is_exempt is not None and body is not None and is_exempt(body)
 
     def _deep(self, call: ast.Call | None) -> bool:
         """A declared state that asks for something costly."""

@@ -20,7 +20,7 @@ class Costly:
     """Of one set of rules, whatever the episode."""
 
     def __init__(self, rules: ast.RuleSet) -> None:
-        """What was found out before is kept with the rules."""
+        """Answers are cached in ``rules.known``."""
         self._rules = rules
         # by identity: the part is kept beside the answer, and so stays what it is
         self._known: dict[int, tuple[Part, int]] = rules.known.setdefault("costly", {})
@@ -29,7 +29,8 @@ class Costly:
 
     def asked(self, part: Part) -> bool:
         """It asks for something costly, itself or through states."""
-        return self.depth(part) > 0
+        known = self._known.get(id(part))
+        return (self.depth(part) if known is None or known[0] is not part else known[1]) > 0
 
     def depth(self, part: Part) -> int:
         """How many states lie between it and what is costly: what is asked for last; 0 if nothing."""
@@ -56,13 +57,13 @@ class Costly:
         return 1 + self.depth(declared.when) + (declared.until is not None)
 
     def sorted(self, parts: Sequence[AnyPart]) -> list[AnyPart]:
-        """What is costly last."""
+        """The parts with the costly ones last."""
         return sorted(parts, key=self.depth)
 
     def named(self, state: ast.StateDef) -> bool:
         """It merely names a condition: no frame of it depends on another."""
-        lasting = (state.for_, state.gap, state.until, state.fallback, state.also)
-        return all(part is None for part in lasting)
+        lasting = state.for_ is None and state.gap is None and state.until is None
+        return lasting and state.fallback is None and state.also is None
 
     def state(self, state: ast.StateDef) -> bool:
         """It asks for something costly, now or at other frames, and has no other source."""
@@ -71,9 +72,10 @@ class Costly:
 
 def is_for_good(state: ast.StateDef) -> bool:
     """Once it holds it holds to the end, and at once."""
-    others = (state.for_, state.gap, state.fallback, state.also)
-    for_good = state.until is not None and state.until.kind == "end"
-    return for_good and all(part is None for part in others)
+    if state.until is None or state.until.kind != "end":
+        return False
+    others = state.for_ is None and state.gap is None
+    return others and state.fallback is None and state.also is None
 
 
 def is_costly(atom: ast.Atom) -> bool:
@@ -90,7 +92,7 @@ class Gates:
     """Conditions apart from their gates; of one set of rules."""
 
     def __init__(self, rules: ast.RuleSet) -> None:
-        """What was found out before is kept with the rules."""
+        """Answers are cached in ``rules.known``."""
         self._known: dict[int, tuple[ast.Condition, ast.Condition, tuple[ast.StateAtom, ...]]] = (
             rules.known.setdefault("gates", {})
         )

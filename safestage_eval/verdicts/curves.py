@@ -1,4 +1,4 @@
-"""What a rule looked at: the measurements it compares, with their limits, and the states it asks for."""
+"""The measurements that a rule compares, with their limits, and the states that it names."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Lane:
 
 @dataclass(frozen=True, eq=False)
 class Looked:
-    """What a verdict rests on.
+    """The evidence behind a verdict.
 
     Attributes:
         curves: the decisive measurement first.

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from safestage_eval.evidence.declare import is_costly
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
@@ -68,7 +69,11 @@ class Evaluator(PartialStates):
     # ---- states
 
     def must_not(
-        self, call: ast.Call, env: Env, kind: str | None = None, wanted: Bool | None = None
+        self,
+        call: ast.Call,
+        env: Env,
+        kind: ast.ClauseKind | None = None,
+        wanted: Bool | None = None,
     ) -> Band:
         """A state, as an obligation that breaks where it holds has to see it.
 
@@ -80,12 +85,14 @@ class Evaluator(PartialStates):
         Args:
             call: the state.
             env: role → body.
-            kind: of the obligation that breaks where the state holds, any if None; in others, and
-                in none, it stays as it is.
+            kind: only in obligations that break as this kind does, in any if None; in others, and
+                in none, the state stays as it is.
             wanted: as in ``condition``.
         """
         found, state = self.state(call, env, wanted), self.rules.states.get(call.name)
-        if self._obligation is None or (kind or self._obligation) != self._obligation:
+        if self._obligation is None:
+            return found
+        if kind is not None and CLAUSES[kind].breaks != CLAUSES[self._obligation].breaks:
             return found
         if state is None or state.for_ is None or state.until is not None:
             return found
@@ -151,7 +158,7 @@ class Evaluator(PartialStates):
         return band.crisp(truth, known)
 
     def momentary(self, name: str, bodies: tuple[str, ...]) -> Band:
-        """What a declared state is made of, before it is made to last; its fallback if need be."""
+        """The condition of a declared state, before ``for`` and ``gap``; its fallback without forces."""
         state, key = self.rules.states[name], ("momentary", name, bodies)
         return self.once(state, key, self._momentary, state, bodies)
 
@@ -190,7 +197,7 @@ class Evaluator(PartialStates):
         )
 
     def also(self, state: ast.StateDef, env: Env) -> Band:
-        """What makes a state hold however briefly; without what the trace does not tell at all."""
+        """The ``also`` of a state, which holds however briefly; parts the trace knows nothing of left out."""
         assert state.also is not None
         bands = [
             found

@@ -109,7 +109,7 @@ def sentence(
 
 
 def untouched(witness: Witness) -> bool:
-    """What decides is a contact force of zero: the bodies did not touch at all."""
+    """The decisive value is a contact force of zero: the bodies did not touch at all."""
     return witness.name == "contact_force" and witness.value == 0
 
 
@@ -133,7 +133,7 @@ def _of_limit(witness: Witness) -> str:
 
 
 def _of_state(evaluator: Evaluator, call: ast.Call, env: Env) -> str:
-    """What a state says of itself; ``call`` names a state that has an ``explain``."""
+    """The filled ``explain`` of a state; ``call`` names one that has it."""
     state = evaluator.rules.states[call.name]
     inner = {formal: env.get(arg, arg) for formal, arg in zip(state.of, call.args, strict=True)}
     words = _bodies(inner)

@@ -11,7 +11,7 @@ import numpy as np
 from safestage_eval.episode import Episode, Header, with_holes
 from safestage_eval.errors import RuleError
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import load_rules
 from safestage_eval.rules.resolve import bind_episode

@@ -11,7 +11,7 @@ from .values import Env
 
 
 class Instance(NamedTuple):
-    """What one combination of bodies came to in one scope.
+    """The outcome of one combination of bodies in one scope.
 
     Attributes:
         env: role → body.

@@ -13,7 +13,7 @@ from safestage_eval.errors import RuleError, readable
 from safestage_eval.evidence.at_hand import ReadSoFar
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.store import Store
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import BACKEND, parameters_read, rule_digest

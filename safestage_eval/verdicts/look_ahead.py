@@ -14,7 +14,7 @@ Params = Mapping[str, ast.Quantity | ast.Duration]
 
 
 class Foresight(NamedTuple):
-    """What has to be recorded after a violation before it is certain.
+    """How much must be recorded after a violation before it is certain.
 
     Attributes:
         seconds: at most so much; ∞ for a rule that is not causal.

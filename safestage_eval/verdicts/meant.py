@@ -1,4 +1,4 @@
-"""What a signal's call means, whoever plays its roles: found out once for all episodes of a run."""
+"""The built-in signal and options behind a call: resolved once for all episodes of a run."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ class Meanings:
     """Of the calls in one set of rules."""
 
     def __init__(self, rules: ast.RuleSet) -> None:
-        """What was found out before is kept with the rules."""
+        """Answers are cached in ``rules.known``."""
         self._rules = rules
         self._known: dict[int, Meant] = rules.known.setdefault("meant", {})
         if len(self._known) > _MANY:
             self._known.clear()
 
     def of(self, call: ast.Call) -> Meant:
-        """What a call means."""
+        """The meaning of a call."""
         known = self._known.get(id(call))
         if known is None or known.call is not call:
             known = self._known[id(call)] = self._found(call)

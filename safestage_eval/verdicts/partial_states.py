@@ -24,7 +24,7 @@ class PartialStates(Conditions):
 
     @abstractmethod
     def _persistent(self, state: ast.StateDef, found: Band) -> Band:
-        """What a state is made of, made to last."""
+        """The margins of a state's condition, made to last."""
 
     def _partly(
         self, state: ast.StateDef, call: ast.Call, bodies: tuple[str, ...], wanted: Bool
@@ -52,7 +52,7 @@ class PartialStates(Conditions):
         return Band(*(np.where(over, -np.inf, end) for end in found))
 
     def _where(self, wanted: Bool) -> tuple[bytes, int]:
-        """What an answer at the wanted frames depends on; at none of them on what is known by now."""
+        """The part of a cache key that depends on the wanted frames."""
         return wanted.tobytes(), -1 if wanted.any() else self.relations.store.sparse_count
 
     def _since_reset(self, state: ast.StateDef, env: Env, wanted: Bool) -> Band:

@@ -1,4 +1,4 @@
-"""Which bodies a rule is about: one combination for each assignment to its roles."""
+"""The combinations of bodies that a rule judges, and queries on its syntax tree."""
 
 from __future__ import annotations
 
@@ -57,13 +57,26 @@ def _not_counted(rule: ast.Scoped) -> tuple[str, ...]:
 
 def nodes(node: Any) -> Iterator[Any]:
     """Every dataclass inside a syntax tree, itself first."""
-    if is_dataclass(node):
-        yield node
-        for field in fields(node):
-            yield from nodes(getattr(node, field.name))
-    elif isinstance(node, tuple | list):
+    if isinstance(node, tuple | list):
         for item in node:
-            yield from nodes(item)
+            if not isinstance(item, str):
+                yield from nodes(item)
+    elif (names := _fields(type(node))) is not None:
+        yield node
+        for name in names:
+            value = getattr(node, name)
+            if value is not None and not isinstance(value, str):
+                yield from nodes(value)
+
+
+_FIELDS: dict[type, tuple[str, ...] | None] = {}
+
+
+def _fields(kind: type) -> tuple[str, ...] | None:
+    """Names of a dataclass's fields; None of any other type."""
+    if kind not in _FIELDS:
+        _FIELDS[kind] = tuple([f.name for f in fields(kind)]) if is_dataclass(kind) else None
+    return _FIELDS[kind]
 
 
 def mentions(node: Any, role: str) -> bool:
@@ -74,9 +87,10 @@ def mentions(node: Any, role: str) -> bool:
         return role in node.args
     if isinstance(node, ast.Column):
         return node.role == role
-    if is_dataclass(node):
-        return any(mentions(getattr(node, f.name), role) for f in fields(node) if f.name != "roles")
-    return isinstance(node, tuple | list) and any(mentions(item, role) for item in node)
+    if isinstance(node, tuple | list):
+        return any(mentions(item, role) for item in node if not isinstance(item, str))
+    names = _fields(type(node)) or ()
+    return any(mentions(getattr(node, name), role) for name in names if name != "roles")
 
 
 def named_outside_counts(rule: ast.Scoped | ast.GoalDef, role: str) -> bool:

@@ -16,7 +16,7 @@ from .values import ends_early, lacks_its_success
 
 
 class Success(NamedTuple):
-    """What is known of native success.
+    """Native success, as far as it is known.
 
     Attributes:
         frame: that confirmed it; None where there was none, or its moment is not in the trace.

@@ -48,7 +48,7 @@ LONGEST = 160
 
 
 class Cause(NamedTuple):
-    """What was not known, and what would remedy it; the latter may be empty."""
+    """The unknown thing, and its remedy, which may be empty."""
 
     what: str
     remedy: str
@@ -120,7 +120,7 @@ def _after_success(evaluator: Evaluator, span: ast.Span | None) -> Iterator[floa
 
 
 def _in_scope(evaluator: Evaluator, rule: ast.Scoped, env: Env, frame: int) -> str:
-    """What was not known of where a rule judges."""
+    """The unknown thing that leaves the scope of a rule open."""
     for event in _events(evaluator, (rule.during, rule.at, rule.until), env):
         found = _in_event(evaluator, *event, frame)
         if found:
@@ -157,7 +157,7 @@ def _in_alternative(evaluator: Evaluator, what: ast.Alternative, env: Env, frame
 
 
 def _in_condition(evaluator: Evaluator, condition: ast.Condition, env: Env, frame: int) -> str:
-    """What was not known of the atom that leaves a condition open at a frame."""
+    """The unknown thing in the atom that leaves a condition open at a frame."""
     here = np.zeros(evaluator.frames, np.bool_)
     here[frame] = True
     for atom in condition.atoms:
@@ -206,7 +206,7 @@ def _in_signal(evaluator: Evaluator, atom: ast.SignalAtom, env: Env, frame: int,
 
 
 def _in_state(evaluator: Evaluator, call: ast.Call, env: Env, frame: int) -> str:
-    """What was not known of a state or relation at a frame, or where else it is open."""
+    """The unknown thing that leaves a state or relation open at a frame, or at the nearest open one."""
     bodies = tuple(env.get(arg, arg) for arg in call.args)
     state = evaluator.rules.states.get(call.name)
     open_ = _open(evaluator.state(call, env))

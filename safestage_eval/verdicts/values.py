@@ -1,4 +1,4 @@
-"""What the numbers and signals of a rule come to in one episode: limits, durations, margins."""
+"""The limits, durations, signals and margins of a rule under the values of one episode."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from safestage_eval.episode import Clock, Episode, Lasting, Window
 from safestage_eval.evidence.declare import Options
 from safestage_eval.evidence.series import Series
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states import limits
 from safestage_eval.states.band import Band
@@ -21,7 +21,7 @@ Env = Mapping[str, str]
 
 
 class Asked(NamedTuple):
-    """What an atom asks for, of certain bodies and under certain values.
+    """The measurement that an atom compares, of certain bodies and under certain values.
 
     Attributes:
         name: of the built-in signal.
@@ -101,7 +101,7 @@ class Values:
         return body.material if body is not None and body.material else "default"
 
     def measured(self, call: ast.Call, env: Env) -> tuple[str, tuple[str, ...], Options]:
-        """What a signal's call asks for: the built-in signal, its bodies, and all its options."""
+        """The measurement behind a call: the built-in signal, its bodies, and all its options."""
         meant = self._meanings.of(call)
         bodies = tuple(map(env.get, meant.roles, meant.roles))
         plain = not meant.columns and not meant.params
@@ -118,7 +118,7 @@ class Values:
         return tuple(sorted(options.items(), key=lambda item: item[0]))
 
     def asked(self, atom: ast.SignalAtom, env: Env) -> Asked:
-        """What an atom asks for: as ``measured``, with the limits that it is compared with."""
+        """As ``measured``, of an atom, with the limits that it is compared with."""
         name, bodies, options = self.measured(atom.call, env)
         known = self._limits.get(id(atom))
         if known is not None:

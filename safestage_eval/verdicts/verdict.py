@@ -1,4 +1,4 @@
-"""What a rule says of an episode, and the witness for it."""
+"""Verdicts and costs of an episode, as values, and the rows of result files."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class CostTotal:
-    """What one cost came to on one episode, with or without a budget. No unit."""
+    """The sum of one cost on one episode, with or without a budget. No unit."""
 
     rule: str
     """Code."""
@@ -85,9 +85,9 @@ class CostTotal:
     budget: float | None
     """None: the cost is only told, never a verdict."""
     value: float | None = None
-    """What was certainly charged; None where it does not apply."""
+    """The sum that was certainly charged; None where it does not apply."""
     most: float | None = None
-    """What was charged at most; equal to the value where all is known, None without bound."""
+    """The sum that was charged at most; equal to the value where all is known, None if unbounded."""
     charges: tuple[tuple[str, float], ...] = ()
     """Each charge in words, and its share of the value."""
     bodies: tuple[str, ...] = ()
@@ -241,7 +241,7 @@ def at_risk(verdict: str | None, instances: int, vacuity: str | None) -> bool:
 
 
 def _absent(rule: str, stage: str) -> Verdict:
-    """What is told of an assigned rule that was not loaded."""
+    """The verdict on an assigned rule that was not loaded."""
     said = f"{rule} is assigned and was not loaded, so nobody judged it."
     return Verdict(
         rule, "", stage, True, "inconclusive", explanation=said, vacuity="not_loaded", instances=0

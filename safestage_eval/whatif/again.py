@@ -9,7 +9,7 @@ from safestage_eval.episode import Episode, as_judged
 from safestage_eval.evidence.measure import CAP, Signals
 from safestage_eval.evidence.reference import Reference
 from safestage_eval.evidence.series import Series
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.resolve import Binding, bind_episode

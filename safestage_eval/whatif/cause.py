@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.relations.vocabulary import GROUPS
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.parts import Meaning, Part, differences, mixed

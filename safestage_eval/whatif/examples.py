@@ -12,7 +12,7 @@ from safestage_eval.episode import Episode, as_judged
 from safestage_eval.errors import InputError
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import EpisodeRef, load
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.resolve import bind_episode

@@ -26,7 +26,7 @@ from safestage_eval.verdicts.values import Env, lasting
 from .flip_keys import Way, certain, clipped, compared, fixed, latched, steady
 from .flip_lasting import Counts, Undecided, closed_keys, lasting_keys, steps_from
 
-Kind = str | None
+Kind = ast.ClauseKind | None
 ROUNDING = 2 * PROMISED
 """M, by which a distance that is measured anew may differ."""
 
@@ -136,7 +136,7 @@ class FlipBands:
         if self.reads(atom.call):
             raise Undecided("it changes what is measured")
         asked = self.at.asked(atom, env)
-        if kind is not None and asked.name == "tilt" and self.at.untilted(asked.bodies[0]):
+        if kind is not None and self.at.exempt(asked):
             return fixed(band.crisp(np.full(self.frames, kind != "forbid")))
         bands = [
             self._limit(limit, number, self._series(atom, env, asked.name, wanted))
@@ -182,7 +182,7 @@ class FlipBands:
 
     # ---- states
 
-    def _must_not(self, call: ast.Call, env: Env, kind: Kind, breaks: str) -> Band:
+    def _must_not(self, call: ast.Call, env: Env, kind: Kind, breaks: ast.ClauseKind) -> Band:
         """(T,) a state, as an obligation that breaks where it holds sees it (``Evaluator.must_not``)."""
         if not self.reads(call):
             everywhere = np.ones(self.frames, np.bool_)

@@ -71,6 +71,8 @@ def clause_keys(
         broken = _held(flips, rule, lower, scope, loose=False)
         unkept = np.inf if scope.cut else _held(flips, rule, found.upper, scope, loose=True)
         return broken, unkept
+    if kind != "reach":
+        raise Undecided(f"flips of {kind} are not worked out")
     surely = _held(flips, rule, lower, scope, loose=False) if sure is None else -np.inf
     possibly = _held(flips, rule, found.upper, scope, loose=True)
     if (sure is not None and not sure.any()) or scope.cut:

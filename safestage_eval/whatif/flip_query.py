@@ -10,7 +10,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.rules import syntax as ast
 
 from .flip_table import FlipTable, unit_of
-from .values import amount
+from .swept_values import amount
 
 Value = ast.Quantity | ast.Duration
 KEYS = ("episode_id", "rule")

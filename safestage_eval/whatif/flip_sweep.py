@@ -22,7 +22,7 @@ from .flip_query import KEYS, pieces_about, was_at_risk
 from .flip_table import FlipTable
 from .many import each_episode
 from .sweep import Curves, Swept, outcome_of, sweep_episode
-from .values import amount
+from .swept_values import amount
 
 OPEN = "–"
 FIELDS = ("policy", "prompt", "stage", "task")

@@ -31,7 +31,7 @@ from safestage_eval.verdicts.verdict import Verdict
 from .again import Again
 from .flips import pieces_of
 from .many import each_episode
-from .values import amount
+from .swept_values import amount
 
 SUFFIX = ".what-if.parquet"
 KEY = b"safestage"

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenes import Scene
 
 from safestage_eval.cli import main
 from safestage_eval.formats.save import save
-from tests.scenes import Scene
 
 RULE = """
 [ruleset]

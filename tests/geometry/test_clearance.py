@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.geometry import gjk, pose
-from safestage_eval.geometry.clearance import (
+from safestage_eval.geometry.certified_distance import (
     Clearance,
     clearance_minimum,
     clearance_pairs,

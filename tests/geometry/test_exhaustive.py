@@ -8,7 +8,7 @@ import pytest
 from bodies import put, wanderer
 
 from safestage_eval.episode import Geom
-from safestage_eval.geometry.clearance import SLACK, clearance_minimum, clearance_series
+from safestage_eval.geometry.certified_distance import SLACK, clearance_minimum, clearance_series
 from safestage_eval.geometry.gjk import geom_distance, relative_pose, scratch
 from safestage_eval.geometry.mover import Mover, rotation_at
 

@@ -7,7 +7,7 @@ import pytest
 from bodies import KINDS, any_geom, put, shape, sphere
 
 from safestage_eval.episode import Geom, Mesh
-from safestage_eval.geometry.clearance import clearance_series
+from safestage_eval.geometry.certified_distance import clearance_series
 
 PRIMITIVES = [kind for kind in KINDS if kind != "convex_mesh"]
 

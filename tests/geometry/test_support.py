@@ -8,10 +8,10 @@ from bodies import put, shape
 
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.geometry import shape as shapes
-from safestage_eval.geometry.clearance import clearance_series
+from safestage_eval.geometry.certified_distance import clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
-from safestage_eval.geometry.support import support_value
+from safestage_eval.geometry.support_function import support_value
 
 
 def hull(points: np.ndarray) -> BodyShape:

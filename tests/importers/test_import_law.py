@@ -14,7 +14,7 @@ from safestage_eval.episode import Body, Episode, RobotFrames, Track, still_trac
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import load
 from safestage_eval.importers import Settings, import_all, load_map
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.sketch import resolve

@@ -12,7 +12,7 @@ from studio import run
 
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.formats import load
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 
 
 def scene(**header):

@@ -6,7 +6,7 @@ from scenes import G, Scene
 
 from safestage_eval.episode import still_track
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import judge
 

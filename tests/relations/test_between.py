@@ -9,7 +9,7 @@ from scenes import Scene
 
 from safestage_eval.episode import Episode, Geom
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 
 DENSE, BEGIN, LASTS = 480, 1.0, 0.3
 

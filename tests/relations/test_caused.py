@@ -5,7 +5,7 @@ import pytest
 from scenes import Scene
 
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 
 FRAMES = 12
 

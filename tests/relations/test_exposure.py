@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scenes import Scene
 
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 
 FRAMES = 12
 

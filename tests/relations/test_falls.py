@@ -12,7 +12,7 @@ from scenes import Scene
 from safestage_eval.episode import Episode
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.series import Series
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules.load import load_rules
 from safestage_eval.sketch import resolve
 from safestage_eval.verdicts.judging import judge

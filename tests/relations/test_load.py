@@ -9,7 +9,7 @@ from scenes import G, Scene
 from safestage_eval.episode import Geom
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.series import Series
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 
 
 def measured(scene: Scene, name: str, *bodies: str, **header: object) -> Series:

@@ -7,7 +7,7 @@ from scenes import Scene
 from safestage_eval.episode import Cavity, Geom, Tcp
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.geometry.pose import rotate
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 
 
 def blind(scene: Scene) -> Relations:

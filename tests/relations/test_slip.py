@@ -9,7 +9,7 @@ from safestage_eval.episode import Tcp
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.reference import Reference, latest
 from safestage_eval.geometry.pose import product, rotate
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 
 FRAMES = 40
 

@@ -7,7 +7,7 @@ import pytest
 from scenes import G, Scene
 
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 
 
 def margin(scene: Scene, *bodies: str) -> float:

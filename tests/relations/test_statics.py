@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 from safestage_eval.episode import Geom
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.cones import CONE_SIDES
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.relations.statics import ARM, LOST, Bodies, Touches, motion
 
 

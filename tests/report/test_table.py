@@ -1,7 +1,11 @@
 """One table, written in each of its formats."""
 
+import json
+import math
+
 from rich.cells import cell_len
 
+from safestage_eval.report.render_json import render_json
 from safestage_eval.report.render_latex import render_latex
 from safestage_eval.report.render_markdown import markdown_lines
 from safestage_eval.report.render_text import text_lines
@@ -35,3 +39,8 @@ def test_numbers_are_right_aligned_in_markdown():
 
 def test_a_group_begins_with_a_rule_in_latex():
     assert render_latex([TABLE]).count("\\midrule") == 2
+
+
+def test_numbers_that_json_lacks_are_null():
+    found = json.loads(render_json({"a": [math.inf, (math.nan, 1.5)], "b": {"c": -math.inf}}))
+    assert found == {"a": [None, [None, 1.5]], "b": {"c": None}}

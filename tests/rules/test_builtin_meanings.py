@@ -6,7 +6,7 @@ from scenes import G, Scene
 
 from safestage_eval.episode import Geom
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.syntax import Call, Condition, Event, PhaseSpan, StateAtom

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scenes import Scene
 
 from safestage_eval.cli import main
 from safestage_eval.episode import Episode
 from safestage_eval.formats.save import save
 from safestage_eval.rules import bind_tables, load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
-from tests.scenes import Scene
 
 RULES = """
 [ruleset]

@@ -6,7 +6,7 @@ from scenes import Scene
 
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.series import Series
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 
 RATE, FRAMES = 60, 180
 

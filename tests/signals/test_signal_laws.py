@@ -20,7 +20,7 @@ from safestage_eval.episode import Cavity, Episode, Geom, Joint, RobotFrames, Tc
 from safestage_eval.evidence.declare import Options, Signal
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.series import Series
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.signals import SIGNALS
 
 FRAMES, STARTS = 80, 30

@@ -8,7 +8,7 @@ import pytest
 from safestage_eval.episode import Episode
 from safestage_eval.episode.invariants import check
 from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.measure import Relations
+from safestage_eval.relations.relations import Relations
 from safestage_eval.sketch import draw
 
 G = 9.81

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scenes import Scene
 
 from safestage_eval.episode import Episode
 from safestage_eval.rules import load_rules
 from safestage_eval.verdicts import EpisodeResult, judge
-from tests.scenes import Scene
 
 FRAMES = 240
 SIDES = {"left": (0, 1, 0), "right": (0, -1, 0)}

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from tests.scenes import G, Scene
+from scenes import G, Scene
 
 from safestage_eval.episode import Episode
 from safestage_eval.report.episode_report import explain

@@ -17,7 +17,7 @@ from safestage_eval.verdicts.verdict import Verdict, at_risk
 from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.flip_lasting import like
 from safestage_eval.whatif.flips import pieces_of
-from safestage_eval.whatif.values import amount
+from safestage_eval.whatif.swept_values import amount
 
 ROOT = Path(__file__).parents[2]
 COMMON = frozenset(

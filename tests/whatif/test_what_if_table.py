@@ -16,7 +16,7 @@ from safestage_eval.whatif.flip_query import slack, verdicts_under
 from safestage_eval.whatif.flip_sweep import sweep_table
 from safestage_eval.whatif.flip_table import FlipTable, path_beside
 from safestage_eval.whatif.sweep import sweep
-from safestage_eval.whatif.values import between, chosen
+from safestage_eval.whatif.swept_values import between, chosen
 
 ROOMS = {"a": 0.004, "b": 0.012, "c": 0.031, "d": 0.2}
 RULES = ["ets", "fsh"]

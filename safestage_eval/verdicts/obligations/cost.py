@@ -61,7 +61,7 @@ class _Bill:
 def judge_cost(
     evaluator: Evaluator, cost: ast.Cost, players: Mapping[str, Sequence[str]], blank: Verdict
 ) -> tuple[CostTotal, Verdict | None]:
-    """What a cost comes to, and the verdict if it has a budget.
+    """The sum of a cost, and the verdict if it has a budget.
 
     Every charge is summed over the frames of the scope and over the combinations of bodies that
     it, or the scope, names. What is not known makes the sum an interval: above the budget at its

@@ -79,7 +79,7 @@ class Forbid(Obligation):
         return rule.forbid
 
     def foresight(self, look: Look, rule: ast.Rule, what: ast.Alternative) -> Foresight:
-        """What is forbidden is certain once it has lasted for long enough."""
+        """A violation is certain once the condition has lasted for long enough."""
         lasting = 0.0 if rule.for_ is None else look.seconds(rule.for_)
         return look.alternative(what).then(lasting)
 

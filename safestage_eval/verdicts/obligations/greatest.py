@@ -1,4 +1,4 @@
-"""How near to being so something forbidden comes, asked at as few frames as that takes.
+"""The greatest margin of a costly condition, measured at as few frames as that takes.
 
 What is cheap bounds the margin at every frame. Only where it may exceed the greatest that is known
 already, what is costly is asked for: first where it may exceed it most.
@@ -31,7 +31,7 @@ class Greatest(NamedTuple):
 
 
 def greatest(evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope) -> Greatest:
-    """Of what is forbidden, and asks for something costly; the scope has frames."""
+    """The greatest margin of a costly condition in a scope of at least one frame."""
     first, stop, at = scope.first, scope.stop, np.arange(scope.stop - scope.first)
     low, high = np.full(len(at), -np.inf), np.full(len(at), -np.inf)
     for find in _parts(evaluator, what, env, scope):
@@ -56,7 +56,7 @@ def greatest(evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope
 def _parts(
     evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope
 ) -> Iterator[Callable[[Bool], Band]]:
-    """What something forbidden is any of, the least costly first; each tells its band (T,) of frames.
+    """The alternatives of something forbidden, the cheapest first; each a function from frames to its band (T,).
 
     A state that holds for good is as near to it at its nearest as what it is made of.
     """
@@ -75,7 +75,7 @@ def _parts(
 
 
 def _finder(
-    evaluator: Evaluator, kind: str | None, what: ast.Alternative, env: Env
+    evaluator: Evaluator, kind: ast.ClauseKind | None, what: ast.Alternative, env: Env
 ) -> Callable[[Bool], Band]:
     return lambda asked: evaluator.obliged(kind, evaluator.alternative, what, env, asked)
 

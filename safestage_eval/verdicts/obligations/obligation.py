@@ -41,16 +41,16 @@ class Obligation(ABC):
 
     Attributes:
         kind: as in ``rules.clauses``, which says what its text may be.
+        wanted: it is met where its condition holds, not broken there.
         kept: the sentence of a pass that no single measurement decides.
     """
 
     kind: ClassVar[ClauseKind]
+    wanted: ClassVar[bool]
     kept: ClassVar[str]
 
-    @property
-    def wanted(self) -> bool:
-        """It is met where its condition holds, not broken there."""
-        return CLAUSES[self.kind].wanted
+    def __init_subclass__(cls) -> None:
+        cls.wanted = CLAUSES[cls.kind].wanted
 
     # ---- margin
 
@@ -96,7 +96,7 @@ class Obligation(ABC):
         *,
         violated: bool,  # noqa: ARG002
     ) -> Witness | None:
-        """What is told before any measurement that decides; None where nothing is."""
+        """A witness that takes precedence over the decisive measurement, if there is one."""
         return None
 
     def witness(
@@ -121,7 +121,7 @@ class Obligation(ABC):
 
     @abstractmethod
     def foresight(self, look: Look, rule: ast.Rule, what: ast.Alternative) -> Foresight:
-        """What must be recorded after it is broken before that is certain."""
+        """How much must be recorded after a violation before it is certain."""
 
 
 def mask_of(evaluator: Evaluator, scope: Scope) -> Bool:

@@ -1,4 +1,4 @@
-"""The thing that broke a rule first, and for "never this before that" the order of the moments."""
+"""The first breach of a rule, and for "never this before that" the order of the moments."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def is_ordering(rule: ast.Rule) -> bool:
 
 
 def in_turn(evaluator: Evaluator, rule: ast.Rule) -> bool:
-    """What broke it first is told, not what broke it worst: the order counts, or a state speaks."""
+    """The first breach is the witness, not the worst: the order counts, or a state explains itself."""
     return is_ordering(rule) or any(
         isinstance(what, ast.Event) and what.call is not None and _can_speak(evaluator, what.call)
         for what in rule.forbid
@@ -58,7 +58,7 @@ def _can_speak(evaluator: Evaluator, call: ast.Call) -> bool:
 def first_broken(
     evaluator: Evaluator, rule: ast.Rule, instance: Instance, *, beyond: bool = False
 ) -> Broken | None:
-    """What is certainly so first, of all that is forbidden; of several at once the first written.
+    """The forbidden thing that certainly holds first; of several at once the first written.
 
     ``beyond``: look past the end of the scope as well.
     """

@@ -21,7 +21,7 @@ from safestage_eval.viewer.episode.svg import (
     ticks,
 )
 from safestage_eval.whatif.sweep import Sweep
-from safestage_eval.whatif.values import amount, factor_of, text_of, unit_name
+from safestage_eval.whatif.swept_values import amount, factor_of, text_of, unit_name
 
 QUADRANTS = {
     "safe_success": "safe success",

@@ -18,7 +18,7 @@ from safestage_eval.viewer.episode.episode_section import Said, section
 from safestage_eval.whatif.again import Again, Value
 from safestage_eval.whatif.many import each_episode
 from safestage_eval.whatif.sweep import Sweep, Swept, swept
-from safestage_eval.whatif.values import amount, between
+from safestage_eval.whatif.swept_values import amount, between
 
 from .packed import packed
 

@@ -18,10 +18,10 @@ from .backend import foreign_pairs
 from .extent import reach
 from .gjk import PROMISED
 from .mover import BLOCK, Mover, frame_count
+from .pair_sweep import block_bounds, sweep
 from .pose import matrix
 from .shape import PLANE, Packed, chosen, triangles
 from .surface import SurfacePair, encloses
-from .sweep import block_bounds, sweep
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]

@@ -20,7 +20,6 @@ from safestage_eval.evidence.series import Series, exact, hidden, hide, unknown
 from . import between, unmeasured
 from .exposure import Causes, Exposure
 from .graph import SupportGraph
-from .proximity import LIFT, TOUCH
 from .support import Support
 
 Bool = NDArray[np.bool_]
@@ -170,30 +169,11 @@ class Relations(Support):
         return self.store.column(query, measure, growth)
 
     def lacking(self, name: str, bodies: Sequence[str] = ()) -> str:
-        """What the trace would need to tell a relation, and does not have; empty if nothing."""
-        if name == "inside" and bodies and "cavity" in self.episode.bodies[bodies[1]].untold:
-            return f"inside of {bodies[1]}"
-        if "touch" not in RELATIONS[name].needs:
-            return ""
-        header = self.episode.header
-        if name == "caused":
-            return "" if self.graph.assemblies.robot else "poses of the robot"
-        if self.blind:
-            shapeless = [b for body in bodies for b in self.without_shape(body)]
-            if shapeless and name != "held":
-                return f"contact forces and no shape of {', '.join(shapeless)}"
-        if name in ("held", "carried") and self.hand_unrecorded:
-            return "poses of the robot's hand"
-        if name in ("held", "carried") and any(body.kind == "gripper" for body in header.bodies):
-            fingers = {body.finger for body in header.bodies}
-            if not self.blind and not {"left", "right"} <= fingers:
-                return "names of the left and the right finger"
-            if self.blind and not self.fingers_seen and self.hand is None:
-                return "contact forces, and does not say which body is the gripper"
-        if name == "depends_on" and bodies and self.unweighed:
-            near = self.dependence.beside(self.episode.body_index[bodies[1]])
-            return ", ".join(f"mass of {body}" for body in self.unweighed if body in near)
-        return ""
+        """What the trace would need to decide a relation, and does not have; empty if nothing."""
+        relation = RELATIONS[name]
+        if relation.lacking is not None:
+            return relation.lacking(self, tuple(bodies))
+        return self.lacks_forces(tuple(bodies)) if "touch" in relation.needs else ""
 
     def doubtful(
         self, name: str, bodies: Sequence[str], wanted: Bool | None = None
@@ -230,19 +210,11 @@ class Relations(Support):
         return ~truth if found is None else found | ~truth
 
     def caveat(self, name: str) -> tuple[str, ...]:
-        """What the reader should be told of a relation that is known by other means than forces."""
+        """How a relation is decided where it needs forces and there are none: a note, or nothing."""
         if not self.blind or "touch" not in RELATIONS[name].needs:
             return ()
-        near, lift = f"{TOUCH * 1e3:g} mm", f"{LIFT * 1e3:g} mm"
-        how = {
-            "held": "by the shapes of both fingers"
-            if self.fingers_seen
-            else "by what goes along with the gripper",
-            "depends_on": "by what rests on what: needless supports count; "
-            "what touches from the side may lean or not",
-            "caused": f"by geometry: a touch is a distance of at most {near}",
-            "exposed_to": f"by geometry: a touch is a distance of at most {near}",
-        }.get(name, f"by geometry: within {near}, and a lift by {lift} opens the gap")
+        told = RELATIONS[name].without_forces
+        how = told(self) if told is not None else self.by_geometry
         return (f"without contact forces {name}() is told {how}",)
 
     def signal(
