@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from .terminal import say
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
