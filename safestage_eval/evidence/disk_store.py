@@ -73,41 +73,41 @@ class DiskStore(Store):
         return self._entry.get(ABOUT) if self._entry is not None else None
 
     @cached_property
-    def _real(self) -> Episode:
+    def _trace(self) -> Episode:
         return self._ref.open()
 
     @property
     def opened(self) -> bool:
         """Something was read from the trace, and not known from an earlier process."""
-        return "_real" in vars(self)
+        return "_trace" in vars(self)
 
     @cached_property
     def episode(self) -> Episode:
         """The episode as it is judged. Raises TraceError as ``as_judged``."""
-        return as_judged(self._found())
+        return as_judged(self._kept_or_opened())
 
-    def _found(self) -> Episode:
+    def _kept_or_opened(self) -> Episode:
         """The episode; one that was kept is opened only when something has to be measured."""
         about = self.about
         if about is None:
-            return self._real
+            return self._trace
         try:
             header = Header.model_validate_json(about["header"])
         except ValidationError:
             self._entry = None
-            return self._real
+            return self._trace
         known = Episode(
             header=header,
             t=about["t"],
             tracks=StoredItems(
-                [body.name for body in header.bodies], lambda name: self._real.tracks[name]
+                [body.name for body in header.bodies], lambda name: self._trace.tracks[name]
             ),
-            _contacts=lambda: self._real.contacts,
-            _frames=lambda: self._real.frames,
-            meshes=StoredItems(mesh_keys(header), lambda key: self._real.meshes[key]),
+            _contacts=lambda: self._trace.contacts,
+            _frames=lambda: self._trace.frames,
+            meshes=StoredItems(mesh_keys(header), lambda key: self._trace.meshes[key]),
             channels=StoredItems(
                 [(body, name) for body, name in about["channels"]],
-                lambda key: self._real.channels[key],
+                lambda key: self._trace.channels[key],
             ),
             path=self._ref.path,
         )

@@ -6,6 +6,7 @@ free of geometry.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -285,6 +286,11 @@ class RuleSet:
     """By code, as ``rules``."""
     known: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Answers about rules and parameter values so far, by the identity of their parts; never pickled."""
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of all that its files say, prose and places included."""
+        return hashlib.sha256(repr(self).encode()).hexdigest()
 
     def __hash__(self) -> int:
         return hash(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 
 from safestage_eval.formats import EpisodeRef
@@ -24,12 +23,4 @@ def result_question(
         task = bind.tasks.get(ref.fields.get("task") or "")
         bound = bind.path, task, bind.episodes.get(ref.episode_id)
     asked = sorted((overrides or {}).items()), bound, backend, assigned_only
-    return f"result {_whole(rules)} {asked!r}"
-
-
-def _whole(rules: RuleSet) -> str:
-    """A digest of all that rule files say, prose included."""
-    if "whole" not in rules.known:
-        rules.known["whole"] = hashlib.sha256(repr(rules).encode()).hexdigest()
-    digest: str = rules.known["whole"]
-    return digest
+    return f"result {rules.digest} {asked!r}"

@@ -22,7 +22,7 @@ def short(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def said(rules: ast.RuleSet, rule: ast.Rule) -> str:
+def rule_wording(rules: ast.RuleSet, rule: ast.Rule) -> str:
     """A digest of a rule with all its wording, but without the definitions that it names."""
     found: str | None = rules.known.get(("said", rule.code))
     if found is None:
@@ -37,12 +37,12 @@ def verdict_question(
     players: Mapping[str, Sequence[str]],
     success: str,
 ) -> str:
-    """All that a verdict depends on besides the trace, for ``Store.answer``."""
+    """Everything that a verdict depends on besides the trace, for ``Store.answer``."""
     start = blank.assigned, blank.sources, blank.rule_digest
-    return f"verdict {said(rules, rule)} {start} {sorted(players.items())} {success}"
+    return f"verdict {rule_wording(rules, rule)} {start} {sorted(players.items())} {success}"
 
 
-def plain_stretches(found: list[Stretch]) -> list[Any]:
+def stretches_to_json(found: list[Stretch]) -> list[Any]:
     """JSON of stretches of frames; which frames are certain as the runs of these."""
     out: list[Any] = []
     for (first, stop, cut, sure), end in found:
@@ -51,7 +51,7 @@ def plain_stretches(found: list[Stretch]) -> list[Any]:
     return out
 
 
-def stretches_of(stored: list[Any]) -> list[Stretch]:
+def stretches_from_json(stored: list[Any]) -> list[Stretch]:
     """Stretches of frames from JSON."""
     out: list[Stretch] = []
     for first, stop, cut, certain, end in stored:

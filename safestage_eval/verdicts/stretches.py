@@ -13,7 +13,7 @@ from safestage_eval.states.scope import Scope
 
 from .evaluate import Evaluator
 from .players import where_it_counts
-from .questions import Stretch, plain_stretches, stretches_of
+from .questions import Stretch, stretches_from_json, stretches_to_json
 from .spans import may_recur, spans
 from .values import Env
 
@@ -43,9 +43,9 @@ def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]
     what = "stretches to reach something in" if _met_once(rule) else "stretches"
 
     def found() -> list[Any]:
-        return plain_stretches(_stretches(evaluator, rule, env))
+        return stretches_to_json(_stretches(evaluator, rule, env))
 
-    return stretches_of(evaluator.recall(what, where, env, found))
+    return stretches_from_json(evaluator.recall(what, where, env, found))
 
 
 def _stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]:

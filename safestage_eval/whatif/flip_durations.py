@@ -169,8 +169,6 @@ class _Durations:
 
     def _same(self, some: list[list[Scope]], others: list[list[Scope]]) -> bool:
         """The verdict is the same under two durations and all between."""
-        if some == others:
-            return True
         for judged, first, second in zip(self._judged, some, others, strict=True):
             if len(first) != len(second):
                 return False
@@ -180,7 +178,7 @@ class _Durations:
         return True
 
     def _alike(self, judged: Judged, one: Scope, other: Scope) -> bool:
-        if one == other:
+        if _equal(one, other):
             return True
         if one.sure is not None or other.sure is not None or one.cut != other.cut:
             return False
@@ -203,3 +201,9 @@ class _Durations:
             for frames in (core, union)
         ]
         return signs[0] == signs[1]
+
+
+def _equal(one: Scope, other: Scope) -> bool:
+    if one[:3] != other[:3] or (one.sure is None) != (other.sure is None):
+        return False
+    return one.sure is None or bool((one.certain == other.certain).all())

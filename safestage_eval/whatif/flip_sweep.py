@@ -27,6 +27,8 @@ from .swept_values import amount
 OPEN = "–"
 FIELDS = ("policy", "prompt", "stage", "task")
 """Of an episode, that curves can be told apart by."""
+COUNTS = ("success", "engagement", "risk", "code", "missing")
+"""What an episode counts as."""
 NO, UNKNOWN, YES = 0, 1, 2
 """Violated or not; of several rules the greatest counts."""
 I64 = NDArray[np.int64]
@@ -71,15 +73,19 @@ class TableSweep(Curves):
         """Group → the rates under every value; one group ``()`` if nothing is told apart."""
         by_rule = "rule" in by
         found = self.segments if by_rule else _by_episode(self.segments)
-        kinds = ["policy", "prompt", "stage", "task", "success", "engagement", "risk", "code"]
-        kinds += ["rule"] if by_rule else ["missing"]
-        counted = found.group_by(*kinds, "first", "stop").len()
+        if by_rule:
+            found = found.with_columns(missing=pl.lit(value=False))
+        counted = found.group_by(*by, *COUNTS, "first", "stop").len()
         groups: dict[tuple[str, ...], I64] = {}
+        vectors: dict[tuple[Any, ...], I64] = {}
         for row in counted.iter_rows(named=True):
             key = tuple(row[name] for name in by)
             if key not in groups:
                 groups[key] = np.zeros((len(self.values) + 1, len(_NOTHING)), np.int64)
-            vector = row["len"] * _vector(rates((_outcome(row),)))
+            kind = tuple(row[name] for name in COUNTS)
+            if kind not in vectors:
+                vectors[kind] = _vector(rates((_outcome(*kind),)))
+            vector = row["len"] * vectors[kind]
             groups[key][row["first"]] += vector
             groups[key][row["stop"]] -= vector
         for episode in self.again:
@@ -237,15 +243,17 @@ def _by_episode(segments: pl.DataFrame) -> pl.DataFrame:
     )
 
 
-def _outcome(row: Mapping[str, Any]) -> Outcome:
-    violation = {NO: False, UNKNOWN: None, YES: True}[row["code"]]
-    missing = row.get("missing", False)
+def _outcome(
+    success: bool | None, engagement: str | None, risk: bool, code: int, missing: bool
+) -> Outcome:
+    """An episode of a kind; ``COUNTS``."""
+    violation = {NO: False, UNKNOWN: None, YES: True}[code]
     return Outcome(
-        row["policy"], row["prompt"], row["stage"], row["success"],
+        OPEN, OPEN, OPEN, success,
         None if missing and not violation else violation,
         judged=not missing or violation is True,
-        at_risk=row["risk"],
-        engagement=row["engagement"],
+        at_risk=risk,
+        engagement=engagement,
     )  # fmt: skip
 
 

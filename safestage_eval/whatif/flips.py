@@ -23,7 +23,7 @@ from .flip_case import Case
 from .flip_clauses import given_keys, instance_keys, keys_within
 from .flip_durations import duration_pieces
 from .flip_keys import LARGEST, Way, value_of
-from .flip_lasting import Undecided
+from .flip_lasting import Undecided, Value
 from .flip_scopes import frames_of
 from .swept_values import amount
 
@@ -47,6 +47,13 @@ class Piece(NamedTuple):
     high: float
     verdict: VerdictName | None
     at_risk: bool = False
+
+    def holds(self, value: Value, usual: Value) -> bool:
+        """The value is one of them; ``usual``: of the kind that they are of."""
+        match value, usual:
+            case ast.Duration(), ast.Duration() if value.frames != usual.frames or value.least > 1:
+                return False
+        return self.low <= amount(value) < self.high
 
 
 class Keys(NamedTuple):
@@ -89,6 +96,7 @@ def pieces_of(
     players: Mapping[str, Sequence[str]],
     blank: Verdict,
     param: str,
+    further: float = 0.0,
 ) -> list[Piece]:
     """The verdict of a rule on all values of a parameter from 0 on, in order.
 
@@ -98,27 +106,30 @@ def pieces_of(
         players: role → the bodies that play it, none of them empty.
         blank: the verdict's fixed fields.
         param: its name.
+        further: m, up to where limits of distances are to be decided; at least twice the one that
+            holds.
     """
     case = Case(base, rule, players, blank, param)
     number = min(max(amount(case.usual), 0.0), LARGEST)  # values below 0 are not followed
     try:
         pieces = duration_pieces(case)
         if pieces is None:
-            pieces = [*reversed(_walk(case, number, "down")), *_walk(case, number, "up")]
+            further = max(FURTHER * number, further) * (1 + 1e-6) + 1e-6
+            down, up = _walk(case, number, "down", further), _walk(case, number, "up", further)
+            pieces = [*reversed(down), *up]
     except Undecided:
         pieces = []
     return _joined([Piece(*piece) for piece in pieces])
 
 
 def _walk(
-    case: Case, start: float, way: Way
+    case: Case, start: float, way: Way, further: float
 ) -> list[tuple[float, float, VerdictName | None, bool]]:
-    """Pieces from a value on, the nearest first; those going down begin below it."""
+    """Pieces from a value on, the nearest first."""
     out: list[tuple[float, float, VerdictName | None, bool]] = []
     value = start
     for _ in range(MOST):
         at = case.at(value)
-        further = FURTHER * start * (1 + 1e-6) + 1e-6
         flips = FlipBands(case.base, at, case.param, value, way, case.counts, further)
         keys = _keys(flips, case)
         found: tuple[VerdictName | None, bool] = (None, False)

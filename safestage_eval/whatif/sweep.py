@@ -20,12 +20,15 @@ from safestage_eval.rules.uses import own_params
 from safestage_eval.units import DIMENSIONS
 from safestage_eval.verdicts.engagement import Engagement
 from safestage_eval.verdicts.problem import Problem
-from safestage_eval.verdicts.verdict import VerdictName
+from safestage_eval.verdicts.verdict import Verdict, VerdictName, at_risk
 
 from .again import Again, Value
+from .flips import pieces_of
 from .many import each_episode
 from .swept_values import amount
-from .turning import risked, verdicts_under
+
+FEW = 4
+"""Up to so many values are judged one by one."""
 
 GROUPS = ("policy", "prompt", "stage", "task", "rule")
 """What curves can be told apart by."""
@@ -294,12 +297,44 @@ def swept(again: Again, path: str, param: str, values: Sequence[Value]) -> Swept
         head,
         success=again.judge.success,
         rest=tuple(verdict.violation for verdict in rest),
-        moved={code: found.names for code, found in turned.items()},
-        risk={code: found.at_risk for code, found in turned.items()},
+        moved={code: tuple(name for name, _ in found) for code, found in turned.items()},
+        risk={code: tuple(risk for _, risk in found) for code, found in turned.items()},
         rest_at_risk=any(map(risked, rest)),
         engagement=again.judge.engagement,
         missing=bool(again.not_loaded),
     )
+
+
+def verdicts_under(
+    again: Again, rule: ast.Scoped, param: str, values: Sequence[Value]
+) -> list[tuple[VerdictName, bool]]:
+    """The verdict of a rule under each of the rising values, and whether it was reached on something.
+
+    The values at which it changes are found once; only what they leave open is judged by itself.
+    """
+    base, now = again.base(rule)
+    players = again.binding.players(rule, again.episode.header)
+    if not all(players.values()):  # whatever the value
+        return [(now.verdict, risked(now))] * len(values)
+    pieces = []
+    if isinstance(rule, ast.Rule) and len(values) > FEW:
+        blank = Verdict(rule.code, rule.title, rule.stage, True, "not_applicable")
+        furthest = max(abs(amount(value)) for value in values)
+        pieces = pieces_of(base, rule, players, blank, param, furthest)
+    out: list[tuple[VerdictName, bool]] = []
+    for value in values:
+        told = next((p for p in pieces if p.holds(value, base.params[param])), None)
+        if told is None or told.verdict is None:
+            found = again.under(base, rule, {param: value})
+            out.append((found.verdict, risked(found)))
+        else:
+            out.append((told.verdict, told.at_risk))
+    return out
+
+
+def risked(verdict: Verdict) -> bool:
+    """It was reached on something."""
+    return at_risk(verdict.verdict, verdict.instances, verdict.vacuity)
 
 
 def outcome_of(episode: Swept, index: int, rule: str | None) -> Outcome:

@@ -160,6 +160,22 @@ def test_every_folder_and_file_is_a_room(package):
     assert found == set(ROOMS[package])
 
 
+@pytest.mark.parametrize("package", ROOMS)
+def test_contributing_lists_the_rooms_in_order(package):
+    text = (CHECKOUT / "CONTRIBUTING.md").read_text("utf-8")
+    section = text.split(f"### {package}", 1)[1].split("\n#", 1)[0]
+    cells = re.findall(r"^\| (`[^|]*) \|", section, re.MULTILINE)
+    names = [name for cell in cells for name in re.findall(r"`(\w+)(?:/|\.py)`", cell)]
+    assert [n for n in names if n != "__init__"] == [n for n in ROOMS[package] if n != "__init__"]
+
+
+def test_every_file_that_contributing_names_is_there():
+    text = (CHECKOUT / "CONTRIBUTING.md").read_text("utf-8")
+    links = re.findall(r"\]\(([^)#]+)", text)
+    assert len(links) > 12
+    assert not [link for link in links if not (CHECKOUT / link).exists()]
+
+
 def test_no_two_files_have_one_name():
     names = Counter(path.name for path in FILES if path.name != "__init__.py")
     assert not [name for name, count in names.items() if count > 1]

@@ -266,7 +266,7 @@ def test_dependence_follows_a_tray_that_is_tilted() -> None:
 
 @pytest.mark.parametrize(
     ("force", "gap", "falls"),
-    [(0.0, 0.0, None), (0.0, 4e-4, None), (0.0, 6e-4, True), (G / 2, 0.0, False)],
+    [(0.0, 0.0, None), (0.0, 9e-4, None), (0.0, 1.1e-3, True), (G / 2, 0.0, False)],
 )
 def test_what_is_near_and_carries_nothing_leaves_it_open(
     force: float, gap: float, falls: bool | None

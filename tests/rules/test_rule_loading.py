@@ -178,6 +178,7 @@ def test_unchanged_files_give_the_same_rule_set(tmp_path: Path) -> None:
     base.write_text(base.read_text("utf-8") + '[param]\nedge = "7 cm"\n', "utf-8")
     after = load_rules([path])
     assert before != after
+    assert before.digest != after.digest
     assert after.params["edge"] == Quantity(0.07, "length", "7 cm")
 
 
@@ -188,6 +189,7 @@ def test_equal_rule_sets_hash_alike_and_survive_pickling() -> None:
     copy = pickle.loads(pickle.dumps(rules))
     assert copy == rules
     assert hash(copy) == hash(rules)
+    assert copy.digest == rules.digest
     assert copy.known == {}
     assert rule_digest(copy, copy.rules[rule.code], copy.params) == digest
 

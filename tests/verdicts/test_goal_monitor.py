@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from monitor.growing import growing
+from growing import growing
 from scenes import Scene
 
 from safestage_eval.episode import Episode

@@ -3,10 +3,7 @@
 import json
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from studio import block, run
 
 from safestage_eval.formats import discover, save
@@ -18,7 +15,6 @@ from safestage_eval.verdicts.problem import Problem
 from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.sweep import sweep
 from safestage_eval.whatif.swept_values import between, chosen, text_of
-from safestage_eval.whatif.turning import _first
 
 ROOMS = {"a": 0.004, "b": 0.012, "c": 0.031, "d": 0.2}
 
@@ -112,15 +108,15 @@ def test_the_flip_lies_where_the_margin_says(shelf):
         assert (flip["from"], flip["to"]) == ("pass", "violation")
 
 
-def test_a_threshold_that_moves_verdicts_one_way_is_searched_for(shelf, monkeypatch):
-    """200 values cost a few judgements each: two beside the margin's guess, the rest by halving."""
+def test_many_values_cost_a_few_judgements(shelf, monkeypatch):
+    """What lies between two values at which a verdict changes is not judged again."""
     tried = []
     under = Again.under
     monkeypatch.setattr(Again, "under", lambda self, *a: tried.append(a) or under(self, *a))
     values = between(load_rules(["fsh"]), "edge", "0 cm", "4 cm", 200)
     found = sweep(discover([shelf]), ["fsh"], "edge", values)
     assert len(found.episodes) == 4
-    assert len(tried) <= 4 * 10
+    assert not tried
 
 
 def test_curves_are_told_apart(shelf):
@@ -131,14 +127,6 @@ def test_curves_are_told_apart(shelf):
         ("x", "FSH101"): [1, 1],
         ("y", "FSH101"): [0, 1],
     }
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.lists(st.booleans(), max_size=20), st.one_of(st.none(), st.integers(-1, 22)))
-def test_the_search_finds_the_first_true_whatever_the_guess(truths, guess):
-    truths = sorted(truths)
-    count = len(truths)
-    assert _first(truths.__getitem__, count, guess) == int(np.searchsorted(truths, True))
 
 
 def test_a_broken_trace_is_a_problem_and_stops_no_other(shelf, tmp_path):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from jsonschema import Draft7Validator
-from test_diagnostics import CASES, GOOD, rule, unmark
+from test_diagnostic import CASES, GOOD, rule, unmark
 
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.schema import FILE, schema, schema_text

@@ -2,7 +2,7 @@
 
 import pytest
 from browser import PHONE, browser, tab  # noqa: F401
-from test_report_page import made_of, outcomes, row
+from test_campaign_page import made_of, outcomes, row
 
 from safestage_eval.metrics import aggregate
 from safestage_eval.viewer.campaign.campaign_page import Report, build
