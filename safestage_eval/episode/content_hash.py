@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,26 +54,26 @@ def content_hash(
     return digest.hexdigest()
 
 
-_BODIES: list[tuple[tuple[Body, ...], list[dict[str, Any]]]] = []
-"""Bodies that were met last, and the same as plain data."""
+_BODIES: list[tuple[tuple[Body, ...], str]] = []
+"""Bodies that were met last, and their JSON."""
 
 
 def scene_text(header: Header) -> str:
     """JSON of what the header says of the scene: bodies, joints, time steps, gravity."""
-    known = next((told for bodies, told in _BODIES if bodies is header.bodies), None)
+    known = next((text for bodies, text in _BODIES if bodies is header.bodies), None)
     if known is None:
         # without defaults: a field that a later minor adds must not change older hashes
-        known = [
+        plain = [
             body.model_dump(mode="json", exclude=_DESCRIPTIVE, exclude_defaults=True)
             for body in header.bodies
         ]
+        known = json.dumps(plain, sort_keys=True)
         _BODIES[:] = [(header.bodies, known), *_BODIES[:3]]
-    scene = {
+    rest = {
         "physics_dt": header.physics_dt,
         "frame_dt": header.frame_dt,
         "control_dt": header.control_dt,
         "gravity": header.gravity,
-        "bodies": known,
         "joints": [joint.model_dump(mode="json", exclude_defaults=True) for joint in header.joints],
     }
-    return json.dumps(scene, sort_keys=True)
+    return f'{{"bodies": {known}, {json.dumps(rest, sort_keys=True)[1:]}'

@@ -33,6 +33,10 @@ BRIEF, PATIENT = 15 * ANEW + 1, 150 * ANEW + 1
 """Rounds. The last follows upon such a one, so that only what nothing can take up is left. Wedged
 bodies need many. Where points bear that are only near, a balance that many rounds bring about is
 none: they would have to close their gaps first."""
+LOOK = 8 * ANEW
+"""After so many rounds it is looked whether anything still comes to rest."""
+CALMER = 0.95
+"""What still moves, and by more than this share of what it did at the last look, will not rest."""
 BALANCED = 0.003
 """Share of g: what is less out of balance has found its forces."""
 LOOSE = 1e-4
@@ -53,6 +57,7 @@ class Springs(NamedTuple):
         held, now: (6 B, 6 B) Cholesky factors of the stiffness of all springs, and of those that
             hold at the moment.
         rest, moved: (6 B,) what is out of balance, and how bodies give way.
+        before_moved: (B,) how strongly each body moved at the last look, in g.
     """
 
     start: F64
@@ -67,6 +72,7 @@ class Springs(NamedTuple):
     now: F64
     rest: F64
     moved: F64
+    before_moved: F64
 
 
 @allocating
@@ -78,6 +84,7 @@ def room_for_springs(contacts: int, bodies: int) -> Springs:
         np.empty((contacts, 2, 3, 6)), np.empty(bodies), np.empty((bodies, 3, 3)),
         np.empty(bodies, np.int64), np.empty((6 * bodies, 6 * bodies)),
         np.empty((6 * bodies, 6 * bodies)), np.empty(6 * bodies), np.empty(6 * bodies),
+        np.empty(bodies),
     )  # fmt: skip
 
 
@@ -184,6 +191,8 @@ def give(
                     springs.force[c, k] = springs.before[c, k]
             most = _weigh(springs, touches, some, count, left, push, moved)
         least = most
+        if turn and turn % LOOK == 0 and _settled(springs, left, moved, turn == LOOK):
+            return
         if turn % ANEW == ANEW - 1:
             _stiffen(springs, touches, some, count, n, springs.now, True, loose)
             solve(springs.now, springs.rest, springs.moved, springs.moved, 6 * n)
@@ -194,6 +203,18 @@ def give(
                 for k in range(3):
                     springs.before[c, k] = springs.force[c, k]
                     springs.force[c, k] -= _along(springs, touches, c, k)
+
+
+@kernel
+def _settled(springs: Springs, left: Bool, moved: F64, first: bool) -> bool:
+    """Whatever still moves does so as strongly as at the last look; False at the ``first`` one."""
+    settled = not first
+    for b in range(len(left)):
+        if left[b]:
+            if not first and BALANCED < moved[b] < CALMER * springs.before_moved[b]:
+                settled = False
+            springs.before_moved[b] = moved[b]
+    return settled
 
 
 @helper

@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from itertools import accumulate
 from typing import Any
 
@@ -62,10 +62,18 @@ def digest_line(table: str, group: pa.Table, runs: Sequence[Run]) -> str:
 
 def names_crc(spans: Sequence[tuple[Names, int]]) -> str:
     """CRC-32 of whom the rows of a segment are about: names, or names and rows of each stretch."""
-    names: object = [[*names, rows] for names, rows in spans]
-    if len(spans) < 2:
-        names = [*spans[0][0]] if spans else []
-    return f"{crc32(json.dumps(names).encode()):08x}"
+    if len(spans) == 1:
+        return _names_crc(spans[0][0])
+    return _json_crc([[*names, rows] for names, rows in spans])
+
+
+@lru_cache(maxsize=4096)
+def _names_crc(names: Names) -> str:
+    return _json_crc([*names])
+
+
+def _json_crc(value: object) -> str:
+    return f"{crc32(json.dumps(value).encode()):08x}"
 
 
 class Segments:
