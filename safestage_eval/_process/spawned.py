@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext, SpawnContext
 from multiprocessing.process import BaseProcess
+from multiprocessing.util import get_temp_dir
 from typing import Any, Self
 
 from safestage_eval.errors import InputError
@@ -26,6 +27,9 @@ FORKS = sys.platform == "linux"
 
 READY = "ready"
 """What a process says first."""
+
+SOCKET_PATH = 107 - len("/listener-xxxxxxxx")
+"""Bytes that the folder of a Unix socket may have in its path: the system allows no more."""
 
 STARTS = 5
 """Processes in a row that may end before they begin."""
@@ -94,13 +98,12 @@ class Spawned:
 
 def prepare(preload: str) -> None:
     """Start the process that others will be forked from; returns before it has imported anything."""
-    if FORKS:
-        _context(preload)
+    if isinstance(_context(preload), ForkServerContext):
         multiprocessing.forkserver.ensure_running()
 
 
 def _context(preload: str | None) -> SpawnContext | ForkServerContext:
-    if preload is None or not FORKS:
+    if preload is None or not FORKS or len(os.fsencode(get_temp_dir())) > SOCKET_PATH:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([preload])

@@ -127,16 +127,16 @@ def test_a_broken_episode_does_not_stop_the_others(source, tmp_path):
 def test_an_import_that_is_killed_leaves_no_half_episode(source, tmp_path, monkeypatch):
     from safestage_eval.formats.parquet import dataset_writer
 
-    written = dataset_writer._write_table
+    written = dataset_writer.writing_table
 
-    def killed(path, table, groups):
+    def killed(path, table):
         if table == "frames":  # the bodies are on disk by then
             raise KeyboardInterrupt
-        written(path, table, groups)
+        return written(path, table)
 
     take(source, tmp_path / "data", "--dt", "0.01", "--limit", "1")
     with monkeypatch.context() as patch:
-        patch.setattr(dataset_writer, "_write_table", killed)
+        patch.setattr(dataset_writer, "writing_table", killed)
         assert take(source, tmp_path / "data", "--dt", "0.01").code == 130
     assert [ref.episode_id for ref in discover(tmp_path / "data")] == ["toys/a"]
     assert take(source, tmp_path / "data", "--dt", "0.01").code == 0

@@ -20,6 +20,7 @@ from scenes import Scene
 from studio import block, safe_and_unsafe
 from watched import CHECKOUT, OF_PYTHON, WATCH, looked_into, seen
 
+from safestage_eval._process.precompile import compile_kernels
 from safestage_eval.formats import save
 from safestage_eval.formats.parquet.arrow_tables import TABLES, schema, write_options
 
@@ -33,6 +34,7 @@ OUR_OWN = (*OF_PYTHON, CHECKOUT)
 @pytest.fixture(scope="module")
 def worked(tmp_path_factory):
     """Everything that is done with traces and results, and what it did: (events, in, out, work)."""
+    compile_kernels()  # the first run on a machine starts processes for that
     base = tmp_path_factory.mktemp("worked")
     given, out, work = base / "given", base / "out", base / "work"
     out.mkdir()

@@ -178,8 +178,13 @@ def test_the_order_of_bodies_and_contacts(random: Any) -> None:
 
 @every_signal
 def test_half_the_rate(case: tuple[Any, ...]) -> None:
+    """A peak may have been missed then: its bounds are as wide as before or wider."""
     there = Relations(Signals(transforms.every_second(scene())))
     one, two = measure(here(), *case), measure(there, *case)
+    if case[0] == "peak_force":
+        assert (two.lower <= one.lower[::2]).all()
+        assert (two.upper >= one.upper[::2]).all()
+        return
     span = np.ptp(one.value[np.isfinite(one.value)])
     same(one, two, slice(None, None, 2), atol=OVER_TIME.get(case[0], 0.0) * span + 1e-9, why=case)
 
