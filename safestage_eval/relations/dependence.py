@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.evidence.contact_sums import ContactSums
+from safestage_eval.evidence.gaps import Gaps
 
 from .arrangement import Arrangement
 from .chains import Chains
@@ -63,9 +64,11 @@ class Dependence:
     lid) stand and fall together.
     """
 
-    def __init__(self, episode: Episode, sums: ContactSums, graph: SupportGraph) -> None:
+    def __init__(
+        self, episode: Episode, sums: ContactSums, graph: SupportGraph, gaps: Gaps
+    ) -> None:
         """Nothing is computed before it is asked for."""
-        self._episode = episode
+        self._episode, self._sums, self._gaps = episode, sums, gaps
         self._parts = graph.assemblies.of
         self._hanging = graph.assemblies.hanging
         self._free = graph.assemblies.free
@@ -204,6 +207,13 @@ class Dependence:
 
     # ------------------------------------------------------------------ over time
 
+    def _measured(self, body: int) -> Bool:
+        """(T,) the contacts of all that ever hangs together with a body are known."""
+        pairs = self._chains.cluster(body)
+        self._sums.look(set(pairs))
+        lost = self._gaps.of_pairs(pairs)
+        return np.ones(len(self._episode), np.bool_) if lost is None else ~lost
+
     def _alike(self, body: int, on: int) -> tuple[NDArray[np.int32], Frames]:
         """``part`` and ``look``; only frames at which a chain of contacts joins the two."""
         frames = len(self._episode)
@@ -215,17 +225,20 @@ class Dependence:
         joins, calms = np.flatnonzero(joined), np.flatnonzero(quiet)
         hanging = {**self._chains.joined(body), on: np.ones(frames, np.bool_)}
         changes = signature[1:] != signature[:-1]
+        measured = self._measured(body)
         cursor = parts = 0
         while (at := int(joins.searchsorted(cursor))) < len(joins):
             first = int(joins[at])
             if quiet[first]:
                 begin, cursor = self._arrangement.stay(hanging, loose, first, cursor)
-                kinds = signature[begin:cursor]
-                at = 0  # as it is most often
+                known = begin + np.flatnonzero(measured[begin:cursor])
+                known = known if len(known) else np.arange(begin, cursor)
+                kinds = signature[known]
+                at = 0  # as it is most often, where it is measured
                 if (kinds != kinds[0]).any():
                     _, place, many = np.unique(kinds, return_index=True, return_counts=True)
                     at = int(place[many.argmax()])
-                look[begin:cursor] = begin + at
+                look[begin:cursor] = known[at]
                 part[begin:cursor] = parts
                 parts += 1
             else:

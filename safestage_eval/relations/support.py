@@ -79,7 +79,7 @@ class Support:
     @cached_property
     def dependence(self) -> Dependence:
         """Who falls without whom."""
-        return Dependence(self.episode, self.signals.contact_sums, self.graph)
+        return Dependence(self.episode, self.signals.contact_sums, self.graph, self.signals.gaps)
 
     @cached_property
     def loads(self) -> Loads:

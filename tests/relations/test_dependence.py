@@ -1,6 +1,7 @@
 """Dependence by statics on scenes whose answer is known from mechanics."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from safestage_eval.episode import Geom
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.relations import Relations
 from safestage_eval.relations.statics import LOST
+from safestage_eval.verdicts.ask import ask
 
 
 def depends(scene: Scene, body: str, on: str) -> bool:
@@ -332,3 +334,21 @@ def test_what_nobody_touches_depends_as_before_while_a_contact_flickers() -> Non
             scene.contact("a", "b", touching, (0, 0, G), frames=slice(frame, frame + 1))
     assert depends(scene, "b", "a")
     assert not depends(scene, "a", "b")
+
+
+def test_frames_whose_contacts_were_not_measured_decide_nothing() -> None:
+    """For most of the time the normals are lost: the frames before still tell what holds it up."""
+    scene = (
+        Scene(10).fixed("table").box("lower", 0.05, (0, 0, 0.05)).box("upper", 0.05, (0, 0, 0.15))
+    )
+    scene.rests("lower", "table", 0.05, (0, 0, 0), 2 * G).rests(
+        "upper", "lower", 0.05, (0, 0, 0.1), G
+    )
+    episode = scene.episode()
+    contacts = episode.contacts
+    normal = np.where((contacts.frame >= 3)[:, None], 0, contacts.normal)
+    lost = replace(episode, _contacts=replace(contacts, normal=normal))
+    found = ask(lost, "depends_on(upper, lower)")
+    assert found.lower[:3].tolist() == [1.0] * 3
+    assert np.isneginf(found.lower[3:]).all()
+    assert np.isposinf(found.upper[3:]).all()
