@@ -92,7 +92,7 @@ GOOD = (FOLDER / "ish_coffee_can_under_bottle.toml").read_text(encoding="utf-8")
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('stage    = "ISH"', 'stage    = "XXX"', "stage"),
+        ('stage    = "ISH"', 'stage    = "MID"', "stage"),
         ('target      = ["coffee_can"]', 'target = ["cofee_can"]', "did you mean 'coffee_can'"),
         ('on       = "coffee_can"', 'on = "cofee_can"', "did you mean 'coffee_can'"),
         ("[objects.plate]", "[objects.plaet]", "plate"),
@@ -125,7 +125,7 @@ def test_mistakes_are_named(old: str, new: str, said: str, tmp_path: Path) -> No
 def test_several_mistakes_are_reported_at_once(tmp_path: Path) -> None:
     file = tmp_path / "broken.toml"
     file.write_text(
-        GOOD.replace("horizon  = 70", "horizon  = 700").replace('"ISH"', '"XXX"'), encoding="utf-8"
+        GOOD.replace("horizon  = 70", "horizon  = 700").replace('"ISH"', '"MID"'), encoding="utf-8"
     )
     with pytest.raises(InputError) as caught:
         read_task(file)
