@@ -57,7 +57,7 @@ def main() -> None:
     print(f"{len(values)} values of {args.param}:{swept * 1e3:21.1f} ms")
     print(f"ratio: {swept / score:.2f}")
     (curve,) = found.curves().values()
-    kept = {episode.episode_id for episode in found.episodes}
+    kept = set(found.segments["episode_id"])
     same = 0
     for i in range(0, len(values), 10):
         scores = score_paths(

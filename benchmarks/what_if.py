@@ -30,14 +30,13 @@ from safestage_eval.rules import load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.verdicts import judge
-from safestage_eval.verdicts.verdict import Verdict, at_risk
+from safestage_eval.verdicts.verdict import at_risk
 from safestage_eval.whatif.again import Again
-from safestage_eval.whatif.flip_lasting import like
 from safestage_eval.whatif.flip_query import verdicts_under
 from safestage_eval.whatif.flip_sweep import sweep_table
 from safestage_eval.whatif.flip_table import SUFFIX, FlipTable, episode_rows, moves_success
 from safestage_eval.whatif.flips import Piece, pieces_of
-from safestage_eval.whatif.swept_values import amount, between
+from safestage_eval.whatif.swept_values import amount, between, like
 
 
 def drawn(usual: float, rng: random.Random, *, whole: bool) -> float:
@@ -55,12 +54,9 @@ def compare(
         if not all(players.values()) or isinstance(rule, ast.Cost):
             continue
         base, _ = again.base(rule)
-        blank = Verdict(rule.code, rule.title, rule.stage, True, "not_applicable")
         for param in sorted(parameters_read(again.rules, rule)):
             usual = base.params[param]
-            pieces = (
-                [] if moves_success(again, param) else pieces_of(base, rule, players, blank, param)
-            )
+            pieces = [] if moves_success(again, param) else pieces_of(base, rule, players, param)
             whole = isinstance(usual, ast.Duration) and usual.frames
             for _ in range(draws):
                 value = drawn(amount(usual), rng, whole=whole)

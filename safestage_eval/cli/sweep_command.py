@@ -100,9 +100,9 @@ def command(
     from safestage_eval.report import sweep_report
     from safestage_eval.report.figure import ready
     from safestage_eval.rules import builtin_names, load_rules
-    from safestage_eval.whatif import sweep as sweeps
     from safestage_eval.whatif.flip_sweep import sweep_table
     from safestage_eval.whatif.flip_table import FlipTable, is_result_file
+    from safestage_eval.whatif.sweep import sweep
     from safestage_eval.whatif.swept_values import between, chosen
 
     if plot is not None:
@@ -122,14 +122,13 @@ def command(
         if values is None
         else chosen(loaded, param, values.split(","))
     )
-    found: sweeps.Curves
     with progress("sweeping") as tell:
         if table is not None:
             found = sweep_table(table, param, visited, jobs=jobs, progress=tell)
         else:
             refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
             prepare_kernels()
-            found = sweeps.sweep(
+            found = sweep(
                 refs,
                 specs,
                 param,

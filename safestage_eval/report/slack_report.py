@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 import polars as pl
 
 from safestage_eval.rules import RuleSet
-from safestage_eval.whatif.flip_lasting import like
-from safestage_eval.whatif.swept_values import text_of
+from safestage_eval.whatif.swept_values import like, text_of
 
 from .render_csv import render_csv
 from .render_json import render_json

@@ -18,7 +18,7 @@ from .summary import share
 from .table import Table
 
 if TYPE_CHECKING:
-    from safestage_eval.whatif.sweep import Curves
+    from safestage_eval.whatif.sweep import Sweep
 
 FORMATS = ("table", "csv", "json")
 
@@ -35,12 +35,12 @@ FEW = 30
 """Up to so many values each is marked on its curve."""
 
 
-def render(sweep: Curves, form: str, by: Sequence[str] = ()) -> str:
+def render(sweep: Sweep, form: str, by: Sequence[str] = ()) -> str:
     """A sweep in one of ``FORMATS``. Raises KeyError for another."""
     return {"table": _table, "csv": _csv, "json": _json}[form](sweep, by)
 
 
-def _table(sweep: Curves, by: Sequence[str]) -> str:
+def _table(sweep: Sweep, by: Sequence[str]) -> str:
     """Values at which nothing changes are drawn together into one line."""
     head = (*by, sweep.param, *(f"{metric} %" for metric in METRICS), "inconclusive")
     rows = []
@@ -56,7 +56,7 @@ def _table(sweep: Curves, by: Sequence[str]) -> str:
     return render_text([Table("", head, rows, len(by) + 1)], _remarks(sweep))
 
 
-def _remarks(sweep: Curves) -> list[str]:
+def _remarks(sweep: Sweep) -> list[str]:
     """Sentences on what was judged, and what was not."""
     said = [
         f"{sweep.param} is {text_of(sweep.default)} by default and read by "
@@ -74,12 +74,12 @@ def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'s' * (number != 1)}"
 
 
-def _csv(sweep: Curves, by: Sequence[str]) -> str:
+def _csv(sweep: Sweep, by: Sequence[str]) -> str:
     rows = sweep.rows(by)
     return render_csv(list(rows[0]) if rows else [], rows)
 
 
-def _json(sweep: Curves, by: Sequence[str]) -> str:
+def _json(sweep: Sweep, by: Sequence[str]) -> str:
     document: dict[str, Any] = {
         "version": __version__,
         "param": sweep.param,
@@ -93,7 +93,7 @@ def _json(sweep: Curves, by: Sequence[str]) -> str:
     return render_json(document)
 
 
-def plot(sweep: Curves, path: Path, by: Sequence[str] = ()) -> None:
+def plot(sweep: Sweep, path: Path, by: Sequence[str] = ()) -> None:
     """Draw VR and SSR against the parameter, its default marked.
 
     One panel with both, or with groups a panel for each and a colour per group.
@@ -130,7 +130,7 @@ def plot(sweep: Curves, path: Path, by: Sequence[str] = ()) -> None:
     write(figure, "--plot", path)
 
 
-def _draw(axes: Any, sweep: Curves, by: Sequence[str], metrics: Sequence[str]) -> None:
+def _draw(axes: Any, sweep: Sweep, by: Sequence[str], metrics: Sequence[str]) -> None:
     """The curves of one panel, with the default and the axes."""
     factor, unit = factor_of(sweep.values[0]), unit_name(sweep.values[0])
     numbers = [amount(value) / factor for value in sweep.values]

@@ -336,6 +336,22 @@ def judged(
     return found
 
 
+def judge_scoped(
+    evaluator: Evaluator, rule: ast.Scoped, players: Mapping[str, Sequence[str]]
+) -> Verdict:
+    """The verdict of a rule, or of a cost with a budget, as of an assigned one.
+
+    Of its fixed fields only those that the rule itself gives are filled in. ``not_applicable`` where
+    a role has no player, and for a cost without a budget.
+    """
+    blank = Verdict(rule.code, rule.title, rule.stage, assigned=True, verdict="not_applicable")
+    if not all(players.values()):
+        return blank
+    if isinstance(rule, ast.Rule):
+        return judge_rule(evaluator, rule, players, blank)
+    return judge_cost(evaluator, rule, players, blank)[1] or blank
+
+
 def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
     """How many first frames estimate the initial state: ``[baseline] span``.
 

@@ -14,12 +14,10 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.resolve import Binding, bind_episode
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.judging import Judge, baseline_frames
-from safestage_eval.verdicts.obligations.cost import judge_cost
-from safestage_eval.verdicts.rule_verdict import judge_rule
+from safestage_eval.verdicts.judging import Judge, baseline_frames, judge_scoped
 from safestage_eval.verdicts.verdict import Verdict
 
-Value = ast.Quantity | ast.Duration
+from .swept_values import Value
 
 
 class Measured(Relations):
@@ -107,12 +105,6 @@ class Again:
     def under(self, base: Evaluator, rule: ast.Scoped, values: Mapping[str, Value]) -> Verdict:
         """The verdict of a rule with some parameters changed."""
         players = self.binding.players(rule, self.episode.header)
-        blank = Verdict(rule.code, rule.title, rule.stage, assigned=True, verdict="not_applicable")
         if not all(players.values()):
             return self.base(rule)[1]
-        evaluator = base.under({**base.params, **values})
-        if isinstance(rule, ast.Rule):
-            return judge_rule(evaluator, rule, players, blank)
-        verdict = judge_cost(evaluator, rule, players, blank)[1]
-        assert verdict is not None  # it has a budget
-        return verdict
+        return judge_scoped(base.under({**base.params, **values}), rule, players)

@@ -14,10 +14,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.parts import Meaning, Part, differences, mixed
 from safestage_eval.rules.uses import calls
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.judging import baseline_frames
-from safestage_eval.verdicts.obligations.cost import judge_cost
-from safestage_eval.verdicts.rule_verdict import judge_rule
-from safestage_eval.verdicts.verdict import Verdict
+from safestage_eval.verdicts.judging import baseline_frames, judge_scoped
 
 from .again import Again
 
@@ -113,7 +110,7 @@ class _Trial:
 
     def __init__(self, before: Again, after: Again, code: str) -> None:
         self._sides = (before, after)
-        old, new = (_rule(side, code) for side in self._sides)
+        old, new = (side.rules.scoped[code] for side in self._sides)
         self._old = Meaning(before.rules, old, before.binding.params(old))
         self._new = Meaning(after.rules, new, after.binding.params(new))
         self._players = tuple(
@@ -138,9 +135,6 @@ class _Trial:
         swapped = "who plays the roles" in chosen
         known = {**self._players[not swapped], **self._players[swapped]}
         players = {name: known.get(name, ()) for name in roles}
-        blank = Verdict(rule.code, rule.title, rule.stage, assigned=True, verdict="not_applicable")
-        if not all(players.values()):
-            return blank.verdict
         timed = self._sides["when the goal counts as reached" in chosen]
         model = timed.judge.evaluator(timed.binding.params(None))
         evaluator = Evaluator(
@@ -150,10 +144,7 @@ class _Trial:
             model.success,
             success_known=model.success_known,
         )
-        if isinstance(rule, ast.Rule):
-            return judge_rule(evaluator, rule, players, blank).verdict
-        found = judge_cost(evaluator, rule, players, blank)[1]
-        return blank.verdict if found is None else found.verdict
+        return judge_scoped(evaluator, rule, players).verdict
 
     def _relations(self, rules: ast.RuleSet) -> Relations:
         """Of the episode, with the baseline of a rule set."""
@@ -163,7 +154,3 @@ class _Trial:
             if side.relations.signals.baseline.frames == frames:
                 return side.relations
         return Relations(Signals(episode, frames))
-
-
-def _rule(side: Again, code: str) -> ast.Scoped:
-    return side.rules.scoped[code]

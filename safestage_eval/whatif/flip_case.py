@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 
 from safestage_eval.rules import syntax as ast
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.rule_verdict import judge_rule
-from safestage_eval.verdicts.verdict import Verdict, VerdictName, at_risk
+from safestage_eval.verdicts.judging import judge_scoped
+from safestage_eval.verdicts.verdict import VerdictName, at_risk
 
-from .flip_lasting import Counts, like
+from .flip_lasting import Counts
+from .swept_values import like
 
 
 class Case:
@@ -20,11 +21,10 @@ class Case:
         base: Evaluator,
         rule: ast.Rule,
         players: Mapping[str, Sequence[str]],
-        blank: Verdict,
         param: str,
     ) -> None:
         """``base``: the evaluator under the values that hold; others as in ``judge_rule``."""
-        self.base, self.rule, self.players, self.blank = base, rule, players, blank
+        self.base, self.rule, self.players = base, rule, players
         base.players = players
         self.param, self.usual = param, base.params[param]
         self.counts = Counts(base.clock, self.usual)
@@ -42,7 +42,7 @@ class Case:
         ``at``: the evaluator under it, where there is one.
         """
         if number not in self._judged:
-            found = judge_rule(at or self.at(number), self.rule, self.players, self.blank)
+            found = judge_scoped(at or self.at(number), self.rule, self.players)
             risk = at_risk(found.verdict, found.instances, found.vacuity)
             self._judged[number] = found.verdict, risk
         return self._judged[number]

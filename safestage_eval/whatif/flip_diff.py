@@ -14,7 +14,6 @@ from safestage_eval.verdicts.problem import Problem
 
 from .diff import Judged, diff_episode
 from .flip_query import verdicts_under
-from .flip_sweep import traces_of
 from .flip_table import COLUMNS, FlipTable
 from .many import each_episode
 from .results import Difference, Flip, difference
@@ -51,7 +50,7 @@ def diff_table(
         overrides={**told.overrides, **settings}, binds=(bind, bind),
     )  # fmt: skip
     judged, problems = list[Judged](), list[str]()
-    refs = traces_of(table, open_ids)
+    refs = table.traces_of(open_ids)
     if refs:
         for item in each_episode(refs, work, jobs=jobs, progress=progress):
             if isinstance(item, Problem):

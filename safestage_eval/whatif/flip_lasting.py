@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,19 +13,11 @@ from safestage_eval.states.band import F64
 from safestage_eval.verdicts.values import lasting
 
 from .flip_keys import LARGEST, Way, key_of
-
-Value = ast.Quantity | ast.Duration
+from .swept_values import Value
 
 
 class Undecided(Exception):  # noqa: N818 - it is no error
     """How a verdict depends on a parameter cannot be told; it has to be judged again."""
-
-
-def like(value: Value, number: float) -> Value:
-    """A value of the same kind; a duration in plain seconds, or in frames of the trace."""
-    if isinstance(value, ast.Quantity):
-        return ast.Quantity(number, value.dimension)
-    return replace(value, amount=number, least=1, text="")
 
 
 class Counts:

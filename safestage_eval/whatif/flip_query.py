@@ -9,11 +9,10 @@ import polars as pl
 from safestage_eval.errors import InputError
 from safestage_eval.rules import syntax as ast
 
-from .flip_table import FlipTable, unit_of
-from .swept_values import amount
+from .flip_table import FlipTable
+from .sweep import KEYS
+from .swept_values import Value, amount, si_unit
 
-Value = ast.Quantity | ast.Duration
-KEYS = ("episode_id", "rule")
 NARROW = 1e-4
 """SI; undecided pieces that are no wider, as a distance is measured, are no end of the slack."""
 
@@ -102,7 +101,7 @@ def pieces_about(table: FlipTable, param: str, values: Sequence[Value] = ()) -> 
             f"{table.path}, parameter {param}", "its what-if table has no row about it.",
             ", ".join(table.params),
         )  # fmt: skip
-    kinds = {unit_of(value) for value in values}
+    kinds = {si_unit(value) for value in values}
     several_samples = any(isinstance(value, ast.Duration) and value.least > 1 for value in values)
     if several_samples or any(amount(value) < 0 for value in values):
         kinds.add("another kind")

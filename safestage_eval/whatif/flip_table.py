@@ -18,20 +18,18 @@ from typing import Any
 import polars as pl
 
 from safestage_eval.errors import InputError
-from safestage_eval.formats import EpisodeRef
+from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.formats.atomic import replacing
 from safestage_eval.rules import RuleSet, load_bind, load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import parameters_read
-from safestage_eval.units import DIMENSIONS
 from safestage_eval.verdicts.problem import Problem
-from safestage_eval.verdicts.verdict import Verdict
 
 from .again import Again
 from .flips import pieces_of
 from .many import each_episode
-from .swept_values import amount
+from .swept_values import amount, si_unit
 
 SUFFIX = ".what-if.parquet"
 KEY = b"safestage"
@@ -158,14 +156,13 @@ def _rows(again: Again, rule: ast.Scoped, param: str, episode_id: str) -> list[R
     players = again.binding.players(rule, again.episode.header)
     base, now = again.base(rule)
     usual = base.params[param]
-    value, unit = amount(usual), unit_of(usual)
+    value, unit = amount(usual), si_unit(usual)
     if not all(players.values()):  # whatever the value
         pieces: Any = [(0.0, float("inf"), now.verdict, False)]
     elif isinstance(rule, ast.Cost) or moves_success(again, param):
         pieces = [(0.0, float("inf"), None, False)]
     else:
-        blank = Verdict(rule.code, rule.title, rule.stage, True, "not_applicable")
-        pieces = pieces_of(base, rule, players, blank, param)
+        pieces = pieces_of(base, rule, players, param)
     return [
         (param, episode_id, rule.code, low, high, verdict, risk, value, unit)
         for low, high, verdict, risk in pieces
@@ -177,14 +174,6 @@ def moves_success(again: Again, param: str) -> bool:
     header, goal = again.episode.header, again.binding.goal
     recorded = header.success is False or (header.success and header.success_time is not None)
     return not recorded and goal is not None and param in parameters_read(again.rules, goal)
-
-
-def unit_of(value: ast.Quantity | ast.Duration) -> str:
-    """Of values in the table: SI, ``s`` or ``frames``."""
-    if isinstance(value, ast.Duration):
-        return "frames" if value.frames else "s"
-    units = [unit for unit, factor in DIMENSIONS[value.dimension].items() if factor == 1.0]
-    return units[0] if units else ""
 
 
 class FlipTable:
@@ -221,6 +210,16 @@ class FlipTable:
     def pieces(self, param: str) -> pl.DataFrame:
         """The rows of the what-if table about one parameter."""
         return pl.scan_parquet(self.beside).filter(pl.col("param") == param).collect()
+
+    def traces_of(self, ids: Sequence[str]) -> list[EpisodeRef]:
+        """The traces of some episodes, as far as they are where they were judged."""
+        paths = self.rows.filter(pl.col("episode_id").is_in(list(ids)))["path"].unique()
+        there = sorted(path for path in paths.to_list() if path and Path(path).exists())
+        try:
+            refs = {ref.episode_id: ref for ref in discover(there)} if there else {}
+        except InputError:
+            return []
+        return [refs[name] for name in ids if name in refs]
 
     @property
     def params(self) -> list[str]:

@@ -16,16 +16,16 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.players import combinations
 from safestage_eval.verdicts.stretches import applies, stretches
-from safestage_eval.verdicts.verdict import Verdict, VerdictName
+from safestage_eval.verdicts.verdict import VerdictName
 
 from .flip_bands import FlipBands
 from .flip_case import Case
 from .flip_clauses import given_keys, instance_keys, keys_within
 from .flip_durations import duration_pieces
 from .flip_keys import LARGEST, Way, value_of
-from .flip_lasting import Undecided, Value
+from .flip_lasting import Undecided
 from .flip_scopes import frames_of
-from .swept_values import amount
+from .swept_values import Value, amount
 
 MOST = 16
 """Steps from the value that holds, each way."""
@@ -94,7 +94,6 @@ def pieces_of(
     base: Evaluator,
     rule: ast.Rule,
     players: Mapping[str, Sequence[str]],
-    blank: Verdict,
     param: str,
     further: float = 0.0,
 ) -> list[Piece]:
@@ -104,12 +103,11 @@ def pieces_of(
         base: the evaluator under the values that hold.
         rule: that reads the parameter.
         players: role → the bodies that play it, none of them empty.
-        blank: the verdict's fixed fields.
         param: its name.
         further: m, up to where limits of distances are to be decided; at least twice the one that
             holds.
     """
-    case = Case(base, rule, players, blank, param)
+    case = Case(base, rule, players, param)
     number = min(max(amount(case.usual), 0.0), LARGEST)  # values below 0 are not followed
     try:
         pieces = duration_pieces(case)

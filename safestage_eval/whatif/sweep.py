@@ -1,13 +1,17 @@
-"""A threshold against the rates: every value judged, from one pass over the traces."""
+"""The rates of episodes under every value of a parameter, from one pass over the traces."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+import polars as pl
+from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
@@ -15,76 +19,68 @@ from safestage_eval.metrics import METRICS, Outcome, Rates, rates
 from safestage_eval.rules import RuleSet, load_bind, load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
-from safestage_eval.rules.digest import reached
-from safestage_eval.rules.uses import own_params
-from safestage_eval.units import DIMENSIONS
-from safestage_eval.verdicts.engagement import Engagement
+from safestage_eval.rules.digest import parameters_read
 from safestage_eval.verdicts.problem import Problem
 from safestage_eval.verdicts.verdict import Verdict, VerdictName, at_risk
 
-from .again import Again, Value
+from .again import Again
 from .flips import pieces_of
 from .many import each_episode
-from .swept_values import amount
+from .swept_values import Value, amount, si_unit
 
 FEW = 4
 """Up to so many values are judged one by one."""
 
-GROUPS = ("policy", "prompt", "stage", "task", "rule")
-"""What curves can be told apart by."""
+OPEN = "–"
+"""Stands for a field that a header leaves empty."""
+
+KEYS = ("episode_id", "rule")
+FIELDS = ("policy", "prompt", "stage", "task")
+"""Fields of an episode by which curves can be grouped, besides the rule."""
+COUNTS = ("success", "engagement", "risk", "code", "missing")
+"""Columns of a segment that determine what it counts as."""
+NO, UNKNOWN, YES = 0, 1, 2
+"""Codes of V: not violated, inconclusive, violated; of several rules the greatest counts."""
+CODES: Mapping[str | None, int] = {
+    "pass": NO, "not_applicable": NO, "inconclusive": UNKNOWN, None: UNKNOWN, "violation": YES,
+}  # fmt: skip
+"""Verdict → code; None: not decided."""
+
+SEGMENTS = pl.Schema(
+    {
+        "episode_id": pl.String(),
+        "rule": pl.String(),
+        "verdict": pl.String(),
+        "risk": pl.Boolean(),
+        "first": pl.Int64(),
+        "stop": pl.Int64(),
+        "code": pl.Int8(),
+        "policy": pl.String(),
+        "prompt": pl.String(),
+        "stage": pl.String(),
+        "task": pl.String(),
+        "success": pl.Boolean(),
+        "engagement": pl.String(),
+        "missing": pl.Boolean(),
+        "rest": pl.Int8(),
+        "rest_at_risk": pl.Boolean(),
+    }
+)
+"""A segment: the values ``first`` … ``stop`` − 1 under which a rule gives one verdict on one episode.
+
+``verdict`` is null where it is not decided, ``risk`` says whether the hazard was there (``at_risk``),
+``code`` is that of the verdict. ``missing``: an assigned rule of the episode is not loaded. ``rest``
+and ``rest_at_risk`` are the greatest code and any risk of its assigned rules that do not read the
+parameter.
+"""
+
+Segment = tuple[Any, ...]
+"""A row of ``SEGMENTS``."""
+I64 = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Swept:
-    """One episode under every value.
-
-    Attributes:
-        episode_id, path, task, policy, prompt, stage: from its header; ``–`` where it says nothing.
-        success: S.
-        rest: verdicts (V) of its assigned rules that do not read the parameter.
-        moved: code of each assigned rule that does → its verdict for every value.
-        risk: the same → whether that verdict was reached on something.
-        rest_at_risk: an assigned rule that does not read the parameter was judged on something.
-        engagement: how far it got with its target; None if unknown.
-        unread: True if no assigned rule reads the parameter; then nothing was measured.
-        missing: an assigned rule is not loaded.
-    """
-
-    episode_id: str
-    path: str
-    task: str
-    policy: str
-    prompt: str
-    stage: str
-    success: bool | None = None
-    rest: tuple[bool | None, ...] = ()
-    moved: Mapping[str, tuple[VerdictName, ...]] | None = None
-    risk: Mapping[str, tuple[bool, ...]] | None = None
-    rest_at_risk: bool = False
-    engagement: Engagement | None = None
-    unread: bool = False
-    missing: bool = False
-
-    def violation(self, index: int, rule: str | None = None) -> bool | None:
-        """V under the value with this index: of one rule, or of all assigned ones."""
-        codes = [rule] if rule is not None else list(self.moved or {})
-        found = [_violation((self.moved or {})[code][index]) for code in codes]
-        if rule is None:
-            found += self.rest
-            if True not in found and self.missing:
-                return None
-        return True if True in found else None if None in found else False
-
-    def at_risk(self, index: int, rule: str | None = None) -> bool:
-        """Whether one rule, or any assigned one, was judged on something under that value."""
-        risk = self.risk or {}
-        if rule is not None:
-            return risk[rule][index]
-        return self.rest_at_risk or any(at[index] for at in risk.values())
-
-
-@dataclass(frozen=True)
-class Curves(ABC):
+@dataclass(frozen=True, eq=False)
+class Sweep:
     """The rates of episodes under every value of a parameter.
 
     Attributes:
@@ -93,7 +89,10 @@ class Curves(ABC):
         default: the value of ``[param]``.
         readers: codes of the rules that read it and judged an episode.
         unread: how many episodes have no assigned rule that reads it.
-        problems: what could not be judged.
+        problems: episodes that could not be judged.
+        segments: rows as in ``SEGMENTS``.
+        again: how many episodes were judged again because the what-if table does not decide them.
+        undecided: how many episodes neither the table nor judging decides; they count as inconclusive.
     """
 
     param: str
@@ -102,33 +101,80 @@ class Curves(ABC):
     readers: tuple[str, ...]
     unread: int
     problems: tuple[Problem, ...]
+    segments: pl.DataFrame
+    again: int = 0
+    undecided: int = 0
 
     @property
-    @abstractmethod
     def count(self) -> int:
-        """Of the episodes that are counted."""
-
-    @abstractmethod
-    def curves(self, by: Sequence[str] = ()) -> dict[tuple[str, ...], list[Rates]]:
-        """Group → the rates under every value; one group ``()`` if nothing is told apart."""
+        """How many episodes are counted."""
+        return int(self.segments["episode_id"].n_unique())
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences on how the verdicts were found."""
-        return []
+        """Sentences on the episodes that the what-if table does not decide."""
+        said = []
+        if self.again:
+            said.append(f"{self.again} of these not decided by the what-if table: judged again.")
+        if self.undecided:
+            said.append(
+                f"{self.undecided} of these not decided by the what-if table, and their traces not "
+                "found: inconclusive under the values that it leaves open."
+            )
+        return said
 
-    @abstractmethod
+    def curves(self, by: Sequence[str] = ()) -> dict[tuple[str, ...], list[Rates]]:
+        """Group → the rates under every value; without ``by`` the one group ``()``."""
+        if "rule" in by:  # a rule is judged whether or not others are loaded
+            found = self.segments.with_columns(missing=pl.lit(value=False))
+        else:
+            found = _by_episode(self.segments)
+        counted = found.group_by(*by, *COUNTS, "first", "stop").len()
+        groups: dict[tuple[str, ...], I64] = {}
+        vectors: dict[tuple[Any, ...], I64] = {}
+        for row in counted.iter_rows(named=True):
+            key = tuple(row[name] for name in by)
+            if key not in groups:
+                groups[key] = np.zeros((len(self.values) + 1, len(_NOTHING)), np.int64)
+            kind = tuple(row[name] for name in COUNTS)
+            if kind not in vectors:
+                vectors[kind] = _vector(rates((_outcome(*kind),)))
+            vector = row["len"] * vectors[kind]
+            groups[key][row["first"]] += vector
+            groups[key][row["stop"]] -= vector
+        return {
+            key: [_rates(vector) for vector in groups[key].cumsum(axis=0)[:-1]]
+            for key in sorted(groups)
+        }
+
     def flips(self) -> list[dict[str, Any]]:
-        """Between which two values each verdict changes."""
+        """The pairs of neighbouring values between which a verdict changes, by episode and rule."""
+        changed = (
+            self.segments.sort(*KEYS, "first")
+            .with_columns(pl.col("verdict").shift(1).over(KEYS).alias("from"))
+            .filter(pl.col("from") != pl.col("verdict"))
+        )
+        numbers = [amount(value) for value in self.values]
+        return [
+            {
+                "episode_id": row["episode_id"],
+                "rule": row["rule"],
+                "below": numbers[row["first"] - 1],
+                "above": numbers[row["first"]],
+                "from": row["from"],
+                "to": row["verdict"],
+            }
+            for row in changed.iter_rows(named=True)
+        ]
 
     def rows(self, by: Sequence[str] = ()) -> list[dict[str, Any]]:
-        """One flat row per group and value: rates 0…1, their counts, what is not in N, and at risk."""
+        """One flat row per group and value: rates 0…1, their counts, those not in N, and at risk."""
         return [
             {
                 **dict(zip(by, key, strict=True)),
                 "param": self.param,
                 "value": amount(value),
-                "unit": _si(value),
+                "unit": si_unit(value),
                 **{metric: cell.value(metric) for metric in METRICS},
                 **{f"{metric}_k": cell.counts[metric] for metric in METRICS},
                 "n": cell.n,
@@ -139,54 +185,6 @@ class Curves(ABC):
             }
             for key, cells in self.curves(by).items()
             for value, cell in zip(self.values, cells, strict=True)
-        ]
-
-
-@dataclass(frozen=True)
-class Sweep(Curves):
-    """A sweep over traces.
-
-    Attributes:
-        episodes: those with an assigned rule that reads the parameter.
-    """
-
-    episodes: tuple[Swept, ...]
-
-    @property
-    def count(self) -> int:
-        """Of the episodes that are counted."""
-        return len(self.episodes)
-
-    def curves(self, by: Sequence[str] = ()) -> dict[tuple[str, ...], list[Rates]]:
-        """Group → the rates under every value; one group ``()`` if nothing is told apart."""
-        groups: dict[tuple[str, ...], list[tuple[Swept, str | None]]] = {}
-        for episode in self.episodes:
-            for rule in (episode.moved or {}) if "rule" in by else (None,):
-                names = {"rule": rule}
-                key = tuple(str(names.get(name) or getattr(episode, name, "–")) for name in by)
-                groups.setdefault(key, []).append((episode, rule))
-        return {
-            key: [
-                rates(outcome_of(e, i, rule) for e, rule in group) for i in range(len(self.values))
-            ]
-            for key, group in sorted(groups.items())
-        }
-
-    def flips(self) -> list[dict[str, Any]]:
-        """Between which two values each verdict changes."""
-        return [
-            {
-                "episode_id": episode.episode_id,
-                "rule": code,
-                "below": amount(self.values[i]),
-                "above": amount(self.values[i + 1]),
-                "from": names[i],
-                "to": names[i + 1],
-            }
-            for episode in self.episodes
-            for code, names in (episode.moved or {}).items()
-            for i in range(len(names) - 1)
-            if names[i] != names[i + 1]
         ]
 
 
@@ -201,7 +199,7 @@ def sweep(
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Sweep:
-    """Judge episodes under every value of a parameter.
+    """Judge episodes under every value of a parameter; of several with one id the first counts.
 
     Args:
         refs: the episodes.
@@ -211,19 +209,19 @@ def sweep(
         overrides: other parameters, as written.
         bind: a bind file.
         jobs: worker processes.
-        progress: told (done, total).
+        progress: called with (done, total).
 
     Raises:
         InputError: no loaded rule reads the parameter, or no episode's assigned rule does.
     """
     rules = load_rules(list(specs))
-    readers = tuple(
-        code
-        for code, rule in rules.scoped.items()
-        if f"param.{param}" in reached(rules, rule, own_params(rules, rule))
-    )
+    read = {code: parameters_read(rules, rule) for code, rule in rules.scoped.items()}
+    readers = [code for code, params in read.items() if param in params]
     if not readers:
-        raise InputError(f"--param {param}", "no loaded rule reads it.", _read_by(rules))
+        allowed = ", ".join(sorted(frozenset().union(*read.values())))
+        raise InputError(
+            f"--param {param}", "no loaded rule reads it.", allowed or "rules that read a parameter"
+        )
     rising = tuple(sorted(values, key=amount))
     work = partial(
         sweep_episode,
@@ -234,24 +232,31 @@ def sweep(
         bind=None if bind is None else load_bind(bind, rules),
     )
     found = each_episode(refs, work, jobs=jobs, progress=progress)
-    swept = [item for item in found if isinstance(item, Swept)]
-    kept = {item.episode_id: item for item in reversed(swept) if not item.unread}
     problems = tuple(item for item in found if isinstance(item, Problem))
-    if not kept and not problems:
+    judged = dict(reversed([item for item in found if not isinstance(item, Problem)]))
+    rows = [row for segments in reversed(judged.values()) for row in segments]
+    if not rows and not problems:
         raise InputError(
             f"--param {param}",
             f"read by {', '.join(readers)}, which no episode is judged by.",
             fix="take traces whose headers assign one of them, or assign it with --bind",
         )
+    segments = segment_frame(rows)
+    used = set(segments["rule"])
     return Sweep(
         param,
         rising,
         rules.params[param],
-        tuple(c for c in readers if any(c in (e.moved or ()) for e in kept.values())),
-        len({item.episode_id for item in swept if item.unread}),
+        tuple(code for code in readers if code in used),
+        sum(not one for one in judged.values()),
         problems,
-        tuple(reversed(kept.values())),
+        segments,
     )
+
+
+def segment_frame(rows: Sequence[Segment]) -> pl.DataFrame:
+    """Segments as a table."""
+    return pl.DataFrame(rows, SEGMENTS, orient="row")
 
 
 def sweep_episode(
@@ -262,112 +267,135 @@ def sweep_episode(
     values: Sequence[Value],
     overrides: Mapping[str, str],
     bind: BindFile | None = None,
-) -> Swept:
-    """One episode under every value, rising.
+) -> tuple[str, list[Segment]]:
+    """Id and segments of one episode; no segments if no assigned rule reads the parameter.
 
-    Raises TraceError for one that cannot be read.
+    ``values`` are rising. Raises TraceError for an episode that cannot be read.
     """
     episode = ref.open()
     furthest = max(abs(amount(value)) for value in values)
     again = Again(episode, rules, overrides, bind, furthest=furthest * (1 + 1e-6) + 1e-6)
-    return swept(again, ref.shown, param, values)
+    return episode.header.episode_id, segments_of(again, param, values)
 
 
-def swept(again: Again, path: str, param: str, values: Sequence[Value]) -> Swept:
-    """An open episode under every value, rising. ``again`` must measure as far as they reach."""
+def segments_of(again: Again, param: str, values: Sequence[Value]) -> list[Segment]:
+    """Segments of an open episode over rising values; ``again`` must measure as far as they reach."""
     header = again.episode.header
-    read = [
-        rule
-        for rule in again.assigned
-        if f"param.{param}" in reached(again.rules, rule, again.binding.params(rule))
-    ]
-    head = Swept(
-        header.episode_id,
-        path,
-        task=header.task or "–",
-        policy=header.policy or "–",
-        prompt=header.prompt or "–",
-        stage=header.stage or "–",
-    )
+    read = [rule for rule in again.assigned if param in parameters_read(again.rules, rule)]
     if not read:
-        return replace(head, unread=True)
+        return []
     rest = [again.base(rule)[1] for rule in again.assigned if rule not in read]
-    turned = {rule.code: verdicts_under(again, rule, param, values) for rule in read}
-    return replace(
-        head,
-        success=again.judge.success,
-        rest=tuple(verdict.violation for verdict in rest),
-        moved={code: tuple(name for name, _ in found) for code, found in turned.items()},
-        risk={code: tuple(risk for _, risk in found) for code, found in turned.items()},
-        rest_at_risk=any(map(risked, rest)),
-        engagement=again.judge.engagement,
-        missing=bool(again.not_loaded),
+    facts = (
+        *(getattr(header, name) or OPEN for name in FIELDS),
+        again.judge.success,
+        again.judge.engagement,
+        bool(again.not_loaded),
+        max((CODES[verdict.verdict] for verdict in rest), default=NO),
+        any(_risk(verdict) for verdict in rest),
     )
+    out: list[Segment] = []
+    for rule in read:
+        first = 0
+        for (verdict, risk), same in groupby(_under_each(again, rule, param, values)):
+            stop = first + len(list(same))
+            start = (header.episode_id, rule.code, verdict, risk, first, stop, CODES[verdict])
+            out.append((*start, *facts))
+            first = stop
+    return out
 
 
-def verdicts_under(
+def _under_each(
     again: Again, rule: ast.Scoped, param: str, values: Sequence[Value]
 ) -> list[tuple[VerdictName, bool]]:
-    """The verdict of a rule under each of the rising values, and whether it was reached on something.
+    """The verdict of a rule under each of the rising values, and whether the hazard was there.
 
-    The values at which it changes are found once; only what they leave open is judged by itself.
+    The values at which it changes are found once; only those that they leave open are judged one by
+    one.
     """
     base, now = again.base(rule)
     players = again.binding.players(rule, again.episode.header)
     if not all(players.values()):  # whatever the value
-        return [(now.verdict, risked(now))] * len(values)
+        return [(now.verdict, _risk(now))] * len(values)
     pieces = []
     if isinstance(rule, ast.Rule) and len(values) > FEW:
-        blank = Verdict(rule.code, rule.title, rule.stage, True, "not_applicable")
         furthest = max(abs(amount(value)) for value in values)
-        pieces = pieces_of(base, rule, players, blank, param, furthest)
+        pieces = pieces_of(base, rule, players, param, furthest)
     out: list[tuple[VerdictName, bool]] = []
     for value in values:
-        told = next((p for p in pieces if p.holds(value, base.params[param])), None)
-        if told is None or told.verdict is None:
-            found = again.under(base, rule, {param: value})
-            out.append((found.verdict, risked(found)))
+        piece = next((p for p in pieces if p.holds(value, base.params[param])), None)
+        if piece is None or piece.verdict is None:
+            verdict = again.under(base, rule, {param: value})
+            out.append((verdict.verdict, _risk(verdict)))
         else:
-            out.append((told.verdict, told.at_risk))
+            out.append((piece.verdict, piece.at_risk))
     return out
 
 
-def risked(verdict: Verdict) -> bool:
-    """It was reached on something."""
+def _risk(verdict: Verdict) -> bool:
     return at_risk(verdict.verdict, verdict.instances, verdict.vacuity)
 
 
-def outcome_of(episode: Swept, index: int, rule: str | None) -> Outcome:
-    """What an episode counts as under the value with this index: by one rule, or by all assigned."""
-    violation = episode.violation(index, rule)
-    return Outcome(
-        episode.policy,
-        episode.prompt,
-        episode.stage,
-        episode.success,
-        violation,
-        judged=rule is not None or violation is True or not episode.missing,
-        at_risk=episode.at_risk(index, rule),
-        engagement=episode.engagement,
+def _by_episode(segments: pl.DataFrame) -> pl.DataFrame:
+    """Segments of episodes: all their assigned rules together."""
+    rules = segments.group_by("episode_id").agg(pl.col("rule").n_unique().alias("rules"))
+    found = segments.join(rules, on="episode_id")
+    one, several = found.filter(pl.col("rules") == 1), found.filter(pl.col("rules") > 1)
+    if len(several):  # value by value
+        each = several.with_columns(pl.int_ranges("first", "stop").alias("first")).explode("first")
+        facts = [*FIELDS, "success", "engagement", "missing", "rest", "rest_at_risk"]
+        each = each.group_by("episode_id", "first").agg(
+            *(pl.col(name).first() for name in facts), pl.col("code").max(), pl.col("risk").any()
+        )
+        each = each.with_columns((pl.col("first") + 1).alias("stop"))
+        one = pl.concat([one.select(each.columns), each], how="vertical_relaxed")
+    return one.with_columns(
+        pl.max_horizontal("code", "rest").alias("code"),
+        (pl.col("risk") | pl.col("rest_at_risk")).alias("risk"),
     )
 
 
-def _violation(name: VerdictName) -> bool | None:
-    return None if name == "inconclusive" else name == "violation"
+def _outcome(
+    success: bool | None, engagement: str | None, risk: bool, code: int, missing: bool
+) -> Outcome:
+    """An episode of a kind; arguments as in ``COUNTS``."""
+    violation = {NO: False, UNKNOWN: None, YES: True}[code]
+    return Outcome(
+        OPEN, OPEN, OPEN, success,
+        None if missing and not violation else violation,
+        judged=not missing or violation is True,
+        at_risk=risk,
+        engagement=engagement,
+    )  # fmt: skip
 
 
-def _si(value: Value) -> str:
-    if isinstance(value, ast.Duration):
-        return "frames" if value.frames else "s"
-    units = [unit for unit, factor in DIMENSIONS[value.dimension].items() if factor == 1.0]
-    return units[0] if units else ""
+# ---- rates as vectors, so that many are added at once
 
 
-def _read_by(rules: RuleSet) -> str:
-    names = {
-        name.removeprefix("param.")
-        for rule in rules.scoped.values()
-        for name in reached(rules, rule, own_params(rules, rule))
-        if name.startswith("param.")
-    }
-    return ", ".join(sorted(names)) or "rules that read a parameter"
+def _vector(cell: Rates) -> I64:
+    plain = [cell.n, *cell.counts.values(), *cell.surely.values(), *cell.maybe.values()]
+    plain += [cell.inconclusive, cell.not_judged]
+    for given in cell.given.values():
+        plain += given.values()
+    return np.array([*plain, *cell.engagement.values()], np.int64)
+
+
+def _rates(vector: I64) -> Rates:
+    rest = iter(vector.tolist())
+
+    def like(names: Mapping[Any, int]) -> dict[Any, int]:
+        return {name: next(rest) for name in names}
+
+    return Rates(
+        n=next(rest),
+        counts=like(_EMPTY.counts),
+        surely=like(_EMPTY.surely),
+        maybe=like(_EMPTY.maybe),
+        inconclusive=next(rest),
+        not_judged=next(rest),
+        given={name: like(given) for name, given in _EMPTY.given.items()},
+        engagement=like(_EMPTY.engagement),
+    )
+
+
+_EMPTY = rates(())
+_NOTHING = _vector(_EMPTY)

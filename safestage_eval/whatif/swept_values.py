@@ -19,6 +19,13 @@ def amount(value: Value) -> float:
     return value.value if isinstance(value, ast.Quantity) else value.amount
 
 
+def like(value: Value, number: float) -> Value:
+    """A value of the same kind; a duration in plain seconds, or in frames of the trace."""
+    if isinstance(value, ast.Quantity):
+        return ast.Quantity(number, value.dimension)
+    return replace(value, amount=number, least=1, text="")
+
+
 def chosen(
     rules: RuleSet, param: str, texts: Sequence[str], option: str = "--values"
 ) -> list[Value]:
@@ -73,7 +80,7 @@ def between(
     numbers = [a + (b - a) * i / (steps - 1) for i in range(steps)]
     if _in_frames(low):
         numbers = sorted({float(round(n)) for n in numbers})
-    return [_like(low, number) for number in numbers]
+    return [like(low, number) for number in numbers]
 
 
 def text_of(value: Value) -> str:
@@ -91,6 +98,14 @@ def factor_of(value: Value) -> float:
     return DIMENSIONS[value.dimension][unit] if unit else 1.0
 
 
+def si_unit(value: Value) -> str:
+    """The unit of ``amount``: SI, ``s`` or ``frames``; empty for a plain number."""
+    if isinstance(value, ast.Duration):
+        return "frames" if value.frames else "s"
+    units = [unit for unit, factor in DIMENSIONS[value.dimension].items() if factor == 1.0]
+    return units[0] if units else ""
+
+
 def unit_name(value: Value) -> str:
     """The unit that reports print."""
     if isinstance(value, ast.Duration):
@@ -103,10 +118,4 @@ def _in_frames(value: Value) -> bool:
 
 
 def _scaled(value: Value, factor: float) -> Value:
-    return _like(value, amount(value) * factor)
-
-
-def _like(value: Value, number: float) -> Value:
-    if isinstance(value, ast.Quantity):
-        return ast.Quantity(number, value.dimension)
-    return replace(value, amount=number, least=1, text="")
+    return like(value, amount(value) * factor)

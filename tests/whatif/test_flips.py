@@ -13,11 +13,10 @@ from safestage_eval.rules import load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.sketch import resolve
-from safestage_eval.verdicts.verdict import Verdict, at_risk
+from safestage_eval.verdicts.verdict import at_risk
 from safestage_eval.whatif.again import Again
-from safestage_eval.whatif.flip_lasting import like
 from safestage_eval.whatif.flips import pieces_of
-from safestage_eval.whatif.swept_values import amount
+from safestage_eval.whatif.swept_values import amount, like
 
 ROOT = Path(__file__).parents[2]
 COMMON = frozenset(
@@ -61,8 +60,7 @@ COMMON = frozenset(
 def pieces(again, rule, param):
     """The pieces of a rule's verdict along a parameter."""
     players = again.binding.players(rule, again.episode.header)
-    blank = Verdict(rule.code, rule.title, rule.stage, True, "not_applicable")
-    return pieces_of(again.base(rule)[0], rule, players, blank, param)
+    return pieces_of(again.base(rule)[0], rule, players, param)
 
 
 def agreeing(again, rng, draws=2):

@@ -11,8 +11,8 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.rule_verdict import judge_rule
 from safestage_eval.verdicts.verdict import Verdict, at_risk
-from safestage_eval.whatif.flip_lasting import like
 from safestage_eval.whatif.flips import pieces_of
+from safestage_eval.whatif.swept_values import like
 
 HEAD = """
 [ruleset]
@@ -126,7 +126,7 @@ def told(facts, text, param, values, number):
     rules = ruleset(head + text)
     rule = rules.rules["TOY101"]
     base = Evaluator(facts, rules, rules.params, None)
-    line = pieces_of(base, rule, PLAYERS, BLANK, param)
+    line = pieces_of(base, rule, PLAYERS, param)
     assert line[0].low == 0
     assert all(a.high == b.low for a, b in itertools.pairwise(line))
     (piece,) = [piece for piece in line if piece.low <= number < piece.high]
@@ -173,7 +173,7 @@ def test_a_duration_of_another_kind_is_in_no_piece():
     )
     facts = Facts({"height(a)": [0.0] * 8, "height(b)": [0.0] * 8})
     base = Evaluator(facts, rules, rules.params, None)
-    line = pieces_of(base, rules.rules["TOY101"], PLAYERS, BLANK, "lasting")
+    line = pieces_of(base, rules.rules["TOY101"], PLAYERS, "lasting")
     usual = rules.params["lasting"]
     assert any(piece.holds(ast.Duration(3.0), usual) for piece in line)
     assert not any(piece.holds(ast.Duration(3.0, frames=True), usual) for piece in line)

@@ -51,7 +51,7 @@ def test_a_sweep_of_the_rows_is_one_of_the_traces(scored, param, by):
     assert (table.count, table.unread, table.readers) == (
         traces.count, traces.unread, traces.readers
     )  # fmt: skip
-    assert len(table.again) == (4 if param == "still_over" else 0)
+    assert table.again == (4 if param == "still_over" else 0)
 
 
 def test_a_diff_of_the_rows_is_one_of_the_traces(scored):

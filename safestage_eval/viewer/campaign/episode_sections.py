@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -15,10 +15,10 @@ from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.verdicts.players import nodes
 from safestage_eval.verdicts.problem import Problem
 from safestage_eval.viewer.episode.episode_section import Said, section
-from safestage_eval.whatif.again import Again, Value
+from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.many import each_episode
-from safestage_eval.whatif.sweep import Sweep, Swept, swept
-from safestage_eval.whatif.swept_values import amount, between
+from safestage_eval.whatif.sweep import Segment, Sweep, segment_frame, segments_of
+from safestage_eval.whatif.swept_values import Value, amount, between
 
 from .packed import packed
 
@@ -48,12 +48,12 @@ class Sections:
 
 @dataclass(frozen=True)
 class Drawn:
-    """One episode: its section, and its verdicts under other limits."""
+    """One episode: its section, and by parameter its segments under other limits."""
 
     episode_id: str
     html: str
     differences: tuple[str, ...]
-    swept: Mapping[str, Swept]
+    swept: Mapping[str, Sequence[Segment]]
 
 
 def sections(
@@ -124,8 +124,7 @@ def draw(
         param for rule in again.assigned if isinstance(rule, ast.Rule) for param in limits(rule)
     }
     moved = {
-        param: swept(again, ref.shown, param, visited[param])
-        for param in sorted(read & visited.keys())
+        param: segments_of(again, param, visited[param]) for param in sorted(read & visited.keys())
     }
     return Drawn(name, packed(html), differences, moved)
 
@@ -154,14 +153,12 @@ def _sweeps(
     found = []
     flips: Counter[str] = Counter()
     for param, values in visited.items():
-        episodes = [item.swept[param] for item in drawn if param in item.swept]
-        read = tuple(e for e in episodes if not e.unread)
-        if not read:
-            continue
-        codes = sorted({code for e in read for code in e.moved or ()})
-        sweep = Sweep(param, values, rules.params[param], tuple(codes), 0, (), read)
+        segments = segment_frame([row for item in drawn for row in item.swept.get(param, ())])
+        codes = tuple(sorted(set(segments["rule"])))
+        unread = len(drawn) - segments["episode_id"].n_unique()
+        sweep = Sweep(param, values, rules.params[param], codes, unread, (), segments)
         flips[param] = len(sweep.flips())
         if flips[param]:
-            found.append(replace(sweep, unread=len(drawn) - len(read)))
+            found.append(sweep)
     found.sort(key=lambda sweep: (-flips[sweep.param], sweep.param))
     return tuple(found[:DRAWN])
