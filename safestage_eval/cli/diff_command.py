@@ -150,8 +150,7 @@ def _of_results(
         raise click.UsageError(
             "give two result files, BEFORE and AFTER; or traces, with --rules and --against"
         )
-    from safestage_eval.whatif.read_results import read_results
-    from safestage_eval.whatif.results import difference
+    from safestage_eval.whatif.results import difference, read_results
 
     before, after = map(read_results, files)
     return difference(before, after)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +45,14 @@ class Scope(NamedTuple):
     def perhaps(self) -> Scope:
         """The same scope, of which it is not known whether it is there."""
         return self._replace(sure=np.zeros(self.stop - self.first, np.bool_))
+
+
+def mask_of(scopes: Iterable[Scope], frames: int) -> Bool:
+    """(T,) the frames of some scopes."""
+    out = np.zeros(frames, np.bool_)
+    for scope in scopes:
+        out[scope.first : scope.stop] = True
+    return out
 
 
 def _scope(first: int, stop: int, sure: Bool, *, cut: bool = False) -> Scope:

@@ -9,6 +9,7 @@ import numpy as np
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.states import scope as scopes
+from safestage_eval.states.band import Band
 from safestage_eval.states.scope import Scope
 
 from .evaluate import Evaluator
@@ -72,18 +73,28 @@ def _met_once(rule: ast.Scoped) -> bool:
 
 def initially(evaluator: Evaluator, condition: ast.Condition, env: Env) -> tuple[float, float]:
     """Bounds of the margin with which a condition holds in most of the baseline frames."""
-    if evaluator.clock.late:
+    initial, wanted = initial_frames(evaluator, env), None
+    if initial is None:
         return -np.inf, np.inf
+    if evaluator.asks_costly(condition):
+        wanted = scopes.mask_of([initial], evaluator.frames)
+    return most_of(evaluator.obliged(None, evaluator.alternative, condition, env, wanted), initial)
+
+
+def initial_frames(evaluator: Evaluator, env: Env) -> Scope | None:
+    """The baseline frames of some bodies; None where the recording begins later."""
+    if evaluator.clock.late:
+        return None
     signals = evaluator.relations.signals
     first = max((signals.baseline_of(body).start for body in env.values()), default=0)
-    last = min(evaluator.frames, first + signals.baseline.frames)
-    wanted = None
-    if evaluator.asks_costly(condition):
-        wanted = np.zeros(evaluator.frames, np.bool_)
-        wanted[first:last] = True
-    found = evaluator.obliged(None, evaluator.alternative, condition, env, wanted)
-    middle = (last - first - 1) // 2
-    return tuple(float(np.sort(end[first:last])[middle]) for end in found)  # type: ignore[return-value]
+    return Scope(first, min(evaluator.frames, first + signals.baseline.frames))
+
+
+def most_of(found: Band, scope: Scope) -> tuple[float, float]:
+    """Both ends of the margin with which a condition (T,) holds in most frames of a scope."""
+    middle = (scope.stop - scope.first - 1) // 2
+    low, high = (float(np.sort(end[scope.first : scope.stop])[middle]) for end in found)
+    return low, high
 
 
 def _scopes(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Scope]:

@@ -15,7 +15,7 @@ import numpy as np
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.states.band import Band
-from safestage_eval.states.scope import Scope
+from safestage_eval.states.scope import Scope, mask_of
 from safestage_eval.verdicts.players import combinations
 from safestage_eval.verdicts.stretches import applies, stretches
 from safestage_eval.verdicts.values import Env
@@ -25,7 +25,6 @@ from .flip_bands import FlipBands
 from .flip_case import Case
 from .flip_clauses import clause_keys
 from .flip_lasting import Undecided
-from .flip_scopes import mask_of
 
 Plain = tuple[float, float, "VerdictName | None", bool]
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
-from safestage_eval.states.band import Band, Bool
+from safestage_eval.states.band import Band
 from safestage_eval.states.scope import Scope
 from safestage_eval.verdicts.spans import may_recur, spans
 from safestage_eval.verdicts.values import Env
@@ -89,11 +89,3 @@ def _known(found: list[Scope], frames: int) -> Frames:
         sure[scope.first : scope.stop] = scope.certain
     cut = np.inf if any(scope.cut for scope in found) else -np.inf
     return Frames(Band(certain(sure), certain(possible)), cut)
-
-
-def mask_of(scopes: list[Scope], frames: int) -> Bool:
-    """(T,) the frames of some scopes."""
-    out = np.zeros(frames, np.bool_)
-    for scope in scopes:
-        out[scope.first : scope.stop] = True
-    return out

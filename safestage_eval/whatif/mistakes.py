@@ -12,8 +12,6 @@ from safestage_eval.rules.clauses import CLAUSES
 from safestage_eval.rules.uses import own_params, uses_of
 from safestage_eval.signals import SIGNALS
 
-from .symmetry import symmetric
-
 Kind = Literal["operator", "unit", "duration", "role", "scope", "obligation", "truth"]
 
 KINDS: tuple[Kind, ...] = (
@@ -291,7 +289,7 @@ def _of_limits(atom: ast.SignalAtom, place: _Place) -> Iterator[Mistake]:
 def _of_call(call: ast.Call, place: _Place) -> Iterator[Mistake]:
     """Arguments exchanged, or another role in the place of one."""
     args = call.args
-    if len(args) == 2 and args[0] != args[1] and not symmetric(place.rules, call.name):
+    if len(args) == 2 and args[0] != args[1] and not _symmetric(place.rules, call.name):
         turned = ast.Call(call.name, args[::-1])
         yield Mistake("role", f"{call} → {turned}", turned)
     for i, arg in enumerate(args):
@@ -356,3 +354,34 @@ def _of_definition(node: ast.StateDef | ast.PhaseDef) -> Iterator[Mistake]:
 
 def _scaled(value: ast.Quantity, factor: float) -> ast.Quantity:
     return ast.Quantity(value.value * factor, value.dimension)
+
+
+def _symmetric(rules: RuleSet, name: str) -> bool:
+    """A signal, variant or state that does not ask which of its two arguments comes first."""
+    if name in rules.signals:
+        name = rules.signals[name].base
+    state = rules.states.get(name)
+    if state is None:
+        return name in SIGNALS and SIGNALS[name].symmetric
+    turned = {state.of[0]: state.of[1], state.of[1]: state.of[0]} if len(state.of) == 2 else {}
+    return bool(turned) and _with_sorted_calls(rules, state, {}) == _with_sorted_calls(
+        rules, state, turned
+    )
+
+
+def _with_sorted_calls(rules: RuleSet, node: Any, names: dict[str, str]) -> Any:
+    """A part of the tree with names exchanged, and the arguments of symmetric calls sorted."""
+    if isinstance(node, ast.Call):
+        args = [names.get(arg, arg) for arg in node.args]
+        if len(args) == 2 and _symmetric(rules, node.name):
+            args.sort()
+        return ast.Call(node.name, tuple(args))
+    if is_dataclass(node) and not isinstance(node, type):
+        return tuple(
+            _with_sorted_calls(rules, getattr(node, item.name), names)
+            for item in fields(node)
+            if item.compare and item.name != "of"
+        )
+    if isinstance(node, tuple):
+        return tuple(_with_sorted_calls(rules, item, names) for item in node)
+    return node

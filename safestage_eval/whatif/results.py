@@ -1,18 +1,26 @@
-"""Two sets of results side by side: which verdicts flipped, and how the rates moved."""
+"""Two sets of results side by side: which verdicts flipped, and how the rates moved.
+
+Result files are those that ``safestage score`` writes: JSON, JSON lines, CSV or Parquet.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from safestage_eval.errors import InputError
 from safestage_eval.metrics import METRICS, by_policy_stage, outcomes_of
+from safestage_eval.metrics.read_rows import read_rows
 
 Row = Mapping[str, Any]
 """A result row (docs/results.md); only the columns that are used must be there."""
 
 NEEDED = ("episode_id", "rule", "assigned", "verdict", "success")
 """Columns without which results cannot be compared."""
+
+ALLOWED = "a file that safestage score wrote with --format json, jsonl, csv or parquet"
 
 
 @dataclass(frozen=True)
@@ -88,6 +96,19 @@ class Difference:
         for flip in self.flips:
             found.setdefault(flip.rule, []).append(flip)
         return found
+
+
+def read_results(path: str | Path) -> list[dict[str, Any]]:
+    """The rows of a result file; its format is found from its content.
+
+    Raises InputError for a file that cannot be read or lacks a column that is needed.
+    """
+    rows = read_rows(path, allowed=ALLOWED)
+    for number, row in enumerate(rows, 1):
+        missing = [name for name in NEEDED if name not in row]
+        if missing:
+            raise InputError(f"{path}, row {number}", f"lacks {', '.join(missing)}.", ALLOWED)
+    return rows
 
 
 def difference(

@@ -10,7 +10,7 @@ import numpy as np
 from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import F64, Bool
-from safestage_eval.states.scope import Scope
+from safestage_eval.states.scope import Scope, mask_of
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.explain import Finding, measured, seconds, sentence
 from safestage_eval.verdicts.look_ahead import Foresight, Look, latest
@@ -196,11 +196,10 @@ def _bill(
 
 def _masks(scopes: Sequence[Scope], frames: int, *, sure: bool) -> tuple[Bool, Bool]:
     """(T,) the frames that are certainly, and possibly, charged for."""
-    surely, may = np.zeros(frames, np.bool_), np.zeros(frames, np.bool_)
+    surely = np.zeros(frames, np.bool_)
     for scope in scopes:
-        may[scope.first : scope.stop] = True
         surely[scope.first : scope.stop] |= scope.certain
-    return surely & sure, may
+    return surely & sure, mask_of(scopes, frames)
 
 
 def _amounts(

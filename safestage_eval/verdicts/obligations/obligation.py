@@ -13,7 +13,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES, ClauseKind
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.persistence import held_from
-from safestage_eval.states.scope import Scope
+from safestage_eval.states.scope import Scope, mask_of
 from safestage_eval.verdicts.brief import is_brief
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.instance import Instance
@@ -63,7 +63,7 @@ class Obligation(ABC):
 
     def band(self, evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope) -> Band:
         """(N,) margins of the condition in the N frames of a scope."""
-        wanted = mask_of(evaluator, scope) if evaluator.asks_costly(what) else None
+        wanted = mask_of([scope], evaluator.frames) if evaluator.asks_costly(what) else None
         found = evaluator.obliged(self.kind, evaluator.alternative, what, env, wanted)
         return found.at(scope.first, scope.stop)
 
@@ -122,13 +122,6 @@ class Obligation(ABC):
     @abstractmethod
     def foresight(self, look: Look, rule: ast.Rule, what: ast.Alternative) -> Foresight:
         """How much must be recorded after a violation before it is certain."""
-
-
-def mask_of(evaluator: Evaluator, scope: Scope) -> Bool:
-    """(T,) true in the frames of a scope."""
-    mask = np.zeros(evaluator.frames, np.bool_)
-    mask[scope.first : scope.stop] = True
-    return mask
 
 
 def nearest_run(held: Band, lasting: Window) -> tuple[float, float, int]:

@@ -9,13 +9,13 @@ import numpy as np
 from safestage_eval.episode import Window
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import Band, Bool
-from safestage_eval.states.scope import Scope
+from safestage_eval.states.scope import Scope, mask_of
 from safestage_eval.verdicts.brief import condition_within, is_brief
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.look_ahead import Foresight, Look
 from safestage_eval.verdicts.values import Env
 
-from .obligation import Margin, Obligation, mask_of
+from .obligation import Margin, Obligation
 
 
 class Require(Obligation):
@@ -28,7 +28,7 @@ class Require(Obligation):
         """As in the base class; in a brief scope its frames are measured alone."""
         if not (isinstance(what, ast.Condition) and is_brief(evaluator, scope)):
             return super().band(evaluator, what, env, scope)
-        wanted = mask_of(evaluator, scope) if evaluator.asks_costly(what) else None
+        wanted = mask_of([scope], evaluator.frames) if evaluator.asks_costly(what) else None
         return evaluator.obliged(
             self.kind, condition_within, evaluator, what, env, scope.first, scope.stop, wanted
         )
