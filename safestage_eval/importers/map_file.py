@@ -30,16 +30,15 @@
 
 from __future__ import annotations
 
-import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from safestage_eval._text.toml_text import from_toml
 from safestage_eval.errors import InputError
-from safestage_eval.rules.diagnostic import Diagnostic, rendered
-from safestage_eval.rules.files import not_toml
+from safestage_eval.rules.diagnostic import Diagnostic, RuleErrors, rendered
+from safestage_eval.rules.files import read_toml
 from safestage_eval.rules.locate import Locations
 from safestage_eval.rules.names import nearest
 
@@ -84,20 +83,12 @@ def load_map(path: str | Path) -> MapFile:
     """
     shown = str(path)
     try:
-        text = Path(path).read_text("utf-8")
-        tables = from_toml(text)
+        text, table = read_toml(Path(path), shown)
     except OSError as error:
         raise InputError(shown, f"cannot be read: {error.strerror}.") from None
-    except UnicodeDecodeError as error:
-        what = f"not UTF-8 text: {error.reason} at byte {error.start}"
-        raise MapErrors([Diagnostic(shown, 1, 1, "M101", what)]) from None
-    except tomllib.TOMLDecodeError as error:
-        raise MapErrors([not_toml(shown, text, str(error))]) from None
-    except ValueError as error:  # a number of too many digits
-        raise MapErrors([Diagnostic(shown, 1, 1, "M101", f"not readable: {error}")]) from None
-    except RecursionError:
-        what = "not readable: lists or tables are nested far too deeply"
-        raise MapErrors([Diagnostic(shown, 1, 1, "M101", what)]) from None
+    except RuleErrors as error:
+        raise MapErrors([replace(one, code="M101") for one in error.diagnostics]) from None
+    tables = dict(table)
     try:
         if "path" in tables:
             tables["path "] = tables.pop("path")  # no table of the file

@@ -13,13 +13,11 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from safestage_eval._text.toml_text import from_toml
 from safestage_eval.episode import Header
 from safestage_eval.errors import RuleError
 
@@ -27,7 +25,7 @@ from . import build, structure
 from . import syntax as ast
 from .check import check_goal
 from .diagnostic import Diagnostic, RuleErrors
-from .files import RuleFile, builtin_folder, not_toml
+from .files import RuleFile, builtin_folder, read_toml
 from .locate import Keys
 from .names import Names, nearest
 from .usage import Usage
@@ -88,24 +86,14 @@ def load_bind(path: str | Path, rules: ast.RuleSet) -> BindFile:
     """
     shown = str(path)
     try:
-        text = find_bind(path).read_text(encoding="utf-8")
-        return bind_tables(from_toml(text), rules, shown, text)
-    except UnicodeDecodeError as error:
-        what = f"not UTF-8 text: {error.reason} at byte {error.start}"
-        raise RuleErrors([Diagnostic(shown, 1, 1, "R101", what)]) from None
+        text, tables = read_toml(find_bind(path), shown)
     except OSError as error:
         raise RuleError(
             shown,
             f"cannot be read: {error.strerror}.",
             f"a TOML file, or a built-in name: {', '.join(bind_names())}",
         ) from None
-    except tomllib.TOMLDecodeError as error:
-        raise RuleErrors([not_toml(shown, text, str(error))]) from None
-    except ValueError as error:  # a number of too many digits
-        raise RuleErrors([Diagnostic(shown, 1, 1, "R102", f"not readable: {error}")]) from None
-    except RecursionError:
-        what = "not readable: lists or tables are nested far too deeply"
-        raise RuleErrors([Diagnostic(shown, 1, 1, "R102", what)]) from None
+    return bind_tables(tables, rules, shown, text)
 
 
 def bind_tables(

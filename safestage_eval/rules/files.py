@@ -13,7 +13,7 @@ from typing import Any
 from safestage_eval._text.toml_text import from_toml
 from safestage_eval.errors import RuleError
 
-from .diagnostic import Diagnostic
+from .diagnostic import Diagnostic, RuleErrors
 from .locate import Keys, Locations
 from .names import nearest
 
@@ -212,28 +212,39 @@ class _Reader:
     def _read(self, path: Path) -> RuleFile | None:
         shown = _shown(path)
         try:
-            text = path.read_text(encoding="utf-8")
-        except UnicodeDecodeError as error:
-            what = f"not UTF-8 text: {error.reason} at byte {error.start}"
-            self.problems.append(Diagnostic(shown, 1, 1, "R101", what))
+            return RuleFile(shown, *read_toml(path, shown), path in self._asked)
+        except RuleErrors as error:
+            self.problems += error.diagnostics
             return None
         except OSError as error:
             raise RuleError(shown, f"cannot be read: {error.strerror}.") from None
-        try:
-            return RuleFile(shown, text, _parse(text), path in self._asked)
-        except tomllib.TOMLDecodeError as error:
-            self.problems.append(not_toml(shown, text, str(error)))
-            return None
-        except ValueError as error:  # a number of too many digits
-            self.problems.append(Diagnostic(shown, 1, 1, "R102", f"not readable: {error}"))
-            return None
-        except RecursionError:
-            what = "not readable: lists or tables are nested far too deeply"
-            self.problems.append(Diagnostic(shown, 1, 1, "R102", what))
-            return None
 
 
-def not_toml(shown: str, text: str, message: str) -> Diagnostic:
+def read_toml(path: Path, shown: str) -> tuple[str, dict[str, Any]]:
+    """Text and table of a TOML file; the table is shared by all who read the same text.
+
+    Raises:
+        RuleErrors: it is no TOML; ``shown`` is its path in the message.
+        OSError: it cannot be opened.
+    """
+    text = ""
+    try:
+        text = path.read_text(encoding="utf-8")
+        return text, _parse(text)
+    except UnicodeDecodeError as error:
+        what = f"not UTF-8 text: {error.reason} at byte {error.start}"
+        problem = Diagnostic(shown, 1, 1, "R101", what)
+    except tomllib.TOMLDecodeError as error:
+        problem = _not_toml(shown, text, str(error))
+    except ValueError as error:  # a number of too many digits
+        problem = Diagnostic(shown, 1, 1, "R102", f"not readable: {error}")
+    except RecursionError:
+        what = "not readable: lists or tables are nested far too deeply"
+        problem = Diagnostic(shown, 1, 1, "R102", what)
+    raise RuleErrors([problem])
+
+
+def _not_toml(shown: str, text: str, message: str) -> Diagnostic:
     """The problem that the TOML parser reports, at the place that it names."""
     match = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
     lines = text.split("\n")
