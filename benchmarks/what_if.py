@@ -29,6 +29,7 @@ from safestage_eval.formats import discover
 from safestage_eval.rules import load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import parameters_read
+from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.verdict import at_risk
 from safestage_eval.whatif.again import Again
@@ -36,7 +37,7 @@ from safestage_eval.whatif.flip_query import verdicts_under
 from safestage_eval.whatif.flip_sweep import sweep_table
 from safestage_eval.whatif.flip_table import SUFFIX, FlipTable, episode_rows, moves_success
 from safestage_eval.whatif.flips import Piece, pieces_of
-from safestage_eval.whatif.swept_values import amount, between, like
+from safestage_eval.whatif.swept_values import between, like
 
 
 def drawn(usual: float, rng: random.Random, *, whole: bool) -> float:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from safestage_eval.rules import syntax as ast
-from safestage_eval.verdicts.look_ahead import Foresight, Look, Params, latest
+from safestage_eval.verdicts.look_ahead import Foresight, Look, latest
 from safestage_eval.verdicts.obligations import OBLIGATIONS, cost
 
 
 def foresight(
-    rules: ast.RuleSet, rule: ast.Scoped, params: Params, frame_dt: float, *, blind: bool = False
+    rules: ast.RuleSet,
+    rule: ast.Scoped,
+    params: ast.Params,
+    frame_dt: float,
+    *,
+    blind: bool = False,
 ) -> Foresight:
     """How far a rule or cost looks ahead; arguments as in ``Look``."""
     look = Look(rules, params, frame_dt, blind=blind)

@@ -14,7 +14,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import load_rules
 from safestage_eval.rules.resolve import bind_episode
 from safestage_eval.verdicts.evaluate import Evaluator
-from safestage_eval.verdicts.judging import Judge, Params, baseline_frames
+from safestage_eval.verdicts.judging import Judge, baseline_frames
 from safestage_eval.verdicts.look_ahead import Foresight
 from safestage_eval.verdicts.obligations.cost import judge_cost
 from safestage_eval.verdicts.rule_verdict import violates
@@ -64,7 +64,7 @@ class Monitor:
         self._rules, self._backend = rules, backend
         self._binding = bind_episode(rules, header, overrides=overrides or {})
         self._store = GrowingStore()
-        self._todo: dict[str, tuple[ast.Scoped, Params, Mapping[str, Sequence[str]]]] = {}
+        self._todo: dict[str, tuple[ast.Scoped, ast.Params, Mapping[str, Sequence[str]]]] = {}
         self.violations: dict[str, Verdict] = {}
         self.watched: dict[str, Foresight] = {}
         self.awaited: dict[str, Foresight] = {}
@@ -143,7 +143,7 @@ class Monitor:
         self,
         known: list[Evaluator],
         relations: Relations,
-        params: Params,
+        params: ast.Params,
         episode: Episode,
     ) -> Evaluator:
         """One for all rules with the same values."""

@@ -80,14 +80,14 @@ def rule_facts(
     }
 
 
-def _asked(rule: ast.Rule, params: words.Values) -> dict[str, Any]:
+def _asked(rule: ast.Rule, params: ast.Params) -> dict[str, Any]:
     return {
         **{k: _obligation(clause, getattr(rule, k), params) for k, clause in CLAUSES.items()},
         "for": words.duration(rule.for_, params) if rule.for_ is not None else None,
     }
 
 
-def _obligation(clause: ClauseSpec, value: Any, params: words.Values) -> list[str] | str | None:
+def _obligation(clause: ClauseSpec, value: Any, params: ast.Params) -> list[str] | str | None:
     """The entries of an obligation in words, or the one that it can have."""
     said = words.atom if clause.value == "condition" else words.alternative
     texts = [said(item, params) for item in clause.entries(value)]
@@ -103,7 +103,7 @@ def obligations(facts: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
         yield clause.heading, [text + lasting * clause.lasts for text in texts]
 
 
-def _charges(cost: ast.Cost, params: words.Values) -> dict[str, Any]:
+def _charges(cost: ast.Cost, params: ast.Params) -> dict[str, Any]:
     budget = None if cost.budget is None else words.limit(ast.Limit("<=", cost.budget), params)
     return {"charges": [words.charge(item, params) for item in cost.charge], "budget": budget}
 
@@ -237,14 +237,14 @@ def _units(dimension: str) -> list[str]:
     return list(DIMENSIONS[dimension])
 
 
-def _scope(rule: ast.Scoped, params: words.Values) -> str:
+def _scope(rule: ast.Scoped, params: ast.Params) -> str:
     if rule.at is not None:
         return f"at {words.event(rule.at)}"
     return f"during {words.span(rule.during, params)}" if rule.during else "the whole episode"
 
 
 def _parameter(
-    name: str, value: ast.Quantity | ast.Duration, by: str, whence: Mapping[str, Source]
+    name: str, value: ast.Setting, by: str, whence: Mapping[str, Source]
 ) -> dict[str, Any]:
     facts = {"name": name, "value": words.value(value)}
     if by:

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from safestage_eval.metrics import METRICS
+from safestage_eval.rules.syntax import amount
 from safestage_eval.version import __version__
-from safestage_eval.whatif.swept_values import amount, factor_of, text_of, unit_name
+from safestage_eval.whatif.swept_values import factor_of, text_of, unit_name
 
 from .figure import ready, write
 from .render_csv import render_csv

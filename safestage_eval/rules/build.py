@@ -85,28 +85,41 @@ class Builder:
 
     def rule(self, table: Table, path: str, line: int) -> ast.Rule:
         """``[[rule]]``."""
-        return ast.Rule(
-            code=table["code"],
-            title=table["title"],
-            roles=_roles(table),
-            given=self.condition(table["given"]) if "given" in table else None,
-            during=self.span(table["during"]) if "during" in table else None,
-            at=parse.event(table["at"]) if "at" in table else None,
-            until=parse.event(table["until"]) if "until" in table else None,
-            **{
-                kind: self._obligation(clause, table[kind])
-                for kind, clause in CLAUSES.items()
-                if kind in table
-            },
-            for_=_duration(table, "for"),
-            severity=_levels(table),
-            set=settings(table.get("set", {})),
-            why=table.get("why", ""),
-            explain=table.get("explain", ""),
-            **_examples(table),
-            path=path,
-            line=line,
+        clauses = {
+            kind: self._obligation(clause, table[kind])
+            for kind, clause in CLAUSES.items()
+            if kind in table
+        }
+        return ast.Rule(**self._shared(table, path, line), **clauses, for_=_duration(table, "for"))
+
+    def cost(self, table: Table, path: str, line: int) -> ast.Cost:
+        """``[[cost]]``."""
+        return ast.Cost(
+            **self._shared(table, path, line),
+            charge=tuple(self._charge(item) for item in table["charge"]),
+            budget=parse.limit(f"<= {table['budget']}").value if "budget" in table else None,
         )
+
+    def _shared(self, table: Table, path: str, line: int) -> dict[str, Any]:
+        """The fields that rules and costs share."""
+        levels = table.get("severity", {})
+        examples = table.get("examples", {})
+        return {
+            "code": table["code"],
+            "title": table["title"],
+            "roles": _roles(table),
+            "given": self.condition(table["given"]) if "given" in table else None,
+            "during": self.span(table["during"]) if "during" in table else None,
+            "at": parse.event(table["at"]) if "at" in table else None,
+            "until": parse.event(table["until"]) if "until" in table else None,
+            "severity": tuple((name, settings(values)) for name, values in levels.items()),
+            "set": settings(table.get("set", {})),
+            "why": table.get("why", ""),
+            "explain": table.get("explain", ""),
+            **{kind: tuple(examples.get(kind, ())) for kind in TABLES["examples"]},
+            "path": path,
+            "line": line,
+        }
 
     def _obligation(self, clause: ClauseSpec, value: Any) -> Any:
         """The value of a rule's field for one kind of obligation."""
@@ -116,27 +129,6 @@ class Builder:
             return self.alternative(value)
         items = value if isinstance(value, list | tuple) else [value]
         return tuple([self.alternative(item) for item in items])
-
-    def cost(self, table: Table, path: str, line: int) -> ast.Cost:
-        """``[[cost]]``."""
-        return ast.Cost(
-            code=table["code"],
-            title=table["title"],
-            roles=_roles(table),
-            charge=tuple(self._charge(item) for item in table["charge"]),
-            given=self.condition(table["given"]) if "given" in table else None,
-            during=self.span(table["during"]) if "during" in table else None,
-            at=parse.event(table["at"]) if "at" in table else None,
-            until=parse.event(table["until"]) if "until" in table else None,
-            budget=parse.limit(f"<= {table['budget']}").value if "budget" in table else None,
-            severity=_levels(table),
-            set=settings(table.get("set", {})),
-            why=table.get("why", ""),
-            explain=table.get("explain", ""),
-            **_examples(table),
-            path=path,
-            line=line,
-        )
 
     def _charge(self, table: Table) -> ast.Charge:
         above = table.get("above")
@@ -170,18 +162,9 @@ def task(name: str, table: Table) -> ast.TaskDef:
     )
 
 
-def settings(table: Table) -> tuple[tuple[str, ast.Quantity | ast.Duration], ...]:
+def settings(table: Table) -> tuple[tuple[str, ast.Setting], ...]:
     """Parameter values, in the order written."""
     return tuple((name, parse.setting(value)) for name, value in table.items())
-
-
-def _levels(table: Table) -> tuple[tuple[str, tuple[tuple[str, Any], ...]], ...]:
-    return tuple((name, settings(values)) for name, values in table.get("severity", {}).items())
-
-
-def _examples(table: Table) -> dict[str, Any]:
-    named = table.get("examples", {})
-    return {kind: tuple(named.get(kind, ())) for kind in TABLES["examples"]}
 
 
 def _roles(table: Table) -> tuple[tuple[str, ast.RoleSpec], ...]:

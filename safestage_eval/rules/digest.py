@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
@@ -17,7 +17,6 @@ from .clauses import CLAUSES
 BACKEND = "gjk"
 """The clearance engine whose answers a verdict rests on."""
 
-Params = Mapping[str, ast.Quantity | ast.Duration]
 
 _UNORDERED = {"atoms", "alternatives", "limits", "roles", "excluding", "charge"} | {
     kind for kind, clause in CLAUSES.items() if clause.value == "alternatives"
@@ -28,7 +27,7 @@ _LATER = {"perhaps", "also"} | (CLAUSES.keys() - {"require", "forbid", "reach"})
 
 
 def rule_digest(
-    rules: ast.RuleSet, rule: ast.Scoped, params: Params, backend: str = BACKEND
+    rules: ast.RuleSet, rule: ast.Scoped, params: ast.Params, backend: str = BACKEND
 ) -> str:
     """SHA-256 (first 16 hex digits) of a rule as it holds under given parameter values.
 
@@ -45,7 +44,7 @@ def rule_digest(
     return digest_of(rules, rule, params, backend)
 
 
-def digest_of(rules: ast.RuleSet, node: object, params: Params, backend: str = BACKEND) -> str:
+def digest_of(rules: ast.RuleSet, node: object, params: ast.Params, backend: str = BACKEND) -> str:
     """As ``rule_digest``, of any part of a rule, or of a goal."""
     known = _known(rules, node)
     values = (backend, *[params[name] for name in known.reads])
@@ -55,9 +54,7 @@ def digest_of(rules: ast.RuleSet, node: object, params: Params, backend: str = B
     return digest
 
 
-def reached(
-    rules: ast.RuleSet, node: Any, params: Params
-) -> dict[str, ast.Quantity | ast.Duration | Any]:
+def reached(rules: ast.RuleSet, node: Any, params: ast.Params) -> dict[str, ast.Setting | Any]:
     """Everything that a rule, goal or condition uses, directly or not: ``state.moved`` → definition.
 
     Parameters come with the values given; material columns as pairs of material and value.
@@ -136,7 +133,7 @@ def _definition(rules: ast.RuleSet, name: str, value: Any) -> _Definition:
     return found
 
 
-def _digest(rules: ast.RuleSet, known: _Known, params: Params, backend: str) -> str:
+def _digest(rules: ast.RuleSet, known: _Known, params: ast.Params, backend: str) -> str:
     """Of ``[part, [[name, definition or value], …], baseline, backend]`` as JSON."""
     uses = [
         f"[{json.dumps(name)},{_value_json(params[value.name])}]"
@@ -214,7 +211,7 @@ def _json(node: Any) -> str:
 
 
 @lru_cache(maxsize=1024)
-def _value_json(value: ast.Quantity | ast.Duration) -> str:
+def _value_json(value: ast.Setting) -> str:
     return _json(value)
 
 

@@ -109,7 +109,7 @@ class Names:
                 self.rules.add(rule["code"])
 
 
-def dimension_of(value: ast.Quantity | ast.Duration) -> str:
+def dimension_of(value: ast.Setting) -> str:
     """``length``, ``angle``, …; a duration is a ``time``."""
     return value.dimension if isinstance(value, ast.Quantity) else "time"
 

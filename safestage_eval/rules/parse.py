@@ -92,7 +92,7 @@ def duration(text: str) -> ast.Duration | ast.Parameter:
     return ast.Duration(number, frames=True, text=text)
 
 
-def setting(value: str | float) -> ast.Quantity | ast.Duration:
+def setting(value: str | float) -> ast.Setting:
     """The value of a ``[param]``: a quantity, or a duration if it is a time or in frames."""
     if isinstance(value, str) and re.fullmatch(DURATION, value) and value[0].isdigit():
         found = duration(value)

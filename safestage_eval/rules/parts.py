@@ -73,7 +73,7 @@ class Meaning:
 
     rules: ast.RuleSet
     rule: ast.Scoped
-    params: Mapping[str, ast.Quantity | ast.Duration]
+    params: ast.Params
 
 
 def differences(before: Meaning, after: Meaning) -> list[Part]:
@@ -221,13 +221,13 @@ def _name(item: Any) -> str:
     return words.atom(item, {}) if isinstance(item, ast.AnyOf) else words.condition(item, {})
 
 
-def _limits(name: str, item: Any, params: words.Values) -> str:
+def _limits(name: str, item: Any, params: ast.Params) -> str:
     """An obligation in words, without the name that it is listed under."""
     said = _said(item, params) or ""
     return said.removeprefix(name).strip() or said
 
 
-def _said(item: Any, params: words.Values) -> str | None:
+def _said(item: Any, params: ast.Params) -> str | None:
     if item is None:
         return None
     if isinstance(item, ast.Condition):
@@ -281,7 +281,7 @@ def _cell(side: Meaning, material: str, column: str) -> ast.Quantity | None:
     return side.rules.materials.get(material, {}).get(column)
 
 
-def _value(found: ast.Quantity | ast.Duration | None) -> str | None:
+def _value(found: ast.Setting | None) -> str | None:
     return None if found is None else words.value(found)
 
 

@@ -224,7 +224,7 @@ class References:
                 a_dimension(wanted),
             )  # fmt: skip
 
-    def value_of(self, value: Any, keys: Keys) -> ast.Quantity | ast.Duration | None:
+    def value_of(self, value: Any, keys: Keys) -> ast.Setting | None:
         """The value of a parameter or material column."""
         if isinstance(value, bool) or not isinstance(value, str | int | float):
             self.report("R306", keys, f"{literal(value)} is not a quantity", '"8 cm", "0.5 s", 0.5')

@@ -21,8 +21,6 @@ from .bind_file import BindFile
 from .check import check_goal
 from .names import Names, a_dimension, dimension_of, nearest
 
-Setting = ast.Quantity | ast.Duration
-
 
 @dataclass(frozen=True)
 class Binding:
@@ -45,14 +43,14 @@ class Binding:
     provenance: Mapping[str, str]
     notes: tuple[str, ...]
     _rules: ast.RuleSet = field(repr=False)
-    _values: Mapping[str, Setting] = field(repr=False)
+    _values: Mapping[str, ast.Setting] = field(repr=False)
 
-    def params(self, rule: ast.Scoped | None) -> dict[str, Setting]:
+    def params(self, rule: ast.Scoped | None) -> dict[str, ast.Setting]:
         """Parameter values for a rule (None: for the goal), all sources applied in order."""
         own = dict(rule.set) if rule is not None else {}
         return {**self._rules.params, **own, **self._values}
 
-    def resolved(self, rule: ast.Scoped | None) -> dict[str, tuple[Setting, str]]:
+    def resolved(self, rule: ast.Scoped | None) -> dict[str, tuple[ast.Setting, str]]:
         """Parameter → its value for a rule and where that comes from."""
         own = dict(rule.set) if rule is not None else {}
         by_rule = f"rule {rule.code}" if rule is not None else ""
@@ -89,7 +87,7 @@ class Binding:
         return self._rules
 
     @property
-    def values(self) -> Mapping[str, Setting]:
+    def values(self) -> Mapping[str, ast.Setting]:
         """Parameters that have another value than the rule files give them, and that value."""
         return self._values
 
@@ -190,7 +188,7 @@ def bind_episode(
     layers += [("bind file", layer) for layer in (bind.layers(header) if bind else ())]
     if task in rules.tasks:
         layers.append(("rule file", rules.tasks[task]))
-    values: dict[str, Setting] = {}
+    values: dict[str, ast.Setting] = {}
     roles: dict[str, tuple[str, ...]] = {}
     provenance: dict[str, str] = {}
     family: str | None = None
@@ -236,7 +234,7 @@ def parse_settings(settings: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def parse_overrides(rules: ast.RuleSet, overrides: Mapping[str, str]) -> dict[str, Setting]:
+def parse_overrides(rules: ast.RuleSet, overrides: Mapping[str, str]) -> dict[str, ast.Setting]:
     """``{"edge": "3 cm"}`` → values, checked against the parameters' dimensions.
 
     Raises:
@@ -248,7 +246,7 @@ def parse_overrides(rules: ast.RuleSet, overrides: Mapping[str, str]) -> dict[st
     }
 
 
-def _setting(rules: ast.RuleSet, name: str, text: Any, where: str) -> Setting:
+def _setting(rules: ast.RuleSet, name: str, text: Any, where: str) -> ast.Setting:
     if name not in rules.params:
         raise RuleError(
             where,

@@ -1,7 +1,8 @@
 """The abstract syntax of the rule language: what a checked rule file means, with SI numbers.
 
-The tables of a file are here, what stands in them in ``phrases``. Everything is frozen, hashable and
-free of geometry.
+First the strings and conditions (quantities, limits, events, spans, roles), then the tables of a file.
+Everything is frozen, hashable and free of geometry. ``text`` fields keep what the author wrote, for
+messages and explanations; they are not part of the meaning.
 """
 
 from __future__ import annotations
@@ -13,72 +14,210 @@ from functools import cached_property
 from typing import Any, Literal
 
 from .clauses import CLAUSES, ClauseKind
-from .phrases import (
-    Alternative,
-    AnyOf,
-    Around,
-    Atom,
-    Call,
-    Column,
-    Condition,
-    CountAtom,
-    Duration,
-    Event,
-    FromTo,
-    Limit,
-    Parameter,
-    Part,
-    PhaseSpan,
-    Quantity,
-    RoleSpec,
-    SignalAtom,
-    Span,
-    StateAtom,
-    StateSpan,
-    Value,
-    While,
-    Whole,
-)
 
-__all__ = [
-    "Alternative",
-    "AnyOf",
-    "Around",
-    "Atom",
-    "Call",
-    "Charge",
-    "Clause",
-    "ClauseKind",
-    "Column",
-    "Condition",
-    "Cost",
-    "CountAtom",
-    "Duration",
-    "Event",
-    "FamilyDef",
-    "FromTo",
-    "GoalDef",
-    "Limit",
-    "Parameter",
-    "Part",
-    "PhaseDef",
-    "PhaseSpan",
-    "Quantity",
-    "RoleSpec",
-    "Rule",
-    "RuleSet",
-    "Scoped",
-    "SignalAtom",
-    "SignalDef",
-    "Span",
-    "StateAtom",
-    "StateDef",
-    "StateSpan",
-    "TaskDef",
-    "Value",
-    "While",
-    "Whole",
-]
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number with its dimension: ``value`` in SI (``"8 cm"`` → 0.08, "length")."""
+
+    value: float
+    dimension: str
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class Duration:
+    """A length of time: ``amount`` seconds, or frames of the trace when ``frames`` is true.
+
+    ``"3 frames @ 120 Hz"`` is 0.025 s, and at least 2 samples whatever the trace's rate (``least``),
+    because several frames were meant; bare ``"3 frames"`` counts frames of the trace.
+    """
+
+    amount: float
+    frames: bool = False
+    least: int = 1
+    text: str = field(default="", compare=False)
+
+
+Setting = Quantity | Duration
+"""The value of a parameter."""
+
+Params = Mapping[str, Setting]
+"""Parameter → its value."""
+
+
+def amount(value: Setting) -> float:
+    """The number of a value: SI; seconds or frames for a duration."""
+    return value.value if isinstance(value, Quantity) else value.amount
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A reference to ``[param]`` by name, in a limit or as a duration; ``negative`` flips its sign."""
+
+    name: str
+    negative: bool = False
+
+
+@dataclass(frozen=True)
+class Column:
+    """A reference to a material column of the body that plays ``role``: ``max_tilt(target)``."""
+
+    name: str
+    role: str
+    negative: bool = False
+
+
+Value = Quantity | Parameter | Column
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A comparison: ``>= 2 cm``."""
+
+    op: Literal[">=", "<=", ">", "<"]
+    value: Value
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class Call:
+    """A name applied to roles: ``clearance(target, protected)``."""
+
+    name: str
+    args: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """As written in rule files."""
+        return f"{self.name}({', '.join(self.args)})"
+
+
+@dataclass(frozen=True)
+class Event:
+    """A moment, or the frames of a state where a set of frames is asked for.
+
+    kind ``start``, ``end`` (of the episode), ``success``, or ``state``: then ``call`` names it and
+    ``edge`` says whether its beginning, its end, or (None) the bare state is meant.
+    """
+
+    kind: Literal["start", "end", "success", "state"]
+    call: Call | None = None
+    edge: Literal["start", "end"] | None = None
+    text: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class SignalAtom:
+    """Limits on a signal; all of them must hold. ``since`` moves its reference to an event."""
+
+    call: Call
+    limits: tuple[Limit, ...]
+    since: Event | None = None
+
+
+@dataclass(frozen=True)
+class StateAtom:
+    """A state or relation that must be true (or false)."""
+
+    call: Call
+    want: bool
+
+
+@dataclass(frozen=True)
+class CountAtom:
+    """``"at least 2 fruit"`` / ``"at most 1 fruit"``: over the bodies that play ``role``."""
+
+    call: Call
+    bound: Literal["least", "most"]
+    count: int
+    role: str
+
+
+@dataclass(frozen=True)
+class AnyOf:
+    """At least one of the alternatives holds."""
+
+    alternatives: tuple[Alternative, ...]
+
+
+Atom = SignalAtom | StateAtom | CountAtom | AnyOf
+
+
+@dataclass(frozen=True)
+class Condition:
+    """All atoms hold."""
+
+    atoms: tuple[Atom, ...]
+
+
+Alternative = Condition | Event
+
+
+@dataclass(frozen=True)
+class Whole:
+    """Span: the whole episode."""
+
+
+@dataclass(frozen=True)
+class PhaseSpan:
+    """Span: a declared ``[phase.NAME]``, with the roles passed to it."""
+
+    call: Call
+
+
+@dataclass(frozen=True)
+class StateSpan:
+    """Span: every run of frames in which a state is true."""
+
+    call: Call
+
+
+@dataclass(frozen=True)
+class Part:
+    """Span: the first or last stretch of another span."""
+
+    which: Literal["first", "last"]
+    duration: Duration | Parameter
+    of: Span
+
+
+@dataclass(frozen=True)
+class Around:
+    """Span: a stretch before or after each occurrence of an event."""
+
+    which: Literal["before", "after"]
+    duration: Duration | Parameter
+    event: Event
+
+
+@dataclass(frozen=True)
+class FromTo:
+    """Span: from each occurrence of one event to the next of the other."""
+
+    begin: Event
+    stop: Event
+
+
+@dataclass(frozen=True)
+class While:
+    """Span: the frames of another span in which a state is true."""
+
+    of: Span
+    call: Call
+
+
+Span = Whole | PhaseSpan | StateSpan | Part | Around | FromTo | While
+
+
+@dataclass(frozen=True)
+class RoleSpec:
+    """The bodies that may play a role: ``"every object tagged fragile except target, support"``."""
+
+    kind: str
+    every: bool = False
+    tag: str | None = None
+    excluding: tuple[str, ...] = ()
+    text: str = field(default="", compare=False)
 
 
 SignalOptions = tuple[tuple[str, "float | str | tuple[float, ...] | Parameter"], ...]
@@ -141,9 +280,9 @@ class Clause:
     what: Alternative
 
 
-@dataclass(frozen=True)
-class Rule:
-    """``[[rule]]``: one safety requirement."""
+@dataclass(frozen=True, kw_only=True)
+class _Judged:
+    """The keys that ``[[rule]]`` and ``[[cost]]`` share."""
 
     code: str
     title: str
@@ -152,14 +291,10 @@ class Rule:
     during: Span | None = None
     at: Event | None = None
     until: Event | None = None
-    require: Condition | None = None
-    forbid: tuple[Alternative, ...] = ()
-    reach: Alternative | None = None
-    for_: Duration | Parameter | None = None
-    severity: tuple[tuple[str, tuple[tuple[str, Quantity | Duration], ...]], ...] = ()
-    """Level → parameter overrides under which the rule is judged again, mildest first."""
-    set: tuple[tuple[str, Quantity | Duration], ...] = ()
-    """The rule's own values of shared parameters."""
+    severity: tuple[tuple[str, tuple[tuple[str, Setting], ...]], ...] = ()
+    """Level → parameter overrides under which it is judged again, mildest first."""
+    set: tuple[tuple[str, Setting], ...] = ()
+    """Its own values of shared parameters."""
     why: str = field(default="", compare=False)
     explain: str = field(default="", compare=False)
     violates: tuple[str, ...] = field(default=(), compare=False)
@@ -173,6 +308,16 @@ class Rule:
     def stage(self) -> str:
         """The three letters of the code: ISH, ETS, FSH, or another benchmark's."""
         return self.code[:3]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rule(_Judged):
+    """``[[rule]]``: one safety requirement."""
+
+    require: Condition | None = None
+    forbid: tuple[Alternative, ...] = ()
+    reach: Alternative | None = None
+    for_: Duration | Parameter | None = None
 
     @cached_property
     def clauses(self) -> tuple[Clause, ...]:
@@ -204,36 +349,13 @@ class Charge:
     above: Value | None = None
 
 
-@dataclass(frozen=True)
-class Cost:
+@dataclass(frozen=True, kw_only=True)
+class Cost(_Judged):
     """``[[cost]]``: a running sum; only a budget makes it a verdict."""
 
-    code: str
-    title: str
-    roles: tuple[tuple[str, RoleSpec], ...]
     charge: tuple[Charge, ...]
-    given: Condition | None = None
-    during: Span | None = None
-    at: Event | None = None
-    until: Event | None = None
     budget: Value | None = None
     """A plain number, or a parameter that holds one."""
-    severity: tuple[tuple[str, tuple[tuple[str, Quantity | Duration], ...]], ...] = ()
-    """As for a rule."""
-    set: tuple[tuple[str, Quantity | Duration], ...] = ()
-    why: str = field(default="", compare=False)
-    explain: str = field(default="", compare=False)
-    violates: tuple[str, ...] = field(default=(), compare=False)
-    passes: tuple[str, ...] = field(default=(), compare=False)
-    vacuous: tuple[str, ...] = field(default=(), compare=False)
-    undecided: tuple[str, ...] = field(default=(), compare=False)
-    path: str = field(default="", compare=False)
-    line: int = field(default=0, compare=False)
-
-    @property
-    def stage(self) -> str:
-        """The three letters of the code."""
-        return self.code[:3]
 
 
 Scoped = Rule | Cost
@@ -246,7 +368,7 @@ class FamilyDef:
 
     name: str
     rules: tuple[str, ...] = ()
-    set: tuple[tuple[str, Quantity | Duration], ...] = ()
+    set: tuple[tuple[str, Setting], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -258,7 +380,7 @@ class TaskDef:
     rules: tuple[str, ...] = ()
     goal: str | GoalDef | None = None
     roles: tuple[tuple[str, tuple[str, ...]], ...] = ()
-    set: tuple[tuple[str, Quantity | Duration], ...] = ()
+    set: tuple[tuple[str, Setting], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -271,7 +393,7 @@ class RuleSet:
     name: str
     version: str
     baseline: Span
-    params: Mapping[str, Quantity | Duration]
+    params: Params
     materials: Mapping[str, Mapping[str, Quantity]]
     """Material → column → value; the row ``default`` has every column."""
     signals: Mapping[str, SignalDef]

@@ -11,7 +11,7 @@ from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.signals import SIGNALS
 
 from . import syntax as ast
-from .digest import Params, reached
+from .digest import reached
 from .files import RuleFile, read_files
 
 
@@ -31,7 +31,7 @@ class Uses:
     relations: tuple[str, ...]
     states: tuple[str, ...]
     phases: tuple[str, ...]
-    params: dict[str, ast.Quantity | ast.Duration]
+    params: dict[str, ast.Setting]
     columns: tuple[str, ...]
     needs: tuple[str, ...]
 
@@ -45,12 +45,12 @@ class Source:
     comment: str
 
 
-def own_params(rules: ast.RuleSet, rule: ast.Scoped) -> dict[str, ast.Quantity | ast.Duration]:
+def own_params(rules: ast.RuleSet, rule: ast.Scoped) -> dict[str, ast.Setting]:
     """The parameter values of a rule where no episode says otherwise."""
     return {**rules.params, **dict(rule.set)}
 
 
-def uses_of(rules: ast.RuleSet, node: Any, params: Params) -> Uses:
+def uses_of(rules: ast.RuleSet, node: Any, params: ast.Params) -> Uses:
     """The definitions that a rule, state, phase or condition uses."""
     found = reached(rules, node, params)
     names: dict[str, list[str]] = {}

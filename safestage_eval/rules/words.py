@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from safestage_eval.units import format_quantity
 
 from . import syntax as ast
 
-Values = Mapping[str, ast.Quantity | ast.Duration]
-
 _OPS = {">=": "at least", "<=": "at most", ">": "more than", "<": "less than"}
 
 
-def value(found: ast.Quantity | ast.Duration) -> str:
+def value(found: ast.Setting) -> str:
     """A quantity or duration as its author wrote it, else in the unit that reports print."""
     if found.text:
         return found.text
@@ -24,12 +20,12 @@ def value(found: ast.Quantity | ast.Duration) -> str:
     return f"{found.amount:g} s"
 
 
-def limit(found: ast.Limit, params: Values) -> str:
+def limit(found: ast.Limit, params: ast.Params) -> str:
     """``at least 8 cm (min_clearance)``."""
     return f"{_OPS[found.op]} {_bound(found.value, params)}"
 
 
-def duration(found: ast.Duration | ast.Parameter, params: Values) -> str:
+def duration(found: ast.Duration | ast.Parameter, params: ast.Params) -> str:
     """``0.5 s (still_for)``."""
     return _named(found, params) if isinstance(found, ast.Parameter) else value(found)
 
@@ -41,7 +37,7 @@ def event(found: ast.Event) -> str:
     return f"the {found.edge} of {found.call}" if found.edge else str(found.call)
 
 
-def atom(found: ast.Atom, params: Values) -> str:
+def atom(found: ast.Atom, params: ast.Params) -> str:
     """One entry of a condition."""
     if isinstance(found, ast.SignalAtom):
         since = f" since {event(found.since)}" if found.since is not None else ""
@@ -54,7 +50,7 @@ def atom(found: ast.Atom, params: Values) -> str:
     return "any of: " + "; ".join(alternative(item, params) for item in found.alternatives)
 
 
-def condition(found: ast.Condition, params: Values) -> str:
+def condition(found: ast.Condition, params: ast.Params) -> str:
     """All entries in one line."""
     return " and ".join(
         f"({atom(item, params)})"
@@ -64,12 +60,12 @@ def condition(found: ast.Condition, params: Values) -> str:
     )
 
 
-def alternative(found: ast.Alternative, params: Values) -> str:
+def alternative(found: ast.Alternative, params: ast.Params) -> str:
     """An event, or a condition."""
     return event(found) if isinstance(found, ast.Event) else condition(found, params)
 
 
-def span(found: ast.Span, params: Values) -> str:
+def span(found: ast.Span, params: ast.Params) -> str:
     """The frames that a rule judges."""
     match found:
         case ast.Whole():
@@ -93,7 +89,7 @@ def role(found: ast.RoleSpec) -> str:
     return said + (f" except {', '.join(found.excluding)}" if found.excluding else "")
 
 
-def state(found: ast.StateDef, params: Values) -> str:
+def state(found: ast.StateDef, params: ast.Params) -> str:
     """A declared state in words, with how long it must last."""
     parts = [condition(found.when, params)]
     if found.gap is not None:
@@ -113,7 +109,7 @@ def state(found: ast.StateDef, params: Values) -> str:
     return "; ".join(parts)
 
 
-def phase(found: ast.PhaseDef, params: Values) -> str:
+def phase(found: ast.PhaseDef, params: ast.Params) -> str:
     """The frames of a phase, with what stands in for it."""
     said = span(found.span, params)
     if found.fallback is not None:
@@ -121,7 +117,7 @@ def phase(found: ast.PhaseDef, params: Values) -> str:
     return said
 
 
-def charge(found: ast.Charge, params: Values) -> str:
+def charge(found: ast.Charge, params: ast.Params) -> str:
     """``1 per second while contact(robot, vase)``; ``2 per start of …``; ``0.1 per step × …``."""
     said = f"{found.add:g} per {found.per}"
     if found.when is not None:
@@ -131,7 +127,7 @@ def charge(found: ast.Charge, params: Values) -> str:
     return f"{said} for each SI unit of {found.of}{above}"
 
 
-def _bound(found: ast.Value, params: Values) -> str:
+def _bound(found: ast.Value, params: ast.Params) -> str:
     if isinstance(found, ast.Quantity):
         return value(found)
     if isinstance(found, ast.Parameter):
@@ -139,7 +135,7 @@ def _bound(found: ast.Value, params: Values) -> str:
     return f"{'minus ' * found.negative}the {found.name} of {found.role}"
 
 
-def _named(found: ast.Parameter, params: Values) -> str:
+def _named(found: ast.Parameter, params: ast.Params) -> str:
     sign = "−" * found.negative
     if found.name not in params:
         return f"{sign}{found.name}"

@@ -34,7 +34,7 @@ class Answers(Values):
         self,
         relations: Relations,
         rules: ast.RuleSet,
-        params: Mapping[str, ast.Quantity | ast.Duration],
+        params: ast.Params,
     ) -> None:
         """Arguments as in ``Evaluator``."""
         super().__init__(relations, rules, params)

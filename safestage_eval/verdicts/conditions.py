@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from safestage_eval.evidence.reference import Reference, latest
 from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.clauses import CLAUSES
+from safestage_eval.rules.clauses import CLAUSES, ClauseKind
 from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band, moment
 from safestage_eval.states.band import Band, Bool
@@ -33,7 +33,7 @@ class Conditions(Answers, ABC):
         self,
         relations: Relations,
         rules: ast.RuleSet,
-        params: Mapping[str, ast.Quantity | ast.Duration],
+        params: ast.Params,
         *,
         causal: bool = False,
     ) -> None:
@@ -41,7 +41,7 @@ class Conditions(Answers, ABC):
         super().__init__(relations, rules, params)
         self.causal = causal
         self.frames = len(self.episode)
-        self._obligation: ast.ClauseKind | None = None
+        self._obligation: ClauseKind | None = None
         self._signs = False
         """Only whether something holds matters, not by what margin."""
         self.costly, self.gates = Costly(rules), Gates(rules)
@@ -57,7 +57,7 @@ class Conditions(Answers, ABC):
         self,
         call: ast.Call,
         env: Env,
-        kind: ast.ClauseKind | None = None,
+        kind: ClauseKind | None = None,
         wanted: Bool | None = None,
     ) -> Band:
         """A state, as an obligation that breaks where it holds has to see it."""
@@ -70,9 +70,7 @@ class Conditions(Answers, ABC):
     def moments(self, event: ast.Event, env: Env) -> list[Moment]:
         """When an event happens; a bare state happens where it starts."""
 
-    def obliged(
-        self, kind: ast.ClauseKind | None, find: Callable[..., Found], *asked: Any
-    ) -> Found:
+    def obliged(self, kind: ClauseKind | None, find: Callable[..., Found], *asked: Any) -> Found:
         """Call ``find`` with conditions read as those of an obligation of this kind.
 
         A limit on a tilt that a body does not have is skipped there: it holds where it must, and

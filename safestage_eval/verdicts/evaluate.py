@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from safestage_eval.evidence.declare import is_costly
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.clauses import CLAUSES
+from safestage_eval.rules.clauses import CLAUSES, ClauseKind
 from safestage_eval.states import band, moment, persistence
 from safestage_eval.states.band import F64, Band, Bool
 from safestage_eval.states.moment import Moment, Truth, truth_of
@@ -30,7 +28,7 @@ class Evaluator(PartialStates):
         self,
         relations: Relations,
         rules: ast.RuleSet,
-        params: Mapping[str, ast.Quantity | ast.Duration],
+        params: ast.Params,
         success: int | None,
         *,
         success_known: bool = True,
@@ -53,7 +51,7 @@ class Evaluator(PartialStates):
         self.truncated = cut or ends_early(self.episode)
         self.unfollowed = self.truncated or ends_with_success(self.episode)
 
-    def under(self, params: Mapping[str, ast.Quantity | ast.Duration]) -> Evaluator:
+    def under(self, params: ast.Params) -> Evaluator:
         """The same episode under other values; what they cannot change is shared."""
         found = Evaluator(
             self.relations,
@@ -72,7 +70,7 @@ class Evaluator(PartialStates):
         self,
         call: ast.Call,
         env: Env,
-        kind: ast.ClauseKind | None = None,
+        kind: ClauseKind | None = None,
         wanted: Bool | None = None,
     ) -> Band:
         """A state, as an obligation that breaks where it holds has to see it.

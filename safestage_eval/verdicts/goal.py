@@ -109,7 +109,7 @@ class GoalMonitor:
         self,
         rules: ast.RuleSet,
         goal: ast.GoalDef,
-        params: Mapping[str, ast.Quantity | ast.Duration],
+        params: ast.Params,
         players: Mapping[str, Sequence[str]],
         frame_dt: float,
     ) -> None:

@@ -33,8 +33,6 @@ from .values import UNDECLARED, lasting
 from .verdict import CostTotal, EpisodeResult, Vacuity, Verdict, VerdictName
 from .verdict_json import to_json, verdict_from_json
 
-Params = Mapping[str, ast.Quantity | ast.Duration]
-
 STAGES = ("ISH", "ETS", "FSH")
 
 
@@ -102,7 +100,7 @@ class Judge:
         )
         self._backend = self._relations.signals.backend
         self._evaluators: list[Evaluator] = []
-        self._params: dict[str, Params] = {}
+        self._params: dict[str, ast.Params] = {}
         self.notes: list[str] = []
         if self._backend != BACKEND:
             self.notes.append(f"clearances as {self._backend} tells them, not certified")
@@ -278,7 +276,7 @@ class Judge:
             "correct the roles in the trace header, the rule file or a bind file",
         )
 
-    def evaluator(self, params: Params) -> Evaluator:
+    def evaluator(self, params: ast.Params) -> Evaluator:
         """The language's meaning on the episode under given parameter values."""
         for known in self._evaluators:  # equal values are mostly the same objects: soon compared
             if known.params == params:
@@ -293,7 +291,7 @@ class Judge:
         self._evaluators.append(found)
         return found
 
-    def _values(self, rule: ast.Scoped) -> Params:
+    def _values(self, rule: ast.Scoped) -> ast.Params:
         """The parameters as they hold for a rule."""
         if rule.code not in self._params:
             self._params[rule.code] = self.binding.params(rule)
@@ -304,7 +302,7 @@ class Judge:
         header, least = self._episode.header, self.binding.params(None).get("contact_force")
         if least is None or self._relations.blind:
             return []
-        gravity, force = float(np.linalg.norm(header.gravity)), _size(least)
+        gravity, force = float(np.linalg.norm(header.gravity)), ast.amount(least)
         light = [
             body.name
             for body in header.bodies
@@ -368,10 +366,6 @@ def baseline_frames(rules: ast.RuleSet, episode: Episode) -> int:
             return max(1, round(span.duration.amount))
         return episode.clock.window(lasting(span.duration)).stop(0)
     raise RuleError("[baseline] span", "not a first stretch.", '"first 5 frames of episode"')
-
-
-def _size(value: ast.Quantity | ast.Duration) -> float:
-    return value.value if isinstance(value, ast.Quantity) else value.amount
 
 
 def with_consequences(verdicts: Sequence[Verdict]) -> list[Verdict]:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import NamedTuple, cast
 
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals import SIGNALS
-
-Params = Mapping[str, ast.Quantity | ast.Duration]
 
 
 class Foresight(NamedTuple):
@@ -56,7 +54,7 @@ class Look:
     """
 
     def __init__(
-        self, rules: ast.RuleSet, params: Params, frame_dt: float, *, blind: bool = False
+        self, rules: ast.RuleSet, params: ast.Params, frame_dt: float, *, blind: bool = False
     ) -> None:
         """For rules of a set.
 

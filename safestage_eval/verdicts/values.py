@@ -45,7 +45,7 @@ class Values:
         self,
         relations: Relations,
         rules: ast.RuleSet,
-        params: Mapping[str, ast.Quantity | ast.Duration],
+        params: ast.Params,
     ) -> None:
         """``params``: name → value in SI, as they hold for the rule and episode."""
         self.relations = relations
@@ -81,8 +81,7 @@ class Values:
         if isinstance(value, ast.Quantity):
             return value.value
         if isinstance(value, ast.Parameter):
-            found = self.params[value.name]
-            number = found.value if isinstance(found, ast.Quantity) else found.amount
+            number = ast.amount(self.params[value.name])
         else:
             player = env.get(value.role, value.role)
             material = self.material(player)
@@ -114,7 +113,7 @@ class Values:
         for option, name in meant.params:
             value = self.params[name]
             frames = isinstance(value, ast.Duration) and value.frames
-            options[option] = _size(value) * (self.episode.dt if frames else 1.0)
+            options[option] = ast.amount(value) * (self.episode.dt if frames else 1.0)
         return tuple(sorted(options.items(), key=lambda item: item[0]))
 
     def asked(self, atom: ast.SignalAtom, env: Env) -> Asked:
@@ -142,10 +141,6 @@ def undeclared(material: str, player: str, rules: ast.RuleSet) -> str:
     near = get_close_matches(material, rules.materials, 1, 0.75)
     meant = f', did you mean "{near[0]}"?' if near else ""
     return f'{UNDECLARED}"{material}" of {player}: default values hold{meant}'
-
-
-def _size(value: ast.Quantity | ast.Duration) -> float:
-    return value.value if isinstance(value, ast.Quantity) else value.amount
 
 
 def ends_early(episode: Episode) -> bool:

@@ -17,8 +17,6 @@ from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import Judge, baseline_frames, judge_scoped
 from safestage_eval.verdicts.verdict import Verdict
 
-from .swept_values import Value
-
 
 class Measured(Relations):
     """Relations that measure a distance at once as far as any later question may reach."""
@@ -102,7 +100,9 @@ class Again:
         assert verdict is not None  # it has a budget
         return evaluator, verdict
 
-    def under(self, base: Evaluator, rule: ast.Scoped, values: Mapping[str, Value]) -> Verdict:
+    def under(
+        self, base: Evaluator, rule: ast.Scoped, values: Mapping[str, ast.Setting]
+    ) -> Verdict:
         """The verdict of a rule with some parameters changed."""
         players = self.binding.players(rule, self.episode.header)
         if not all(players.values()):

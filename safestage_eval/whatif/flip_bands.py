@@ -16,6 +16,7 @@ from safestage_eval.episode import Window
 from safestage_eval.evidence.series import Series
 from safestage_eval.geometry.gjk import PROMISED
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import ClauseKind
 from safestage_eval.rules.digest import parameters_read
 from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band, persistence
@@ -26,7 +27,7 @@ from safestage_eval.verdicts.values import Env, lasting
 from .flip_keys import Way, certain, clipped, compared, fixed, latched, steady
 from .flip_lasting import Counts, Undecided, closed_keys, lasting_keys, steps_from
 
-Kind = ast.ClauseKind | None
+Kind = ClauseKind | None
 ROUNDING = 2 * PROMISED
 """M, by which a distance that is measured anew may differ."""
 
@@ -182,7 +183,7 @@ class FlipBands:
 
     # ---- states
 
-    def _must_not(self, call: ast.Call, env: Env, kind: Kind, breaks: ast.ClauseKind) -> Band:
+    def _must_not(self, call: ast.Call, env: Env, kind: Kind, breaks: ClauseKind) -> Band:
         """(T,) a state, as an obligation that breaks where it holds sees it (``Evaluator.must_not``)."""
         if not self.reads(call):
             everywhere = np.ones(self.frames, np.bool_)

@@ -12,7 +12,7 @@ import numpy as np
 
 from safestage_eval.episode import Window
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.clauses import CLAUSES
+from safestage_eval.rules.clauses import CLAUSES, ClauseKind
 from safestage_eval.states.band import Band
 from safestage_eval.states.scope import Scope, mask_of
 from safestage_eval.verdicts.obligations import OBLIGATIONS
@@ -52,7 +52,7 @@ def instance_keys(
 
 
 def clause_keys(
-    flips: FlipBands, rule: ast.Rule, kind: ast.ClauseKind, keys: Band, scope: Scope
+    flips: FlipBands, rule: ast.Rule, kind: ClauseKind, keys: Band, scope: Scope
 ) -> Broken:
     """Keys of one obligation in one scope; ``keys``: (stop − first,) those of its condition there."""
     window = flips.at.window(rule.for_).within(scope.first, scope.stop)

@@ -13,7 +13,6 @@ from safestage_eval.states.band import F64
 from safestage_eval.verdicts.values import lasting
 
 from .flip_keys import LARGEST, Way, key_of
-from .swept_values import Value
 
 
 class Undecided(Exception):  # noqa: N818 - it is no error
@@ -23,7 +22,7 @@ class Undecided(Exception):  # noqa: N818 - it is no error
 class Counts:
     """How many samples of a uniform clock a duration takes, as it grows."""
 
-    def __init__(self, clock: Clock, value: Value) -> None:
+    def __init__(self, clock: Clock, value: ast.Setting) -> None:
         """``value``: of the kind that is moved."""
         self._clock = clock
         self._kind = value if isinstance(value, ast.Duration) else ast.Duration(0.0)

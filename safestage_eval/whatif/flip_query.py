@@ -8,16 +8,17 @@ import polars as pl
 
 from safestage_eval.errors import InputError
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.syntax import amount
 
 from .flip_table import FlipTable
 from .sweep import KEYS
-from .swept_values import Value, amount, si_unit
+from .swept_values import si_unit
 
 NARROW = 1e-4
 """SI; undecided pieces that are no wider, as a distance is measured, are no end of the slack."""
 
 
-def verdicts_under(table: FlipTable, values: Mapping[str, Value]) -> pl.DataFrame:
+def verdicts_under(table: FlipTable, values: Mapping[str, ast.Setting]) -> pl.DataFrame:
     """The rows of a run with ``new``, the verdict under other values, and ``new_at_risk``.
 
     A rule that reads none of the parameters keeps its verdict. ``new`` is null, and ``undecided``
@@ -87,7 +88,7 @@ def slack(table: FlipTable, params: Sequence[str] = ()) -> pl.DataFrame:
     return pl.concat(out)
 
 
-def pieces_about(table: FlipTable, param: str, values: Sequence[Value] = ()) -> pl.DataFrame:
+def pieces_about(table: FlipTable, param: str, values: Sequence[ast.Setting] = ()) -> pl.DataFrame:
     """The rows of a what-if table about a parameter, and about values of the kind that are asked for.
 
     Pieces in seconds do not decide a duration in frames, nor "3 frames @ 120 Hz", which asks for
@@ -111,7 +112,7 @@ def pieces_about(table: FlipTable, param: str, values: Sequence[Value] = ()) -> 
     return found.with_columns(pl.when(told).then(pl.col("verdict")).alias("verdict"))
 
 
-def _at(value: Value) -> pl.Expr:
+def _at(value: ast.Setting) -> pl.Expr:
     """The piece that a value is in; the first one for values below 0, which it does not decide."""
     number = max(amount(value), 0.0)
     return (pl.col("low") <= number) & (number < pl.col("high"))

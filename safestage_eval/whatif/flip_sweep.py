@@ -11,6 +11,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from safestage_eval.rules import load_bind, load_rules
+from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.problem import Problem
 
 from .flip_query import pieces_about, was_at_risk
@@ -27,7 +28,6 @@ from .sweep import (
     segment_frame,
     sweep_episode,
 )
-from .swept_values import amount
 
 
 def sweep_table(

@@ -24,12 +24,13 @@ from safestage_eval.rules import RuleSet, load_bind, load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import parameters_read
+from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.problem import Problem
 
 from .again import Again
 from .flips import pieces_of
 from .many import each_episode
-from .swept_values import amount, si_unit
+from .swept_values import si_unit
 
 SUFFIX = ".what-if.parquet"
 KEY = b"safestage"

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.players import combinations
 from safestage_eval.verdicts.stretches import applies, stretches
@@ -25,7 +26,6 @@ from .flip_durations import duration_pieces
 from .flip_keys import LARGEST, Way, value_of
 from .flip_lasting import Undecided
 from .flip_scopes import frames_of
-from .swept_values import Value, amount
 
 MOST = 16
 """Steps from the value that holds, each way."""
@@ -48,7 +48,7 @@ class Piece(NamedTuple):
     verdict: VerdictName | None
     at_risk: bool = False
 
-    def holds(self, value: Value, usual: Value) -> bool:
+    def holds(self, value: ast.Setting, usual: ast.Setting) -> bool:
         """The value is one of them; ``usual``: of the kind that they are of."""
         match value, usual:
             case ast.Duration(), ast.Duration() if value.frames != usual.frames or value.least > 1:

@@ -47,7 +47,7 @@ class _Place(NamedTuple):
     """Where a mistake is made; ``roles`` are the names that may be exchanged there."""
 
     rules: RuleSet
-    params: words.Values
+    params: ast.Params
     roles: tuple[str, ...]
 
 

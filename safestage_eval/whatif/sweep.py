@@ -20,13 +20,14 @@ from safestage_eval.rules import RuleSet, load_bind, load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.digest import parameters_read
+from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.problem import Problem
 from safestage_eval.verdicts.verdict import Verdict, VerdictName, at_risk
 
 from .again import Again
 from .flips import pieces_of
 from .many import each_episode
-from .swept_values import Value, amount, si_unit
+from .swept_values import si_unit
 
 FEW = 4
 """Up to so many values are judged one by one."""
@@ -96,8 +97,8 @@ class Sweep:
     """
 
     param: str
-    values: tuple[Value, ...]
-    default: Value
+    values: tuple[ast.Setting, ...]
+    default: ast.Setting
     readers: tuple[str, ...]
     unread: int
     problems: tuple[Problem, ...]
@@ -192,7 +193,7 @@ def sweep(
     refs: Sequence[EpisodeRef],
     specs: Sequence[str | Path],
     param: str,
-    values: Sequence[Value],
+    values: Sequence[ast.Setting],
     *,
     overrides: Mapping[str, str] | None = None,
     bind: str | Path | None = None,
@@ -264,7 +265,7 @@ def sweep_episode(
     rules: RuleSet,
     *,
     param: str,
-    values: Sequence[Value],
+    values: Sequence[ast.Setting],
     overrides: Mapping[str, str],
     bind: BindFile | None = None,
 ) -> tuple[str, list[Segment]]:
@@ -278,7 +279,7 @@ def sweep_episode(
     return episode.header.episode_id, segments_of(again, param, values)
 
 
-def segments_of(again: Again, param: str, values: Sequence[Value]) -> list[Segment]:
+def segments_of(again: Again, param: str, values: Sequence[ast.Setting]) -> list[Segment]:
     """Segments of an open episode over rising values; ``again`` must measure as far as they reach."""
     header = again.episode.header
     read = [rule for rule in again.assigned if param in parameters_read(again.rules, rule)]
@@ -305,7 +306,7 @@ def segments_of(again: Again, param: str, values: Sequence[Value]) -> list[Segme
 
 
 def _under_each(
-    again: Again, rule: ast.Scoped, param: str, values: Sequence[Value]
+    again: Again, rule: ast.Scoped, param: str, values: Sequence[ast.Setting]
 ) -> list[tuple[VerdictName, bool]]:
     """The verdict of a rule under each of the rising values, and whether the hazard was there.
 

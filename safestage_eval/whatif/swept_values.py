@@ -9,17 +9,11 @@ from safestage_eval.errors import RuleError
 from safestage_eval.rules import RuleSet, parse_overrides
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.names import nearest
+from safestage_eval.rules.syntax import amount
 from safestage_eval.units import DIMENSIONS, unit_of
 
-Value = ast.Quantity | ast.Duration
 
-
-def amount(value: Value) -> float:
-    """SI; seconds or frames for a duration."""
-    return value.value if isinstance(value, ast.Quantity) else value.amount
-
-
-def like(value: Value, number: float) -> Value:
+def like(value: ast.Setting, number: float) -> ast.Setting:
     """A value of the same kind; a duration in plain seconds, or in frames of the trace."""
     if isinstance(value, ast.Quantity):
         return ast.Quantity(number, value.dimension)
@@ -28,7 +22,7 @@ def like(value: Value, number: float) -> Value:
 
 def chosen(
     rules: RuleSet, param: str, texts: Sequence[str], option: str = "--values"
-) -> list[Value]:
+) -> list[ast.Setting]:
     """Values as written, each checked against the parameter.
 
     Raises RuleError for an unknown parameter, a value of another dimension, or no value.
@@ -53,7 +47,7 @@ def chosen(
 
 def between(
     rules: RuleSet, param: str, first: str | None, last: str | None, steps: int
-) -> list[Value]:
+) -> list[ast.Setting]:
     """Evenly spaced values from ``first`` to ``last``, both included.
 
     Without ends, from nothing to twice the default. Frames are whole, so there may be fewer.
@@ -83,14 +77,14 @@ def between(
     return [like(low, number) for number in numbers]
 
 
-def text_of(value: Value) -> str:
+def text_of(value: ast.Setting) -> str:
     """A value in the unit that reports print, with as many digits as it needs."""
     if isinstance(value, ast.Duration):
         return f"{value.amount:.5g} {'frames' if value.frames else 's'}"
     return f"{value.value / factor_of(value):.5g} {unit_of(value.dimension)}".rstrip()
 
 
-def factor_of(value: Value) -> float:
+def factor_of(value: ast.Setting) -> float:
     """SI size of the unit that reports print."""
     if isinstance(value, ast.Duration):
         return 1.0
@@ -98,7 +92,7 @@ def factor_of(value: Value) -> float:
     return DIMENSIONS[value.dimension][unit] if unit else 1.0
 
 
-def si_unit(value: Value) -> str:
+def si_unit(value: ast.Setting) -> str:
     """The unit of ``amount``: SI, ``s`` or ``frames``; empty for a plain number."""
     if isinstance(value, ast.Duration):
         return "frames" if value.frames else "s"
@@ -106,16 +100,16 @@ def si_unit(value: Value) -> str:
     return units[0] if units else ""
 
 
-def unit_name(value: Value) -> str:
+def unit_name(value: ast.Setting) -> str:
     """The unit that reports print."""
     if isinstance(value, ast.Duration):
         return "frames" if value.frames else "s"
     return unit_of(value.dimension)
 
 
-def _in_frames(value: Value) -> bool:
+def _in_frames(value: ast.Setting) -> bool:
     return isinstance(value, ast.Duration) and value.frames
 
 
-def _scaled(value: Value, factor: float) -> Value:
+def _scaled(value: ast.Setting, factor: float) -> ast.Setting:
     return like(value, amount(value) * factor)

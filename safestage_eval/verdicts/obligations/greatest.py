@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.clauses import ClauseKind
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.scope import Scope
 from safestage_eval.verdicts.costly import is_for_good
@@ -75,7 +76,7 @@ def _parts(
 
 
 def _finder(
-    evaluator: Evaluator, kind: ast.ClauseKind | None, what: ast.Alternative, env: Env
+    evaluator: Evaluator, kind: ClauseKind | None, what: ast.Alternative, env: Env
 ) -> Callable[[Bool], Band]:
     return lambda asked: evaluator.obliged(kind, evaluator.alternative, what, env, asked)
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 from safestage_eval.metrics.aggregate import Aggregate, quadrants
 from safestage_eval.metrics.interval import wilson
 from safestage_eval.metrics.rates import STAGES, Rates
+from safestage_eval.rules.syntax import amount
 from safestage_eval.viewer.episode.svg import (
     SHAPES,
     Scale,
@@ -21,7 +22,7 @@ from safestage_eval.viewer.episode.svg import (
     ticks,
 )
 from safestage_eval.whatif.sweep import Sweep
-from safestage_eval.whatif.swept_values import amount, factor_of, text_of, unit_name
+from safestage_eval.whatif.swept_values import factor_of, text_of, unit_name
 
 QUADRANTS = {
     "safe_success": "safe success",

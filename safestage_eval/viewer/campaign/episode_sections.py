@@ -12,13 +12,14 @@ from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import RuleSet, load_bind, load_rules
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
+from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.players import nodes
 from safestage_eval.verdicts.problem import Problem
 from safestage_eval.viewer.episode.episode_section import Said, section
 from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.many import each_episode
 from safestage_eval.whatif.sweep import Segment, Sweep, segment_frame, segments_of
-from safestage_eval.whatif.swept_values import Value, amount, between
+from safestage_eval.whatif.swept_values import between
 
 from .packed import packed
 
@@ -107,7 +108,7 @@ def draw(
     ref: EpisodeRef,
     rules: RuleSet,
     said: Mapping[str, Said],
-    visited: Mapping[str, tuple[Value, ...]],
+    visited: Mapping[str, tuple[ast.Setting, ...]],
     overrides: Mapping[str, str],
     bind: BindFile | None,
 ) -> Drawn:
@@ -142,12 +143,12 @@ def limits(rule: ast.Rule) -> set[str]:
     }
 
 
-def _is_length(value: Value) -> bool:
+def _is_length(value: ast.Setting) -> bool:
     return isinstance(value, ast.Quantity) and value.dimension == "length"
 
 
 def _sweeps(
-    rules: RuleSet, visited: Mapping[str, tuple[Value, ...]], drawn: Sequence[Drawn]
+    rules: RuleSet, visited: Mapping[str, tuple[ast.Setting, ...]], drawn: Sequence[Drawn]
 ) -> tuple[Sweep, ...]:
     """The limits at which most verdicts flip."""
     found = []
