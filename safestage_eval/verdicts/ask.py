@@ -8,6 +8,7 @@ import numpy as np
 
 from safestage_eval.episode import Episode, with_holes
 from safestage_eval.errors import InputError
+from safestage_eval.evidence.declare import Options
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
@@ -44,13 +45,10 @@ def ask(
 
     Raises InputError for a name that does not exist.
     """
-    call = _parsed(expression)
     relations = relations or Relations(Signals(with_holes(episode)))
     episode = relations.episode
+    call, bodies, options = _parsed(episode, expression)
     spec = SIGNALS.get(call.name)
-    arguments, options = spec.split(call.args) if spec is not None else (call.args, ())
-    joints = spec is not None and spec.joints
-    bodies = [_body(episode, argument, expression, joints) for argument in arguments]
     states = {} if rules is None else rules.states
     if call.name in RELATIONS or (spec is None and call.name in states):
         declared = RELATIONS.get(call.name)
@@ -91,19 +89,20 @@ def _truth(evaluator: Evaluator, name: str, bodies: Sequence[str]) -> Series:
 
 def by_bodies(episode: Episode, expression: str) -> str:
     """The expression with the bodies' names, as verdicts write it. Raises InputError as ``ask``."""
-    call = _parsed(expression)
-    spec = SIGNALS.get(call.name)
-    arguments, options = spec.split(call.args) if spec is not None else (call.args, ())
-    joints = spec is not None and spec.joints
-    bodies = tuple(_body(episode, argument, expression, joints) for argument in arguments)
+    call, bodies, options = _parsed(episode, expression)
     return str(ast.Call(call.name, (*(str(value) for _, value in options), *bodies)))
 
 
-def _parsed(expression: str) -> ast.Call:
+def _parsed(episode: Episode, expression: str) -> tuple[ast.Call, tuple[str, ...], Options]:
+    """The call as written, the bodies that it is about, and the options that it names."""
     try:
-        return parse.call(expression)
+        call = parse.call(expression)
     except parse.GrammarError as problem:
         raise InputError(expression, problem.what, problem.allowed) from None
+    spec = SIGNALS.get(call.name)
+    arguments, options = spec.split(call.args) if spec is not None else (call.args, ())
+    joints = spec is not None and spec.joints
+    return call, tuple(_body(episode, one, expression, joints) for one in arguments), options
 
 
 def _body(episode: Episode, argument: str, expression: str, joints: bool) -> str:

@@ -22,7 +22,7 @@ from safestage_eval.states.moment import Moment, Truth, truth_of
 
 from . import hidden_start
 from .answers import Answers, Found
-from .costly import Costly, Gates
+from .costly import Costly
 from .values import Asked, Env, limit_margin
 
 
@@ -44,7 +44,7 @@ class Conditions(Answers, ABC):
         self._obligation: ClauseKind | None = None
         self._signs = False
         """Only whether something holds matters, not by what margin."""
-        self.costly, self.gates = Costly(rules), Gates(rules)
+        self.costly = Costly(rules)
         self._cheap: dict[int, ast.Condition] = {}
         """Conditions that ask for nothing costly, by identity; each is kept, and so stays itself."""
 
@@ -148,7 +148,7 @@ class Conditions(Answers, ABC):
         Only the ``wanted`` frames (T,) of the result mean anything; all of them if None. Costly
         signals come last, and are measured only where no other atom has already decided.
         """
-        plain, gates = self.gates.of(condition)
+        plain, gates = self.costly.split(condition)
         if gates:
             return self._gated(self.condition(plain, env, wanted), gates, env, wanted)
         if id(condition) not in self._cheap and not self.costly.asked(condition):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeGuard, TypeVar
+from typing import TypeVar
 
 from safestage_eval.evidence.declare import is_costly as is_costly_name
-from safestage_eval.evidence.declare import is_gate as is_gate_name
+from safestage_eval.evidence.declare import is_gate
 from safestage_eval.rules import syntax as ast
 
 Part = ast.Atom | ast.Alternative
@@ -23,21 +23,25 @@ class Costly:
         """Answers are cached in ``rules.known``."""
         self._rules = rules
         # by identity: the part is kept beside the answer, and so stays what it is
-        self._known: dict[int, tuple[Part, int]] = rules.known.setdefault("costly", {})
-        if len(self._known) > _MANY:
-            self._known.clear()
+        self._depths: dict[int, tuple[Part, int]] = rules.known.setdefault("costly", {})
+        self._split: dict[int, tuple[ast.Condition, ast.Condition, tuple[ast.StateAtom, ...]]] = (
+            rules.known.setdefault("gates", {})
+        )
+        for cached in (self._depths, self._split):
+            if len(cached) > _MANY:
+                cached.clear()
 
     def asked(self, part: Part) -> bool:
         """It asks for something costly, itself or through states."""
-        known = self._known.get(id(part))
-        return (self.depth(part) if known is None or known[0] is not part else known[1]) > 0
+        cached = self._depths.get(id(part))
+        return (self.depth(part) if cached is None or cached[0] is not part else cached[1]) > 0
 
     def depth(self, part: Part) -> int:
         """How many states lie between it and what is costly: what is asked for last; 0 if nothing."""
-        known = self._known.get(id(part))
-        if known is None or known[0] is not part:
-            known = self._known[id(part)] = part, self._depth(part)
-        return known[1]
+        cached = self._depths.get(id(part))
+        if cached is None or cached[0] is not part:
+            cached = self._depths[id(part)] = part, self._depth(part)
+        return cached[1]
 
     def _depth(self, part: Part) -> int:
         if isinstance(part, ast.Condition):
@@ -60,6 +64,26 @@ class Costly:
         """The parts with the costly ones last."""
         return sorted(parts, key=self.depth)
 
+    def split(self, condition: ast.Condition) -> tuple[ast.Condition, tuple[ast.StateAtom, ...]]:
+        """A condition without its gates, and these; a condition of gates alone has none.
+
+        A gate only says whether the rest of its condition counts.
+        """
+        cached = self._split.get(id(condition))
+        if cached is None or cached[0] is not condition:
+            gates = tuple(
+                atom
+                for atom in condition.atoms
+                if isinstance(atom, ast.StateAtom) and is_gate(atom.call.name)
+            )
+            rest = condition
+            if 0 < len(gates) < len(condition.atoms):
+                rest = ast.Condition(tuple(a for a in condition.atoms if a not in gates))
+            else:
+                gates = ()
+            cached = self._split[id(condition)] = condition, rest, gates
+        return cached[1], cached[2]
+
     def named(self, state: ast.StateDef) -> bool:
         """It merely names a condition: no frame of it depends on another."""
         lasting = state.for_ is None and state.gap is None and state.until is None
@@ -81,33 +105,3 @@ def is_for_good(state: ast.StateDef) -> bool:
 def is_costly(atom: ast.Atom) -> bool:
     """The atom itself names something costly."""
     return isinstance(atom, ast.SignalAtom | ast.StateAtom) and is_costly_name(atom.call.name)
-
-
-def is_gate(atom: ast.Atom) -> TypeGuard[ast.StateAtom]:
-    """It only says whether the rest of its condition counts."""
-    return isinstance(atom, ast.StateAtom) and is_gate_name(atom.call.name)
-
-
-class Gates:
-    """Conditions apart from their gates; of one set of rules."""
-
-    def __init__(self, rules: ast.RuleSet) -> None:
-        """Answers are cached in ``rules.known``."""
-        self._known: dict[int, tuple[ast.Condition, ast.Condition, tuple[ast.StateAtom, ...]]] = (
-            rules.known.setdefault("gates", {})
-        )
-        if len(self._known) > _MANY:
-            self._known.clear()
-
-    def of(self, condition: ast.Condition) -> tuple[ast.Condition, tuple[ast.StateAtom, ...]]:
-        """The condition without its gates, and these; a condition of gates alone has none."""
-        known = self._known.get(id(condition))
-        if known is None or known[0] is not condition:
-            gates = tuple(atom for atom in condition.atoms if is_gate(atom))
-            rest = condition
-            if 0 < len(gates) < len(condition.atoms):
-                rest = ast.Condition(tuple(a for a in condition.atoms if not is_gate(a)))
-            else:
-                gates = ()
-            known = self._known[id(condition)] = condition, rest, gates
-        return known[1], known[2]

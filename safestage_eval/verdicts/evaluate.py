@@ -129,7 +129,10 @@ class Evaluator(PartialStates):
                 if declared is None:
                     if is_costly(call.name):
                         return self._relation(call.name, bodies, wanted)
-                elif self.costly.state(declared) and ("state", call.name, bodies) not in self._told:
+                elif (
+                    self.costly.state(declared)
+                    and ("state", call.name, bodies) not in self._answers
+                ):
                     return self._partly(declared, call, bodies, wanted)
             self._signs = False
             find = self._relation if declared is None else self._declared
@@ -241,7 +244,7 @@ class Evaluator(PartialStates):
         """The frames of a state or relation."""
         bodies = tuple(map(env.get, call.args, call.args))
         declared, key = self.rules.states.get(call.name), ("truth", call.name, bodies)
-        if self._deep(call) and ("state", call.name, bodies) not in self._told:
+        if self._deep(call) and ("state", call.name, bodies) not in self._answers:
             return truth_of(self.signs(call.name, bodies))
         return self.once(declared, key, self._told_by, call, env)
 

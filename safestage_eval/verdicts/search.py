@@ -70,7 +70,7 @@ class Search(NamedTuple):
 
     def _margins(self, node: ast.Condition, env: Env, frame: int, here: Bool) -> list[float]:
         """The end that is followed, of each atom; a gate counts only where the rest holds."""
-        plain, gates = self.evaluator.gates.of(node)
+        plain, gates = self.evaluator.costly.split(node)
         if not gates:
             return [self._margin(a, env, frame, here) for a in node.atoms]
         margins = {id(a): self._margin(a, env, frame, here) for a in plain.atoms}

@@ -7,17 +7,42 @@ from difflib import get_close_matches
 from typing import NamedTuple
 
 from safestage_eval.episode import Clock, Episode, Lasting, Window
-from safestage_eval.evidence.declare import Options
+from safestage_eval.evidence.declare import Options, OptionValue
 from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.signals import SIGNALS
 from safestage_eval.states import limits
 from safestage_eval.states.band import Band
 
-from .meant import Meanings, Meant
-
 Env = Mapping[str, str]
 """Role or formal argument → name of the body or union that plays it."""
+
+
+_MANY = 4096
+"""Calls that are remembered at once; goals in headers are new with every episode."""
+
+
+class Meant(NamedTuple):
+    """A call of a built-in signal or of a variant of one.
+
+    Attributes:
+        call: as written; kept, so that no other comes to have its identity.
+        name: of the built-in signal.
+        roles: those of its arguments that are roles or bodies.
+        options: what the variant or the first argument says, sorted by name.
+        columns: material columns that it reads besides.
+        scale: SI size that counts as one in a normalised margin when the limit is 0.
+    """
+
+    call: ast.Call
+    name: str
+    roles: tuple[str, ...]
+    options: Options
+    columns: tuple[str, ...]
+    scale: float
+    params: tuple[tuple[str, str], ...] = ()
+    """Options that are parameters: option → name of the parameter."""
 
 
 class Asked(NamedTuple):
@@ -54,7 +79,10 @@ class Values:
         self.params = params
         self.notes: dict[str, None] = {}
         """On what is being found out, in the order in which they came up."""
-        self._meanings = Meanings(rules)
+        self._meanings: dict[int, Meant] = rules.known.setdefault("meant", {})
+        """By the identity of a call, for all episodes of a run."""
+        if len(self._meanings) > _MANY:
+            self._meanings.clear()
         self._limits: dict[int, tuple[ast.SignalAtom, tuple[float, ...], float]] = {}
         """Of atoms whose limits hang on no body, by identity; each is kept, and so stays itself."""
 
@@ -101,10 +129,16 @@ class Values:
 
     def measured(self, call: ast.Call, env: Env) -> tuple[str, tuple[str, ...], Options]:
         """The measurement behind a call: the built-in signal, its bodies, and all its options."""
-        meant = self._meanings.of(call)
+        meant = self._meaning(call)
         bodies = tuple(map(env.get, meant.roles, meant.roles))
         plain = not meant.columns and not meant.params
         return meant.name, bodies, meant.options if plain else self._options(meant, env)
+
+    def _meaning(self, call: ast.Call) -> Meant:
+        meant = self._meanings.get(id(call))
+        if meant is None or meant.call is not call:
+            meant = self._meanings[id(call)] = _resolved(self.rules, call)
+        return meant
 
     def _options(self, meant: Meant, env: Env) -> Options:
         options = dict(meant.options)
@@ -130,7 +164,23 @@ class Values:
 
     def scale(self, call: ast.Call) -> float:
         """SI size of the signal that counts as one in a normalised margin when the limit is 0."""
-        return self._meanings.of(call).scale
+        return self._meaning(call).scale
+
+
+def _resolved(rules: ast.RuleSet, call: ast.Call) -> Meant:
+    """The built-in signal and options behind a call."""
+    variant = rules.signals.get(call.name)
+    spec = SIGNALS[variant.base if variant is not None else call.name]
+    given = dict(variant.options) if variant is not None else {}
+    roles, named = spec.variant(given).split(call.args)
+    params = {o.name: o.name for o in spec.params(given) if o.name in rules.params}
+    params |= {k: v.name for k, v in given.items() if isinstance(v, ast.Parameter)}
+    usual = {o.name: o.default for o in spec.params(given) if o.default is not None}
+    fixed = {k: v for k, v in given.items() if not isinstance(v, ast.Parameter)}
+    options: dict[str, OptionValue] = {**usual, **fixed, **dict(named)}
+    in_order = tuple(sorted(options.items(), key=lambda item: item[0]))
+    columns = tuple(column for column, _ in spec.columns)
+    return Meant(call, spec.name, roles, in_order, columns, spec.scale, tuple(params.items()))
 
 
 UNDECLARED = "no rule file declares the material "
