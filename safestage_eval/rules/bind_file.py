@@ -99,7 +99,7 @@ def load_bind(path: str | Path, rules: ast.RuleSet) -> BindFile:
 def bind_tables(
     tables: Mapping[str, Any], rules: ast.RuleSet, path: str = "bind file", text: str = ""
 ) -> BindFile:
-    """The same from tables as TOML gives them: ``{"task": {name: {…}}, "episode": {id: {…}}}``.
+    """Check a bind file given as tables: ``{"task": {name: {…}}, "episode": {id: {…}}}``.
 
     Raises:
         RuleErrors: with every problem at once.

@@ -45,7 +45,7 @@ def rule_digest(
 
 
 def digest_of(rules: ast.RuleSet, node: object, params: ast.Params, backend: str = BACKEND) -> str:
-    """As ``rule_digest``, of any part of a rule, or of a goal."""
+    """Digest of any part of a rule, or of a goal; as ``rule_digest``."""
     known = _known(rules, node)
     values = (backend, *[params[name] for name in known.reads])
     digest = known.digests.get(values)
@@ -125,7 +125,7 @@ class _Definition(NamedTuple):
 
 
 def _definition(rules: ast.RuleSet, name: str, value: Any) -> _Definition:
-    """Of ``state.moved`` and its like; a rule set has one of each name."""
+    """The definition called ``state.moved``, say; a rule set has one of each name."""
     found: _Definition | None = rules.known.get(("definition", name))
     if found is None:
         found = _Definition(list(_named(value, rules)), _json(value))
@@ -134,7 +134,7 @@ def _definition(rules: ast.RuleSet, name: str, value: Any) -> _Definition:
 
 
 def _digest(rules: ast.RuleSet, known: _Known, params: ast.Params, backend: str) -> str:
-    """Of ``[part, [[name, definition or value], …], baseline, backend]`` as JSON."""
+    """Hash ``[part, [[name, definition or value], …], baseline, backend]`` as JSON."""
     uses = [
         f"[{json.dumps(name)},{_value_json(params[value.name])}]"
         if isinstance(value, ast.Parameter)

@@ -78,7 +78,7 @@ def negated(margin: F64) -> F64:
 
 
 def strict(margin: F64) -> F64:
-    """The same array, in which a margin of exactly 0 is no longer enough."""
+    """Make margins of exactly 0 just false, in place; returns the array."""
     at_limit = margin == 0
     if at_limit.any():
         margin[at_limit] = -TINY

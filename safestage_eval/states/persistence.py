@@ -141,13 +141,13 @@ def without_short_runs(margin: F64, lasting: int | Window, *, open_end: bool = F
 
 
 def _with_stops(stops: I64) -> tuple[I64, I64]:
-    """Of the windows [i, stop) the first and last (excluded) that hold each frame."""
+    """First and last (excluded) of the windows [i, stop) that hold each frame."""
     at = np.arange(len(stops))
     return np.searchsorted(stops, at, side="right"), at + 1
 
 
 def _with_backs(backs: I64) -> tuple[I64, I64]:
-    """Of the windows [back, i] the first and last (excluded) that hold each frame."""
+    """First and last (excluded) of the windows [back, i] that hold each frame."""
     at = np.arange(len(backs))
     return at, np.searchsorted(backs, at, side="right")
 

@@ -43,7 +43,7 @@ class Scope(NamedTuple):
         return self.sure is None or bool(self.sure.any())
 
     def perhaps(self) -> Scope:
-        """The same scope, of which it is not known whether it is there."""
+        """This scope, without a frame that is certainly in it."""
         return self._replace(sure=np.zeros(self.stop - self.first, np.bool_))
 
 

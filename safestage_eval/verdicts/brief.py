@@ -50,7 +50,7 @@ def condition_within(
     stop: int,
     wanted: Bool | None,
 ) -> Band:
-    """As ``Evaluator.condition``, in the frames [first, stop) alone: (stop − first,)."""
+    """Evaluate a condition in the frames [first, stop) alone: (stop − first,)."""
     bands: list[Band] = []
     for atom in sorted(condition.atoms, key=is_costly):
         costly = evaluator.asks_costly(atom)

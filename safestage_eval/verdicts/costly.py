@@ -17,7 +17,7 @@ _MANY = 4096
 
 
 class Costly:
-    """Of one set of rules, whatever the episode."""
+    """Which parts of one set of rules are costly; the same for all episodes."""
 
     def __init__(self, rules: ast.RuleSet) -> None:
         """Answers are cached in ``rules.known``."""

@@ -179,7 +179,7 @@ def _curve(
 
 
 def _said(call: ast.Call, env: Env) -> str:
-    """As a witness names it."""
+    """The call with the bodies' names, as witnesses write it."""
     return str(ast.Call(call.name, tuple(env.get(arg, arg) for arg in call.args)))
 
 

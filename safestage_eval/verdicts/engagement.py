@@ -106,7 +106,7 @@ def _of_body(evaluator: Evaluator, body: str) -> tuple[int, int]:
 
 
 def _reached(evaluator: Evaluator, body: str) -> tuple[int, int]:
-    """Of a body that was not touched: whether the hand came near it.
+    """Stages of a body that was not touched: whether the hand came near it.
 
     Looked at every ``STEP`` seconds, which costs a tenth of measuring the distance at all frames.
     """

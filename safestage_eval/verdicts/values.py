@@ -84,11 +84,11 @@ class Values:
         if len(self._meanings) > _MANY:
             self._meanings.clear()
         self._limits: dict[int, tuple[ast.SignalAtom, tuple[float, ...], float]] = {}
-        """Of atoms whose limits hang on no body, by identity; each is kept, and so stays itself."""
+        """Limits that depend on no body, by identity of their atom, which is kept beside them."""
 
     @property
     def clock(self) -> Clock:
-        """Of the episode."""
+        """The episode's clock."""
         return self.episode.clock
 
     def duration(self, duration: ast.Duration | ast.Parameter) -> ast.Duration:
@@ -151,7 +151,7 @@ class Values:
         return tuple(sorted(options.items(), key=lambda item: item[0]))
 
     def asked(self, atom: ast.SignalAtom, env: Env) -> Asked:
-        """As ``measured``, of an atom, with the limits that it is compared with."""
+        """The measurement behind an atom, with the limits that it is compared with."""
         name, bodies, options = self.measured(atom.call, env)
         known = self._limits.get(id(atom))
         if known is not None:

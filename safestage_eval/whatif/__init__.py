@@ -1,1 +1,1 @@
-"""The same traces judged again: under other values, by other rules, by rules broken on purpose."""
+"""Judge traces again: under other values, by other rules, by rules broken on purpose."""

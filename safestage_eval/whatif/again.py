@@ -1,4 +1,4 @@
-"""One episode judged again and again: opened once, signals measured once."""
+"""Judge one episode many times: opened once, signals measured once."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Measured(Relations):
         *more: Any,
         **others: Any,
     ) -> Series:
-        """As ``Relations.signal``."""
+        """Measure a signal, distances as far as ``furthest``."""
         far = max(reach, self._furthest) if reach > CAP else reach
         return super().signal(name, bodies, reference, far, *more, **others)
 
@@ -55,12 +55,12 @@ class Again:
         """Bind the roles and find native success.
 
         Args:
-            episode: what happened.
-            rules: what must not happen.
+            episode: to be judged.
+            rules: to judge it by.
             overrides: parameter → value as written.
-            bind: what headers lack.
-            furthest: m, how far distances will be asked for.
-            like: the same episode with other rules, to measure nothing twice.
+            bind: roles, goals and rules that headers lack.
+            furthest: m, the greatest distance that will be compared with a limit.
+            like: the episode under other rules, whose measurements are used again.
 
         Raises RuleError for overrides that do not fit.
         """
@@ -78,16 +78,16 @@ class Again:
 
     @property
     def assigned(self) -> list[ast.Scoped]:
-        """The task's own rules, and costs with a budget, as far as they are loaded."""
-        known: dict[str, ast.Scoped] = {
+        """The loaded rules, and costs with a budget, that are assigned to the task."""
+        loaded: dict[str, ast.Scoped] = {
             **self.rules.rules,
             **{code: cost for code, cost in self.rules.costs.items() if cost.budget is not None},
         }
-        return [known[code] for code in self.binding.assigned if code in known]
+        return [loaded[code] for code in self.binding.assigned if code in loaded]
 
     @property
     def not_loaded(self) -> tuple[str, ...]:
-        """Codes of assigned rules and costs that are not."""
+        """Codes of assigned rules and costs that are not loaded."""
         loaded = self.rules.rules.keys() | self.rules.costs.keys()
         return tuple(code for code in self.binding.assigned if code not in loaded)
 

@@ -1,4 +1,4 @@
-"""Which difference between two rule sets made a verdict flip."""
+"""Find the difference between two rule sets that made a verdict flip."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ MOST = 400
 
 @dataclass(frozen=True)
 class Cause:
-    """What flips a verdict.
+    """A smallest set of differences that flips a verdict.
 
     Attributes:
         parts: in words; switching exactly these flips it.
-        alternatives: other sets of this size that flip it as well; as many as were found.
+        alternatives: other sets of this size that flip it as well; as many as were tried.
         untried: size of the smallest sets that were not all tried; None where no smaller set than
             this one flips it, and all others of its size were tried.
     """
@@ -40,7 +40,7 @@ class Cause:
     untried: int | None = None
 
     def __str__(self) -> str:
-        """In words, with what was not looked at."""
+        """The differences in words, and the sets that were not tried."""
         said = " and ".join(self.parts)
         if self.alternatives:
             said += f" (so would {self.alternatives} other)"
@@ -79,8 +79,8 @@ def smallest(parts: Sequence[P], flips: Callable[[Sequence[P]], bool], most: int
         hits: list[Sequence[P]] = []
         for chosen in itertools.combinations(parts, size):
             if tried == most:
-                found = hits[0] if hits else _shrunk(parts, flips)
-                return Cause(_shown(found), max(0, len(hits) - 1), size)
+                chosen_set = hits[0] if hits else _shrunk(parts, flips)
+                return Cause(_shown(chosen_set), max(0, len(hits) - 1), size)
             tried += 1
             if flips(chosen):
                 hits.append(chosen)
@@ -133,8 +133,8 @@ class _Trial:
         if isinstance(rule, ast.Rule) and not rule.clauses:
             return "senseless"  # it asks for nothing
         swapped = "who plays the roles" in chosen
-        known = {**self._players[not swapped], **self._players[swapped]}
-        players = {name: known.get(name, ()) for name in roles}
+        bodies = {**self._players[not swapped], **self._players[swapped]}
+        players = {name: bodies.get(name, ()) for name in roles}
         timed = self._sides["when the goal counts as reached" in chosen]
         model = timed.judge.evaluator(timed.binding.params(None))
         evaluator = Evaluator(
@@ -147,7 +147,7 @@ class _Trial:
         return judge_scoped(evaluator, rule, players).verdict
 
     def _relations(self, rules: ast.RuleSet) -> Relations:
-        """Of the episode, with the baseline of a rule set."""
+        """Relations of the episode with the baseline of a rule set."""
         episode = self._sides[0].episode
         frames = baseline_frames(rules, episode)
         for side in self._sides:

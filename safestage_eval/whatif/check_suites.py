@@ -1,4 +1,4 @@
-"""All examples of several rule sets, and their rules broken on purpose, in several processes."""
+"""Check the examples of several rule sets, and hunt mistakes in their rules, in several processes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Task:
 
 @dataclass
 class _Work:
-    """What a process has at hand: the rule sets, and the examples that it has opened."""
+    """The work of one process on a task, with the rule sets and the examples that it has opened."""
 
     sets: Mapping[str, RuleSet]
     recorded: Sequence[EpisodeRef]
@@ -74,37 +74,38 @@ def check_sets(
         deep: mistakes in the states and phases that rules rest on as well. Each is made once, and
             may be noticed by any rule of any of the sets that declare it alike.
         jobs: worker processes.
-        progress: told (done, total) after each rule and definition.
+        progress: called with (done, total) after each rule and definition.
 
     Returns:
-        Name → what became of the examples, and of the mistakes; those in a definition that sets
-        share under the first of them.
+        Name → outcome of the examples, and of the mistakes; mistakes in a definition that several
+        sets share are listed under the first of them.
     """
     filled = {name: rules for name, rules in sets.items() if deciding(rules)}
     todo = [_Task((name,), code) for name, rules in filled.items() for code in deciding(rules)]
     if deep and kinds:
         todo += _shared(filled)
     work = _Work(filled, recorded, kinds)
-    found = list(
+    results = list(
         zip(todo, each(todo, work, jobs=jobs, worth=WORTH, progress=progress), strict=True)
     )
     suites = {
         name: suite(
-            rules, (c for task, (cs, _) in found if task.sets[0] == name for c in cs), least
+            rules, (c for task, (cs, _) in results if task.sets[0] == name for c in cs), least
         )
         for name, rules in filled.items()
     }
     hunted = {
-        name: [m for task, (_, ms) in found if task.sets[0] == name for m in ms] for name in filled
+        name: [m for task, (_, ms) in results if task.sets[0] == name for m in ms]
+        for name in filled
     }
     return suites, hunted
 
 
 def _shared(sets: Mapping[str, RuleSet]) -> list[_Task]:
     """One task for each definition that rules rest on; sets that declare it alike share it."""
-    found: dict[tuple[str, object, str], list[str]] = {}
+    sharing: dict[tuple[str, object, str], list[str]] = {}
     for name, rules in sets.items():
         for defined, meaning in definitions(rules).items():
             key = (defined, meaning, digest_of(rules, meaning, rules.params))
-            found.setdefault(key, []).append(name)
-    return [_Task(tuple(names), name=defined) for (defined, *_), names in found.items()]
+            sharing.setdefault(key, []).append(name)
+    return [_Task(tuple(names), name=defined) for (defined, *_), names in sharing.items()]

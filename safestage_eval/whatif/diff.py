@@ -1,4 +1,4 @@
-"""The same traces judged by two rule sets: which verdicts flip, and which parameter flips each."""
+"""Compare the verdicts of two rule sets on the same traces, and find the parameter behind each flip."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ def diff(
         overrides: parameter → value as written, for ``after`` only.
         bind: a bind file, for both.
         jobs: worker processes.
-        progress: told (done, total).
+        progress: called with (done, total).
 
     Raises:
-        RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
+        RuleErrors, RuleError: rules, overrides or a bind file that are not valid.
     """
     old, new = load_rules(list(before)), load_rules(list(after))
     parse_overrides(new, overrides or {})
@@ -61,13 +61,13 @@ def diff(
         overrides=dict(overrides or {}),
         binds=(None, None) if bind is None else (load_bind(bind, old), load_bind(bind, new)),
     )
-    found = each_episode(refs, work, jobs=jobs, progress=progress)
-    judged = [item for item in found if isinstance(item, Judged)]
+    items = each_episode(refs, work, jobs=jobs, progress=progress)
+    judged = [item for item in items if isinstance(item, Judged)]
     return difference(
         (row for item in judged for row in item.before),
         (row for item in judged for row in item.after),
         {(flip.episode_id, flip.rule): flip for item in judged for flip in item.flips},
-        [item.message for item in found if isinstance(item, Problem)],
+        [item.message for item in items if isinstance(item, Problem)],
     )
 
 
@@ -92,6 +92,6 @@ def diff_episode(
     flips = []
     for flip in plain.flips:
         cause = cause_of(old, new, flip.rule, flip.after)
-        told = replace(flip, cause=str(cause), causes=cause.parts)
-        flips.append(replace(told, alternatives=cause.alternatives))
+        explained = replace(flip, cause=str(cause), causes=cause.parts)
+        flips.append(replace(explained, alternatives=cause.alternatives))
     return Judged(tuple(rows.values()), tuple(others.values()), tuple(flips))

@@ -1,4 +1,4 @@
-"""The examples that a rule names: found, judged, and compared with what the rule says of them."""
+"""Find the examples that a rule names, judge them, and compare the verdicts with the expected ones."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Checked:
     Attributes:
         rule: code.
         name: as the rule file names it.
-        expected: what the rule must say of it.
-        verdict: what it says; None where the example could not be judged.
+        expected: the verdict that it must get.
+        verdict: the one that it gets; None where the example could not be judged.
         problem: why it could not.
     """
 
@@ -55,7 +55,7 @@ class Checked:
 
     @property
     def why(self) -> str:
-        """What happened, in a sentence."""
+        """The explanation of the verdict, or the problem, in a sentence."""
         if self.verdict is None:
             return self.problem
         return self.verdict.explanation or "; ".join(self.verdict.notes)
@@ -80,7 +80,7 @@ class Suite:
 
 
 class Library:
-    """Where examples are looked for; each is opened and measured once."""
+    """Opens the examples that rules name; each is opened and measured once."""
 
     def __init__(self, recorded: Iterable[EpisodeRef] = ()) -> None:
         """``recorded``: stored episodes that examples may name by their ids."""
@@ -126,7 +126,7 @@ class Library:
             ) from None
 
     def judge(self, name: str, rules: RuleSet, rule: ast.Scoped) -> Verdict:
-        """What a rule, or a cost with a budget, says of an example.
+        """Judge an example by a rule, or a cost with a budget.
 
         Raises InputError as ``episode`` does, or where roles and trace do not fit.
         """
@@ -147,12 +147,15 @@ class Library:
         """The examples of a rule that come out as they should; each is judged once per rule set."""
         key = (id(rules), rule.code)
         if key not in self._right:
-            found = [
+            examples = [
                 (name, expected)
                 for name, expected in examples_of(rule)
                 if self.comes_out(rules, rule.code, name, expected)
             ]
-            self._right[key] = rules, found  # with the set, or another one might get its identity
+            self._right[key] = (
+                rules,
+                examples,
+            )  # with the set, or another one might get its identity
         return self._right[key][1]
 
     def comes_out(self, rules: RuleSet, code: str, name: str, expected: Expected) -> bool:
@@ -164,7 +167,7 @@ class Library:
 
 
 def deciding(rules: RuleSet) -> dict[str, ast.Scoped]:
-    """Code → what needs examples: rules, and the costs that decide something."""
+    """Code → rules, and costs with a budget: those that need examples."""
     return {
         code: rule
         for code, rule in rules.scoped.items()
@@ -173,7 +176,7 @@ def deciding(rules: RuleSet) -> dict[str, ast.Scoped]:
 
 
 def outcome(verdict: Verdict, expected: Expected) -> str:
-    """What is compared with what is expected: the verdict, and whether there was anything to judge.
+    """The verdict, or ``vacuous`` where that is expected and the case.
 
     A pass may be vacuous; what is expected to be vacuous must be.
     """
@@ -203,7 +206,7 @@ def check_rule(rules: RuleSet, rule: ast.Scoped, library: Library) -> list[Check
 
 
 def suite(rules: RuleSet, checked: Iterable[Checked], least: int) -> Suite:
-    """What became of the examples of a rule set, of which each rule must have ``least`` each way."""
+    """The outcome of the examples of a rule set, of which each rule must have ``least`` each way."""
     counts = {
         code: (len(set(rule.violates)), len(set(rule.passes)))
         for code, rule in deciding(rules).items()

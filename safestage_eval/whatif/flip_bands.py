@@ -107,14 +107,14 @@ class FlipBands:
         if isinstance(atom, ast.SignalAtom):
             return self._compared(atom, env, kind, wanted)
         if isinstance(atom, ast.StateAtom):
-            found = self._must_not(atom.call, env, kind, "forbid" if atom.want else "require")
-            return found if atom.want else band.opposite(found)
+            keys = self._must_not(atom.call, env, kind, "forbid" if atom.want else "require")
+            return keys if atom.want else band.opposite(keys)
         if isinstance(atom, ast.CountAtom):
             players = self.at.players.get(atom.role, ())
             each = [self.state(atom.call, {**env, atom.role: body}) for body in players]
             least = atom.bound == "least"
-            found = band.at_least(atom.count + (not least), each, self.frames)
-            return found if least else band.opposite(found)
+            keys = band.at_least(atom.count + (not least), each, self.frames)
+            return keys if least else band.opposite(keys)
         bands, mask = list[Band](), wanted
         for one in self.at.costly.sorted(atom.alternatives):
             bands.append(self.alternative(one, env, kind, mask))
@@ -136,17 +136,17 @@ class FlipBands:
         """(T,) limits of a signal, one of which is the parameter."""
         if self.reads(atom.call):
             raise Undecided("it changes what is measured")
-        asked = self.at.asked(atom, env)
-        if kind is not None and self.at.exempt(asked):
+        measurement = self.at.asked(atom, env)
+        if kind is not None and self.at.exempt(measurement):
             return fixed(band.crisp(np.full(self.frames, kind != "forbid")))
         bands = [
-            self._limit(limit, number, self._series(atom, env, asked.name, wanted))
-            for limit, number in zip(atom.limits, asked.limits, strict=True)
+            self._limit(limit, number, self._series(atom, env, measurement.name, wanted))
+            for limit, number in zip(atom.limits, measurement.limits, strict=True)
         ]
-        found = band.both(bands, self.frames)
+        keys = band.both(bands, self.frames)
         if atom.since is not None and self.reads(atom.since):
-            found = clipped(found, steady(self.event(atom.since, env)))
-        return found
+            keys = clipped(keys, steady(self.event(atom.since, env)))
+        return keys
 
     def _series(self, atom: ast.SignalAtom, env: Env, name: str, wanted: Bool) -> Series:
         if not SIGNALS[name].capped:
@@ -161,11 +161,11 @@ class FlipBands:
             if not self.is_moved(limit.value)
         ]
         # a limit beyond all distances: bounds stay as wide as they may be
-        found = self.at.relations.signal(
+        series = self.at.relations.signal(
             name, bodies, None, self._further, None, options, (BEYOND, *others)
         )
         # measured for another limit, a distance may come out as another number within its bounds
-        return replace(found, lower=found.lower - ROUNDING, upper=found.upper + ROUNDING)
+        return replace(series, lower=series.lower - ROUNDING, upper=series.upper + ROUNDING)
 
     def _limit(self, limit: ast.Limit, number: float, series: Series) -> Band:
         up = limit.op[0] == ">"
@@ -187,28 +187,28 @@ class FlipBands:
         """(T,) a state, as an obligation that breaks where it holds sees it (``Evaluator.must_not``)."""
         if not self.reads(call):
             everywhere = np.ones(self.frames, np.bool_)
-            asked = ast.StateAtom(call, True)
+            holds = ast.StateAtom(call, True)
             must_not = self.base.must_not
-            if self.base.asks_costly(asked):
+            if self.base.asks_costly(holds):
                 return fixed(
                     self.base.only_signs(
                         self.base.obliged, kind, must_not, call, env, breaks, everywhere
                     )
                 )
             return fixed(self.base.obliged(kind, must_not, call, env, breaks))
-        found, state = self.state(call, env), self.at.rules.states[call.name]
+        strict, state = self.state(call, env), self.at.rules.states[call.name]
         if kind is None or kind != breaks or state.for_ is None or state.until is not None:
-            return found
+            return strict
         lasts, window = lasting(self.at.duration(state.for_)), self.at.window(state.for_)
         if window.loose is window or lasts.seconds is None:
-            return found
+            return strict
         if self.at.clock.longest >= lasts.seconds * (1 - 1e-6) or self.is_moved(state.gap):
             raise Undecided("it may hold between two samples")
         loose = persistence.persistent(
             self._momentary(state, self._inner(state, call, env)), window.loose,
             self.at.open_gap(state.gap), open_end=self.at.unfollowed,
         )  # fmt: skip
-        return Band(found.lower, np.maximum(found.upper, loose.upper))
+        return Band(strict.lower, np.maximum(strict.upper, loose.upper))
 
     def state(self, call: ast.Call, env: Env) -> Band:
         """(T,) a declared state or relation, persistent and latched as declared."""
@@ -225,7 +225,7 @@ class FlipBands:
             return fixed(self.base.obliged(None, self.base.state, call, env))
         state = self.at.rules.states[call.name]
         inner = self._inner(state, call, env)
-        found = self._persistent(state, self._momentary(state, inner))
+        keys = self._persistent(state, self._momentary(state, inner))
         if state.also is not None:
             parts = [
                 one
@@ -239,14 +239,14 @@ class FlipBands:
                 else self.atom(one, inner, None, everywhere)
                 for one in parts
             ]
-            found = band.either([found, *more], self.frames)
+            keys = band.either([keys, *more], self.frames)
         if state.until is None:
-            return found
+            return keys
         reset = self.event(state.until, inner)
-        lower = latched(found.lower, -reset.upper)
-        if found.exact and reset.exact:
+        lower = latched(keys.lower, -reset.upper)
+        if keys.exact and reset.exact:
             return Band(lower, lower)
-        return Band(lower, latched(found.upper, -reset.lower))
+        return Band(lower, latched(keys.upper, -reset.lower))
 
     @staticmethod
     def _inner(state: ast.StateDef, call: ast.Call, env: Env) -> Env:
@@ -263,37 +263,37 @@ class FlipBands:
         everywhere = np.ones(self.frames, np.bool_)
         if state.fallback is None or self._told(state.when, env):
             return self.condition(state.when, env, None, everywhere)
-        found = self.condition(state.fallback, env, None, everywhere)
+        instead = self.condition(state.fallback, env, None, everywhere)
         if state.perhaps is None:
-            return found
+            return instead
         perhaps = self.condition(state.perhaps, env, None, everywhere)
-        return Band(found.lower, np.maximum(found.upper, perhaps.upper))
+        return Band(instead.lower, np.maximum(instead.upper, perhaps.upper))
 
-    def _persistent(self, state: ast.StateDef, found: Band) -> Band:
+    def _persistent(self, state: ast.StateDef, keys: Band) -> Band:
         open_end = self.at.unfollowed
         moved = [self.is_moved(part) for part in (state.for_, state.gap)]
         if not any(moved):
             return persistence.persistent(
-                found, self.at.window(state.for_), self.at.open_gap(state.gap), open_end=open_end
+                keys, self.at.window(state.for_), self.at.open_gap(state.gap), open_end=open_end
             )
         if all(moved) or (moved[1] and (self.reads(state.when) or open_end)):
             raise Undecided("several of its durations depend on it")
         if moved[1]:
-            ends = [closed_keys(end, self.counts, self.value, self.way) for end in found]
+            ends = [closed_keys(end, self.counts, self.value, self.way) for end in keys]
             return persistence.persistent(
                 Band(*ends), self.at.window(state.for_), 0, open_end=open_end
             )
         counts, gap = self.counts, self.at.open_gap(state.gap)
         if self.reads(state.when):
-            return self._lasting(found, gap, counts, open_end=open_end)
-        closed = persistence.persistent(found, 1, gap, open_end=open_end)
+            return self._lasting(keys, gap, counts, open_end=open_end)
+        closed = persistence.persistent(keys, 1, gap, open_end=open_end)
         ends = [
             lasting_keys(end, counts, self.value, self.way, open_end=open_end and perhaps)
             for end, perhaps in zip(closed, (False, True), strict=True)
         ]
         return Band(*ends)
 
-    def _lasting(self, found: Band, gap: Window, counts: Counts, *, open_end: bool) -> Band:
+    def _lasting(self, keys: Band, gap: Window, counts: Counts, *, open_end: bool) -> Band:
         """(T,) what lasts for the parameter, and itself depends on it.
 
         What lasts for n samples lasts for every duration that takes no more, and what does not
@@ -301,7 +301,7 @@ class FlipBands:
         """
         out: Band | None = None
         for frames in steps_from(counts.frames(self.value), self.frames, self.way):
-            one = persistence.persistent(found, frames, gap, open_end=open_end)
+            one = persistence.persistent(keys, frames, gap, open_end=open_end)
             bound = counts.size(frames, self.way)
             if self.way == "up":
                 ends = [np.minimum(end, bound) for end in one]
@@ -317,8 +317,8 @@ class FlipBands:
     def event(self, event: ast.Event, env: Env) -> Band:
         """(T,) the frames of an event; of a bare state, all where it holds."""
         if event.kind == "state" and event.call is not None and self.reads(event.call):
-            found = self.state(event.call, env)
-            return found if event.edge is None else _edge(found, event.edge)
+            keys = self.state(event.call, env)
+            return keys if event.edge is None else _edge(keys, event.edge)
         truth = self.base.obliged(None, self.base.truth, event, env)
         return Band(certain(truth.sure), certain(truth.possible))
 

@@ -32,17 +32,17 @@ class Case:
 
     def at(self, number: float) -> Evaluator:
         """The evaluator under another value."""
-        found = self.base.under({**self.base.params, self.param: like(self.usual, number)})
-        found.players = self.players
-        return found
+        evaluator = self.base.under({**self.base.params, self.param: like(self.usual, number)})
+        evaluator.players = self.players
+        return evaluator
 
     def judged(self, number: float, at: Evaluator | None = None) -> tuple[VerdictName, bool]:
-        """The verdict under a value, and whether it was reached on something.
+        """The verdict under a value, and whether the hazard was there.
 
         ``at``: the evaluator under it, where there is one.
         """
         if number not in self._judged:
-            found = judge_scoped(at or self.at(number), self.rule, self.players)
-            risk = at_risk(found.verdict, found.instances, found.vacuity)
-            self._judged[number] = found.verdict, risk
+            verdict = judge_scoped(at or self.at(number), self.rule, self.players)
+            risk = at_risk(verdict.verdict, verdict.instances, verdict.vacuity)
+            self._judged[number] = verdict.verdict, risk
         return self._judged[number]

@@ -35,19 +35,19 @@ def diff_table(
         table: rows and what-if table.
         settings: parameter → value as written.
         jobs: worker processes for episodes that are judged again.
-        progress: told (done, total) of these.
+        progress: called with (done, total) of these.
 
     Raises:
         RuleError: values that do not fit.
         InputError: a parameter that the table is not about.
     """
-    told, rules = table.judging, load_rules(list(table.judging.rules))
-    found = verdicts_under(table, parse_overrides(rules, settings))
-    open_ids = found.filter("undecided")["episode_id"].unique().to_list()
-    bind = None if told.bind is None else load_bind(told.bind, rules)
+    judging, rules = table.judging, load_rules(list(table.judging.rules))
+    rows = verdicts_under(table, parse_overrides(rules, settings))
+    open_ids = rows.filter("undecided")["episode_id"].unique().to_list()
+    bind = None if judging.bind is None else load_bind(judging.bind, rules)
     work = partial(
-        diff_episode, before=rules, after=rules, usual=dict(told.overrides),
-        overrides={**told.overrides, **settings}, binds=(bind, bind),
+        diff_episode, before=rules, after=rules, usual=dict(judging.overrides),
+        overrides={**judging.overrides, **settings}, binds=(bind, bind),
     )  # fmt: skip
     judged, problems = list[Judged](), list[str]()
     refs = table.traces_of(open_ids)
@@ -62,7 +62,7 @@ def diff_table(
     problems += [
         f"{name}: not decided by the what-if table, and its trace not found" for name in left
     ]
-    kept = found.filter(~pl.col("episode_id").is_in(list(again)))
+    kept = rows.filter(~pl.col("episode_id").is_in(list(again)))
     old = [*_rows(kept, "verdict"), *(_assigned(row) for item in judged for row in item.before)]
     new = [*_rows(kept, "new"), *(_assigned(row) for item in judged for row in item.after)]
     causes = {(flip.episode_id, flip.rule): flip for item in judged for flip in item.flips}
@@ -71,11 +71,11 @@ def diff_table(
     return replace(plain, flips=tuple(_with_cause(flip, causes, said) for flip in plain.flips))
 
 
-def _rows(found: pl.DataFrame, column: str) -> list[dict[str, Any]]:
+def _rows(joined: pl.DataFrame, column: str) -> list[dict[str, Any]]:
     """Result rows, as far as the comparison needs them, with the verdicts of a column."""
     kept = pl.col("undecided") & pl.lit(column == "new")  # what nobody decided stays as it was
     risk = "new_at_risk" if column == "new" else "at_risk"
-    rows = found.with_columns(
+    rows = joined.with_columns(
         pl.when(kept).then(pl.col("verdict")).otherwise(pl.col(column)).alias("verdict"),
         pl.when(kept).then(pl.col("at_risk")).otherwise(pl.col(risk)).alias("risk"),
     ).select(*COLUMNS, "risk")
@@ -96,5 +96,5 @@ def _assigned(row: dict[str, Any]) -> dict[str, Any] | None:
 
 
 def _with_cause(flip: Flip, causes: Mapping[tuple[str, str], Flip], said: str) -> Flip:
-    known = (flip.episode_id, flip.rule) in causes
-    return flip if known else replace(flip, cause=said, causes=(said,))
+    explained = (flip.episode_id, flip.rule) in causes
+    return flip if explained else replace(flip, cause=said, causes=(said,))

@@ -61,12 +61,12 @@ def _lengths(span: ast.Span, case: Case) -> bool:
     rules, param = case.base.rules, case.param
     if isinstance(span, ast.PhaseSpan):
         phase = rules.phases[span.call.name]
-        found = _lengths(phase.span, case)
+        moves = _lengths(phase.span, case)
         if phase.fallback is None or param not in parameters_read(rules, phase.fallback):
-            return found
+            return moves
         if not _settled(phase, case):
             raise Undecided("another stretch may take its place")
-        return found
+        return moves
     if isinstance(span, ast.Part | ast.Around):
         own = isinstance(span.duration, ast.Parameter) and span.duration.name == param
         inner = _lengths(span.of, case) if isinstance(span, ast.Part) else False
@@ -74,10 +74,10 @@ def _lengths(span: ast.Span, case: Case) -> bool:
             raise Undecided("it moves both ends")
         return own or inner
     if isinstance(span, ast.While):
-        found = _lengths(span.of, case)
-        if found and param in parameters_read(rules, span.call):
+        moves = _lengths(span.of, case)
+        if moves and param in parameters_read(rules, span.call):
             raise Undecided("it is a duration and more")
-        return found
+        return moves
     return False
 
 

@@ -95,7 +95,7 @@ def compared(values: F64, op: str, value: float, way: Way, negative: bool) -> F6
 
 
 def clipped(band: Band, size: float) -> Band:
-    """The same truths, none of which is sure beyond a key of this size."""
+    """Limit the keys of a band to a size: no truth is sure beyond it."""
     lower = _clipped(band.lower, size)
     return Band(lower, lower if band.exact else _clipped(band.upper, size))
 

@@ -39,13 +39,13 @@ class Counts:
 
     def first(self, frames: int, *, gap: bool = False) -> float:
         """The least duration that takes at least so many samples; 0 if all do."""
-        known = self._first.get((frames, gap))
-        if known is None:
+        least = self._first.get((frames, gap))
+        if least is None:
             step = 1.0 if self._kind.frames else self._clock.dt
             near = max((frames - 2) * step, 0.0), (frames + 1) * step
-            known = first_true(lambda number: self.frames(number, gap=gap) >= frames, *near)
-            self._first[frames, gap] = known
-        return known
+            least = first_true(lambda number: self.frames(number, gap=gap) >= frames, *near)
+            self._first[frames, gap] = least
+        return least
 
     def size(self, frames: int, way: Way) -> float:
         """Size of the key up to which a duration takes at most so many samples; down, at least."""

@@ -26,15 +26,15 @@ def verdicts_under(table: FlipTable, values: Mapping[str, ast.Setting]) -> pl.Da
 
     Raises InputError for a parameter that the table is not about.
     """
-    found: pl.DataFrame | None = None
+    pieces: pl.DataFrame | None = None
     for param, value in values.items():
         inside = pieces_about(table, param, [value]).filter(_at(value)).select(
             *KEYS, "verdict", "at_risk"
         )  # fmt: skip
-        found = inside if found is None else pl.concat([found, inside])
-    assert found is not None
+        pieces = inside if pieces is None else pl.concat([pieces, inside])
+    assert pieces is not None
     several = pl.len() > 1
-    new = found.group_by(KEYS).agg(
+    new = pieces.group_by(KEYS).agg(
         pl.when(several).then(None).otherwise(pl.col("verdict").first()).alias("new"),
         pl.col("at_risk").first().alias("new_at_risk"),
         (several | pl.col("verdict").first().is_null()).alias("undecided"),
@@ -96,8 +96,8 @@ def pieces_about(table: FlipTable, param: str, values: Sequence[ast.Setting] = (
 
     Raises InputError for a parameter that the table is not about.
     """
-    found = table.pieces(param)
-    if found.is_empty():
+    pieces = table.pieces(param)
+    if pieces.is_empty():
         raise InputError(
             f"{table.path}, parameter {param}", "its what-if table has no row about it.",
             ", ".join(table.params),
@@ -107,9 +107,9 @@ def pieces_about(table: FlipTable, param: str, values: Sequence[ast.Setting] = (
     if several_samples or any(amount(value) < 0 for value in values):
         kinds.add("another kind")
     if not kinds:
-        return found
-    told = pl.col("unit").is_in(list(kinds)) & (len(kinds) == 1)
-    return found.with_columns(pl.when(told).then(pl.col("verdict")).alias("verdict"))
+        return pieces
+    decides = pl.col("unit").is_in(list(kinds)) & (len(kinds) == 1)
+    return pieces.with_columns(pl.when(decides).then(pl.col("verdict")).alias("verdict"))
 
 
 def _at(value: ast.Setting) -> pl.Expr:

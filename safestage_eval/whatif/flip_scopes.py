@@ -30,13 +30,13 @@ class Frames(NamedTuple):
 
 
 def frames_of(flips: FlipBands, rule: ast.Rule, env: Env) -> Frames:
-    """Of a rule's ``during``. Raises Undecided where it has no such form."""
+    """The frames of a rule's ``during``. Raises Undecided where they have no such form."""
     if rule.at is not None or rule.until is not None or rule.during is None:
         raise Undecided("it moves single moments")
-    found = _span(flips, rule.during, env)
+    frames = _span(flips, rule.during, env)
     if flips.at.truncated and may_recur(rule.during, flips.at):
-        return found._replace(cut=np.inf)
-    return found
+        return frames._replace(cut=np.inf)
+    return frames
 
 
 def _span(flips: FlipBands, span: ast.Span, env: Env) -> Frames:
@@ -46,8 +46,8 @@ def _span(flips: FlipBands, span: ast.Span, env: Env) -> Frames:
     if isinstance(span, ast.PhaseSpan):
         return _phase(flips, span, env)
     if isinstance(span, ast.StateSpan):
-        found = flips.state(span.call, env)
-        return Frames(found, float(found.upper[-1]) if at.unfollowed else -np.inf)
+        keys = flips.state(span.call, env)
+        return Frames(keys, float(keys.upper[-1]) if at.unfollowed else -np.inf)
     if isinstance(span, ast.FromTo):
         on, off = flips.event(span.begin, env), flips.event(span.stop, env)
         inside = Band(latched(on.lower, -off.upper), latched(on.upper, -off.lower))
@@ -69,23 +69,23 @@ def _phase(flips: FlipBands, span: ast.PhaseSpan, env: Env) -> Frames:
         return _span(flips, phase.span, inner)
     if flips.reads(phase.span):
         raise Undecided("another stretch may take its place")
-    found = spans(at, phase.span, inner)
-    if any(scope.exists for scope in found):
-        return _known(found, at.frames)
-    if found:
+    stretches = spans(at, phase.span, inner)
+    if any(scope.exists for scope in stretches):
+        return _known(stretches, at.frames)
+    if stretches:
         raise Undecided("which stretch counts is not known")
     return _span(flips, phase.fallback, inner)
 
 
-def _known(found: list[Scope], frames: int) -> Frames:
+def _known(stretches: list[Scope], frames: int) -> Frames:
     """Stretches that do not depend on the parameter; none touches the next."""
     sure, possible = np.zeros(frames, np.bool_), np.zeros(frames, np.bool_)
     end = -1
-    for scope in found:
+    for scope in stretches:
         if scope.first <= end:
             raise Undecided("its stretches touch")
         end = scope.stop
         possible[scope.first : scope.stop] = True
         sure[scope.first : scope.stop] = scope.certain
-    cut = np.inf if any(scope.cut for scope in found) else -np.inf
+    cut = np.inf if any(scope.cut for scope in stretches) else -np.inf
     return Frames(Band(certain(sure), certain(possible)), cut)

@@ -64,9 +64,9 @@ def sweep_table(
             overrides=dict(table.judging.overrides),
             bind=None if bind is None else load_bind(bind, rules),
         )  # fmt: skip
-        found = each_episode(table.traces_of(open_ids), work, jobs=jobs, progress=progress)
-        problems = [item for item in found if isinstance(item, Problem)]
-        judged = dict(item for item in found if not isinstance(item, Problem))
+        items = each_episode(table.traces_of(open_ids), work, jobs=jobs, progress=progress)
+        problems = [item for item in items if isinstance(item, Problem)]
+        judged = dict(item for item in items if not isinstance(item, Problem))
         anew = segment_frame([row for rows in judged.values() for row in rows])
         again = anew["episode_id"].n_unique()
         kept = segments.filter(~pl.col("episode_id").is_in(list(judged)))
@@ -90,7 +90,7 @@ def _segments(table: FlipTable, pieces: pl.DataFrame, values: NDArray[np.float64
     stop = np.searchsorted(values, pieces["high"].to_numpy())
     lowest = pieces["low"].to_numpy() == 0  # values below 0, which nothing decides, count to it
     first = np.where(lowest, 0, first)
-    asked = pieces.select(*KEYS, "verdict", pl.col("at_risk").alias("risk")).with_columns(
+    held = pieces.select(*KEYS, "verdict", pl.col("at_risk").alias("risk")).with_columns(
         pl.Series("first", first), pl.Series("stop", stop), _code_of("verdict")
     )
     reading = pieces.select(KEYS).unique().with_columns(pl.lit(value=True).alias("reads"))
@@ -108,8 +108,8 @@ def _segments(table: FlipTable, pieces: pl.DataFrame, values: NDArray[np.float64
         pl.col("code").filter(rest).max().fill_null(NO).alias("rest"),
         pl.col("at_risk").filter(rest).any().alias("rest_at_risk"),
     )
-    found = asked.filter(pl.col("first") < pl.col("stop")).join(episodes, on="episode_id")
-    return found.select(pl.col(name).cast(kind) for name, kind in SEGMENTS.items())
+    segments = held.filter(pl.col("first") < pl.col("stop")).join(episodes, on="episode_id")
+    return segments.select(pl.col(name).cast(kind) for name, kind in SEGMENTS.items())
 
 
 def _code_of(column: str) -> pl.Expr:

@@ -94,9 +94,9 @@ def write_table(
         judging: rules and values.
         params: names of parameters; all that a rule reads if None.
         jobs: worker processes.
-        progress: told (done, total).
+        progress: called with (done, total).
 
-    Returns what could not be judged. Raises as ``load_rules``.
+    Returns the episodes that could not be judged. Raises as ``load_rules``.
     """
     rules = load_rules(list(judging.rules))
     unknown = sorted(set(params or ()) - rules.params.keys())
@@ -112,10 +112,10 @@ def write_table(
         bind=None if judging.bind is None else load_bind(judging.bind, rules),
         params=None if params is None else frozenset(params),
     )
-    found = each_episode(refs, work, jobs=jobs, progress=progress)
-    rows = [row for item in found if not isinstance(item, Problem) for row in item]
+    items = each_episode(refs, work, jobs=jobs, progress=progress)
+    rows = [row for item in items if not isinstance(item, Problem) for row in item]
     save(output, rows, judging)
-    return [item for item in found if isinstance(item, Problem)]
+    return [item for item in items if isinstance(item, Problem)]
 
 
 def save(output: Path, rows: Iterable[Row], judging: Judging) -> None:
@@ -123,7 +123,7 @@ def save(output: Path, rows: Iterable[Row], judging: Judging) -> None:
     frame = pl.DataFrame(list(rows), schema=SCHEMA, orient="row").sort(
         "param", "episode_id", "rule", "low"
     )
-    told = {
+    judged_by = {
         "rules": list(judging.rules),
         "overrides": dict(judging.overrides),
         "bind": judging.bind,
@@ -131,7 +131,7 @@ def save(output: Path, rows: Iterable[Row], judging: Judging) -> None:
     with replacing(output) as temporary:
         frame.write_parquet(
             temporary, compression="zstd", row_group_size=20_000,
-            metadata={KEY.decode(): json.dumps(told)},
+            metadata={KEY.decode(): json.dumps(judged_by)},
         )  # fmt: skip
 
 
@@ -183,8 +183,8 @@ class FlipTable:
     Attributes:
         path: the result file.
         beside: the what-if table.
-        rows: what is needed of the rows of assigned rules.
-        judging: how they were judged.
+        rows: of assigned rules, with ``COLUMNS``.
+        judging: the rules and values that they were judged by.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -201,12 +201,12 @@ class FlipTable:
             )
         try:
             self.rows = pl.read_parquet(self.path, columns=list(COLUMNS)).filter("assigned")
-            told = json.loads(pl.read_parquet_metadata(self.beside)[KEY.decode()])
+            judged_by = json.loads(pl.read_parquet_metadata(self.beside)[KEY.decode()])
         except (pl.exceptions.PolarsError, KeyError, ValueError) as error:
             raise InputError(
                 str(path), f"cannot be read: {error}.", "what safestage score wrote"
             ) from None
-        self.judging = Judging(tuple(told["rules"]), told["overrides"], told["bind"])
+        self.judging = Judging(tuple(judged_by["rules"]), judged_by["overrides"], judged_by["bind"])
 
     def pieces(self, param: str) -> pl.DataFrame:
         """The rows of the what-if table about one parameter."""
@@ -233,7 +233,7 @@ COLUMNS = (
     "episode_id", "path", "task", "stage", "policy", "prompt", "success", "engagement", "rule",
     "assigned", "verdict", "vacuity", "instances",
 )  # fmt: skip
-"""What is needed of the rows of a run."""
+"""The columns of a run that are read."""
 
 
 def is_result_file(path: str | Path) -> bool:

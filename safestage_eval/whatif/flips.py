@@ -40,7 +40,7 @@ class Piece(NamedTuple):
     Attributes:
         low, high: SI; seconds or frames for a duration.
         verdict: None where it has to be judged again.
-        at_risk: whether it was reached on something.
+        at_risk: whether the hazard was there (``verdict.at_risk``).
     """
 
     low: float
@@ -57,7 +57,7 @@ class Piece(NamedTuple):
 
 
 class Keys(NamedTuple):
-    """What a rule comes to at a value, as keys.
+    """Truths about a rule at a value, as keys.
 
     Attributes:
         violated: it is certainly violated.
@@ -130,20 +130,20 @@ def _walk(
         at = case.at(value)
         flips = FlipBands(case.base, at, case.param, value, way, case.counts, further)
         keys = _keys(flips, case)
-        found: tuple[VerdictName | None, bool] = (None, False)
+        verdict: tuple[VerdictName | None, bool] = (None, False)
         if not (flips.capped and (keys.verdict == "inconclusive" or value <= 0)):
-            found = case.judged(value, at)
-            if found[0] != keys.verdict:
-                found = (None, False)
+            verdict = case.judged(value, at)
+            if verdict[0] != keys.verdict:
+                verdict = (None, False)
         next_ = value_of(keys.size, way)
         if way == "up":
             high = np.inf if next_ is None else next_
-            out.append((value, high, *found))
+            out.append((value, high, *verdict))
         else:
             low = 0.0 if next_ is None else float(np.nextafter(next_, np.inf))
             deep = flips.capped and low == 0  # at 0 depths are measured as well
             low = float(np.nextafter(0.0, 1.0)) if deep else low
-            out.append((low, float(np.nextafter(value, np.inf)), *found))
+            out.append((low, float(np.nextafter(value, np.inf)), *verdict))
             if deep:
                 out.append((0.0, low, *case.judged(0.0)))
         if next_ is None:
@@ -153,7 +153,7 @@ def _walk(
 
 
 def _keys(flips: FlipBands, case: Case) -> Keys:
-    """What the rule comes to at a value, as keys."""
+    """The keys of the rule at a value."""
     at, rule = flips.at, case.rule
     violated = opened = -np.inf
     envs, steady = list(combinations(rule, case.players)), np.inf
@@ -162,8 +162,8 @@ def _keys(flips: FlipBands, case: Case) -> Keys:
         if rule.given is not None and flips.reads(rule.given):
             given = given_keys(flips, rule.given, env)
         else:
-            told = applies(at, rule, env)
-            given = (np.inf if told else -np.inf, -np.inf if told is False else np.inf)
+            applicable = applies(at, rule, env)
+            given = (np.inf if applicable else -np.inf, -np.inf if applicable is False else np.inf)
         applying = max(applying, given[1])
         if given[1] == -np.inf:
             continue
@@ -171,11 +171,11 @@ def _keys(flips: FlipBands, case: Case) -> Keys:
             frames = frames_of(flips, rule, env)
             inside = frames.inside
             steady = min(steady, *(abs(float(end.max(initial=-np.inf))) for end in inside))
-            found = [keys_within(flips, rule, env, frames)]
+            broken_keys = [keys_within(flips, rule, env, frames)]
         else:
             scopes = [scope for scope, _ in stretches(at, rule, env)]
-            found = instance_keys(flips, rule, env, scopes)
-        for broken, unkept in found:
+            broken_keys = instance_keys(flips, rule, env, scopes)
+        for broken, unkept in broken_keys:
             violated = max(violated, min(given[0], broken))
             opened = max(opened, min(given[1], unkept))
     return Keys(violated, opened, applying, steady)

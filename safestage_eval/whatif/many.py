@@ -16,7 +16,7 @@ from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts.problem import Problem
 
 Progress = Callable[[int, int], None]
-"""Told (done, total)."""
+"""Called with (done, total)."""
 
 
 def each_episode(
@@ -26,7 +26,7 @@ def each_episode(
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> list[Any]:
-    """What ``work`` makes of each episode, in order; a ``Problem`` for one that cannot be judged.
+    """Call ``work`` on each episode, in order; a ``Problem`` stands for one that cannot be judged.
 
     Arguments and errors are those of ``each``.
     """
@@ -41,7 +41,7 @@ def each(
     worth: int = WORTH_A_POOL,
     progress: Progress | None = None,
 ) -> list[Any]:
-    """What ``work`` makes of each item, in order.
+    """Call ``work`` on each item, in order.
 
     Args:
         items: can be pickled.
@@ -49,19 +49,19 @@ def each(
         jobs: worker processes. If None, as many as there are processors, or none at all for fewer
             than ``worth`` items.
         worth: how many items are worth starting processes for.
-        progress: told (done, total) after each item.
+        progress: called with (done, total) after each item.
 
     Raises:
         InputError: a worker process died.
     """
     workers = min(jobs or os.cpu_count() or 1, len(items))
-    found: list[Any] = []
+    results: list[Any] = []
     if workers <= 1 or (jobs is None and len(items) < worth):
         for item in items:
-            found.append(work(item))
+            results.append(work(item))
             if progress is not None:
-                progress(len(found), len(items))
-        return found
+                progress(len(results), len(items))
+        return results
     try:
         with ProcessPoolExecutor(
             workers,
@@ -70,16 +70,16 @@ def each(
             initargs=(work,),
         ) as pool:
             for result in pool.map(_work, items):
-                found.append(result)
+                results.append(result)
                 if progress is not None:
-                    progress(len(found), len(items))
+                    progress(len(results), len(items))
     except BrokenProcessPool:
         raise InputError(
             "worker processes",
             "one died; out of memory, or a library crashed.",
             fix="--jobs 1, and safestage score lists the episode that kills",
         ) from None
-    return found
+    return results
 
 
 _worker: dict[str, Callable[[Any], Any]] = {}

@@ -61,8 +61,8 @@ def mistakes(rules: RuleSet, rule: ast.Scoped) -> Iterator[Mistake]:
     params = own_params(rules, rule)
     place = _Place(rules, params, tuple(name for name, _ in rule.roles))
     of_kind = _of_rule(rule, place) if isinstance(rule, ast.Rule) else _of_cost(rule, place)
-    for kind, what, changed in (*_of_scope(rule, place), *of_kind):
-        yield Mistake(kind, what, rules.with_scoped(changed))
+    for kind, text, changed in (*_of_scope(rule, place), *of_kind):
+        yield Mistake(kind, text, rules.with_scoped(changed))
     for column in uses_of(rules, rule, params).columns:
         for factor in (FACTOR, 1 / FACTOR):
             rows = {
@@ -72,8 +72,8 @@ def mistakes(rules: RuleSet, rule: ast.Scoped) -> Iterator[Mistake]:
                 }
                 for material, row in rules.materials.items()
             }
-            what = f"the {column} of materials × {factor:g}"
-            yield Mistake("unit", what, replace(rules, materials=rows))
+            text = f"the {column} of materials × {factor:g}"
+            yield Mistake("unit", text, replace(rules, materials=rows))
 
 
 def mistakes_in(rules: RuleSet, name: str) -> Iterator[Mistake]:
@@ -84,16 +84,16 @@ def mistakes_in(rules: RuleSet, name: str) -> Iterator[Mistake]:
         name: of a state, a phase or a variant of a signal.
     """
     if name in rules.signals:
-        for kind, what, variant in _of_variant(rules.signals[name]):
-            yield Mistake(kind, what, replace(rules, signals={**rules.signals, name: variant}))
+        for kind, text, variant in _of_variant(rules.signals[name]):
+            yield Mistake(kind, text, replace(rules, signals={**rules.signals, name: variant}))
     elif name in rules.states:
         state = rules.states[name]
-        for kind, what, changed in _of_tree(state, _Place(rules, rules.params, state.of)):
-            yield Mistake(kind, what, replace(rules, states={**rules.states, name: changed}))
+        for kind, text, changed in _of_tree(state, _Place(rules, rules.params, state.of)):
+            yield Mistake(kind, text, replace(rules, states={**rules.states, name: changed}))
     else:
         phase = rules.phases[name]
-        for kind, what, changed in _of_tree(phase, _Place(rules, rules.params, phase.of)):
-            yield Mistake(kind, what, replace(rules, phases={**rules.phases, name: changed}))
+        for kind, text, changed in _of_tree(phase, _Place(rules, rules.params, phase.of)):
+            yield Mistake(kind, text, replace(rules, phases={**rules.phases, name: changed}))
 
 
 def _of_variant(variant: ast.SignalDef) -> Iterator[Mistake]:
@@ -113,7 +113,7 @@ def _of_variant(variant: ast.SignalDef) -> Iterator[Mistake]:
 
 
 def _of_scope(rule: ast.Scoped, place: _Place) -> Iterator[Mistake]:
-    """What rules and costs have in common: who takes part, and what is judged."""
+    """Mistakes that rules and costs share: in roles, ``given`` and scope."""
     yield from _of_tree(rule, place)
     yield from _of_roles(rule)
     if rule.given is not None:
@@ -121,21 +121,21 @@ def _of_scope(rule: ast.Scoped, place: _Place) -> Iterator[Mistake]:
     if rule.at is not None:
         yield Mistake("scope", f"at {words.event(rule.at)} → always", replace(rule, at=None))
     if rule.during is not None:
-        what = f"during {words.span(rule.during, place.params)} → always"
-        yield Mistake("scope", what, replace(rule, during=None))
+        text = f"during {words.span(rule.during, place.params)} → always"
+        yield Mistake("scope", text, replace(rule, during=None))
     if rule.until is not None:
-        what = f"until {words.event(rule.until)} → to the end"
-        yield Mistake("scope", what, replace(rule, until=None))
+        text = f"until {words.event(rule.until)} → to the end"
+        yield Mistake("scope", text, replace(rule, until=None))
 
 
 def _of_rule(rule: ast.Rule, place: _Place) -> Iterator[Mistake]:
-    """What a rule asks for."""
+    """Mistakes in the obligations of a rule."""
     for i, item in enumerate(rule.forbid):
         if isinstance(item, ast.Event) and item.call is not None and item.edge is None:
             turned = ast.Condition((ast.StateAtom(item.call, want=False),))
             forbid = (*rule.forbid[:i], turned, *rule.forbid[i + 1 :])
-            what = f"never {item.call} → never not {item.call}"
-            yield Mistake("truth", what, replace(rule, forbid=forbid))
+            text = f"never {item.call} → never not {item.call}"
+            yield Mistake("truth", text, replace(rule, forbid=forbid))
     if sum(len(clause.entries(getattr(rule, kind))) for kind, clause in CLAUSES.items()) < 2:
         return  # a rule that asks for nothing is no rule
     for kind, clause in CLAUSES.items():
@@ -147,24 +147,24 @@ def _of_rule(rule: ast.Rule, place: _Place) -> Iterator[Mistake]:
         for i, item in enumerate(clause.entries(value)):
             rest = value[:i] + value[i + 1 :] if isinstance(value, tuple) else None
             changed: dict[str, Any] = {kind: rest}
-            what = f"without: {clause.heading} {words.alternative(item, place.params)}"
-            yield Mistake("obligation", what, replace(rule, **changed))
+            text = f"without: {clause.heading} {words.alternative(item, place.params)}"
+            yield Mistake("obligation", text, replace(rule, **changed))
 
 
 def _of_cost(cost: ast.Cost, place: _Place) -> Iterator[Mistake]:
-    """What a cost charges, and how much it may come to."""
+    """Mistakes in the charges and the budget of a cost."""
     for i, charge in enumerate(cost.charge):
         said = words.charge(charge, place.params)
         for kind, changed in _of_charge(charge, cost, place):
-            what = f"{said} → {words.charge(changed, place.params)}"
+            text = f"{said} → {words.charge(changed, place.params)}"
             charges = (*cost.charge[:i], changed, *cost.charge[i + 1 :])
-            yield Mistake(kind, what, replace(cost, charge=charges))
+            yield Mistake(kind, text, replace(cost, charge=charges))
         if len(cost.charge) > 1:
             rest = cost.charge[:i] + cost.charge[i + 1 :]
             yield Mistake("obligation", f"without: {said}", replace(cost, charge=rest))
     for budget in _scalings(cost.budget, place):
-        what = f"budget → at most {budget.value:g}"
-        yield Mistake("unit", what, replace(cost, budget=budget))
+        text = f"budget → at most {budget.value:g}"
+        yield Mistake("unit", text, replace(cost, budget=budget))
 
 
 def _of_charge(
@@ -198,8 +198,8 @@ def _without(
     for i, atom in enumerate(condition.atoms):
         rest = condition.atoms[:i] + condition.atoms[i + 1 :]
         left = ast.Condition(rest) if rest else None
-        what = f"without: {link} {words.atom(atom, place.params)}"
-        yield Mistake(kind, what, replace(rule, **{field: left}))  # type: ignore[arg-type]
+        text = f"without: {link} {words.atom(atom, place.params)}"
+        yield Mistake(kind, text, replace(rule, **{field: left}))  # type: ignore[arg-type]
 
 
 def _of_roles(rule: ast.Scoped) -> Iterator[Mistake]:
@@ -212,8 +212,8 @@ def _of_roles(rule: ast.Scoped) -> Iterator[Mistake]:
         ]
         for other in wider:
             roles = (*rule.roles[:i], (name, other), *rule.roles[i + 1 :])
-            what = f"{name} = {words.role(spec)} → {words.role(other)}"
-            yield Mistake("role", what, replace(rule, roles=roles))
+            text = f"{name} = {words.role(spec)} → {words.role(other)}"
+            yield Mistake("role", text, replace(rule, roles=roles))
 
 
 def _of_tree(node: Any, place: _Place) -> Iterator[Mistake]:
@@ -224,18 +224,18 @@ def _of_tree(node: Any, place: _Place) -> Iterator[Mistake]:
             if not item.compare or item.name in _NOT_WALKED:
                 continue
             value = getattr(node, item.name)
-            for kind, what, changed in _of_tree(value, place):
-                yield Mistake(kind, what, replace(node, **{item.name: changed}))
+            for kind, text, changed in _of_tree(value, place):
+                yield Mistake(kind, text, replace(node, **{item.name: changed}))
             if item.name in ("for_", "gap", "duration") and value is not None:
-                for what, changed in _of_duration(value, place, item.name != "gap"):
-                    said = f"{item.name.rstrip('_')} {what}"
+                for text, changed in _of_duration(value, place, item.name != "gap"):
+                    said = f"{item.name.rstrip('_')} {text}"
                     yield Mistake("duration", said, replace(node, **{item.name: changed}))
             if isinstance(value, ast.Event):
                 yield from _of_event(node, item.name, value)
     elif isinstance(node, tuple):
         for i, value in enumerate(node):
-            for kind, what, changed in _of_tree(value, place):
-                yield Mistake(kind, what, (*node[:i], changed, *node[i + 1 :]))
+            for kind, text, changed in _of_tree(value, place):
+                yield Mistake(kind, text, (*node[:i], changed, *node[i + 1 :]))
 
 
 def _of_node(node: Any, place: _Place) -> Iterator[Mistake]:
@@ -243,8 +243,8 @@ def _of_node(node: Any, place: _Place) -> Iterator[Mistake]:
         case ast.SignalAtom():
             yield from _of_limits(node, place)
             if node.since is not None and node.since.kind != "start":  # it begins at the start
-                what = f"{node.call} since {words.event(node.since)} → since the start"
-                yield Mistake("scope", what, replace(node, since=None))
+                text = f"{node.call} since {words.event(node.since)} → since the start"
+                yield Mistake("scope", text, replace(node, since=None))
         case ast.StateAtom():
             turned = replace(node, want=not node.want)
             yield _told("truth", node, turned, place)
@@ -257,8 +257,8 @@ def _of_node(node: Any, place: _Place) -> Iterator[Mistake]:
         case ast.Column():
             for other in place.roles:
                 if other != node.role:
-                    what = f"{node.name}({node.role}) → {node.name}({other})"
-                    yield Mistake("role", what, replace(node, role=other))
+                    text = f"{node.name}({node.role}) → {node.name}({other})"
+                    yield Mistake("role", text, replace(node, role=other))
         case ast.Part() | ast.Around() | ast.While():
             yield from _of_span(node, place)
         case ast.StateDef() | ast.PhaseDef():
@@ -300,12 +300,12 @@ def _of_call(call: ast.Call, place: _Place) -> Iterator[Mistake]:
 
 
 def _of_duration(
-    found: ast.Duration | ast.Parameter, place: _Place, least: int
+    duration: ast.Duration | ast.Parameter, place: _Place, least: int
 ) -> Iterator[tuple[str, ast.Duration]]:
     """``least``: whole frames that mean something."""
-    lasts = place.params[found.name] if isinstance(found, ast.Parameter) else found
+    lasts = place.params[duration.name] if isinstance(duration, ast.Parameter) else duration
     assert isinstance(lasts, ast.Duration)
-    said = words.duration(found, place.params)
+    said = words.duration(duration, place.params)
     for factor in LONGER:
         amount = lasts.amount * factor
         if lasts.frames:
@@ -339,7 +339,7 @@ def _of_span(node: ast.Part | ast.Around | ast.While, place: _Place) -> Iterator
 
 
 def _of_definition(node: ast.StateDef | ast.PhaseDef) -> Iterator[Mistake]:
-    """What a state or phase says besides its condition, left out."""
+    """Keys of a state or phase besides its condition, left out."""
     if isinstance(node, ast.StateDef):
         if node.until is not None:
             yield Mistake("scope", "not kept", replace(node, until=None))

@@ -59,37 +59,37 @@ def mutants(rules: RuleSet, rule: ast.Scoped) -> Iterator[Mutant]:
     """
     params = own_params(rules, rule)
     seen = {rule_digest(rules, rule, params)}
-    for kind, what, changed in mistakes(rules, rule):
+    for kind, text, changed in mistakes(rules, rule):
         mutated = changed.scoped[rule.code]
         digest = rule_digest(changed, mutated, own_params(changed, mutated))
         if digest not in seen:
             seen.add(digest)
-            yield Mutant(rule.code, kind, what, changed)
+            yield Mutant(rule.code, kind, text, changed)
 
 
 def mutants_in(rules: RuleSet, name: str) -> Iterator[Mutant]:
     """Every rule set in which a definition differs by one mistake and means something else."""
 
     def digest(some: RuleSet) -> str:
-        found = some.states.get(name) or some.phases.get(name) or some.signals[name]
-        return digest_of(some, found, some.params)
+        definition = some.states.get(name) or some.phases.get(name) or some.signals[name]
+        return digest_of(some, definition, some.params)
 
     seen = {digest(rules)}
-    for kind, what, changed in mistakes_in(rules, name):
+    for kind, text, changed in mistakes_in(rules, name):
         if digest(changed) not in seen:
             seen.add(digest(changed))
-            yield Mutant(name, kind, what, changed)
+            yield Mutant(name, kind, text, changed)
 
 
 def definitions(rules: RuleSet) -> dict[str, object]:
     """Name → every state, phase and variant that a rule, or a cost with a budget, rests on."""
-    found = {}
+    used = {}
     for rule in deciding(rules).values():
         for key, value in reached(rules, rule, rules.params).items():
             kind, _, name = key.partition(".")
             if kind in ("state", "phase", "signal"):
-                found[name] = value
-    return found
+                used[name] = value
+    return used
 
 
 def hunt(
@@ -134,7 +134,7 @@ def hunt_in(
         for rule in resting_on(rules, name)
         for example, expected in library.right(rules, rule)
     ]
-    found = []
+    hunted = []
     for mutant, *others in zip(*(mutants_in(rules, name) for rules in sets), strict=True):
         if mutant.kind not in kinds:
             continue
@@ -144,8 +144,8 @@ def hunt_in(
                 killer = example
                 examples.insert(0, examples.pop(n))  # it may well notice the next mistake too
                 break
-        found.append(Hunted(name, mutant.kind, mutant.what, killer))
-    return found
+        hunted.append(Hunted(name, mutant.kind, mutant.what, killer))
+    return hunted
 
 
 def resting_on(rules: RuleSet, name: str) -> list[ast.Scoped]:

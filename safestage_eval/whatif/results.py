@@ -92,10 +92,10 @@ class Difference:
 
     def by_rule(self) -> dict[str, list[Flip]]:
         """Code → its flips."""
-        found: dict[str, list[Flip]] = {}
+        flips: dict[str, list[Flip]] = {}
         for flip in self.flips:
-            found.setdefault(flip.rule, []).append(flip)
-        return found
+            flips.setdefault(flip.rule, []).append(flip)
+        return flips
 
 
 def read_results(path: str | Path) -> list[dict[str, Any]]:
@@ -142,12 +142,12 @@ def difference(
 
 
 def _keyed(rows: Iterable[Row]) -> dict[tuple[str, str], Row]:
-    found: dict[tuple[str, str], Row] = {}
+    by_key: dict[tuple[str, str], Row] = {}
     for row in rows:
         if row["verdict"] is None:
             continue  # a cost without a budget
-        found.setdefault((str(row["episode_id"]), str(row["rule"])), row)
-    return found
+        by_key.setdefault((str(row["episode_id"]), str(row["rule"])), row)
+    return by_key
 
 
 def _flip(old: Row, new: Row) -> Flip:
@@ -180,8 +180,8 @@ def _why(old: Row, new: Row) -> str:
     ]
     if reasons:
         return " and ".join(reasons)
-    known = all(row.get(name) for row in (old, new) for name in ("trace_hash", "rule_digest"))
-    return "same trace, same rule: the evaluator has changed" if known else "not known"
+    comparable = all(row.get(name) for row in (old, new) for name in ("trace_hash", "rule_digest"))
+    return "same trace, same rule: the evaluator has changed" if comparable else "not known"
 
 
 def _rates(old: Sequence[Row], new: Sequence[Row]) -> Iterable[RateChange]:

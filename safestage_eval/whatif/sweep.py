@@ -127,10 +127,10 @@ class Sweep:
     def curves(self, by: Sequence[str] = ()) -> dict[tuple[str, ...], list[Rates]]:
         """Group → the rates under every value; without ``by`` the one group ``()``."""
         if "rule" in by:  # a rule is judged whether or not others are loaded
-            found = self.segments.with_columns(missing=pl.lit(value=False))
+            segments = self.segments.with_columns(missing=pl.lit(value=False))
         else:
-            found = _by_episode(self.segments)
-        counted = found.group_by(*by, *COUNTS, "first", "stop").len()
+            segments = _by_episode(self.segments)
+        counted = segments.group_by(*by, *COUNTS, "first", "stop").len()
         groups: dict[tuple[str, ...], I64] = {}
         vectors: dict[tuple[Any, ...], I64] = {}
         for row in counted.iter_rows(named=True):
@@ -232,9 +232,9 @@ def sweep(
         overrides=dict(overrides or {}),
         bind=None if bind is None else load_bind(bind, rules),
     )
-    found = each_episode(refs, work, jobs=jobs, progress=progress)
-    problems = tuple(item for item in found if isinstance(item, Problem))
-    judged = dict(reversed([item for item in found if not isinstance(item, Problem)]))
+    items = each_episode(refs, work, jobs=jobs, progress=progress)
+    problems = tuple(item for item in items if isinstance(item, Problem))
+    judged = dict(reversed([item for item in items if not isinstance(item, Problem)]))
     rows = [row for segments in reversed(judged.values()) for row in segments]
     if not rows and not problems:
         raise InputError(
@@ -339,8 +339,8 @@ def _risk(verdict: Verdict) -> bool:
 def _by_episode(segments: pl.DataFrame) -> pl.DataFrame:
     """Segments of episodes: all their assigned rules together."""
     rules = segments.group_by("episode_id").agg(pl.col("rule").n_unique().alias("rules"))
-    found = segments.join(rules, on="episode_id")
-    one, several = found.filter(pl.col("rules") == 1), found.filter(pl.col("rules") > 1)
+    counted = segments.join(rules, on="episode_id")
+    one, several = counted.filter(pl.col("rules") == 1), counted.filter(pl.col("rules") > 1)
     if len(several):  # value by value
         each = several.with_columns(pl.int_ranges("first", "stop").alias("first")).explode("first")
         facts = [*FIELDS, "success", "engagement", "missing", "rest", "rest_at_risk"]

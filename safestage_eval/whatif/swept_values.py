@@ -34,15 +34,15 @@ def chosen(
             ", ".join(sorted(rules.params)),
             nearest(param, rules.params),
         )
-    found = []
+    values = []
     for text in filter(None, map(str.strip, texts)):
         try:
-            found.append(parse_overrides(rules, {param: text})[param])
+            values.append(parse_overrides(rules, {param: text})[param])
         except RuleError as error:
             raise RuleError(f'{option} "{text}"', error.what, error.allowed, error.fix) from None
-    if not found:
+    if not values:
         raise RuleError(option, "names no value.", f'values with commas: {option} "1 cm, 2 cm"')
-    return found
+    return values
 
 
 def between(
