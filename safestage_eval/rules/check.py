@@ -16,7 +16,7 @@ from .diagnostic import Diagnostic
 from .files import RuleFile
 from .keys import NAMED, REPEATED, TABLES, TOP
 from .locate import Keys
-from .names import Names, Near
+from .names import Names, Near, table_of
 from .obligations import Obligations
 from .references import Read, Scope
 from .usage import Usage
@@ -80,12 +80,12 @@ class _FileChecker(Obligations):
             structure.table(usage, "ruleset", table["ruleset"], ("ruleset",))
         if "baseline" in table:
             self._baseline(table["baseline"])
-        for name, value in _entries(table, "param"):
+        for name, value in table_of(table, "param").items():
             structure.declared_name(usage, name, ("param", name))
             usage.value_of(value, ("param", name))
-        self._materials(_entries(table, "material"))
+        self._materials(table_of(table, "material").items())
         for kind in NAMED:
-            for name, value in _entries(table, kind):
+            for name, value in table_of(table, kind).items():
                 self._named(kind, name, value)
         for kind in REPEATED:
             if usage.file.asked and isinstance(table.get(kind), list):
@@ -96,12 +96,12 @@ class _FileChecker(Obligations):
 
     def _baseline(self, table: Any) -> None:
         keys: Keys = ("baseline", "span")
-        found = structure.table(self.usage, "baseline", table, ("baseline",))
-        if "span" not in found:
+        good = structure.table(self.usage, "baseline", table, ("baseline",))
+        if "span" not in good:
             return
         scope = self.scope(("baseline", ""), "[baseline]", ())
-        self.usage.span(found["span"], keys, scope)
-        span = self.usage.parsed("R304", keys, parse.span, found["span"])
+        self.usage.span(good["span"], keys, scope)
+        span = self.usage.parsed("R304", keys, parse.span, good["span"])
         if span is not None and not (
             isinstance(span, ast.Part)
             and span.which == "first"
@@ -125,8 +125,8 @@ class _FileChecker(Obligations):
             for column, value in row.items():
                 at = (*keys, column)
                 structure.declared_name(self.usage, column, at)
-                found = self.usage.value_of(value, at)
-                if isinstance(found, ast.Duration):
+                quantity = self.usage.value_of(value, at)
+                if isinstance(quantity, ast.Duration):
                     self.usage.report("R407", at, "a column holds quantities, not durations")
 
     def _named(self, kind: str, name: str, value: Any) -> None:
@@ -134,7 +134,7 @@ class _FileChecker(Obligations):
         structure.declared_name(self.usage, name, keys)
         if kind in ("signal", "state", "phase"):
             taken = [
-                k for k, known in (("signal", SIGNALS), ("relation", RELATIONS)) if name in known
+                k for k, table in (("signal", SIGNALS), ("relation", RELATIONS)) if name in table
             ]
             if taken:
                 self.usage.report(
@@ -168,18 +168,18 @@ class _FileChecker(Obligations):
             self._options(base, {k: v for k, v in table.items() if k != "base"}, keys, scope)
 
     def _options(self, base: str, given: dict[str, Any], keys: Keys, scope: Scope) -> None:
-        known = {option.name: option for option in SIGNALS[base].options}
+        options = {option.name: option for option in SIGNALS[base].options}
         for name, value in given.items():
-            if name not in known:
+            if name not in options:
                 self.usage.report(
                     "R414", (*keys, name), f'{base}() has no option "{name}"',
-                    ", ".join(known) or "base alone", Near(name, known), key=True,
+                    ", ".join(options) or "base alone", Near(name, options), key=True,
                 )  # fmt: skip
             else:
-                self.usage.parsed("R414", (*keys, name), partial(read_option, known[name]), value)
-                if known[name].param and isinstance(value, str):
+                self.usage.parsed("R414", (*keys, name), partial(read_option, options[name]), value)
+                if options[name].param and isinstance(value, str):
                     self.usage.option_time(value, (*keys, name), scope)
-        for option in known.values():
+        for option in options.values():
             if option.required and option.name not in given:
                 self.usage.report(
                     "R414", keys, f'{base}() needs "{option.name}"', option.meaning, key=True
@@ -218,8 +218,8 @@ class _FileChecker(Obligations):
 
     def _task(self, table: dict[str, Any], keys: Keys) -> None:
         self._assigned(table, keys)
-        known = {"family": self.usage.names.families, "goal": self.usage.names.goals}
-        for key, among in known.items():
+        declared = {"family": self.usage.names.families, "goal": self.usage.names.goals}
+        for key, among in declared.items():
             if key in table and table[key] not in among:
                 self.usage.report(
                     "R401", (*keys, key), f'there is no {key} "{table[key]}"',
@@ -237,8 +237,3 @@ class _FileChecker(Obligations):
                     Near(code, self.usage.names.rules),
                 )  # fmt: skip
         self.settings(table.get("set", {}), (*keys, "set"))
-
-
-def _entries(table: dict[str, Any], kind: str) -> list[tuple[str, Any]]:
-    found = table.get(kind)
-    return list(found.items()) if isinstance(found, dict) else []

@@ -42,8 +42,8 @@ class ClauseSpec:
             return ()
         if self.value == "alternative":
             return (value,)
-        found: tuple[Any, ...] = value.atoms if self.value == "condition" else value
-        return found
+        items: tuple[Any, ...] = value.atoms if self.value == "condition" else value
+        return items
 
 
 CLAUSES: dict[ClauseKind, ClauseSpec] = {

@@ -12,7 +12,7 @@ from safestage_eval.signals import SIGNALS
 from .diagnostic import Diagnostic
 from .files import RuleFile
 from .locate import Keys
-from .names import Names
+from .names import Names, table_of
 from .references import Read, Scope
 from .usage import Usage
 
@@ -82,7 +82,7 @@ class Coherence:
         kinds: dict[str, tuple[str, RuleFile]] = {}
         for file in self._files:
             for kind in ("signal", "state", "phase"):
-                for name in _table(file, kind):
+                for name in table_of(file.table, kind):
                     before, where = kinds.setdefault(name, (kind, file))
                     if before != kind:
                         self._problems.append(
@@ -93,7 +93,7 @@ class Coherence:
                         )  # fmt: skip
 
     def _circles(self) -> None:
-        found: set[frozenset[Read]] = set()
+        circles: set[frozenset[Read]] = set()
         heights: dict[Read, int] = {}
         too_deep = False
 
@@ -101,8 +101,8 @@ class Coherence:
             nonlocal too_deep
             if read in trail:
                 circle = trail[trail.index(read) :]
-                if frozenset(circle) not in found:
-                    found.add(frozenset(circle))
+                if frozenset(circle) not in circles:
+                    circles.add(frozenset(circle))
                     usage, scope = self._scopes[read]
                     way = " → ".join(name for _, name in (*circle, read))
                     usage.report(
@@ -129,14 +129,16 @@ class Coherence:
     def _materials(self) -> None:
         """The default row declares the columns and their dimensions."""
         default = {
-            column for file in self._files for column in _row(_table(file, "material"), "default")
+            column
+            for file in self._files
+            for column in table_of(table_of(file.table, "material"), "default")
         }
         names = Names.of_table(
-            {"material": {"default": _row(_table(file, "material"), "default")}}
+            {"material": {"default": table_of(table_of(file.table, "material"), "default")}}
             for file in self._files
         )
         for file in self._files:
-            for material, row in _table(file, "material").items():
+            for material, row in table_of(file.table, "material").items():
                 for column in row if isinstance(row, dict) else ():
                     keys = ("material", material, column)
                     if column not in default:
@@ -238,9 +240,9 @@ class Coherence:
                     if (kind, str(code)) not in self._scopes:
                         continue
                     reached = self._reached((kind, str(code)))
-                    known = self._scopes[kind, str(code)][0].names.params
+                    params = self._scopes[kind, str(code)][0].names.params
                     for name, keys in _set_by(table, (kind, index)):
-                        if name in known and ("param", name) not in reached:
+                        if name in params and ("param", name) not in reached:
                             self._problems.append(
                                 file.diagnostic(
                                     "R412", keys, f"{code} sets {name}, but never reads it",
@@ -250,22 +252,22 @@ class Coherence:
                             )  # fmt: skip
 
     def _reached(self, read: Read) -> set[Read]:
-        found: set[Read] = set()
+        reached: set[Read] = set()
         todo = [read]
         while todo:
-            for other in self._scopes[todo.pop()][1].reads - found:
-                found.add(other)
+            for other in self._scopes[todo.pop()][1].reads - reached:
+                reached.add(other)
                 if other in self._scopes:
                     todo.append(other)
-        return found
+        return reached
 
 
 def _definitions(file: RuleFile) -> Iterator[tuple[tuple[str, ...], Any, Keys]]:
     """Kind and name, value as written, and place of all that a file defines."""
     for kind in ("param", "signal", "state", "phase", "goal", "family", "task"):
-        for name, value in _table(file, kind).items():
+        for name, value in table_of(file.table, kind).items():
             yield (kind, name), value, (kind, name)
-    for material, row in _table(file, "material").items():
+    for material, row in table_of(file.table, "material").items():
         for column, value in row.items() if isinstance(row, dict) else ():
             yield ("material", material, column), value, ("material", material, column)
     if "baseline" in file.table:
@@ -277,18 +279,8 @@ def _definitions(file: RuleFile) -> Iterator[tuple[tuple[str, ...], Any, Keys]]:
 
 
 def _definitions_of(file: RuleFile, kind: str) -> list[Any]:
-    found = file.table.get(kind)
-    return found if isinstance(found, list) else []
-
-
-def _table(file: RuleFile, kind: str) -> dict[str, Any]:
-    found = file.table.get(kind)
-    return found if isinstance(found, dict) else {}
-
-
-def _row(materials: dict[str, Any], name: str) -> dict[str, Any]:
-    row = materials.get(name)
-    return row if isinstance(row, dict) else {}
+    entries = file.table.get(kind)
+    return entries if isinstance(entries, list) else []
 
 
 def _set_by(table: dict[str, Any], keys: Keys) -> Iterator[tuple[str, Keys]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from . import syntax as ast
 from .digest import reached, rule_digest
-from .parts import Meaning, Part, differences
+from .parts import Meaning, Part, differences, value_text
 from .uses import own_params
 
 
@@ -40,21 +40,21 @@ class Comparison:
 
     def shared(self) -> dict[Part, list[str]]:
         """Each difference → the rules that it reaches, those of several rules first."""
-        found: dict[Part, list[str]] = {}
+        codes: dict[Part, list[str]] = {}
         for code, parts in self.changed.items():
             for part in parts:
                 if part.kind in ("param", "material", "state", "phase", "signal", "baseline"):
-                    found.setdefault(part, []).append(code)
-        return found
+                    codes.setdefault(part, []).append(code)
+        return codes
 
     def own(self) -> dict[str, list[Part]]:
         """Code → what differs in the rule itself."""
         shared = self.shared()
-        found = {
+        own = {
             code: [part for part in parts if part not in shared]
             for code, parts in self.changed.items()
         }
-        return {code: parts for code, parts in found.items() if parts}
+        return {code: parts for code, parts in own.items() if parts}
 
 
 def compare(before: ast.RuleSet, after: ast.RuleSet) -> Comparison:
@@ -69,11 +69,11 @@ def compare(before: ast.RuleSet, after: ast.RuleSet) -> Comparison:
             same.append(code)
             continue
         changed[code], digests[code] = tuple(differences(a, b)), marks
-    told = {part.name for parts in changed.values() for part in parts if part.kind == "param"}
+    named = {part.name for parts in changed.values() for part in parts if part.kind == "param"}
     unread = [
-        Part("param", name, _text(before.params.get(name)), _text(after.params.get(name)))
+        Part("param", name, value_text(before.params.get(name)), value_text(after.params.get(name)))
         for name in sorted(before.params.keys() | after.params.keys())
-        if name not in told and before.params.get(name) != after.params.get(name)
+        if name not in named and before.params.get(name) != after.params.get(name)
     ]
     return Comparison(
         {code: new[code].title for code in sorted(new.keys() - old.keys())},
@@ -94,8 +94,8 @@ def _others(before: ast.RuleSet, after: ast.RuleSet) -> Iterator[str]:
     ):
         for name in sorted(old.keys() | new.keys()):
             if old.get(name) != new.get(name):
-                what = "changed" if name in old and name in new else "added"
-                yield f"{kind} {name} {what if name in new else 'left out'}"
+                change = "changed" if name in old and name in new else "added"
+                yield f"{kind} {name} {change if name in new else 'left out'}"
 
 
 def _reaching(rules: ast.RuleSet) -> dict[str, Any]:
@@ -104,9 +104,3 @@ def _reaching(rules: ast.RuleSet) -> dict[str, Any]:
         name: (goal, sorted(reached(rules, goal, rules.params).items(), key=lambda item: item[0]))
         for name, goal in rules.goals.items()
     }
-
-
-def _text(value: Any) -> str | None:
-    from .words import value as said
-
-    return None if value is None else said(value)

@@ -46,11 +46,11 @@ def rule_digest(
 
 def digest_of(rules: ast.RuleSet, node: object, params: ast.Params, backend: str = BACKEND) -> str:
     """Digest of any part of a rule, or of a goal; as ``rule_digest``."""
-    known = _known(rules, node)
-    values = (backend, *[params[name] for name in known.reads])
-    digest = known.digests.get(values)
+    part = _known(rules, node)
+    values = (backend, *[params[name] for name in part.reads])
+    digest = part.digests.get(values)
     if digest is None:
-        digest = known.digests[values] = _digest(rules, known, params, backend)
+        digest = part.digests[values] = _digest(rules, part, params, backend)
     return digest
 
 
@@ -99,9 +99,9 @@ _MANY = 4096
 def _known(rules: ast.RuleSet, node: object) -> _Known:
     """By identity: equal parts are hashed as often as they are asked about, and that takes long."""
     key = tuple(map(id, node)) if isinstance(node, tuple) else id(node)
-    found: _Known | None = rules.known.get(("known", key))
-    if found is not None:
-        return found
+    part: _Known | None = rules.known.get(("known", key))
+    if part is not None:
+        return part
     if len(rules.known) > _MANY:
         rules.known.clear()
     uses: dict[str, Any] = {}
@@ -113,8 +113,8 @@ def _known(rules: ast.RuleSet, node: object) -> _Known:
                 if not isinstance(value, ast.Parameter):
                     todo.append(_definition(rules, name, value).names)
     reads = frozenset([v.name for v in uses.values() if isinstance(v, ast.Parameter)])
-    found = rules.known["known", key] = _Known(node, uses, reads, {})
-    return found
+    part = rules.known["known", key] = _Known(node, uses, reads, {})
+    return part
 
 
 class _Definition(NamedTuple):
@@ -126,25 +126,25 @@ class _Definition(NamedTuple):
 
 def _definition(rules: ast.RuleSet, name: str, value: Any) -> _Definition:
     """The definition called ``state.moved``, say; a rule set has one of each name."""
-    found: _Definition | None = rules.known.get(("definition", name))
-    if found is None:
-        found = _Definition(list(_named(value, rules)), _json(value))
-        rules.known["definition", name] = found
-    return found
+    definition: _Definition | None = rules.known.get(("definition", name))
+    if definition is None:
+        definition = _Definition(list(_named(value, rules)), _json(value))
+        rules.known["definition", name] = definition
+    return definition
 
 
-def _digest(rules: ast.RuleSet, known: _Known, params: ast.Params, backend: str) -> str:
+def _digest(rules: ast.RuleSet, part: _Known, params: ast.Params, backend: str) -> str:
     """Hash ``[part, [[name, definition or value], …], baseline, backend]`` as JSON."""
     uses = [
         f"[{json.dumps(name)},{_value_json(params[value.name])}]"
         if isinstance(value, ast.Parameter)
         else f"[{json.dumps(name)},{_definition(rules, name, value).text}]"
-        for name, value in sorted(known.uses.items())
+        for name, value in sorted(part.uses.items())
     ]
     baseline = rules.known.get("baseline")
     if baseline is None:
         baseline = rules.known["baseline"] = _json(rules.baseline)
-    text = f"[{known.text},[{','.join(uses)}],{baseline},{json.dumps(backend)}]"
+    text = f"[{part.text},[{','.join(uses)}],{baseline},{json.dumps(backend)}]"
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 

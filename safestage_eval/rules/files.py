@@ -86,7 +86,7 @@ def _locations(text: str) -> Locations:
 def _headers(text: str, kind: str) -> tuple[int, ...]:
     """Lines (from 1) that hold nothing but ``[[kind]]`` and perhaps a comment."""
     header = re.compile(rf"^[ \t]*\[\[[ \t]*{kind}[ \t]*\]\][ \t]*(?:#.*)?\r?$", re.MULTILINE)
-    return tuple([text.count("\n", 0, found.start()) + 1 for found in header.finditer(text)])
+    return tuple([text.count("\n", 0, match.start()) + 1 for match in header.finditer(text)])
 
 
 def builtin_folder() -> Path:
@@ -115,9 +115,9 @@ def find(spec: str | Path) -> list[Path]:
         RuleError: there is none.
     """
     path = Path(spec)
-    found = sorted(path.glob("*.toml")) if path.is_dir() else [path] * path.is_file()
-    if found:
-        return found
+    paths = sorted(path.glob("*.toml")) if path.is_dir() else [path] * path.is_file()
+    if paths:
+        return paths
     builtin = _builtin(str(spec))
     if builtin is not None:
         return [builtin]
@@ -140,9 +140,9 @@ def read_files(specs: Sequence[str | Path]) -> tuple[list[RuleFile], list[Diagno
     Raises:
         RuleError: a spec stands for no file, or a file cannot be opened.
     """
-    asked = list(dict.fromkeys(path.resolve() for spec in specs for path in find(spec)))
-    reader = _Reader(frozenset(asked))
-    for path in asked:
+    named = list(dict.fromkeys(path.resolve() for spec in specs for path in find(spec)))
+    reader = _Reader(frozenset(named))
+    for path in named:
         reader.visit(path, ())
     return list(reader.files.values()), reader.problems
 
@@ -159,8 +159,8 @@ def codes_of(specs: Sequence[str | Path]) -> frozenset[str]:
 
 
 class _Reader:
-    def __init__(self, asked: frozenset[Path]) -> None:
-        self._asked = asked
+    def __init__(self, named: frozenset[Path]) -> None:
+        self._asked = named
         self.files: dict[Path, RuleFile] = {}
         self.problems: list[Diagnostic] = []
         self._broken: set[Path] = set()

@@ -20,20 +20,20 @@ Found = tuple[ast.RuleSet, ast.Scoped, dict[str, Source]]
 """A rule or cost, the set it belongs to, and where the values of that set stand."""
 
 
-def find_rules(what: Iterable[str], specs: Sequence[str | Path] = ()) -> list[Found]:
+def find_rules(wanted: Iterable[str], specs: Sequence[str | Path] = ()) -> list[Found]:
     """The rules that codes (``ETS201``) and files stand for, in that order.
 
     Args:
-        what: codes, paths, folders or built-in names.
+        wanted: codes, paths, folders or built-in names.
         specs: where codes are looked for; in all built-in files if empty.
 
     Raises:
         RuleError: no such rule or file, or a file that is not sound.
     """
-    found: list[Found] = []
-    for name in what:
+    rules_found: list[Found] = []
+    for name in wanted:
         if re.fullmatch(CODE, name) and not Path(name).exists():
-            found.append(_by_code(name, specs))
+            rules_found.append(_by_code(name, specs))
             continue
         try:
             rules = load_rules([name])
@@ -49,8 +49,8 @@ def find_rules(what: Iterable[str], specs: Sequence[str | Path] = ()) -> list[Fo
                 near or nearest(name, builtin_names()) or "safestage rules show lists all codes",
             ) from None
         whence = sources([name])
-        found += [(rules, rule, whence) for rule in rules.scoped.values()]
-    return found
+        rules_found += [(rules, rule, whence) for rule in rules.scoped.values()]
+    return rules_found
 
 
 def list_rules(specs: Sequence[str | Path] = ()) -> list[tuple[str, str, str]]:
@@ -63,18 +63,18 @@ def list_rules(specs: Sequence[str | Path] = ()) -> list[tuple[str, str, str]]:
 
 
 def _by_code(code: str, specs: Sequence[str | Path]) -> Found:
-    known = []
+    codes = []
     for group in groups(specs):
         rules = load_rules(group)
         if code in rules.scoped:
             return rules, rules.scoped[code], sources(group)
-        known += list(rules.scoped)
+        codes += list(rules.scoped)
     where = ", ".join(map(str, specs)) or "the built-in rules"
     raise RuleError(
         code,
         f"no such rule in {where}.",
-        ", ".join(known),
-        nearest(code, known) or "--rules FILE names the file that declares it",
+        ", ".join(codes),
+        nearest(code, codes) or "--rules FILE names the file that declares it",
     )
 
 

@@ -45,9 +45,9 @@ def _option_keys() -> dict[str, Key]:
     for signal in SIGNALS.values():
         for option in signal.options:
             kinds[option.name] = _KIND_OF_OPTION[option.kind]
-            known = meanings.setdefault(option.name, [])
-            if option.meaning not in known:
-                known.append(option.meaning)
+            texts_of_one = meanings.setdefault(option.name, [])
+            if option.meaning not in texts_of_one:
+                texts_of_one.append(option.meaning)
     return {name: Key(kinds[name], " Or: ".join(texts)) for name, texts in meanings.items()}
 
 

@@ -69,18 +69,18 @@ def merge(files: Sequence[RuleFile]) -> ast.RuleSet:
                 tables[kind][name] = value if before is None else {**before, **value}
         baseline = file.table.get("baseline", {}).get("span", baseline)
     builder = build.Builder(frozenset(tables["phase"]))
-    asked = [file for file in files if file.asked]
+    named = [file for file in files if file.asked]
     rules = [
         builder.rule(table, file.path, file.line_of("rule", index))
-        for file in asked
+        for file in named
         for index, table in enumerate(file.table.get("rule", ()))
     ]
     costs = [
         builder.cost(table, file.path, file.line_of("cost", index))
-        for file in asked
+        for file in named
         for index, table in enumerate(file.table.get("cost", ()))
     ]
-    heads = [file.table["ruleset"] for file in asked]
+    heads = [file.table["ruleset"] for file in named]
     return ast.RuleSet(
         name="+".join(head["name"] for head in heads),
         version="+".join(dict.fromkeys(str(head["version"]) for head in heads)),

@@ -81,8 +81,8 @@ class Locations:
     ) -> Spot:
         for length in range(len(path), 0, -1):
             for table in tables:
-                if found := table.get(tuple(path[:length])):
-                    return self._at(*found)
+                if place := table.get(tuple(path[:length])):
+                    return self._at(*place)
         return Spot(1, 1, 1)
 
     def _at(self, first: int, stop: int) -> Spot:

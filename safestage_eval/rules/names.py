@@ -89,20 +89,20 @@ class Names:
         return [*SIGNALS, *self.variants, *RELATIONS, *self.states]
 
     def _add(self, table: Mapping[str, Any]) -> None:
-        for name, value in _entries(table, "param"):
+        for name, value in table_of(table, "param").items():
             self.params[name] = _dimension(value)
-        for _, row in _entries(table, "material"):
+        for row in table_of(table, "material").values():
             for column, value in row.items() if isinstance(row, dict) else ():
                 self.columns.setdefault(column, _dimension(value))
-        for kind, known in (("state", self.states), ("phase", self.phases)):
-            for name, value in _entries(table, kind):
-                known[name] = _formals(value)
-        for name, value in _entries(table, "signal"):
+        for kind, declared in (("state", self.states), ("phase", self.phases)):
+            for name, value in table_of(table, kind).items():
+                declared[name] = _formals(value)
+        for name, value in table_of(table, "signal").items():
             base = value.get("base") if isinstance(value, dict) else None
             spec = SIGNALS.get(base) if isinstance(base, str) else None
             self.variants[name] = spec.variant(value) if spec is not None else None
-        self.goals |= {name for name, _ in _entries(table, "goal")}
-        self.families |= {name for name, _ in _entries(table, "family")}
+        self.goals |= table_of(table, "goal").keys()
+        self.families |= table_of(table, "family").keys()
         listed = [table.get(kind) for kind in ("rule", "cost")]
         for rule in (rule for rules in listed if isinstance(rules, list) for rule in rules):
             if isinstance(rule, dict) and isinstance(rule.get("code"), str):
@@ -114,23 +114,27 @@ def dimension_of(value: ast.Setting) -> str:
     return value.dimension if isinstance(value, ast.Quantity) else "time"
 
 
+def an(dimension: str) -> str:
+    """``a length``, ``an angle``."""
+    return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"
+
+
 def a_dimension(dimension: str) -> str:
     """``"a length: m, cm, mm"``, for messages."""
     if dimension == "number":
         return "a plain number"
-    article = "an" if dimension[0] in "aeiou" else "a"
     units = ", ".join(DIMENSIONS[dimension])
     if dimension == "time":
         units += ", frames, frames @ r Hz"
     if dimension == "ratio":
         units += " or a plain number"
-    return f"{article} {dimension} ({units})"
+    return f"{an(dimension)} ({units})"
 
 
 def nearest(name: str, among: Iterable[str]) -> str:
     """``did you mean "x"?``, or nothing when no name comes close."""
-    found = difflib.get_close_matches(name, list(among), 1, 0.6)
-    return f'did you mean "{found[0]}"?' if found else ""
+    close = difflib.get_close_matches(name, list(among), 1, 0.6)
+    return f'did you mean "{close[0]}"?' if close else ""
 
 
 class Near(NamedTuple):
@@ -149,9 +153,10 @@ def unfit(name: str) -> str:
     return "is a word of the rule language" if name in RESERVED else ""
 
 
-def _entries(table: Mapping[str, Any], kind: str) -> list[tuple[str, Any]]:
-    found = table.get(kind)
-    return list(found.items()) if isinstance(found, dict) else []
+def table_of(table: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """The table of that name in another as TOML gives it; empty where there is none."""
+    inner = table.get(name)
+    return inner if isinstance(inner, dict) else {}
 
 
 def _dimension(value: Any) -> str | None:

@@ -95,9 +95,9 @@ def duration(text: str) -> ast.Duration | ast.Parameter:
 def setting(value: str | float) -> ast.Setting:
     """The value of a ``[param]``: a quantity, or a duration if it is a time or in frames."""
     if isinstance(value, str) and re.fullmatch(DURATION, value) and value[0].isdigit():
-        found = duration(value)
-        if isinstance(found, ast.Duration):
-            return found
+        lasting = duration(value)
+        if isinstance(lasting, ast.Duration):
+            return lasting
     number = quantity(value)
     if number.dimension != "time":
         return number
@@ -138,8 +138,8 @@ def span(text: str, depth: int = 0) -> ast.Span:
             f"parts of parts of a span, more than {DEEPEST} deep",
             "a phase declared under [phase.NAME] and named here",
         )
-    outer, found, inner = text.rpartition(" while ")
-    if found:
+    outer, link, inner = text.rpartition(" while ")
+    if link:
         return ast.While(span(outer, depth + 1), call(inner))
     if text == "episode":
         return ast.Whole()

@@ -79,24 +79,24 @@ class Meaning:
 def differences(before: Meaning, after: Meaning) -> list[Part]:
     """Everything that differs between two meanings of a rule and may move its verdicts."""
     values = [
-        Part("param", name, _value(before.params.get(name)), _value(after.params.get(name)))
+        Part("param", name, value_text(before.params.get(name)), value_text(after.params.get(name)))
         for name in _union(_uses(before).params, _uses(after).params)
         if before.params.get(name) != after.params.get(name)
     ]
-    found = []
+    parts = []
     for material, column in _cells(before, after):
         old, new = (_cell(side, material, column) for side in (before, after))
         if old != new:
-            found.append(Part("material", f"{material}.{column}", _value(old), _value(new)))
+            parts.append(Part("material", f"{material}.{column}", value_text(old), value_text(new)))
     for kind, old_table, new_table, said in _definitions(before, after):
         for name in _union(old_table, new_table):
             old_def, new_def = old_table.get(name), new_table.get(name)
             if old_def != new_def:
-                found.append(Part(kind, name, said(old_def, before), said(new_def, after)))
+                parts.append(Part(kind, name, said(old_def, before), said(new_def, after)))
     if before.rules.baseline != after.rules.baseline:
         spans = (words.span(side.rules.baseline, side.params) for side in (before, after))
-        found.append(Part("baseline", "", *spans))
-    return values + found + _of_rule(before, after)
+        parts.append(Part("baseline", "", *spans))
+    return values + parts + _of_rule(before, after)
 
 
 def mixed(before: Meaning, after: Meaning, chosen: Collection[Part]) -> Meaning:
@@ -165,13 +165,13 @@ def _of_rule(before: Meaning, after: Meaning) -> list[Part]:
             return []
         said = [_charged(side) for side in (before, after)]
         return [Part("cost", "", *(said if said[0] != said[1] else ("as it was", "as it is")))]
-    found = []
+    parts = []
     for kind in _LISTED:
         before_items, after_items = _entries(old, kind), _entries(new, kind)
         for name in _union(before_items, after_items):
             a, b = before_items.get(name), after_items.get(name)
             if a != b:
-                found.append(
+                parts.append(
                     Part(
                         kind,
                         name,
@@ -182,8 +182,8 @@ def _of_rule(before: Meaning, after: Meaning) -> list[Part]:
     for field, attribute in _FIELDS.items():
         a, b = getattr(old, attribute), getattr(new, attribute)
         if a != b:
-            found.append(Part(field, "", _said(a, before.params), _said(b, after.params)))
-    return found
+            parts.append(Part(field, "", _said(a, before.params), _said(b, after.params)))
+    return parts
 
 
 def _charged(side: Meaning) -> str:
@@ -197,14 +197,14 @@ def _entries(rule: ast.Rule, kind: ClauseKind) -> dict[str, ast.Atom | ast.Alter
     return _named({}, [(_name(item), item) for item in items])
 
 
-def _named(found: dict[str, Any], items: list[tuple[str, Any]]) -> dict[str, Any]:
+def _named(by_name: dict[str, Any], items: list[tuple[str, Any]]) -> dict[str, Any]:
     """By name; a second one of the same name is numbered."""
     for name, item in items:
         unique, count = name, 2
-        while unique in found:
+        while unique in by_name:
             unique, count = f"{name} ({count})", count + 1
-        found[unique] = item
-    return found
+        by_name[unique] = item
+    return by_name
 
 
 def _name(item: Any) -> str:
@@ -281,8 +281,9 @@ def _cell(side: Meaning, material: str, column: str) -> ast.Quantity | None:
     return side.rules.materials.get(material, {}).get(column)
 
 
-def _value(found: ast.Setting | None) -> str | None:
-    return None if found is None else words.value(found)
+def value_text(value: ast.Setting | None) -> str | None:
+    """A value in words; None stays."""
+    return None if value is None else words.value(value)
 
 
 def _union(old: Collection[str], new: Collection[str]) -> list[str]:

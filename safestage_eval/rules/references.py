@@ -1,7 +1,8 @@
-"""Whether a name in a rule file stands for something, and for the right kind of thing."""
+"""Check names, numbers, events, durations and spans in a rule file: does each mean something here?"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
@@ -14,7 +15,7 @@ from . import syntax as ast
 from .diagnostic import Diagnostic
 from .files import RuleFile
 from .locate import Keys
-from .names import Names, Near, a_dimension, dimension_of, nearest
+from .names import Names, Near, a_dimension, an, dimension_of, nearest
 
 Read = tuple[str, str]
 """Kind and name of a definition: ``("state", "moved")``."""
@@ -98,7 +99,7 @@ class References:
         spec = names.signal(name)
         arity: tuple[int, ...] | None
         if spec is not None:
-            known, arity, groups = "signal", spec.arities, spec.groups
+            kind, arity, groups = "signal", spec.arities, spec.groups
             if name in names.variants:
                 scope.reads.add(("signal", name))
             self._needs_of(spec, name, keys, scope, key=key)
@@ -108,10 +109,10 @@ class References:
             return None
         elif name in names.states:
             formals = names.states[name]
-            known, groups, arity = "state", True, None if formals is None else (len(formals),)
+            kind, groups, arity = "state", True, None if formals is None else (len(formals),)
             scope.reads.add(("state", name))
         elif name in RELATIONS:
-            known, arity = "state", RELATIONS[name].arities
+            kind, arity = "state", RELATIONS[name].arities
             groups = RELATIONS[name].groups
         elif name in names.phases:
             self.report(
@@ -137,9 +138,9 @@ class References:
                     "R413", keys, f"{name}() is about one body, and {arg} stands for several",
                     "a role", key=key,
                 )  # fmt: skip
-            elif known == "state":
+            elif kind == "state":
                 scope.groups.append((name, index, arg, keys))
-        return known
+        return kind
 
     def _needs_of(self, spec: Signal, name: str, keys: Keys, scope: Scope, *, key: bool) -> None:
         """Whether the options and material columns that a signal needs are there."""
@@ -216,11 +217,11 @@ class References:
                 Near(name, self.names.params), key=True,
             )  # fmt: skip
             return
-        found = self.value_of(value, keys)
+        given = self.value_of(value, keys)
         wanted = self.names.params[name]
-        if found is not None and wanted is not None and dimension_of(found) != wanted:
+        if given is not None and wanted is not None and dimension_of(given) != wanted:
             self.report(
-                "R407", keys, f"{name} is {an(wanted)}, but {literal(value)} is {an(dimension_of(found))}",
+                "R407", keys, f"{name} is {an(wanted)}, but {literal(value)} is {an(dimension_of(given))}",
                 a_dimension(wanted),
             )  # fmt: skip
 
@@ -280,6 +281,95 @@ class References:
         if limit is not None and spec is not None:
             self.limit_value(limit.value, spec.dimension, f"{call.name}()", keys, scope)
 
+    # ---- time
+
+    def event(self, text: str, keys: Keys, scope: Scope) -> None:
+        """A moment, or the frames of a state."""
+        parsed = self.parsed("R303", keys, parse.event, text)
+        if parsed is None:
+            scope.unreadable()
+        else:
+            self.moment(parsed, keys, scope)
+
+    def moment(self, event: ast.Event, keys: Keys, scope: Scope, *, key: bool = False) -> None:
+        """An event that the grammar has already made out."""
+        if event.call is not None:
+            self._state(event.call, "an event", keys, scope, key=key)
+
+    def _state(
+        self, call: ast.Call, what: str, keys: Keys, scope: Scope, *, key: bool = False
+    ) -> None:
+        if self.call(call, keys, scope, key=key) == "signal":
+            self.report(
+                "R404", keys, f"{call.name}() is a signal; {what} needs a state",
+                fix=f"declare one: [state.NAME] when = {{ \"{call}\" = \"…\" }}", key=key,
+            )  # fmt: skip
+
+    def lasting(self, text: str, keys: Keys, scope: Scope) -> None:
+        """A duration, or a parameter that holds one."""
+        lasting = self.parsed("R302", keys, parse.duration, text)
+        if isinstance(lasting, ast.Parameter):
+            self._lasting(lasting, keys, scope)
+
+    def option_time(self, text: str, keys: Keys, scope: Scope) -> None:
+        """The time of a signal's option, if it is a parameter."""
+        if re.fullmatch(parse.NAME, text):
+            self._lasting(ast.Parameter(text), keys, scope)
+
+    def _lasting(self, lasting: ast.Duration | ast.Parameter, keys: Keys, scope: Scope) -> None:
+        if isinstance(lasting, ast.Parameter) and self.parameter(lasting.name, keys, scope):
+            dimension = self.names.params[lasting.name]
+            if dimension not in (None, "time"):
+                self.report(
+                    "R407", keys, f"a duration is needed, but {lasting.name} is {an(str(dimension))}",
+                    a_dimension("time"),
+                )  # fmt: skip
+
+    def span(self, text: str, keys: Keys, scope: Scope) -> None:
+        """A stretch of frames."""
+        parsed = self.parsed("R304", keys, parse.span, text)
+        if parsed is None:
+            scope.unreadable()
+        else:
+            self._span(parsed, keys, scope)
+
+    def _span(self, span: ast.Span, keys: Keys, scope: Scope) -> None:
+        match span:
+            case ast.PhaseSpan(call) | ast.StateSpan(call):
+                self._named_span(call, keys, scope)
+            case ast.Part(_, duration, of):
+                self._lasting(duration, keys, scope)
+                self._span(of, keys, scope)
+            case ast.Around(_, duration, event):
+                self._lasting(duration, keys, scope)
+                self.moment(event, keys, scope)
+            case ast.FromTo(begin, stop):
+                self.moment(begin, keys, scope)
+                self.moment(stop, keys, scope)
+            case ast.While(of, call):
+                self._span(of, keys, scope)
+                self._state(call, '"while"', keys, scope)
+
+    def _named_span(self, call: ast.Call, keys: Keys, scope: Scope) -> None:
+        phases = self.names.phases
+        if call.name in phases:
+            scope.reads.add(("phase", call.name))
+            formals = phases[call.name]
+            self.arity(call, None if formals is None else (len(formals),), keys, key=False)
+            for index, arg in enumerate(call.args):
+                if arg in GROUPS:
+                    scope.groups.append((call.name, index, arg, keys))
+                elif self.role(arg, keys, scope, key=False):
+                    scope.passed.setdefault((arg, call.name, index), keys)
+        elif call.args or self.names.is_state(call.name):
+            self._state(call, "a span", keys, scope)
+        else:
+            self.report(
+                "R401", keys, f'there is no phase called "{call.name}"',
+                f"{', '.join(['episode', *phases])}, or a state with its roles",
+                Near(call.name, ["episode", *phases]),
+            )  # fmt: skip
+
 
 def literal(value: Any) -> str:
     """A TOML value as its author wrote it, about."""
@@ -290,8 +380,3 @@ def literal(value: Any) -> str:
     if isinstance(value, dict):
         return "a table"
     return "a list" if isinstance(value, list) else str(value)
-
-
-def an(dimension: str) -> str:
-    """``a length``, ``an angle``."""
-    return f"{'an' if dimension[0] in 'aeiou' else 'a'} {dimension}"

@@ -201,8 +201,8 @@ def _condition(nested: str | None) -> dict[str, Any]:
             "anyOf": [{"type": "boolean"}, _text(_COUNT)],
             "description": relation.meaning,
         }
-    known = "|".join([*SIGNALS, *RELATIONS])
-    entries[rf"^(?!(?:{known})\(){parse.CALL}(?: since {parse.EVENT})?$"] = {
+    built_in = "|".join([*SIGNALS, *RELATIONS])
+    entries[rf"^(?!(?:{built_in})\(){parse.CALL}(?: since {parse.EVENT})?$"] = {
         "anyOf": [{"type": "boolean"}, _text(_COUNT), _text(_LIMIT), _list(_text(_LIMIT))]
     }
     properties = {} if nested is None else {"any": _list({"$ref": f"#/definitions/{nested}"})}

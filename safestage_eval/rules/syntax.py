@@ -325,14 +325,14 @@ class Rule(_Judged):
 
         A list of alternatives is *or*: one obligation, so that ``for`` counts across it.
         """
-        found = []
+        clauses = []
         for kind in CLAUSES:
             what = getattr(self, kind)
             if isinstance(what, tuple):
                 what = Condition((AnyOf(what),)) if len(what) > 1 else next(iter(what), None)
             if what is not None:
-                found.append(Clause(kind, what))
-        return tuple(found)
+                clauses.append(Clause(kind, what))
+        return tuple(clauses)
 
 
 @dataclass(frozen=True)

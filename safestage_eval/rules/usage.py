@@ -10,12 +10,11 @@ from safestage_eval.signals import SIGNALS
 from . import parse
 from . import syntax as ast
 from .locate import Keys
-from .moments import Moments
 from .names import Near, a_dimension
-from .references import Scope, literal
+from .references import References, Scope, literal
 
 
-class Usage(Moments):
+class Usage(References):
     """Checks conditions, and all that may stand in them."""
 
     def condition(self, table: Any, keys: Keys, scope: Scope, depth: int = 1) -> None:
@@ -78,10 +77,10 @@ class Usage(Moments):
         call, since = atom
         if since is not None:
             self.moment(since, keys, scope, key=True)
-        known = self.call(call, keys, scope, key=True)
-        if known == "signal":
+        kind = self.call(call, keys, scope, key=True)
+        if kind == "signal":
             self._limits(call, since, value, keys, scope)
-        elif known == "state":
+        elif kind == "state":
             self._truth(call, since, value, keys, scope)
 
     def _limits(
@@ -94,7 +93,7 @@ class Usage(Moments):
             self.report(
                 "R406", keys, f'{call.name}() has no reference, so it cannot be taken "since"',
                 "signals with a reference: "
-                + ", ".join(known.name for known in SIGNALS.values() if known.since), key=True,
+                + ", ".join(one.name for one in SIGNALS.values() if one.since), key=True,
             )  # fmt: skip
         limits = value if isinstance(value, list) else [value]
         for index, item in enumerate(limits):

@@ -52,12 +52,12 @@ def own_params(rules: ast.RuleSet, rule: ast.Scoped) -> dict[str, ast.Setting]:
 
 def uses_of(rules: ast.RuleSet, node: Any, params: ast.Params) -> Uses:
     """The definitions that a rule, state, phase or condition uses."""
-    found = reached(rules, node, params)
+    uses = reached(rules, node, params)
     names: dict[str, list[str]] = {}
-    for name in found:
+    for name in uses:
         kind, _, rest = name.partition(".")
         names.setdefault(kind, []).append(rest)
-    called = {call.name for part in (node, *found.values()) for call in calls(part)}
+    called = {call.name for part in (node, *uses.values()) for call in calls(part)}
     called |= {rules.signals[name].base for name in names.get("signal", ())}
     signals, relations = sorted(called & set(SIGNALS)), sorted(called & set(RELATIONS))
     needs = {need for name in signals for need in SIGNALS[name].needs}
@@ -90,15 +90,15 @@ def sources(specs: Sequence[str | Path]) -> dict[str, Source]:
 
     Of several files that define a name, the last one that is read counts, as it does in the rules.
     """
-    found = {}
+    places = {}
     for file in read_files(specs)[0]:
         for name in file.table.get("param", {}):
-            found[f"param.{name}"] = _source(file, ("param", name))
+            places[f"param.{name}"] = _source(file, ("param", name))
         for material, row in file.table.get("material", {}).items():
             for column in row:
                 keys = ("material", material, column)
-                found[f"material.{material}.{column}"] = _source(file, keys)
-    return found
+                places[f"material.{material}.{column}"] = _source(file, keys)
+    return places
 
 
 def _source(file: RuleFile, keys: tuple[str, ...]) -> Source:

@@ -48,11 +48,11 @@ def read_options(table: Mapping[str, Any]) -> ast.SignalOptions:
 
 
 def _time(spec: Option, value: Any) -> float | ast.Parameter:
-    found = parse.duration(value) if isinstance(value, str) else None
-    if spec.param and isinstance(found, ast.Parameter):
-        return found
-    if isinstance(found, ast.Duration) and not found.frames and found.amount > 0:
-        return found.amount
+    lasting = parse.duration(value) if isinstance(value, str) else None
+    if spec.param and isinstance(lasting, ast.Parameter):
+        return lasting
+    if isinstance(lasting, ast.Duration) and not lasting.frames and lasting.amount > 0:
+        return lasting.amount
     raise parse.GrammarError(
         f'"{spec.name}" is a time that does not hang on the rate of the trace, not {value!r}',
         '"50 ms", "3 frames @ 120 Hz"',
@@ -60,9 +60,9 @@ def _time(spec: Option, value: Any) -> float | ast.Parameter:
 
 
 def _length(spec: Option, value: Any) -> float:
-    found = parse.quantity(value) if isinstance(value, str) else None
-    if found is not None and found.dimension == "length" and found.value >= 0:
-        return found.value
+    length = parse.quantity(value) if isinstance(value, str) else None
+    if length is not None and length.dimension == "length" and length.value >= 0:
+        return length.value
     raise parse.GrammarError(f'"{spec.name}" is a length, not {value!r}', '"2 cm", "5 mm"')
 
 

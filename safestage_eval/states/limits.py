@@ -23,9 +23,9 @@ def limit_margin(value: F64, limit: float, size: float, *, up: bool, open_: bool
 
 def limit_margin_slowly(value: F64, limit: float, size: float, *, up: bool, open_: bool) -> F64:
     """Compute ``limit_margin`` with NumPy, for arrays that the kernel does not take."""
-    found = value - limit if up else limit - value
-    found /= size
-    return strict(found) if open_ else found
+    margin = value - limit if up else limit - value
+    margin /= size
+    return strict(margin) if open_ else margin
 
 
 @kernel

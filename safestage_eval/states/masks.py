@@ -37,5 +37,5 @@ def sample(frames: Bool, every: int) -> Bool:
 
 def last_of(frames: Bool) -> int:
     """The frame after the last true one; 0 without any."""
-    found = frames.nonzero()[0]
-    return int(found[-1]) + 1 if len(found) else 0
+    at = frames.nonzero()[0]
+    return int(at[-1]) + 1 if len(at) else 0

@@ -87,14 +87,14 @@ def _unpacked(lasting: int | Window) -> tuple[int, I64 | None, I64]:
 def _ahead(margin: F64, stops: I64, *, open_end: bool) -> F64:
     """(T,) the least margin from each frame up to its stop; beyond the end −∞, or what there is."""
     total = len(margin)
-    found = _least(margin, np.arange(total), np.minimum(stops, total))
-    return found if open_end else np.where(stops > total, NEVER, found)
+    least = _least(margin, np.arange(total), np.minimum(stops, total))
+    return least if open_end else np.where(stops > total, NEVER, least)
 
 
 def _behind(margin: F64, backs: I64, *, open_start: bool = False) -> F64:
     """(T,) the least margin down to each frame's first; before the start −∞, or what there is."""
-    found = _least(margin, np.maximum(backs, 0), np.arange(len(margin)) + 1)
-    return found if open_start else np.where(backs < 0, NEVER, found)
+    least = _least(margin, np.maximum(backs, 0), np.arange(len(margin)) + 1)
+    return least if open_start else np.where(backs < 0, NEVER, least)
 
 
 def _least(margin: F64, firsts: I64, stops: I64) -> F64:
@@ -166,10 +166,10 @@ def without_short_gaps(margin: F64, closed: int | Window, *, open_end: bool = Fa
         if open_end:
             ahead[closed.stops > len(margin)] = np.inf
         behind = -_behind(-margin, backs, open_start=True)
-        found = np.minimum(
+        margins = np.minimum(
             _least(ahead, *_with_stops(closed.stops)), _least(behind, *_with_backs(backs))
         )
-        return np.minimum(found, np.maximum.accumulate(margin))
+        return np.minimum(margins, np.maximum.accumulate(margin))
     frames = closed if isinstance(closed, int) else closed.frames - 1
     if frames < 1 or not len(margin):
         return margin
