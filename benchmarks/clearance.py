@@ -22,7 +22,7 @@ from machine import machine
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Geom, Mesh
-from safestage_eval.geometry.certified_distance import SLACK, clearance_minimum, clearance_series
+from safestage_eval.geometry.certified_distance import SLACK, clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.pose import matrix, product
 from safestage_eval.geometry.shape import BodyShape
@@ -247,7 +247,6 @@ def main() -> None:
     group, mug = [*scene.robot, *scene.objects[1:]], scene.objects[0]
     start = time.perf_counter()
     clearance_series(fresh(group), fresh([mug]), 0.1)
-    clearance_minimum(fresh(group), fresh([mug]))
     print(f"first calls, compiling or loading kernels   {time.perf_counter() - start:9.3f} s")
 
     def prepare() -> list[Mover]:
@@ -261,8 +260,6 @@ def main() -> None:
     print(f"preparing {len(movers)} bodies' motion               {prepared:9.2f} ms")
     results = {}
     for name, run in (
-        ("minimum, certified to 1 nm", lambda: clearance_minimum(group, [mug])),
-        ("minimum, certified to 10 µm", lambda: clearance_minimum(group, [mug], slack=SLACK / 2)),
         ("series to 10 cm", lambda: clearance_series(group, [mug], 0.1)),
         ("series to 10 cm with slack", lambda: clearance_series(group, [mug], 0.1, slack=SLACK)),
         ("series to 5 cm with slack", lambda: clearance_series(group, [mug], 0.05, slack=SLACK)),
@@ -281,8 +278,6 @@ def main() -> None:
     for limit in (0.02, 0.05, 0.08):
         differ = int((((capped.upper < limit) != (plain < limit)) & seen).sum())
         print(f"frames judged differently at {limit * 100:.0f} cm: {differ} of {seen.sum()}")
-    for name in ("minimum, certified to 1 nm", "minimum, certified to 10 µm"):
-        print(name, results[name])
     growth(scene, group, mug)
 
 

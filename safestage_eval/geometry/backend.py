@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from safestage_eval.errors import InputError
 
 from .mover import Mover
+from .polytope import hull_triangles
 from .pose import matrix
 from .shape import BodyShape
 
@@ -116,15 +117,7 @@ def _triangles(shape: BodyShape, index: int) -> tuple[F64, NDArray[np.int64]]:
     vertices = hulls.vertices[first : first + hulls.points[index]]
     if geom.kind == "mesh":
         return vertices, np.asarray(shape.meshes[str(geom.mesh)].faces, np.int64)
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(vertices)
-    corners = vertices[hull.simplices]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = (normal * hull.equations[:, :3]).sum(1) < 0
-    faces = hull.simplices.astype(np.int64)
-    faces[inward] = faces[inward][:, ::-1]
-    return vertices, faces
+    return vertices, hull_triangles(vertices)
 
 
 class _Fcl:

@@ -1,7 +1,7 @@
 """Certified distance between groups of moving bodies: every answer is an interval that holds it.
 
 For convex geoms that are apart by more than 10 µm the interval is at most 1e-9 m wide (gjk.py).
-Positive: apart. Zero or negative: touching or penetrating. What the pruning in sweep.py leaves
+Positive: apart. Zero or negative: touching or penetrating. What the pruning in pair_sweep.py leaves
 out never changes an answer.
 """
 
@@ -18,15 +18,12 @@ from .backend import foreign_pairs
 from .extent import reach
 from .gjk import PROMISED
 from .mover import BLOCK, Mover, frame_count
-from .pair_sweep import block_bounds, sweep
+from .pair_sweep import Query, Side, block_bounds, sweep
 from .pose import matrix
 from .shape import PLANE, Packed, chosen, triangles
 from .surface import SurfacePair, encloses
 
 F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
-
-_ALL_FRAMES = np.empty(0)
 
 SLACK = 1e-5
 """m, the recommended slack: bodies at rest tremble by less, and no limit is meant more finely.
@@ -49,18 +46,6 @@ class Clearance:
         """Whether slack may keep open, at some frame, on which side of a limit (m) it is."""
         open_ = (self.lower <= limit) & (limit <= self.upper)
         return bool((open_ & (self.upper - self.lower > PROMISED)).any())
-
-
-@dataclass(frozen=True)
-class Minimum:
-    """The least distance over an episode: between ``lower`` and ``upper`` (m), met at ``frame``.
-
-    Both are +inf and the frame is 0 when there is nothing to measure.
-    """
-
-    lower: float
-    upper: float
-    frame: int
 
 
 def clearance_series(
@@ -115,54 +100,22 @@ def clearance_pairs(
     """As clearance_series, over chosen pairs of bodies (a robot's own links, say); T = frames."""
     if backend != "gjk" and not flat:
         return _foreign(list(pairs), frames, cap, backend)
-    known = _nothing_known(frames, cap)
+    query = Query(float(cap), float(slack), flat, deep)
+    bounds = _unbounded(frames, query)
     for a, b in pairs:
         if a is b:
             continue
         if a.shape.surfaces or b.shape.surfaces:
-            apart = _with_surfaces(a, b, cap, slack, flat, deep)
+            apart = _with_surfaces(a, b, query)
         elif frame_count(a, b) == frames:
-            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, slack, flat, deep, known)
+            _merge(a, b, a.shape.solids, b.shape.solids, query, bounds)
             continue
         else:  # neither ever moves
-            apart = _nothing_known(1, cap)
-            _sweep_all(a, b, a.shape.solids, b.shape.solids, cap, slack, flat, deep, apart)
-        np.minimum(known.lower, apart.lower, out=known.lower)
-        np.minimum(known.upper, apart.upper, out=known.upper)
-    return known
-
-
-def clearance_minimum(
-    a: Sequence[Mover], b: Sequence[Mover], *, slack: float = 0.0, deep: bool = False
-) -> Minimum:
-    """Least signed distance over all frames and pairs of bodies; arguments as clearance_series.
-
-    ``slack`` (m): the bounds may be wider by up to twice that; much faster where bodies rest.
-    """
-    frame_count(*a, *b)
-    least = np.array([np.inf, np.inf, 0.0])
-    convex: list[tuple[float, int, Mover, Mover, F64]] = []
-    for first, second in product(a, b):
-        if first is second:
-            continue
-        if first.shape.surfaces or second.shape.surfaces:
-            apart = _with_surfaces(first, second, np.inf, 0.0, False, deep)
-            frame = int(np.argmin(apart.upper))
-            if apart.upper[frame] < least[1]:
-                least[1:] = apart.upper[frame], frame
-            least[0] = min(least[0], apart.lower.min())
-        elif len(first.shape) and len(second.shape):
-            bounds = _block_bounds(first, second, False)
-            convex.append((float(bounds.min()), len(convex), first, second, bounds))
-    for _, _, first, second, bounds in sorted(convex, key=lambda item: item[:2]):
-        blocks = np.argsort(bounds, kind="stable")
-        _run(
-            first, second, first.shape.solids, second.shape.solids, np.inf, slack, False, deep,
-            blocks, bounds[blocks], _ALL_FRAMES, _ALL_FRAMES, least,
-        )  # fmt: skip
-    if slack > 0:  # what was left out is no lower than this
-        least[0] = min(least[0], least[1] - slack)
-    return Minimum(float(least[0]), float(least[1]), int(least[2]))
+            apart = _unbounded(1, query)
+            _merge(a, b, a.shape.solids, b.shape.solids, query, apart)
+        np.minimum(bounds.lower, apart.lower, out=bounds.lower)
+        np.minimum(bounds.upper, apart.upper, out=bounds.upper)
+    return bounds
 
 
 def motion_bound(a: Mover, b: Mover | None = None) -> F64:
@@ -183,85 +136,37 @@ def motion_bound(a: Mover, b: Mover | None = None) -> F64:
 
 def _foreign(pairs: list[tuple[Mover, Mover]], frames: int, cap: float, backend: str) -> Clearance:
     """(T,) as another library tells it; planes by their closed form where it takes none."""
-    known = Clearance(*foreign_pairs(pairs, frames, cap, backend))
+    bounds = Clearance(*foreign_pairs(pairs, frames, cap, backend))
     for a, b in pairs if backend == "fcl" else []:
         for first, second in ((a, b), (b, a)):
             planes = first.shape.hulls.kind == PLANE
             if a is not b and planes.any():
                 A, B = chosen(first.shape.hulls, planes), second.shape.hulls
-                _sweep_all(first, second, A, B, cap, 0.0, False, False, known)
-    return known
+                _merge(first, second, A, B, Query(float(cap), 0.0, False, False), bounds)
+    return bounds
 
 
-def _nothing_known(frames: int, cap: float) -> Clearance:
-    return Clearance(np.full(frames, float(cap)), np.full(frames, np.inf))
+def _unbounded(frames: int, query: Query) -> Clearance:
+    """(T,) bounds before anything is measured."""
+    return Clearance(np.full(frames, query.cap), np.full(frames, np.inf))
 
 
 def _block_bounds(a: Mover, b: Mover, flat: bool) -> F64:
     """(K,) m: lower bound on the distance of two bodies within each block of frames."""
     bounds = np.empty(-(-frame_count(a, b) // BLOCK))
-    ra, rb = float(a.shape.radius), float(b.shape.radius)
-    block_bounds(a.motion, b.motion, ra, rb, flat, bounds)
+    block_bounds(a.motion, b.motion, float(a.shape.radius + b.shape.radius), flat, bounds)
     return bounds
 
 
-def _sweep_all(
-    a: Mover,
-    b: Mover,
-    A: Packed,
-    B: Packed,
-    cap: float,
-    slack: float,
-    flat: bool,
-    deep: bool,
-    known: Clearance,
-) -> None:
-    """Merge the distance of geoms A of a and B of b into ``known``, (T,)."""
-    bounds = _block_bounds(a, b, flat)
-    blocks = np.flatnonzero(bounds < cap)
-    if len(blocks) and len(A.kind) and len(B.kind):
-        low, high = known.lower, known.upper
-        _run(a, b, A, B, cap, slack, flat, deep, blocks, bounds[blocks], low, high, _ALL_FRAMES)
+def _merge(a: Mover, b: Mover, A: Packed, B: Packed, query: Query, bounds: Clearance) -> None:
+    """Merge the distance of geoms A of a and B of b into the bounds, (T,)."""
+    near = _block_bounds(a, b, query.flat) < query.cap
+    if near.any() and len(A.kind) and len(B.kind):
+        one, other = (Side(g, m.motion, float(m.shape.radius)) for g, m in ((A, a), (B, b)))
+        sweep(one, other, query, np.flatnonzero(near), bounds.lower, bounds.upper)
 
 
-def _run(
-    a: Mover,
-    b: Mover,
-    A: Packed,
-    B: Packed,
-    cap: float,
-    slack: float,
-    flat: bool,
-    deep: bool,
-    blocks: I64,
-    bounds: F64,
-    lower: F64,
-    upper: F64,
-    least: F64,
-) -> None:
-    ra, rb = float(a.shape.radius), float(b.shape.radius)
-    sweep(
-        A,
-        B,
-        a.motion,
-        b.motion,
-        ra,
-        rb,
-        float(cap),
-        float(slack),
-        flat,
-        deep,
-        blocks,
-        bounds,
-        lower,
-        upper,
-        least,
-    )
-
-
-def _with_surfaces(
-    a: Mover, b: Mover, cap: float, slack: float, flat: bool, deep: bool
-) -> Clearance:
+def _with_surfaces(a: Mover, b: Mover, query: Query) -> Clearance:
     """(T,) bounds for two bodies of which at least one has a nonconvex mesh.
 
     Triangles against convex geoms by GJK, against triangles by python-fcl (flat: by GJK). A mesh
@@ -269,48 +174,48 @@ def _with_surfaces(
     the overlap of their bounding boxes.
     """
     frames = frame_count(a, b)
-    known = _nothing_known(frames, cap)
+    bounds = _unbounded(frames, query)
     faces_a, faces_b = ([triangles(s) for s in m.shape.surfaces] for m in (a, b))
     jobs = [(a.shape.solids, b.shape.solids)]
     jobs += [(a.shape.solids, face) for face in faces_b]
     jobs += [(face, b.shape.solids) for face in faces_a]
-    if flat:
+    if query.flat:
         jobs += list(product(faces_a, faces_b))
     for A, B in jobs:
-        _sweep_all(a, b, A, B, cap, slack, flat, deep, known)
-    if not flat:
-        _mesh_distance(a, b, cap, known)
+        _merge(a, b, A, B, query, bounds)
+    if not query.flat:
+        _mesh_distance(a, b, query.cap, bounds)
         within = _contained(a, b, frames) | _contained(b, a, frames)
-        known.upper[within] = np.minimum(known.upper[within], 0.0)
-    meets = known.upper <= 0
+        bounds.upper[within] = np.minimum(bounds.upper[within], 0.0)
+    meets = bounds.upper <= 0
     if meets.any():
         rows = np.flatnonzero(meets)
-        known.lower[rows] = -_box_overlap(a.at(rows), b.at(rows), flat)
-    return known
+        bounds.lower[rows] = -_box_overlap(a.at(rows), b.at(rows), query.flat)
+    return bounds
 
 
-def _mesh_distance(a: Mover, b: Mover, cap: float, known: Clearance) -> None:
-    """Merge the distances of a's meshes to b's into ``known``, skipping what motion rules out."""
+def _mesh_distance(a: Mover, b: Mover, cap: float, bounds: Clearance) -> None:
+    """Merge the distances of a's meshes to b's into the bounds, skipping what motion rules out."""
     if not (a.shape.surfaces and b.shape.surfaces):
         return
-    frames = len(known.lower)
-    bounds = _block_bounds(a, b, False)
+    frames = len(bounds.lower)
+    near = _block_bounds(a, b, False)
     rotations = [matrix(m.orientation) for m in (a, b)]
     for sa, sb in product(a.shape.surfaces, b.shape.surfaces):
         pair, last, last_path = SurfacePair(sa, sb), -np.inf, 0.0
         for t in range(frames):
             i, j = t if len(a) > 1 else 0, t if len(b) > 1 else 0
             path = a.motion.path[i] + b.motion.path[j]
-            limit = min(cap, known.upper[t])
-            if bounds[t // BLOCK] >= limit or last - (path - last_path) >= limit:
+            limit = min(cap, bounds.upper[t])
+            if near[t // BLOCK] >= limit or last - (path - last_path) >= limit:
                 continue
             last = pair.distance(
                 (rotations[0][i], a.motion.centre[i]), (rotations[1][j], b.motion.centre[j])
             )
             last_path = path
             if last < limit:
-                known.lower[t] = min(known.lower[t], last)
-                known.upper[t] = last
+                bounds.lower[t] = min(bounds.lower[t], last)
+                bounds.upper[t] = last
 
 
 def _contained(a: Mover, b: Mover, frames: int) -> NDArray[np.bool_]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from safestage_eval._process.compiled import kernel
 
 from .mover import Mover, frame_count, rotation_at
-from .polygon import COINCIDENT, bounds, chain, covers
+from .polygon import COINCIDENT, bounds, chain, covers, sort_points
 from .polytope import Pieces
 from .pose import unit
 from .stillness import still_since
@@ -159,42 +159,12 @@ def _cast(
                     + room.rotation[i, 1] * pieces.vertices[start + k, 1]
                     + room.rotation[i, 2] * pieces.vertices[start + k, 2]
                 )
-        _sort(room.points, n)
+        sort_points(room.points, n)
         found = chain(room.points[:n], room.hull)
         room.first[piece + p], room.many[piece + p] = corner + start, found
         for k in range(found):
             room.corners[corner + start + k, 0] = room.hull[k, 0]
             room.corners[corner + start + k, 1] = room.hull[k, 1]
-
-
-@kernel
-def _sort(points: F64, n: int) -> None:
-    """The first n points, by x, then by y, in place. Heapsort, Williams 1964."""
-    for k in range(n // 2 - 1, -1, -1):
-        _sift(points, k, n)
-    for end in range(n - 1, 0, -1):
-        for i in range(2):
-            points[0, i], points[end, i] = points[end, i], points[0, i]
-        _sift(points, 0, end)
-
-
-@kernel
-def _sift(points: F64, root: int, n: int) -> None:
-    x, y = points[root, 0], points[root, 1]
-    while 2 * root + 1 < n:
-        child = 2 * root + 1
-        if child + 1 < n and (
-            points[child, 0] < points[child + 1, 0]
-            or (
-                points[child, 0] == points[child + 1, 0] and points[child, 1] < points[child + 1, 1]
-            )
-        ):
-            child += 1
-        if points[child, 0] < x or (points[child, 0] == x and points[child, 1] <= y):
-            break
-        points[root, 0], points[root, 1] = points[child, 0], points[child, 1]
-        root = child
-    points[root, 0], points[root, 1] = x, y
 
 
 @kernel

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from safestage_eval._process.compiled import allocating, helper, kernel
 
 from .penetration import penetration_depth
-from .shape import BOX, PLANE, Packed
+from .shape import BOX, PLANE
 from .simplex import nearest_weights
-from .support_function import support_point, support_value
+from .support_function import Pair, difference, support_pair, support_value
 
 F64 = NDArray[np.float64]
 
@@ -59,10 +59,10 @@ def scratch() -> Scratch:
 
 
 @helper
-def _difference(R: F64, p: F64, up: F64, a: F64, b: F64, out: F64) -> None:
-    """Write a − (R b + p) into ``out``, all (3,), flattened along the unit vector ``up``."""
-    for i in range(3):
-        out[i] = a[i] - (R[i, 0] * b[0] + R[i, 1] * b[1] + R[i, 2] * b[2] + p[i])
+def _flat_difference(pair: Pair, at_a: F64, at_b: F64, out: F64) -> None:
+    """As ``difference``, flattened along ``pair.up``."""
+    difference(pair, at_a, at_b, out)
+    up = pair.up
     level = out[0] * up[0] + out[1] * up[1] + out[2] * up[2]
     for i in range(3):
         out[i] -= level * up[i]
@@ -70,28 +70,14 @@ def _difference(R: F64, p: F64, up: F64, a: F64, b: F64, out: F64) -> None:
 
 @helper
 def core_distance(
-    A: Packed,
-    a: int,
-    B: Packed,
-    b: int,
-    R: F64,
-    p: F64,
-    up: F64,
-    at_a: F64,
-    at_b: F64,
-    n: int,
-    stop: float,
-    work: Scratch,
-    out: F64,
+    pair: Pair, at_a: F64, at_b: F64, n: int, stop: float, work: Scratch, out: F64
 ) -> int:
-    """Bounds on the distance of two geoms without their margins.
+    """Bounds on the distance of two geoms without their margins; neither is a plane.
 
-    Geoms a of A and b of B, no planes; (R, p) is the pose of b in the axes of a, (3, 3) and (3,).
-    ``up`` (3,) is zero, or a unit vector in the axes of a along which both are flattened.
     ``at_a``, ``at_b`` (4, 3) hold the simplex to start from in their first n rows, in the axes of
     a and of b, and are updated; n = 0 is a cold start. Above ``stop`` (m) it ends early, and then
-    the upper bound may be loose. ``out`` (2,) gets the lower
-    and the upper bound, m; (−inf, 0) when the cores meet.
+    the upper bound may be loose. ``out`` (2,) gets the lower and the upper bound, m; (−inf, 0)
+    when the cores meet.
 
     Returns:
         The number of simplex points to start the next, similar query from.
@@ -99,7 +85,7 @@ def core_distance(
     points, weight = work.points, work.weights[0]
     sa, sb, w = work.vectors[0], work.vectors[1], work.vectors[2]
     for i in range(n):
-        _difference(R, p, up, at_a[i], at_b[i], points[i])
+        _flat_difference(pair, at_a[i], at_b[i], points[i])
     lower, upper = -np.inf, np.inf
     for _ in range(ITERATIONS):
         if n > 0:
@@ -126,27 +112,19 @@ def core_distance(
                 break
             upper = v
         else:
-            x, y, z = -p[0], -p[1], -p[2]
-        support_point(A, a, -x, -y, -z, sa)
-        support_point(
-            B,
-            b,
-            R[0, 0] * x + R[1, 0] * y + R[2, 0] * z,
-            R[0, 1] * x + R[1, 1] * y + R[2, 1] * z,
-            R[0, 2] * x + R[1, 2] * y + R[2, 2] * z,
-            sb,
-        )
-        _difference(R, p, up, sa, sb, w)
+            x, y, z = -pair.p[0], -pair.p[1], -pair.p[2]
+        support_pair(pair, -x, -y, -z, sa, sb)
+        _flat_difference(pair, sa, sb, w)
         if n > 0:
             lower = max(lower, (x * w[0] + y * w[1] + z * w[2]) / upper)
         gap = upper - lower
         if gap <= TOLERANCE or (lower >= stop and gap <= 0.2 * (lower - stop) + 1e-4):
             break
-        known = False
+        repeated = False
         for i in range(n):
             same = points[i, 0] == w[0] and points[i, 1] == w[1] and points[i, 2] == w[2]
-            known = known or same
-        if known:
+            repeated = repeated or same
+        if repeated:
             break
         for c in range(3):
             points[n, c], at_a[n, c], at_b[n, c] = w[c], sa[c], sb[c]
@@ -156,10 +134,9 @@ def core_distance(
 
 
 @helper
-def _overlap(
-    A: Packed, a: int, B: Packed, b: int, R: F64, p: F64, up: F64, d: F64, work: Scratch
-) -> float:
+def _overlap(pair: Pair, d: F64, work: Scratch) -> float:
     """How far the cores must move apart along ±d, made level and of unit length; inf if d ∥ up."""
+    R, p, up = pair.R, pair.p, pair.up
     level = d[0] * up[0] + d[1] * up[1] + d[2] * up[2]
     x, y, z = d[0] - level * up[0], d[1] - level * up[1], d[2] - level * up[2]
     norm = math.sqrt(x * x + y * y + z * z)
@@ -169,28 +146,25 @@ def _overlap(
     best = np.inf
     for _ in range(2):
         x, y, z = -x, -y, -z
-        support_point(A, a, x, y, z, work.vectors[0])
+        support_pair(pair, x, y, z, work.vectors[0], work.vectors[1])
         reach = work.vectors[0, 0] * x + work.vectors[0, 1] * y + work.vectors[0, 2] * z
         bx = -(R[0, 0] * x + R[1, 0] * y + R[2, 0] * z)
         by = -(R[0, 1] * x + R[1, 1] * y + R[2, 1] * z)
         bz = -(R[0, 2] * x + R[1, 2] * y + R[2, 2] * z)
-        support_point(B, b, bx, by, bz, work.vectors[1])
         reach += work.vectors[1, 0] * bx + work.vectors[1, 1] * by + work.vectors[1, 2] * bz
         best = min(best, reach - (p[0] * x + p[1] * y + p[2] * z))
     return best
 
 
 @kernel
-def _overlap_depth(
-    A: Packed, a: int, B: Packed, b: int, R: F64, p: F64, up: F64, work: Scratch
-) -> float:
+def _overlap_depth(pair: Pair, work: Scratch) -> float:
     """Upper bound (m) on how far two meeting cores must move to come apart.
 
     The least overlap over the separating-axis candidates of two boxes (Gottschalk, Lin & Manocha
     1996, "OBBTree"): three axes each and their nine cross products, for which it is exact, as it
     is for points and segments; and the directions between centres, across either z axis too.
     """
-    d, best = work.vectors[3], np.inf
+    R, p, d, best = pair.R, pair.p, work.vectors[3], np.inf
     along = R[0, 2] * p[0] + R[1, 2] * p[1] + R[2, 2] * p[2]
     for axis in range(18):
         i, j = axis // 3 % 3, axis % 3
@@ -210,15 +184,14 @@ def _overlap_depth(
         if axis < 9:
             k, m = (i + 1) % 3, (i + 2) % 3
             d[k], d[m] = -R[m, j], R[k, j]
-        best = min(best, _overlap(A, a, B, b, R, p, up, d, work))
+        best = min(best, _overlap(pair, d, work))
     return best
 
 
 @kernel
-def _plane_distance(
-    A: Packed, a: int, B: Packed, b: int, R: F64, p: F64, up: F64, work: Scratch, out: F64
-) -> None:
+def _plane_distance(pair: Pair, work: Scratch, out: F64) -> None:
     """Bounds when a or b is a half-space; exact unless both are, or it is flattened aslant."""
+    A, a, B, b, R, p, up = pair
     swap = A.kind[a] != PLANE
     if A.kind[a] == B.kind[b]:
         out[0], out[1] = -np.inf, 0.0
@@ -240,22 +213,9 @@ def _plane_distance(
 
 @helper
 def geom_distance(
-    A: Packed,
-    a: int,
-    B: Packed,
-    b: int,
-    R: F64,
-    p: F64,
-    up: F64,
-    at_a: F64,
-    at_b: F64,
-    n: int,
-    stop: float,
-    deep: bool,
-    work: Scratch,
-    out: F64,
+    pair: Pair, at_a: F64, at_b: F64, n: int, stop: float, deep: bool, work: Scratch, out: F64
 ) -> int:
-    """Bounds on the signed distance of two geoms, margins included; arguments as core_distance.
+    """Bounds on the signed distance of two geoms, margins included; planes too; arguments as core_distance.
 
     ``out`` gets (lower, upper), m, at most PROMISED apart unless the cores meet or the distance is
     above ``stop``. Where the cores meet, the signed distance is minus the penetration depth, the
@@ -263,24 +223,25 @@ def geom_distance(
     spheres (not flattened); for all others to DEPTH_TOLERANCE if ``deep``, and else only to be at
     most minus the sum of the margins and at least minus the smallest overlap found.
     """
+    A, a, B, b, up = pair.A, pair.a, pair.B, pair.b, pair.up
     if A.kind[a] == PLANE or B.kind[b] == PLANE:
-        _plane_distance(A, a, B, b, R, p, up, work, out)
+        _plane_distance(pair, work, out)
         return 0
     margin = A.margin[a] + B.margin[b]
     for _ in range(2):
         warm = n > 0
-        n = core_distance(A, a, B, b, R, p, up, at_a, at_b, n, stop + margin, work, out)
+        n = core_distance(pair, at_a, at_b, n, stop + margin, work, out)
         settled = out[1] - out[0] <= PROMISED or out[1] == 0.0 or out[0] >= stop + margin
         if settled or not warm:
             break
         n = 0
     if out[1] == 0.0:
-        overlap = _overlap_depth(A, a, B, b, R, p, up, work)
+        overlap = _overlap_depth(pair, work)
         exact = A.kind[a] <= BOX and B.kind[b] <= BOX
         if exact and up[0] == 0.0 and up[1] == 0.0 and up[2] == 0.0:
             out[0], out[1] = -overlap, -overlap
         elif deep and overlap > -(stop + margin):
-            penetration_depth(A, a, B, b, R, p, up, overlap, -(stop + margin), out)
+            penetration_depth(pair, overlap, -(stop + margin), out)
             out[0], out[1] = -out[1], -out[0]
         else:
             out[0] = -overlap
@@ -290,14 +251,13 @@ def geom_distance(
 
 
 @helper
-def relative_pose(
-    A: Packed, a: int, B: Packed, b: int, RA: F64, RB: F64, gap: F64, R: F64, p: F64, work: Scratch
-) -> None:
-    """Pose of geom b in the axes of geom a, into R (3, 3) and p (3,).
+def relative_pose(pair: Pair, RA: F64, RB: F64, gap: F64, work: Scratch) -> None:
+    """Write the pose of geom b in the axes of geom a into the pair's R and p.
 
     ``RA``, ``RB`` (3, 3) are the bodies' rotations; ``gap`` (3,) leads from the bounding centre of
     A's body to that of B's, world.
     """
+    A, a, B, b, R, p, _ = pair
     GA, GB = A.rotation[a], B.rotation[b]
     across, inner = work.matrices[0], work.matrices[1]
     for i in range(3):

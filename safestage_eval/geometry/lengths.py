@@ -13,7 +13,6 @@ from safestage_eval._process.compiled import kernel
 from .arrays import as_numbers
 
 F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 Numbers = NDArray[np.floating[Any]]
 
 
@@ -31,20 +30,6 @@ def distances(points: ArrayLike, others: ArrayLike, axes: int | None = None) -> 
     return out
 
 
-def near_first(values: NDArray[np.float32], frames: I64, room: float) -> NDArray[np.bool_]:
-    """(N,) whether every component of values (T, k) at frames (N,) is within room of the first's."""
-    near = np.empty(len(frames), np.bool_)
-    some = as_numbers(values)
-    _near_first(some, frames, some.dtype.type(room), near)
-    return near
-
-
-def near_for(values: NDArray[np.float32], frames: I64, room: float) -> int:
-    """How many of the frames (N,), from the first on, ``near_first`` is true of without a break."""
-    some = as_numbers(values)
-    return int(_near_for(some, frames, some.dtype.type(room)))
-
-
 @kernel
 def _distances(points: Numbers, others: Numbers, axes: int, out: F64) -> None:
     last = others.shape[0] - 1
@@ -54,22 +39,3 @@ def _distances(points: Numbers, others: Numbers, axes: int, out: F64) -> None:
             way = np.float64(points[t, i]) - np.float64(others[s, i])
             square += way * way
         out[t] = math.sqrt(square)
-
-
-@kernel
-def _near_first(values: Numbers, frames: I64, room: Any, near: NDArray[np.bool_]) -> None:
-    for n in range(frames.shape[0]):
-        near[n] = True
-        for i in range(values.shape[1]):
-            if not abs(values[frames[n], i] - values[frames[0], i]) < room:
-                near[n] = False
-                break
-
-
-@kernel
-def _near_for(values: Numbers, frames: I64, room: Any) -> int:
-    for n in range(frames.shape[0]):
-        for i in range(values.shape[1]):
-            if not abs(values[frames[n], i] - values[frames[0], i]) < room:
-                return n
-    return len(frames)

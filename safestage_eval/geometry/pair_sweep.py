@@ -18,9 +18,40 @@ from safestage_eval._process.compiled import allocating, helper, kernel
 from .gjk import Scratch, geom_distance, relative_pose, scratch
 from .mover import BLOCK, Motion, chord, rotation_at
 from .shape import Packed
+from .support_function import Pair
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+
+
+class Side(NamedTuple):
+    """One of the two bodies.
+
+    Attributes:
+        geoms: its geoms, or some of them.
+        motion: of T frames or 1.
+        radius: m, of the ball around its bounding centre.
+    """
+
+    geoms: Packed
+    motion: Motion
+    radius: float
+
+
+class Query(NamedTuple):
+    """Which distances are wanted, and how exactly.
+
+    Attributes:
+        cap: m, distances above it do not matter.
+        slack: m, by which bounds may be widened to use them again.
+        flat: measure projections onto the horizontal plane.
+        deep: measure depths (``gjk.geom_distance``).
+    """
+
+    cap: float
+    slack: float
+    flat: bool
+    deep: bool
 
 
 class Memory(NamedTuple):
@@ -35,8 +66,8 @@ class Memory(NamedTuple):
         work: of the distance of two geoms.
         at_a, at_b: (G, H, 4, 3) the simplex with which each pair's last search ended.
         size: (G, H) its number of points.
-        known: (G, H) m, the last lower bound of each pair, where the bodies' paths added up to
-            known_path: (G, H) m.
+        bound: (G, H) m, the last lower bound of each pair, where the bodies' paths added up to
+            bound_path: (G, H) m.
     """
 
     RA: F64
@@ -50,15 +81,16 @@ class Memory(NamedTuple):
     at_a: F64
     at_b: F64
     size: I64
-    known: F64
-    known_path: F64
+    bound: F64
+    bound_path: F64
 
 
 @kernel
-def block_bounds(
-    ma: Motion, mb: Motion, radius_a: float, radius_b: float, flat: bool, out: F64
-) -> None:
-    """Write a lower bound (m) on the distance of two bodies within each block of frames, (K,)."""
+def block_bounds(ma: Motion, mb: Motion, radii: float, flat: bool, out: F64) -> None:
+    """Write a lower bound (m) on the distance of two bodies within each block of frames, (K,).
+
+    ``radii`` (m) is the sum of the radii of their balls.
+    """
     last_a, last_b = ma.low.shape[0] - 1, mb.low.shape[0] - 1
     for k in range(out.shape[0]):
         s, t = min(k, last_a), min(k, last_b)
@@ -67,7 +99,7 @@ def block_bounds(
             side = max(ma.low[s, i] - mb.high[t, i], mb.low[t, i] - ma.high[s, i])
             ball += max(side, 0.0) ** 2
             box += max(side - ma.extent[s, i] - mb.extent[t, i], 0.0) ** 2
-        out[k] = math.sqrt(ball) - radius_a - radius_b
+        out[k] = math.sqrt(ball) - radii
         # overlapping boxes say nothing about how deep a penetration is; balls do
         if box > 0.0:
             out[k] = max(out[k], math.sqrt(box))
@@ -93,12 +125,13 @@ def _balls_and_boxes(
 
 
 @helper
-def _geom_bound(A: Packed, a: int, B: Packed, b: int, p: F64, R: F64) -> float:
-    """Lower bound (m) by balls and boxes around two geoms; R, p pose of b in the axes of a.
+def _geom_bound(pair: Pair) -> float:
+    """Lower bound (m) on the distance of two geoms, by balls and boxes around them.
 
     A ball whose centre is outside the other geom's box is apart from it, or sticks into it, by the
     centre's distance less the radius; a centre within the box proves nothing.
     """
+    A, a, B, b, R, p, _ = pair
     first, second, centres = 0.0, 0.0, 0.0
     for i in range(3):
         centres += p[i] * p[i]
@@ -118,37 +151,13 @@ def _geom_bound(A: Packed, a: int, B: Packed, b: int, p: F64, R: F64) -> float:
 
 
 @allocating
-def sweep(
-    A: Packed,
-    B: Packed,
-    ma: Motion,
-    mb: Motion,
-    radius_a: float,
-    radius_b: float,
-    cap: float,
-    slack: float,
-    flat: bool,
-    deep: bool,
-    blocks: I64,
-    block_bounds: F64,
-    lower: F64,
-    upper: F64,
-    least: F64,
-) -> None:
-    """Merge the distance of two bodies into what is known so far.
+def sweep(a: Side, b: Side, query: Query, blocks: I64, lower: F64, upper: F64) -> None:
+    """Merge the distance of two bodies into the bounds so far.
 
-    ``A``, ``B`` are their geoms; ``ma``, ``mb`` their motions, of T frames or 1; ``radius_a``,
-    ``radius_b`` (m) those of the balls around their bounding centres. Distances above ``cap`` (m)
-    are of no interest. Bounds may be widened by ``slack`` (m) to reuse them. ``flat`` measures
-    projections onto the horizontal plane. ``deep`` asks for depths (gjk.geom_distance). ``blocks``
-    (K,) are visited in this order; ``block_bounds`` (K,) bound the distance within each from below (m).
-
-    ``lower``, ``upper`` (T,) bound the least distance of the pairs so far (m) and are updated; or,
-    with ``least`` of three elements instead of none, it alone is: lower bound, upper bound and
-    frame of the minimum so far over pairs and frames. What cannot be lower by more than ``slack``
-    is then left out.
+    ``blocks`` (K,) are the blocks of frames to visit. ``lower``, ``upper`` (T,) bound the least
+    distance of the pairs so far (m) and are updated.
     """
-    ga, gb = A.kind.shape[0], B.kind.shape[0]
+    ga, gb = a.geoms.kind.shape[0], b.geoms.kind.shape[0]
     memory = Memory(
         np.empty((3, 3)),
         np.empty((3, 3)),
@@ -164,60 +173,27 @@ def sweep(
         np.full((ga, gb), -np.inf),
         np.zeros((ga, gb)),
     )
-    _visit(
-        A,
-        B,
-        ma,
-        mb,
-        radius_a,
-        radius_b,
-        cap,
-        slack,
-        flat,
-        deep,
-        blocks,
-        block_bounds,
-        lower,
-        upper,
-        least,
-        memory,
-    )
+    _visit(a, b, query, blocks, lower, upper, memory)
 
 
 @kernel
 def _visit(
-    A: Packed,
-    B: Packed,
-    ma: Motion,
-    mb: Motion,
-    radius_a: float,
-    radius_b: float,
-    cap: float,
-    slack: float,
-    flat: bool,
-    deep: bool,
-    blocks: I64,
-    block_bounds: F64,
-    lower: F64,
-    upper: F64,
-    least: F64,
-    memory: Memory,
+    one: Side, other: Side, query: Query, blocks: I64, lower: F64, upper: F64, memory: Memory
 ) -> None:
-    """``sweep``, which hands over the memory."""
+    """``sweep``, with memory to write to."""
+    A, ma, radius_a = one
+    B, mb, radius_b = other
+    cap, slack, flat, deep = query
     frames = max(ma.centre.shape[0], mb.centre.shape[0])
     last_a, last_b = ma.centre.shape[0] - 1, mb.centre.shape[0] - 1
-    seek = least.shape[0] > 0
     ga, gb = A.kind.shape[0], B.kind.shape[0]
-    RA, RB, R, p, gap, up, out, work, at_a, at_b, size, known, known_path = memory
+    RA, RB, R, p, gap, up, out, work, at_a, at_b, size, bounds, bound_path = memory
     low, high = -np.inf, np.inf
     before_path, before_frame, settled = 0.0, 0, False
-    for index in range(blocks.shape[0]):
-        k = blocks[index]
-        if seek and block_bounds[index] >= least[1] - slack:
-            continue
+    for k in blocks:
         for frame in range(k * BLOCK, min(frames, (k + 1) * BLOCK)):
             s, t = min(frame, last_a), min(frame, last_b)
-            limit = least[1] - slack if seek else min(cap, upper[frame])
+            limit = min(cap, upper[frame])
             path = ma.path[s] + mb.path[t]
             moved = abs(path - before_path)
             if low - moved >= limit:
@@ -239,11 +215,12 @@ def _visit(
                 for a in range(ga):
                     for b in range(gb):
                         bar = min(limit, high)
-                        bound = known[a, b] - abs(path - known_path[a, b])
+                        bound = bounds[a, b] - abs(path - bound_path[a, b])
                         if bound >= bar:
                             low = min(low, bound)
                             continue
-                        relative_pose(A, a, B, b, RA, RB, gap, R, p, work)
+                        pair = Pair(A, a, B, b, R, p, up)
+                        relative_pose(pair, RA, RB, gap, work)
                         if flat:
                             for i in range(3):
                                 up[i] = 0.0
@@ -251,37 +228,19 @@ def _visit(
                                     up[i] += A.rotation[a, j, i] * RA[2, j]
                             bound = -np.inf
                         else:
-                            bound = _geom_bound(A, a, B, b, p, R)
+                            bound = _geom_bound(pair)
                         if bound < bar:
                             n = size[a, b]
                             size[a, b] = geom_distance(
-                                A,
-                                a,
-                                B,
-                                b,
-                                R,
-                                p,
-                                up,
-                                at_a[a, b],
-                                at_b[a, b],
-                                n,
-                                bar,
-                                deep,
-                                work,
-                                out,
+                                pair, at_a[a, b], at_b[a, b], n, bar, deep, work, out
                             )
                             bound = out[0]
                             if bound < bar:
                                 high = min(high, out[1])
-                        known[a, b], known_path[a, b] = bound, path
+                        bounds[a, b], bound_path[a, b] = bound, path
                         low = min(low, bound)
-                # what lies above the limit is loosely known, and good for this limit only
+                # a distance above the limit is loosely bounded, and good for this limit only
                 before_path, before_frame, settled = path, frame, high <= limit
             if low - moved < limit:
-                if seek:
-                    least[0] = min(least[0], low - moved)
-                    if high + moved < least[1]:
-                        least[1], least[2] = high + moved, frame
-                else:
-                    lower[frame] = min(lower[frame], low - moved)
-                    upper[frame] = min(upper[frame], high + moved)
+                lower[frame] = min(lower[frame], low - moved)
+                upper[frame] = min(upper[frame], high + moved)

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from safestage_eval._process.compiled import allocating, kernel
 
-from .shape import Packed
-from .support_function import support_point
+from .support_function import Pair, difference, support_pair
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -63,39 +62,16 @@ class Hull(NamedTuple):
 
 
 @kernel
-def difference_support(
-    A: Packed,
-    a: int,
-    B: Packed,
-    b: int,
-    R: F64,
-    p: F64,
-    up: F64,
-    tall: float,
-    x: float,
-    y: float,
-    z: float,
-    points: F64,
-    out: F64,
-) -> float:
+def _support(pair: Pair, tall: float, x: float, y: float, z: float, points: F64, out: F64) -> float:
     """Write the core difference's point farthest along (x, y, z) into ``out``; return how far.
 
-    All in the axes of a. Where ``up`` is a unit vector both are flattened along it, and the flat
-    difference is made ``tall`` (m) both ways, so that it has a volume. ``points`` (2, 3): scratch.
+    All in the axes of a. Where the pair is flattened, the flat difference is made ``tall`` (m) both
+    ways, so that it has a volume. ``points`` (2, 3): scratch.
     """
-    sa, sb = points[0], points[1]
-    support_point(A, a, x, y, z, sa)
-    support_point(
-        B,
-        b,
-        -(R[0, 0] * x + R[1, 0] * y + R[2, 0] * z),
-        -(R[0, 1] * x + R[1, 1] * y + R[2, 1] * z),
-        -(R[0, 2] * x + R[1, 2] * y + R[2, 2] * z),
-        sb,
-    )
-    for i in range(3):
-        out[i] = sa[i] - (R[i, 0] * sb[0] + R[i, 1] * sb[1] + R[i, 2] * sb[2] + p[i])
+    support_pair(pair, x, y, z, points[0], points[1])
+    difference(pair, points[0], points[1], out)
     if tall > 0.0:
+        up = pair.up
         level = out[0] * up[0] + out[1] * up[1] + out[2] * up[2]
         rise = x * up[0] + y * up[1] + z * up[2]
         level -= tall if rise >= 0.0 else -tall
@@ -236,25 +212,15 @@ def _hull(size: int) -> Hull:
 
 
 @allocating
-def penetration_depth(
-    A: Packed,
-    a: int,
-    B: Packed,
-    b: int,
-    R: F64,
-    p: F64,
-    up: F64,
-    upper: float,
-    enough: float,
-    out: F64,
-) -> None:
-    """Bounds on the depth of two geoms without their margins, (lower, upper) m, into ``out`` (2,).
+def penetration_depth(pair: Pair, upper: float, enough: float, out: F64) -> None:
+    """Write bounds on the depth of two geoms without their margins, (lower, upper) m, to ``out`` (2,).
 
-    Arguments as ``gjk.core_distance``; the cores must meet. ``upper`` (m) is known already. It ends
-    early when the depth is known to be at most ``enough`` (m).
+    The cores must meet. ``upper`` (m) is a bound that is known already. It ends early when the depth
+    is known to be at most ``enough`` (m).
     """
+    up = pair.up
     flat = up[0] != 0.0 or up[1] != 0.0 or up[2] != 0.0
-    size = A.radius[a] + B.radius[b]
+    size = pair.A.radius[pair.a] + pair.B.radius[pair.b]
     tall = 2.0 * size if flat else 0.0
     fuzz = 1e-15 * (size + tall)
     hull, points, w = _hull(CORNERS), np.empty((2, 3)), np.empty(3)
@@ -265,8 +231,8 @@ def penetration_depth(
     for axis in range(3):
         d[:] = 0.0
         d[axis] = 1.0
-        high = difference_support(A, a, B, b, R, p, up, tall, d[0], d[1], d[2], points, c[2])
-        low = difference_support(A, a, B, b, R, p, up, tall, -d[0], -d[1], -d[2], points, c[3])
+        high = _support(pair, tall, d[0], d[1], d[2], points, c[2])
+        low = _support(pair, tall, -d[0], -d[1], -d[2], points, c[3])
         upper = min(upper, high, low)
         if high + low > reach:
             reach = high + low
@@ -294,9 +260,7 @@ def penetration_depth(
             x, y, z = x / norm, y / norm, z / norm
             foot = c[0, 0] * x + c[0, 1] * y + c[0, 2] * z
             for sign in (-1.0, 1.0):
-                far = difference_support(
-                    A, a, B, b, R, p, up, tall, sign * x, sign * y, sign * z, points, w
-                )
+                far = _support(pair, tall, sign * x, sign * y, sign * z, points, w)
                 upper = min(upper, far)
                 if far - sign * foot > best:
                     best = far - sign * foot
@@ -339,7 +303,7 @@ def penetration_depth(
         if upper - lower <= DEPTH_TOLERANCE or upper <= enough or count == CORNERS:
             break
         n = hull.normal[nearest]
-        far = difference_support(A, a, B, b, R, p, up, tall, n[0], n[1], n[2], points, c[count])
+        far = _support(pair, tall, n[0], n[1], n[2], points, c[count])
         upper = min(upper, far)
         if upper - lower <= DEPTH_TOLERANCE or far <= hull.height[nearest] + fuzz:
             break

@@ -166,6 +166,36 @@ def enters(starts: F64, ends: F64, outline: F64) -> Bool:
 
 
 @kernel
+def sort_points(points: F64, n: int) -> None:
+    """The first n points, by x, then by y, in place. Heapsort, Williams 1964."""
+    for k in range(n // 2 - 1, -1, -1):
+        _sift(points, k, n)
+    for end in range(n - 1, 0, -1):
+        for i in range(2):
+            points[0, i], points[end, i] = points[end, i], points[0, i]
+        _sift(points, 0, end)
+
+
+@kernel
+def _sift(points: F64, root: int, n: int) -> None:
+    x, y = points[root, 0], points[root, 1]
+    while 2 * root + 1 < n:
+        child = 2 * root + 1
+        if child + 1 < n and (
+            points[child, 0] < points[child + 1, 0]
+            or (
+                points[child, 0] == points[child + 1, 0] and points[child, 1] < points[child + 1, 1]
+            )
+        ):
+            child += 1
+        if points[child, 0] < x or (points[child, 0] == x and points[child, 1] <= y):
+            break
+        points[root, 0], points[root, 1] = points[child, 0], points[child, 1]
+        root = child
+    points[root, 0], points[root, 1] = x, y
+
+
+@kernel
 def chain(points: F64, out: F64) -> int:
     """Lower, then upper hull of points (N, 2) ordered by x, then y; returns the corners written."""
     n, m = points.shape[0], 0

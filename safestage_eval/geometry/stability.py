@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from safestage_eval._process.compiled import allocating, kernel
 
 from .arrays import owned
-from .polygon import chain
+from .polygon import chain, sort_points
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -41,24 +41,14 @@ def polygon_margin(points: F64, owner: I64, centre: F64) -> F64:
 
 @allocating
 def _margins(points: F64, first: I64, many: I64, centre: F64, out: F64) -> None:
-    most = 0
-    for n in range(many.shape[0]):
-        most = max(most, many[n])
-    sorted_, hull = np.empty((most, 2)), np.empty((2 * most + 1, 2))
+    hull = np.empty((2 * len(points) + 1, 2))
     for n in range(many.shape[0]):
         out[n] = np.nan
         if many[n] < 3:
             continue
-        for i in range(many[n]):  # few points: sorted by insertion, by x, then y
-            x, y = points[first[n] + i, 0], points[first[n] + i, 1]
-            j = i
-            while j > 0 and (
-                sorted_[j - 1, 0] > x or (sorted_[j - 1, 0] == x and sorted_[j - 1, 1] > y)
-            ):
-                sorted_[j, 0], sorted_[j, 1] = sorted_[j - 1, 0], sorted_[j - 1, 1]
-                j -= 1
-            sorted_[j, 0], sorted_[j, 1] = x, y
-        corners = chain(sorted_[: many[n]], hull)
+        own = points[first[n] : first[n] + many[n]]
+        sort_points(own, many[n])
+        corners = chain(own, hull)
         out[n] = _margin(hull, corners, centre[n, 0], centre[n, 1])
 
 

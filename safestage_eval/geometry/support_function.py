@@ -6,6 +6,8 @@ mapping it to the unit ball.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,26 @@ from .shape import BOX, CYLINDER, ELLIPSOID, HULL, PLANE, SEGMENT, Packed
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+
+
+class Pair(NamedTuple):
+    """Two geoms, neither a plane unless said otherwise, and how they lie to each other.
+
+    Attributes:
+        A, B: the bodies' geoms.
+        a, b: which geom of each.
+        R, p: (3, 3) and (3,) m, pose of geom b in the axes of geom a.
+        up: (3,) zero, or a unit vector in the axes of a along which both are flattened.
+    """
+
+    A: Packed
+    a: int
+    B: Packed
+    b: int
+    R: F64
+    p: F64
+    up: F64
+
 
 ANCHORS = 24
 """Vertices of a large hull that are looked at before the search along its edges."""
@@ -93,3 +115,29 @@ def support_value(geoms: Packed, g: int, x: float, y: float, z: float, point: F6
     support_point(geoms, g, x, y, z, point)
     value: float = point[0] * x + point[1] * y + point[2] * z + geoms.margin[g]
     return value
+
+
+@helper
+def support_pair(pair: Pair, x: float, y: float, z: float, at_a: F64, at_b: F64) -> None:
+    """Write the points of a and of b that are farthest along (x, y, z) and along its opposite.
+
+    The direction is in the axes of a, each point (3,) in those of its own geom.
+    """
+    R = pair.R
+    support_point(pair.A, pair.a, x, y, z, at_a)
+    support_point(
+        pair.B,
+        pair.b,
+        -(R[0, 0] * x + R[1, 0] * y + R[2, 0] * z),
+        -(R[0, 1] * x + R[1, 1] * y + R[2, 1] * z),
+        -(R[0, 2] * x + R[1, 2] * y + R[2, 2] * z),
+        at_b,
+    )
+
+
+@helper
+def difference(pair: Pair, at_a: F64, at_b: F64, out: F64) -> None:
+    """Write the point of A − B that two points (3,) make, each in its geom's axes, into ``out``."""
+    R, p = pair.R, pair.p
+    for i in range(3):
+        out[i] = at_a[i] - (R[i, 0] * at_b[0] + R[i, 1] * at_b[1] + R[i, 2] * at_b[2] + p[i])

@@ -136,7 +136,7 @@ def _moved(layout: Layout, touching: Bool, s: int, t: int, stays: Bool, poses: F
 
 @kernel
 def _near(values: F32, s: int, t: int, room: float) -> bool:
-    """Every component is within ``room`` of what it was: as ``lengths.near_first``."""
+    """Whether every component is within ``room`` of its earlier value."""
     near = True
     for i in range(values.shape[1]):
         near &= abs(values[t, i] - values[s, i]) < np.float32(room)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from safestage_eval.geometry.lengths import distances, lengths, near_first, near_for
+from safestage_eval.geometry.lengths import distances, lengths
 from safestage_eval.geometry.pose import angle, rotate, transform
 
 
@@ -20,25 +20,6 @@ def test_lengths_are_those_of_numpy(dtype: type) -> None:
     np.testing.assert_allclose(distances(v, v[:1]), from_first, rtol=1e-15)
     np.testing.assert_allclose(distances(v, np.broadcast_to(v[0], v.shape)), from_first)
     assert (distances(v, v) == 0).all()
-
-
-def test_near_the_first_is_told_per_component() -> None:
-    values = np.float32([[0, 0], [0.5, -0.5], [0.9, 0], [0, -1], [np.nan, 0]])
-    found = near_first(values, np.arange(5), 1.0)
-    assert found.tolist() == [True, True, True, False, False]
-    assert near_first(values, np.array([2, 0, 1]), 0.6).tolist() == [True, False, True]
-    assert near_first(values, np.zeros(0, np.int64), 1.0).tolist() == []
-
-
-def test_how_long_it_stays_near_the_first() -> None:
-    rng = np.random.default_rng(2)
-    values = np.cumsum(rng.normal(size=(300, 4)), axis=0).astype(np.float32)
-    for first in range(0, 300, 7):
-        for room in (0.1, 2.0, 1e9):
-            near = near_first(values, np.arange(first, 300), room)
-            expected = len(near) if near.all() else int(near.argmin())
-            assert near_for(values, np.arange(first, 300), room) == expected
-    assert near_for(values, np.zeros(0, np.int64), 1.0) == 0
 
 
 def test_stored_precision_changes_no_turn() -> None:
