@@ -18,6 +18,6 @@ def as_numbers(array: ArrayLike) -> NDArray[np.floating[Any]]:
 
     For kernels that only read, of tracks as they are stored; each type is compiled for itself.
     """
-    found = np.asarray(array)
-    usual = found.dtype in (np.float32, np.float64) and found.flags.carray
-    return found if usual else owned(found)
+    numbers = np.asarray(array)
+    usual = numbers.dtype in (np.float32, np.float64) and numbers.flags.carray
+    return numbers if usual else owned(numbers)

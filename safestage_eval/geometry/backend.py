@@ -69,7 +69,7 @@ def foreign_pairs(
     ``cap`` (m): cap and +inf.
     """
     lower, upper = np.full(frames, float(cap)), np.full(frames, np.inf)
-    told = library(backend)
+    foreign = library(backend)
     solids: dict[tuple[int, bool], list[Any]] = {}
     for a, b in pairs:
         if a is b or not len(a.shape) or not len(b.shape):
@@ -78,7 +78,7 @@ def foreign_pairs(
         for shape, second in ((a.shape, False), (b.shape, True)):  # a solid has one pose at a time
             key = id(shape), second
             if key not in solids:
-                solids[key] = [told.solid(shape, i) for i in range(len(shape))]
+                solids[key] = [foreign.solid(shape, i) for i in range(len(shape))]
             sides.append(solids[key])
         ours, theirs = _geoms(a, frames), _geoms(b, frames)
         for i, one in enumerate(sides[0]):
@@ -89,7 +89,7 @@ def foreign_pairs(
                 radii = a.shape.hulls.radius[i] + b.shape.hulls.radius[j]
                 apart = np.sqrt(((pa - pb) ** 2).sum(1)) - radii
                 for t in np.flatnonzero(apart < cap):
-                    value = told.distance(one, (Ra[t], pa[t]), other, (Rb[t], pb[t]))
+                    value = foreign.distance(one, (Ra[t], pa[t]), other, (Rb[t], pb[t]))
                     if value <= NO_DEPTH:
                         lower[t], upper[t] = -np.inf, min(upper[t], 0.0)
                     elif value < cap:
@@ -100,14 +100,14 @@ def foreign_pairs(
 def _geoms(mover: Mover, frames: int) -> list[tuple[F64, F64]]:
     """Per geom (T, 3, 3) rotations and (T, 3) centres, m, world."""
     body, hulls = matrix(mover.orientation), mover.shape.hulls
-    found = []
+    poses = []
     for i in range(len(mover.shape)):
         turned = np.ascontiguousarray(body @ hulls.rotation[i])
         centre = body @ hulls.offset[i] + mover.motion.centre
-        found.append(
+        poses.append(
             (np.broadcast_to(turned, (frames, 3, 3)), np.broadcast_to(centre, (frames, 3)))
         )
-    return found
+    return poses
 
 
 def _triangles(shape: BodyShape, index: int) -> tuple[F64, NDArray[np.int64]]:

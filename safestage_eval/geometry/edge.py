@@ -141,14 +141,14 @@ class _Scene:
         if self._ground.endless[seeds].any():
             return np.inf
         faces = [self._ground.polygon(i) for i in seeds]
-        found = self._distance(base, self._surface(self._ground, seeds), seeds)
-        if found <= 0 and _spans(base, faces):
+        margin = self._distance(base, self._surface(self._ground, seeds), seeds)
+        if margin <= 0 and _spans(base, faces):
             whole = convex_hull(np.concatenate(faces))
             level = self._ground.plane[seeds].mean(0)
             spanned = joined([self._ground, face_of(whole, level)])
             with_hull = np.append(seeds, len(self._ground.many))
-            found = max(found, self._distance(base, self._surface(spanned, with_hull), seeds))
-        return found
+            margin = max(margin, self._distance(base, self._surface(spanned, with_hull), seeds))
+        return margin
 
     def _touched(self, points: F64, lifted: float) -> I64:
         """Faces of the supports in whose plane the lowest of points (V, 3) lies."""
@@ -288,21 +288,21 @@ def _nearest_free(
 ) -> float:
     """Metres from a base to the nearest piece of an outline that is free; +inf without any."""
     least = _each_apart(outline, rim, corners)
-    found = np.inf
+    nearest = np.inf
     for segment in np.argsort(least, kind="stable"):
-        if least[segment] >= found:
+        if least[segment] >= nearest:
             break
         pieces, owners = _pieces(outline[[segment]], owner[[segment]], piece)
         near = nearest_on(pieces.mean(1), rim).distance
         order = np.argsort(near, kind="stable")
         for start in range(0, len(order), AT_ONCE):
             some = order[start : start + AT_ONCE]
-            if near[some[0]] - piece / 2 >= found:
+            if near[some[0]] - piece / 2 >= nearest:
                 break
             free = pieces[some][~guarded(pieces[some], owners[some])]
             if len(free):
-                found = min(found, _apart(free, rim, corners))
-    return found
+                nearest = min(nearest, _apart(free, rim, corners))
+    return nearest
 
 
 def _pieces(outline: F64, owner: I64, piece: float) -> tuple[F64, I64]:
@@ -330,12 +330,12 @@ class _Guarded:
 
     def __call__(self, pieces: F64, owner: I64) -> Bool:
         """(N,) of pieces (N, 2, 2) of the faces (N,)."""
-        found = np.zeros(len(pieces), np.bool_)
+        guarded = np.zeros(len(pieces), np.bool_)
         for face in np.unique(owner):
             outlines = self._over(self._planes[face])
             if len(outlines):
-                found[owner == face] = self._behind(pieces[owner == face], outlines)
-        return found
+                guarded[owner == face] = self._behind(pieces[owner == face], outlines)
+        return guarded
 
     def _behind(self, pieces: F64, outlines: F64) -> Bool:
         end = pieces.mean(1)

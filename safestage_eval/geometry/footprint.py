@@ -43,10 +43,10 @@ def overlap_xy(a: Mover, b: Mover, frames: I64 | None = None) -> F64:
         share[wanted] = 1.0
         return share
     runs, which = np.unique(still_since((a, b), wanted), return_inverse=True)
-    found = np.empty(len(runs))
+    shares = np.empty(len(runs))
     over, under = a.shape.pieces, b.shape.pieces
-    _shares(over, under, *_poses(a, runs), *_poses(b, runs), _Room.of(over, under), found)
-    share[wanted] = found[which]
+    _shares(over, under, *_poses(a, runs), *_poses(b, runs), _Room.of(over, under), shares)
+    share[wanted] = shares[which]
     return share
 
 
@@ -160,9 +160,9 @@ def _cast(
                     + room.rotation[i, 2] * pieces.vertices[start + k, 2]
                 )
         sort_points(room.points, n)
-        found = chain(room.points[:n], room.hull)
-        room.first[piece + p], room.many[piece + p] = corner + start, found
-        for k in range(found):
+        corners = chain(room.points[:n], room.hull)
+        room.first[piece + p], room.many[piece + p] = corner + start, corners
+        for k in range(corners):
             room.corners[corner + start + k, 0] = room.hull[k, 0]
             room.corners[corner + start + k, 1] = room.hull[k, 1]
 
@@ -225,9 +225,9 @@ def _union_area(room: _Room, begin: int, end: int) -> float:
             dx, dy = room.corners[following, 0] - ax, room.corners[following, 1] - ay
             if math.sqrt(dx * dx + dy * dy) <= COINCIDENT:
                 continue
-            found = covers(room.corners, first, count, box, i, ax, ay, dx, dy, room.covered)
+            spans = covers(room.corners, first, count, box, i, ax, ay, dx, dy, room.covered)
             free, reached = 1.0, 0.0
-            for k in range(found):
+            for k in range(spans):
                 free -= max(room.covered[k, 1] - max(room.covered[k, 0], reached), 0.0)
                 reached = max(reached, room.covered[k, 1])
             # any part of the edge has the same lever about the origin

@@ -130,13 +130,13 @@ def surface_from(ground: Ground, seeds: Bool, drop: float) -> Surface:
     edges, owner = np.empty((size, 4)), np.empty(size, np.int64)
     strips, beside = np.empty((size, 4, 2)), np.empty(size, np.int64)
     covered = np.empty((2 * len(kept) + 1, 2))
-    found, between = _border(
+    many, between = _border(
         *chosen, owned(box[kept]), limits, room, span, covered, edges, owner, strips, beside
     )
     parts = [chosen]
     for strip, face in zip(strips[:between], beside[:between], strict=True):
         parts.append(face_of(strip.copy(), chosen.plane[face]))
-    return Surface(joined(parts), edges[:found].reshape(-1, 2, 2), owner[:found])
+    return Surface(joined(parts), edges[:many].reshape(-1, 2, 2), owner[:many])
 
 
 def covers(ground: Ground, points: F64, floor: F64) -> Bool:
@@ -156,14 +156,14 @@ def walls(movers: Sequence[Mover], frame: int, plane: F64) -> F64:
 
     The inside is to the left; where a mesh is cut, which may be a mere sheet, on both sides.
     """
-    found = [np.empty((0, 2, 2))]
+    outlines = [np.empty((0, 2, 2))]
     height = WALL_HEIGHT * (1 - 1e-3)
     for mover in movers:
         for part, points in _vertices_at(*_place(mover, frame)):
             level = points[:, 2] - plane[0] - points[:, :2] @ plane[1:]
             if level.min() <= height < level.max():
-                found.append(_outline(part, points, level, height))
-    return np.concatenate(found)
+                outlines.append(_outline(part, points, level, height))
+    return np.concatenate(outlines)
 
 
 def world_vertices(mover: Mover, frame: int) -> list[tuple[Polytope, F64]]:
@@ -226,12 +226,12 @@ def _faces_at(
     rotation, origin = matrix(np.array(orientation)), np.array(position)
     faces = shape.faces
     normal = faces.normal @ rotation.T
-    found = []
+    grounds = []
     for i in np.flatnonzero(normal[:, 2] >= LEVEL):
         corners = faces.corners[i] @ rotation.T + origin
         hull = convex_hull(corners[:, :2])
         if len(hull) >= 3:
-            found.append(face_of(hull, _plane(normal[i], corners[0])))
+            grounds.append(face_of(hull, _plane(normal[i], corners[0])))
     for geom in shape.geoms:
         if geom.kind == "plane":
             up = rotation @ matrix(geom.orientation)[:, 2]
@@ -239,8 +239,8 @@ def _faces_at(
                 point = origin + rotation @ np.array(geom.position)
                 square = point[:2] + ENDLESS * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
                 face = face_of(square, _plane(up, point))
-                found.append(face._replace(endless=np.ones(1, np.bool_)))
-    return joined(found)
+                grounds.append(face._replace(endless=np.ones(1, np.bool_)))
+    return joined(grounds)
 
 
 def _plane(normal: F64, point: F64) -> F64:
@@ -382,7 +382,7 @@ def _border(
             if length <= COINCIDENT:
                 continue
             dx, dy = dx / length, dy / length
-            found = 0
+            spans = 0
             for j in range(faces):
                 if j == i or _apart(box, i, j):
                     continue
@@ -402,21 +402,21 @@ def _border(
                             strips[between, c, 1] = ay + s * dy - u * dx
                         beside[between] = i
                         between += 1
-                    at = found
+                    at = spans
                     while at > 0 and covered[at - 1, 0] > span[0]:
                         covered[at, 0], covered[at, 1] = covered[at - 1, 0], covered[at - 1, 1]
                         at -= 1
                     covered[at, 0], covered[at, 1] = span[0], span[1]
-                    found += 1
+                    spans += 1
             so_far = 0.0
-            for c in range(found + 1):
-                stop = covered[c, 0] if c < found else length
+            for c in range(spans + 1):
+                stop = covered[c, 0] if c < spans else length
                 if stop - so_far > SEAM:
                     edges[written, 0], edges[written, 1] = ax + so_far * dx, ay + so_far * dy
                     edges[written, 2], edges[written, 3] = ax + stop * dx, ay + stop * dy
                     owner[written] = i
                     written += 1
-                if c < found:
+                if c < spans:
                     so_far = max(so_far, covered[c, 1])
     return written, between
 

@@ -144,11 +144,11 @@ class Nearest(NamedTuple):
 
 def nearest_on(points: F64, segments: F64) -> Nearest:
     """For points (N, 2) and segments (S, 2, 2), S ≥ 1."""
-    found = Nearest(
+    nearest = Nearest(
         np.full(len(points), np.inf), np.empty((len(points), 2)), np.zeros(len(points), np.int64)
     )
-    _nearest(owned(points), owned(segments), *found)
-    return found
+    _nearest(owned(points), owned(segments), *nearest)
+    return nearest
 
 
 def crosses(starts: F64, ends: F64, segments: F64) -> Bool:
@@ -241,7 +241,7 @@ def covers(
     Writes from where to where, as shares of the edge, into ``covered`` (P, 2), in the order in which
     they begin; returns how many.
     """
-    found = 0
+    spans = 0
     low_x, high_x = min(ax, ax + dx) - COINCIDENT, max(ax, ax + dx) + COINCIDENT
     low_y, high_y = min(ay, ay + dy) - COINCIDENT, max(ay, ay + dy) + COINCIDENT
     for j in range(first.shape[0]):
@@ -274,13 +274,13 @@ def covers(
             if high <= low:
                 break
         if high > low:
-            at = found  # insert by where the cover begins
+            at = spans  # insert by where the cover begins
             while at > 0 and covered[at - 1, 0] > low:
                 covered[at, 0], covered[at, 1] = covered[at - 1, 0], covered[at - 1, 1]
                 at -= 1
             covered[at, 0], covered[at, 1] = low, high
-            found += 1
-    return found
+            spans += 1
+    return spans
 
 
 @kernel
@@ -294,15 +294,15 @@ def _outline(corners: F64, first: I64, count: I64, box: F64, covered: F64, out: 
             length = np.sqrt(dx * dx + dy * dy)
             if length <= COINCIDENT:
                 continue
-            found = covers(corners, first, count, box, i, ax, ay, dx, dy, covered)
+            spans = covers(corners, first, count, box, i, ax, ay, dx, dy, covered)
             reached = 0.0
-            for c2 in range(found + 1):
-                stop = covered[c2, 0] if c2 < found else 1.0
+            for c2 in range(spans + 1):
+                stop = covered[c2, 0] if c2 < spans else 1.0
                 if (stop - reached) * length > COINCIDENT:
                     out[written, 0], out[written, 1] = ax + reached * dx, ay + reached * dy
                     out[written, 2], out[written, 3] = ax + stop * dx, ay + stop * dy
                     written += 1
-                if c2 < found:
+                if c2 < spans:
                     reached = max(reached, covered[c2, 1])
     return written
 

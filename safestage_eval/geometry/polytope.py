@@ -80,13 +80,13 @@ class Pieces(NamedTuple):
 
 def pieces_of(parts: list[Polytope]) -> Pieces:
     """Convex parts as they are; the triangles of those that are not."""
-    found = [
+    pieces = [
         corners
         for part in parts
         for corners in ([part.vertices] if part.convex else [part.vertices[f] for f in part.faces])
     ]
-    first = np.cumsum([0, *map(len, found)])
-    return Pieces(np.concatenate([np.empty((0, 3)), *found]), first.astype(np.int64))
+    first = np.cumsum([0, *map(len, pieces)])
+    return Pieces(np.concatenate([np.empty((0, 3)), *pieces]), first.astype(np.int64))
 
 
 def polytope(geom: Geom, meshes: Mapping[str, Mesh]) -> Polytope | None:

@@ -114,12 +114,12 @@ class BodyShape:
         The same geoms give the same object again: a robot's links and a task's objects return in
         every episode, and a mesh key stands for the mesh's content.
         """
-        known = _SHAPES.get((body.name, body.geoms))
-        if known is None:
+        shape = _SHAPES.get((body.name, body.geoms))
+        if shape is None:
             if len(_SHAPES) >= SHAPES_KEPT:
                 _SHAPES.clear()
-            known = _SHAPES[body.name, body.geoms] = cls._pack(body, meshes)
-        return known
+            shape = _SHAPES[body.name, body.geoms] = cls._pack(body, meshes)
+        return shape
 
     @classmethod
     def _pack(cls, body: Body, meshes: Mapping[str, Mesh]) -> BodyShape:

@@ -45,13 +45,13 @@ def still_since(
     total = min(len(mover) for mover in moving)
     block = frames // ANCHORED
     for one in np.unique(block):
-        asked = block == one
-        first, end = int(one) * ANCHORED, min(total, int(frames[asked].max()) + 1)
+        wanted = block == one
+        first, end = int(one) * ANCHORED, min(total, int(frames[wanted].max()) + 1)
         position = np.stack([m.position[first:end] for m in moving]).astype(np.float64)
         orientation = np.stack([unit(m.orientation[first:end]) for m in moving])
         start = np.empty(end - first, np.int64)
         _runs(position, orientation, distance**2, math.sin(angle / 4), start)
-        since[asked] = first + start[frames[asked] - first]
+        since[wanted] = first + start[frames[wanted] - first]
     return since
 
 

@@ -18,11 +18,11 @@ def label_page(total: int, reviewer: str | None) -> str:
     def own(name: str) -> str:
         return part(name, "safestage_eval.label")
 
-    known = f'data-reviewer="{escape(reviewer)}"' if reviewer is not None else ""
+    attribute = f'data-reviewer="{escape(reviewer)}"' if reviewer is not None else ""
     body = [
         own("label.html")
         .replace("{total}", str(total))
-        .replace("{reviewer}", known)
+        .replace("{reviewer}", attribute)
         .replace("{theme}", THEME_SWITCH)
     ]
     scripts = [script(), own("label.js")]

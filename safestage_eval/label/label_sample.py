@@ -20,8 +20,8 @@ def sample(refs: Sequence[EpisodeRef], count: int | None = None, seed: int = 0) 
         count: how many; all if None.
         seed: another seed chooses others.
     """
-    known = {ref.episode_id: ref for ref in reversed(refs)}
-    every = [known[name] for name in dict.fromkeys(ref.episode_id for ref in refs)]
+    by_id = {ref.episode_id: ref for ref in reversed(refs)}
+    every = [by_id[name] for name in dict.fromkeys(ref.episode_id for ref in refs)]
     chosen = every if count is None else _chosen(every, min(count, len(every)), seed)
     return sorted(chosen, key=lambda ref: _rank(seed, "order", ref.episode_id))
 
@@ -50,5 +50,5 @@ def _in_turn(queues: Sequence[Sequence[EpisodeRef]]) -> Iterator[EpisodeRef]:
         yield from (queue[turn] for queue in queues if turn < len(queue))
 
 
-def _rank(seed: int, what: str, name: str) -> bytes:
-    return hashlib.sha256(f"{seed}\n{what}\n{name}".encode()).digest()
+def _rank(seed: int, purpose: str, name: str) -> bytes:
+    return hashlib.sha256(f"{seed}\n{purpose}\n{name}".encode()).digest()

@@ -94,18 +94,18 @@ def _columns(path: Path) -> list[str]:
     """The columns of a file that is there already. Raises InputError if labels do not fit in."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            found = next(csv.reader(file), [])
+            columns = next(csv.reader(file), [])
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(str(path), f"cannot be read as CSV: {error}.") from None
-    missing = [name for name in ("episode_id", "label", "reviewer") if name not in found]
-    if missing and found:
+    missing = [name for name in ("episode_id", "label", "reviewer") if name not in columns]
+    if missing and columns:
         raise InputError(
             str(path),
             f"lacks the column {', '.join(missing)}.",
             f"a CSV file with the columns {', '.join(COLUMNS)}",
             "name another file with --labels",
         )
-    return found or list(COLUMNS)
+    return columns or list(COLUMNS)
 
 
 def _check_writable(path: Path) -> None:

@@ -31,7 +31,7 @@ def question(header: Header, rules: RuleSet, bind: BindFile | None = None) -> di
         RuleError: the episode does not fit the rules.
     """
     binding = bind_episode(rules, header, bind=bind)
-    asked, unknown = [], []
+    asks, unknown = [], []
     for code in binding.assigned:
         rule = rules.rules.get(code) or rules.costs.get(code)
         if rule is None:
@@ -48,7 +48,7 @@ def question(header: Header, rules: RuleSet, bind: BindFile | None = None) -> di
                 [facts["reach"]] if facts.get("reach") else [],
             )
         )
-        asked.append(
+        asks.append(
             {
                 "code": code,
                 "title": rule.title,
@@ -64,7 +64,7 @@ def question(header: Header, rules: RuleSet, bind: BindFile | None = None) -> di
         "instruction": header.instruction,
         "stage": header.stage,
         "look": STAGES.get(header.stage or ""),
-        "rules": asked,
+        "rules": asks,
         "unknown": unknown,
         "roles": {role: list(bodies) for role, bodies in binding.roles.items()},
         "success": header.success,
@@ -78,8 +78,8 @@ def _with_material_limits(
     """``at most the max_tilt of target`` → ``at most the max_tilt of target (bottle: 8 deg)``."""
     materials = {body.name: body.material for body in header.bodies}
 
-    def told(found: re.Match[str]) -> str:
-        column, role = found.groups()
+    def with_limits(match: re.Match[str]) -> str:
+        column, role = match.groups()
         limits = []
         for body in roles.get(role, ()):
             default: Mapping[str, ast.Quantity] = rules.materials.get("default", {})
@@ -87,9 +87,9 @@ def _with_material_limits(
             value = row.get(column, default.get(column))
             if value is not None:
                 limits.append(f"{body}: {words.value(value)}")
-        return found[0] + (f" ({', '.join(limits)})" if limits else "")
+        return match[0] + (f" ({', '.join(limits)})" if limits else "")
 
-    return re.sub(r"the (\w+) of (\w+)", told, text)
+    return re.sub(r"the (\w+) of (\w+)", with_limits, text)
 
 
 def unasked(header: Header, rules: RuleSet, bind: BindFile | None = None) -> str | None:
@@ -100,5 +100,5 @@ def unasked(header: Header, rules: RuleSet, bind: BindFile | None = None) -> str
         return str(error)
     if not binding.assigned:
         return "no rule is assigned to it"
-    known = [code for code in binding.assigned if code in rules.rules or code in rules.costs]
-    return None if known else f"its rules are not loaded: {', '.join(binding.assigned)}"
+    codes = [code for code in binding.assigned if code in rules.rules or code in rules.costs]
+    return None if codes else f"its rules are not loaded: {', '.join(binding.assigned)}"

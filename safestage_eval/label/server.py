@@ -118,20 +118,20 @@ class _Handler(BaseHTTPRequestHandler):
         elif url.path == "/state":
             reviewer = parse_qs(url.query).get("reviewer", [""])[0]
             self._send_json(session.state(reviewer))
-        elif found := re.fullmatch(r"/rollout/(\d{1,9})(/film|/video)?", url.path):
-            number, what = int(found[1]), found[2]
+        elif match := re.fullmatch(r"/rollout/(\d{1,9})(/film|/video)?", url.path):
+            number, part = int(match[1]), match[2]
             if number >= len(session.refs):
                 raise Refused(HTTPStatus.NOT_FOUND, "no such rollout")
-            self._send_rollout(number, what)
+            self._send_rollout(number, part)
         else:
             raise Refused(HTTPStatus.NOT_FOUND, "no such page")
 
-    def _send_rollout(self, number: int, what: str | None) -> None:
+    def _send_rollout(self, number: int, part: str | None) -> None:
         session = self.server.session
         try:
-            if what is None:
+            if part is None:
                 self._send_json(session.item(number))
-            elif what == "/film":
+            elif part == "/film":
                 more = {"Content-Encoding": "gzip"}
                 self._send(session.film(number), "application/octet-stream", more=more)
             else:
@@ -173,11 +173,11 @@ class _Handler(BaseHTTPRequestHandler):
         if path is None:
             raise Refused(HTTPStatus.NOT_FOUND, "no video")
         size = path.stat().st_size
-        asked = re.fullmatch(r"bytes=(\d*)-(\d*)", self.headers.get("Range", ""))
+        span = re.fullmatch(r"bytes=(\d*)-(\d*)", self.headers.get("Range", ""))
         first, last, status = 0, size - 1, HTTPStatus.OK
-        if asked and (asked[1] or asked[2]):
-            first = int(asked[1]) if asked[1] else max(size - int(asked[2]), 0)
-            last = min(int(asked[2]), last) if asked[1] and asked[2] else last
+        if span and (span[1] or span[2]):
+            first = int(span[1]) if span[1] else max(size - int(span[2]), 0)
+            last = min(int(span[2]), last) if span[1] and span[2] else last
             status = HTTPStatus.PARTIAL_CONTENT
             if first > last:
                 raise Refused(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, "no such part")

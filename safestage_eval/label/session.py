@@ -61,8 +61,8 @@ class Session:
     def item(self, number: int) -> dict[str, Any]:
         """The question about a rollout. Raises InputError if its trace or rules are broken."""
         ref = self.refs[number]
-        asked = question(ref.open().header, self.rules, self.bind)
-        return {**asked, "video": self.video(number) is not None}
+        asks = question(ref.open().header, self.rules, self.bind)
+        return {**asks, "video": self.video(number) is not None}
 
     def film(self, number: int) -> bytes:
         """The replay of a rollout, gzip-compressed. Raises InputError if its trace is broken."""

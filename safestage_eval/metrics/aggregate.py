@@ -71,12 +71,12 @@ class Aggregate:
     @cached_property
     def by_policy(self) -> tuple[Rate, ...]:
         """Policy × prompt: SR, SSR and USR over all stages, and the VR of each stage."""
-        found = []
+        table = []
         for policy, prompt in self.pairs:
             whole = self.group(policy, prompt)
-            found += [Rate(whole, name, name) for name in BY_POLICY[:3]]
-            found += [Rate(self.group(policy, prompt, s), "VR", f"{s}-VR") for s in STAGES]
-        return tuple(found)
+            table += [Rate(whole, name, name) for name in BY_POLICY[:3]]
+            table += [Rate(self.group(policy, prompt, s), "VR", f"{s}-VR") for s in STAGES]
+        return tuple(table)
 
     @cached_property
     def by_stage(self) -> tuple[Rate, ...]:
@@ -105,8 +105,8 @@ class Aggregate:
     @property
     def pairs(self) -> list[tuple[str, str]]:
         """(policy, prompt) as the tables order them."""
-        found = {key[:2] for key in self.base}
-        return [(a, b) for a in self.policies for b in self.prompts if (a, b) in found]
+        pairs = {key[:2] for key in self.base}
+        return [(a, b) for a in self.policies for b in self.prompts if (a, b) in pairs]
 
     @cached_property
     def whole(self) -> Rates:
@@ -144,7 +144,7 @@ def quadrants(cell: Rates) -> dict[str, int]:
     }
 
 
-def rows(found: Sequence[Rate]) -> list[dict[str, Any]]:
+def rows(table: Sequence[Rate]) -> list[dict[str, Any]]:
     """Rates as plain rows: what they are of, metric, mean and std (percent), k, n, n_seeds."""
     return [
         {
@@ -156,7 +156,7 @@ def rows(found: Sequence[Rate]) -> list[dict[str, Any]]:
             "n": rate.n,
             "n_seeds": rate.n_seeds,
         }
-        for rate in found
+        for rate in table
     ]
 
 

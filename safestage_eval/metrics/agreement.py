@@ -10,7 +10,7 @@ from itertools import combinations
 from .confusion import Confusion
 from .kappa import cohen, fleiss
 from .labels import Label, last_of_each
-from .rates import ALL, STAGES
+from .rates import ALL, STAGES, stage_order
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,11 @@ def agreement(labels: Iterable[Label], results: Iterable[Judged]) -> Agreement:
     both = [name for name in votes if name in judged]
     clear = {name: said for name in both if (said := votes[name].unsafe) is not None}
     decided = {name: judged[name].violation for name in clear}
-    pairs = {name: (found, clear[name]) for name, found in decided.items() if found is not None}
+    pairs = {
+        name: (violation, clear[name])
+        for name, violation in decided.items()
+        if violation is not None
+    }
     names = sorted({label.reviewer for label in latest})
     matrix = {
         name: {x.reviewer: x.label for x in votes[name].labels if x.label != "unsure"}
@@ -153,7 +157,7 @@ def agreement(labels: Iterable[Label], results: Iterable[Judged]) -> Agreement:
     }
     whole = [row for row in matrix.values() if len(row) == len(names)] if len(names) > 2 else []
     counts = [[[*row.values()].count(answer) for answer in ("safe", "unsafe")] for row in whole]
-    differing = [judged[name] for name, (found, said) in pairs.items() if found != said]
+    differing = [judged[name] for name, (violation, said) in pairs.items() if violation != said]
     return Agreement(
         stages=_by_stage([(judged[name].stage, pair) for name, pair in pairs.items()]),
         reviewers={who: _against(latest, who, judged) for who in names},
@@ -162,13 +166,13 @@ def agreement(labels: Iterable[Label], results: Iterable[Judged]) -> Agreement:
         fleiss_n=len(whole),
         disagreements=tuple(
             Disagreement(one, clear[one.episode_id], tuple(votes[one.episode_id].labels))
-            for one in sorted(differing, key=lambda one: (_order(one.stage), one.episode_id))
+            for one in sorted(differing, key=lambda one: (stage_order(one.stage), one.episode_id))
         ),
         unsure=_counted(judged[name].stage for name in both if not votes[name].sure),
         tied=_counted(
             judged[name].stage for name in both if votes[name].sure and name not in clear
         ),
-        undecided=tuple(sorted(name for name, found in decided.items() if found is None)),
+        undecided=tuple(sorted(name for name, violation in decided.items() if violation is None)),
         only_labels=tuple(sorted(votes.keys() - judged.keys())),
         only_results=tuple(sorted(judged.keys() - votes.keys())),
         replaced=len(given) - len(latest),
@@ -179,18 +183,18 @@ def _against(
     labels: Iterable[Label], who: str, judged: Mapping[str, Judged]
 ) -> dict[str, Confusion]:
     """Stage → counts of the evaluator against one reviewer."""
-    found = []
+    pairs = []
     for label in labels:
         one = judged.get(label.episode_id)
         if label.reviewer == who and label.label != "unsure" and one and one.violation is not None:
-            found.append((one.stage, (one.violation, label.label == "unsafe")))
-    return _by_stage(found)
+            pairs.append((one.stage, (one.violation, label.label == "unsafe")))
+    return _by_stage(pairs)
 
 
 def _by_stage(pairs: Sequence[tuple[str, tuple[bool, bool]]]) -> dict[str, Confusion]:
-    stages = sorted({*STAGES, *(stage for stage, _ in pairs)}, key=_order)
-    found = {stage: Confusion.of(pair for at, pair in pairs if at == stage) for stage in stages}
-    return {**found, ALL: Confusion.of(pair for _, pair in pairs)}
+    stages = sorted({*STAGES, *(stage for stage, _ in pairs)}, key=stage_order)
+    counts = {stage: Confusion.of(pair for at, pair in pairs if at == stage) for stage in stages}
+    return {**counts, ALL: Confusion.of(pair for _, pair in pairs)}
 
 
 def _pair(first: str, second: str, rows: Iterable[Mapping[str, str]]) -> Pair:
@@ -201,8 +205,4 @@ def _pair(first: str, second: str, rows: Iterable[Mapping[str, str]]) -> Pair:
 
 
 def _counted(stages: Iterable[str]) -> dict[str, int]:
-    return dict(sorted(Counter(stages).items(), key=lambda item: _order(item[0])))
-
-
-def _order(stage: str) -> tuple[int, str]:
-    return (STAGES.index(stage) if stage in STAGES else len(STAGES), stage)
+    return dict(sorted(Counter(stages).items(), key=lambda item: stage_order(item[0])))

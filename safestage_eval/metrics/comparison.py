@@ -88,8 +88,8 @@ def compare(
                     name, f"it holds {len(values)} values of {by}: {', '.join(values) or 'none'}.",
                     "one", f"choose with --where {by}=…, or compare one file with --by {by}",
                 )  # fmt: skip
-    found = pairs(a, b, by)
-    counted = paired(found)
+    matched = pairs(a, b, by)
+    counted = paired(matched)
     adjusted: dict[int, float] = {}
     for level, metric in {(c.level, c.metric) for c in counted}:
         own = [i for i, c in enumerate(counted) if (c.level, c.metric) == (level, metric) and c.n]
@@ -105,7 +105,7 @@ def compare(
         )
         for i, c in enumerate(counted)
     )
-    return Comparison(names, found, lines)
+    return Comparison(names, matched, lines)
 
 
 def differs(a: Sequence[Outcome], b: Sequence[Outcome]) -> By:

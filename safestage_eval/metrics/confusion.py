@@ -69,8 +69,8 @@ class Confusion:
             "recall": (self.tp, self.tp + self.fn),
             "accuracy": (self.tp + self.tn, self.n),
         }
-        found = {name: wilson(*share) for name, share in shares.items()}
-        return {name: interval for name, interval in found.items() if interval is not None}
+        intervals = {name: wilson(*share) for name, share in shares.items()}
+        return {name: interval for name, interval in intervals.items() if interval is not None}
 
     @property
     def undefined(self) -> dict[str, str]:
@@ -79,13 +79,13 @@ class Confusion:
             return dict.fromkeys(
                 ("precision", "recall", "f1", "accuracy", "kappa"), "nothing to compare"
             )
-        found = {
+        reasons = {
             "precision": "the evaluator found no violation",
             "recall": "people call nothing unsafe",
             "f1": "nobody found anything unsafe",
             "kappa": "evaluator and people gave one and the same answer throughout",
         }
-        return {name: why for name, why in found.items() if getattr(self, name) is None}
+        return {name: why for name, why in reasons.items() if getattr(self, name) is None}
 
 
 def _share(part: int, whole: int) -> float | None:

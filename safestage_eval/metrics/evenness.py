@@ -56,14 +56,14 @@ def uneven(outcomes: Sequence[Outcome]) -> list[Uneven]:
     policies, prompts = (sorted({getattr(o, x) for o in outcomes}) for x in ("policy", "prompt"))
     tasks = sorted({o.task for o in outcomes}, key=str)
     seeds = sorted({o.seed for o in outcomes}, key=str)
-    found: list[Uneven] = []
+    problems: list[Uneven] = []
     for policy, prompt in product(policies, prompts):
         cells = [
             Cell(task, seed, counts[policy, prompt, task, seed], expected)
             for task, seed in product(tasks, seeds)
         ]
-        found += _of_pair(policy, prompt, cells)
-    return [*found, *_left_out(outcomes), *_unnamed(outcomes)]
+        problems += _of_pair(policy, prompt, cells)
+    return [*problems, *_left_out(outcomes), *_unnamed(outcomes)]
 
 
 def _of_pair(policy: str, prompt: str, cells: Sequence[Cell]) -> Iterable[Uneven]:

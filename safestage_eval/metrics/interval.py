@@ -10,7 +10,7 @@ from statistics import NormalDist
 import numpy as np
 from numpy.typing import NDArray
 
-from .seeds import Group, Rate
+from .seeds import Rate
 
 CONFIDENCE = 0.95
 RESAMPLES = 2000
@@ -42,11 +42,11 @@ def bootstrap(
     and their Application", 1997, section 3.8.
     """
     cells = rate.group.by_task
-    tasks = ordered(rate.group)
+    tasks = in_strata(rate.group.strata)
     if not rate.n or len(tasks) < 2:
         return None
     counts = np.array([[cells[t].counts[rate.metric], cells[t].n] for t in tasks], dtype=float)
-    drawn = weights(strata(rate.group), seed, resamples) @ counts
+    drawn = weights(sizes(rate.group.strata), seed, resamples) @ counts
     return percentiles(drawn[:, 0], drawn[:, 1], confidence)
 
 
@@ -62,18 +62,8 @@ def percentiles(
     return float(low), float(high)
 
 
-def ordered(group: Group) -> list[str | None]:
-    """The tasks of a group by stage, then name: the order in which they are drawn."""
-    return in_strata(group.strata)
-
-
-def strata(group: Group) -> tuple[int, ...]:
-    """Number of tasks per stage, in that order."""
-    return sizes(group.strata)
-
-
 def in_strata(stages: Mapping[str | None, str]) -> list[str | None]:
-    """Tasks by stage, then name."""
+    """Tasks by stage, then name: the order in which they are drawn."""
     return sorted(stages, key=lambda task: (stages[task], str(task)))
 
 

@@ -10,19 +10,17 @@ from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError
 
 from .agreement import Judged, Witness
-from .outcome_rows import NOT_LOADED
-from .read_rows import read_rows, truth
+from .outcome import OPEN
+from .outcome_rows import NOT_LOADED, VIOLATED
+from .read_rows import cell_text, read_rows, truth
 
 Row = Mapping[str, Any]
 
-OPEN = "–"
 BARE = ("episode_id", "stage", "violation")
 RESULT = ("episode_id", "stage", "rule", "assigned", "verdict")
-TOLD = ("time", "bodies", "explanation")
+WITNESS = ("time", "bodies", "explanation")
 """Columns of a witness; any of them may be missing."""
 ALLOWED = f"results of safestage score, or a table with the columns {', '.join(BARE)}"
-
-_VERDICTS = {"pass": False, "not_applicable": False, "violation": True, "inconclusive": None}
 
 
 def read_judged(paths: Sequence[str | Path]) -> list[Judged]:
@@ -32,27 +30,24 @@ def read_judged(paths: Sequence[str | Path]) -> list[Judged]:
         InputError: a file cannot be read or lacks a column, or an episode is in several files, or
             twice in a table without rules.
     """
-    found: dict[str, tuple[str, Judged]] = {}
+    judged: dict[str, tuple[str, Judged]] = {}
     for path in paths:
-        rows = read_rows(path, {*BARE, *RESULT, *TOLD, "vacuity"}, ALLOWED)
-        for one in judged_of(rows, str(path)):
-            before = found.setdefault(one.episode_id, (str(path), one))
+        rows = read_rows(path, {*BARE, *RESULT, *WITNESS, "vacuity"}, ALLOWED)
+        for one in _judged_of(rows, str(path)):
+            before = judged.setdefault(one.episode_id, (str(path), one))
             if before[1] is not one:
                 raise InputError(
                     f"{before[0]} and {path}", f"both tell of the episode {one.episode_id!r}.",
                     fix="name results of one scoring",
                 )  # fmt: skip
-    return [one for _, one in found.values()]
+    return [one for _, one in judged.values()]
 
 
-def judged_of(rows: Sequence[Row], where: str = "results") -> list[Judged]:
+def _judged_of(rows: Sequence[Row], where: str) -> list[Judged]:
     """Read verdicts from rows: several per episode with ``rule`` and ``verdict``, or one with ``violation``.
 
     V is as in the tables: any assigned rule violated; unknown if none was, and one is inconclusive.
     An episode without an assigned rule is not decided. ``where``: the file, for messages.
-
-    Raises:
-        InputError: a column is missing, or a cell says something that cannot be.
     """
     if not rows:
         return []
@@ -63,7 +58,7 @@ def judged_of(rows: Sequence[Row], where: str = "results") -> list[Judged]:
         missing = [name for name in (RESULT if with_rules else BARE) if name not in row]
         if missing:
             raise InputError(place, f"lacks {', '.join(missing)}.", ALLOWED)
-        name = _text(row["episode_id"])
+        name = cell_text(row["episode_id"])
         if not name:
             raise InputError(place, "names no episode.")
         episodes.setdefault(name, []).append((place, row))
@@ -79,8 +74,8 @@ def _bare(name: str, rows: Sequence[tuple[str, Row]]) -> Judged:
         )  # fmt: skip
     place, row = rows[0]
     violation = truth(row["violation"], place, "violation")
-    witnesses = (_witness(row, ""),) if violation and any(row.get(x) for x in TOLD) else ()
-    return Judged(name, _text(row["stage"]) or OPEN, violation, witnesses)
+    witnesses = (_witness(row, ""),) if violation and any(row.get(x) for x in WITNESS) else ()
+    return Judged(name, cell_text(row["stage"]) or OPEN, violation, witnesses)
 
 
 def _of_rules(name: str, rows: Sequence[tuple[str, Row]]) -> Judged:
@@ -91,23 +86,23 @@ def _of_rules(name: str, rows: Sequence[tuple[str, Row]]) -> Judged:
             if row.get("vacuity") == NOT_LOADED:
                 own.append((None, _witness(row, NOT_LOADED)))
             continue  # otherwise of a cost without a budget, or of another task's rule
-        if verdict not in _VERDICTS:
-            raise InputError(place, f"verdict is {verdict!r}.", ", ".join(_VERDICTS))
-        own.append((_VERDICTS[verdict], _witness(row, str(verdict))))
+        if verdict not in VIOLATED:
+            raise InputError(place, f"verdict is {verdict!r}.", ", ".join(VIOLATED))
+        own.append((VIOLATED[verdict], _witness(row, str(verdict))))
     said = [violation for violation, _ in own]
     violation = True if True in said else None if not own or None in said else False
-    witnesses = tuple(witness for found, witness in own if found == violation)
-    return Judged(name, _text(rows[0][1]["stage"]) or OPEN, violation, witnesses)
+    witnesses = tuple(witness for own_violation, witness in own if own_violation == violation)
+    return Judged(name, cell_text(rows[0][1]["stage"]) or OPEN, violation, witnesses)
 
 
 def _witness(row: Row, verdict: str) -> Witness:
     time = row.get("time")
     return Witness(
-        rule=_text(row.get("rule")),
+        rule=cell_text(row.get("rule")),
         verdict=verdict,
-        time=None if time is None or _text(time) == "" else float(time),
+        time=None if time is None or cell_text(time) == "" else float(time),
         bodies=_names(row.get("bodies")),
-        explanation=_text(row.get("explanation")),
+        explanation=cell_text(row.get("explanation")),
     )
 
 
@@ -120,9 +115,5 @@ def _names(value: Any) -> tuple[str, ...]:
             value = from_json(value)
         except ValueError:
             value = [part.strip() for part in value.replace(";", ",").split(",")]
-    found: Iterable[Any] = value if isinstance(value, list | tuple) else [value]
-    return tuple(str(name) for name in found if str(name))
-
-
-def _text(value: Any) -> str:
-    return "" if value is None or value != value else str(value).strip()  # noqa: PLR0124 (NaN)
+    names: Iterable[Any] = value if isinstance(value, list | tuple) else [value]
+    return tuple(str(name) for name in names if str(name))

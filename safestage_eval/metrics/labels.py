@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 from safestage_eval.errors import InputError
 
-from .read_rows import read_rows
+from .read_rows import cell_text, read_rows
 
 Answer = Literal["safe", "unsafe", "unsure"]
 ANSWERS: tuple[Answer, ...] = get_args(Answer)
@@ -55,22 +55,18 @@ def read_labels(path: str | Path, reviewer: str = "") -> list[Label]:
         missing = [name for name in COLUMNS[:2] if name not in row]
         if missing:
             raise InputError(where, f"lacks {', '.join(missing)}.", ALLOWED)
-        text = _text(row["label"]).lower()
+        text = cell_text(row["label"]).lower()
         answer = next((name for name in ANSWERS if name == text), None)
         if answer is None:
             raise InputError(where, f"label is {row['label']!r}.", ", ".join(ANSWERS))
-        name = _text(row["episode_id"])
+        name = cell_text(row["episode_id"])
         if not name:
             raise InputError(where, "names no episode.")
-        who = _text(row.get("reviewer")) or reviewer
-        result.append(Label(name, answer, who, _text(row.get("note")), where))
+        who = cell_text(row.get("reviewer")) or reviewer
+        result.append(Label(name, answer, who, cell_text(row.get("note")), where))
     return result
 
 
 def last_of_each(labels: Iterable[Label]) -> list[Label]:
     """The last label of each reviewer on each episode, in the order of the first ones."""
     return [*{(label.reviewer, label.episode_id): label for label in labels}.values()]
-
-
-def _text(value: Any) -> str:
-    return "" if value is None or value != value else str(value).strip()  # noqa: PLR0124 (NaN)

@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval.errors import InputError
-from safestage_eval.verdicts.engagement import STAGES
+from safestage_eval.verdicts.engagement import STAGES as ENGAGEMENT
 from safestage_eval.verdicts.verdict import at_risk
 
 from .outcome import OPEN, Outcome
+from .rates import STAGES
 from .read_rows import each_row, truth
 
 Row = Mapping[str, Any]
@@ -37,8 +38,8 @@ ALLOWED = (
 NOT_LOADED = "not_loaded"
 """``vacuity`` of the row of an assigned rule that was not loaded: it has no verdict."""
 
-_STAGES = ("ISH", "ETS", "FSH")
-_VERDICTS = {"pass": False, "not_applicable": False, "violation": True, "inconclusive": None}
+VIOLATED = {"pass": False, "not_applicable": False, "violation": True, "inconclusive": None}
+"""Verdict → V; None where it is open."""
 
 
 def read_outcomes(
@@ -139,8 +140,8 @@ def _bare(row: Row, where: str) -> Outcome:
     if empty:
         raise InputError(where, f"nothing is said of {', '.join(empty)}.")
     stage = str(row["stage"]).strip().upper()
-    if stage not in _STAGES:
-        raise InputError(where, f"stage is {row['stage']!r}.", ", ".join(_STAGES))
+    if stage not in STAGES:
+        raise InputError(where, f"stage is {row['stage']!r}.", ", ".join(STAGES))
     family = row.get("family")
     return Outcome(
         policy=sys.intern(str(row["policy"])),
@@ -196,10 +197,10 @@ class _Episode:
         if verdict is None:  # a cost without a budget decides nothing
             self._absent = self._absent or row.get("vacuity") == NOT_LOADED
             return None
-        if verdict not in _VERDICTS:
-            raise InputError(place, f"verdict is {verdict!r}.", ", ".join(_VERDICTS))
+        if verdict not in VIOLATED:
+            raise InputError(place, f"verdict is {verdict!r}.", ", ".join(VIOLATED))
         if truth(row["assigned"], place, "assigned"):
-            self._own.add(_VERDICTS[verdict])
+            self._own.add(VIOLATED[verdict])
             instances = _index(row.get("instances"))
             if not isinstance(instances, int):
                 self._risk = self._risk or None
@@ -265,8 +266,8 @@ def _missing(value: Any) -> bool:
 
 def _engagement(row: Row, where: str) -> str | None:
     stage = _name(row, "engagement")
-    if stage is not None and stage not in STAGES:
-        raise InputError(where, f"engagement is {stage!r}.", ", ".join(STAGES))
+    if stage is not None and stage not in ENGAGEMENT:
+        raise InputError(where, f"engagement is {stage!r}.", ", ".join(ENGAGEMENT))
     return stage
 
 

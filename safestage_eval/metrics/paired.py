@@ -161,10 +161,10 @@ def holm(values: Sequence[float]) -> list[float]:
     return result
 
 
-def paired(found: Pairs) -> list[Paired]:
+def paired(matched: Pairs) -> list[Paired]:
     """Every metric over all pairs, then by stage, then by family."""
     scopes: list[tuple[str, str, Callable[[Outcome], bool]]] = [("All", "all", lambda _: True)]
-    every = [pair[0] for pair in (*found.both, *found.undecided)]
+    every = [pair[0] for pair in (*matched.both, *matched.undecided)]
     stages = sorted({o.stage for o in every}, key=stage_order)
     if len(stages) > 1:
         scopes += [(stage, "stage", _holds(stage=stage)) for stage in stages]
@@ -175,19 +175,19 @@ def paired(found: Pairs) -> list[Paired]:
             for stage, family in sorted(families, key=lambda f: (stage_order(f[0]), str(f[1])))
         ]
     return [
-        _count(found, scope, level, metric, inside)
+        _count(matched, scope, level, metric, inside)
         for scope, level, inside in scopes
         for metric in METRICS
     ]
 
 
 def _count(
-    found: Pairs, scope: str, level: str, metric: str, inside: Callable[[Outcome], bool]
+    matched: Pairs, scope: str, level: str, metric: str, inside: Callable[[Outcome], bool]
 ) -> Paired:
     tasks: dict[str | None, list[int]] = {}
     stages: dict[str | None, str] = {}
     least = most = 0
-    for pair in found.both:
+    for pair in matched.both:
         if inside(pair[0]):
             a, b = (min(counted(o, metric)) for o in pair)
             sums = tasks.setdefault(pair[0].task, [0] * 5)
@@ -195,7 +195,7 @@ def _count(
             for i, value in enumerate((1, a, b, a and not b, b and not a)):
                 sums[i] += value
             least, most = least + b - a, most + b - a
-    open_ones = [pair for pair in found.undecided if inside(pair[0])]
+    open_ones = [pair for pair in matched.undecided if inside(pair[0])]
     for pair in open_ones:
         a_cases, b_cases = (counted(o, metric) for o in pair)
         least += min(b_cases) - max(a_cases)

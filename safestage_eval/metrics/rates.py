@@ -182,12 +182,12 @@ def cells(
 
 def by_policy_stage(outcomes: Sequence[Outcome]) -> dict[tuple[str, ...], Rates]:
     """(policy, prompt, stage) → rates, with a row ``All`` where there are several stages."""
-    found = cells(outcomes, lambda o: (o.policy, o.prompt, o.stage))
+    table = cells(outcomes, lambda o: (o.policy, o.prompt, o.stage))
     whole = cells(outcomes, lambda o: (o.policy, o.prompt, ALL))
     for name, total in whole.items():
-        if sum(n[:2] == name[:2] for n in found) > 1:
-            found[name] = total
-    return dict(sorted(found.items(), key=lambda item: _order(item[0])))
+        if sum(n[:2] == name[:2] for n in table) > 1:
+            table[name] = total
+    return dict(sorted(table.items(), key=lambda item: _order(item[0])))
 
 
 def metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:

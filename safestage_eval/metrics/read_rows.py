@@ -106,6 +106,11 @@ def truth(value: Any, where: str, name: str) -> bool | None:
     return _SAID[text]
 
 
+def cell_text(value: Any) -> str:
+    """A cell as text without spaces around it; empty for None and NaN."""
+    return "" if value is None or value != value else str(value).strip()  # noqa: PLR0124 (NaN)
+
+
 def _parquet(path: Path, columns: Collection[str] | None, allowed: str) -> Iterator[dict[str, Any]]:
     import pyarrow as pa
     import pyarrow.parquet as pq

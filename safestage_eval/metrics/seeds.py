@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from statistics import fmean, stdev
+from typing import TypeVar
 
 from .rates import Rates, rates
 
+K = TypeVar("K")
 Seed = int | str | None
 NOTHING = rates(())
 
@@ -39,18 +41,18 @@ class Group:
     @cached_property
     def by_seed(self) -> dict[Seed, Rates]:
         """Seed → counts over all tasks and policies of the group."""
-        found: dict[Seed, list[Rates]] = {}
-        for (_, seed), part in self.parts.items():
-            found.setdefault(seed, []).append(part)
-        return {seed: total(parts) for seed, parts in found.items()}
+        return self._totals(lambda key: key[1])
 
     @cached_property
     def by_task(self) -> dict[str | None, Rates]:
         """Task → counts over all seeds and policies of the group."""
-        found: dict[str | None, list[Rates]] = {}
-        for (task, _), part in self.parts.items():
-            found.setdefault(task, []).append(part)
-        return {task: total(parts) for task, parts in found.items()}
+        return self._totals(lambda key: key[0])
+
+    def _totals(self, key: Callable[[tuple[str | None, Seed]], K]) -> dict[K, Rates]:
+        totals: dict[K, Rates] = {}
+        for place, part in self.parts.items():
+            totals[key(place)] = totals.get(key(place), NOTHING) + part
+        return totals
 
 
 @dataclass(frozen=True)
@@ -118,8 +120,8 @@ class Rate:
     @property
     def bounds(self) -> tuple[float, float] | None:
         """Percent: the least and the most that k/n could be with every inconclusive one decided."""
-        found = self.group.whole.bounds(self.metric)
-        return None if found is None else (100 * found[0], 100 * found[1])
+        shares = self.group.whole.bounds(self.metric)
+        return None if shares is None else (100 * shares[0], 100 * shares[1])
 
     @property
     def reason(self) -> str:
@@ -137,10 +139,7 @@ class Rate:
 
 def total(parts: Iterable[Rates]) -> Rates:
     """Several cells as one."""
-    result = NOTHING
-    for part in parts:
-        result = result + part
-    return result
+    return sum(parts, NOTHING)
 
 
 def shown(mean: float | None, std: float | None, digits: int = 2) -> str:

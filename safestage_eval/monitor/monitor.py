@@ -124,7 +124,7 @@ class Monitor:
             episode, relations = seen, Relations(Signals(seen, first, self._backend))
         evaluators: list[Evaluator] = []
         judge: Judge | None = None
-        found = []
+        certain = []
         for code, (rule, params, players) in list(self._todo.items()):
             evaluator = self._evaluator(evaluators, relations, params, episode)
             if not _violated(evaluator, rule, players):
@@ -132,30 +132,30 @@ class Monitor:
             judge = judge or Judge(
                 episode, self._rules, self._binding, relations, backend=self._backend
             )
-            told = judge.verdict(rule) if isinstance(rule, ast.Rule) else judge.cost(rule)[1]
-            if told is not None and told.verdict == "violation":
+            verdict = judge.verdict(rule) if isinstance(rule, ast.Rule) else judge.cost(rule)[1]
+            if verdict is not None and verdict.verdict == "violation":
                 del self._todo[code]
-                self.violations[code] = told
-                found.append(told)
-        return found
+                self.violations[code] = verdict
+                certain.append(verdict)
+        return certain
 
     def _evaluator(
         self,
-        known: list[Evaluator],
+        evaluators: list[Evaluator],
         relations: Relations,
         params: ast.Params,
         episode: Episode,
     ) -> Evaluator:
         """One for all rules with the same values."""
-        for evaluator in known:
+        for evaluator in evaluators:
             if evaluator.params == params:
                 return evaluator
         header = episode.header
         frame = None
         if header.success and header.success_time is not None:
             frame = frame_of(episode, header.success_time)
-        known.append(Evaluator(relations, self._rules, params, frame))
-        return known[-1]
+        evaluators.append(Evaluator(relations, self._rules, params, frame))
+        return evaluators[-1]
 
 
 def _so_far(header: Header, success_time: float | None) -> Header:
@@ -174,5 +174,5 @@ def _violated(evaluator: Evaluator, rule: ast.Scoped, players: Mapping[str, Sequ
     if isinstance(rule, ast.Rule):
         return violates(evaluator, rule, players)
     blank = Verdict(rule.code, rule.title, rule.stage, assigned=False, verdict="not_applicable")
-    found = judge_cost(evaluator, rule, players, blank)[1]
-    return found is not None and found.verdict == "violation"
+    verdict = judge_cost(evaluator, rule, players, blank)[1]
+    return verdict is not None and verdict.verdict == "violation"

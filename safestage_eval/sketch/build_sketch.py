@@ -37,8 +37,8 @@ class Unclear(ValueError):  # noqa: N818 — what a reader would say
         keys: the entry that is meant.
     """
 
-    def __init__(self, keys: tuple[str | int, ...], what: str) -> None:
-        super().__init__(what)
+    def __init__(self, keys: tuple[str | int, ...], message: str) -> None:
+        super().__init__(message)
         self.keys = keys
 
 

@@ -115,12 +115,12 @@ class _Page:
         self.problems: list[Diagnostic] = []
         self.used: set[str] = set()
 
-    def report(self, code: str, keys: Keys, what: str, allowed: str = "") -> None:
+    def report(self, code: str, keys: Keys, message: str, allowed: str = "") -> None:
         spot = self.spots.value(keys)
         line = self.spots.line(spot.line)
         self.problems.append(
             Diagnostic(
-                self.path, spot.line, spot.column, code, what, allowed, "", line, spot.length
+                self.path, spot.line, spot.column, code, message, allowed, "", line, spot.length
             )
         )
 
@@ -145,14 +145,14 @@ class _Page:
         except ValidationError as error:
             for one in error.errors(include_url=False):
                 place = (*keys, *one["loc"])
-                what = one["msg"].removeprefix("Value error, ")
+                message = one["msg"].removeprefix("Value error, ")
                 allowed = ""
                 if one["type"] == "extra_forbidden":
-                    what, allowed = (
+                    message, allowed = (
                         f"there is no key {place[-1]!r} here",
                         ", ".join(model.model_fields if len(one["loc"]) == 1 else ()),
                     )
-                self.report("K201", place, what, allowed)
+                self.report("K201", place, message, allowed)
             return None
 
     def step(self, index: int, item: Any) -> Step | None:
@@ -168,9 +168,9 @@ class _Page:
 def _turned(name: str, text: str | None) -> dict[str, str]:
     knobs = {}
     for item in (text or "").split(","):
-        knob, found, value = item.partition("=")
-        if item.strip() and not found:
+        knob, equals, value = item.partition("=")
+        if item.strip() and not equals:
             raise InputError(name, f"{item.strip()!r} turns no knob.", "knob = value")
-        if found:
+        if equals:
             knobs[knob.strip()] = value.strip()
     return knobs

@@ -112,10 +112,10 @@ def curve(value: str, dimensions: tuple[str, ...]) -> tuple[tuple[float, float],
     """``"0 deg at 0 s, 90 deg at 2 s"`` → ((0, 0), (2, π/2)): time and value, straight between."""
     knots = []
     for item in str(value).split(","):
-        what, found, when = item.partition(" at ")
-        if not found:
+        amount, at, when = item.partition(" at ")
+        if not at:
             raise ValueError(f'{item.strip()!r} is no point of a curve: "VALUE at TIME"')
-        knots.append((quantity(when, "time"), _any(what.strip(), dimensions)))
+        knots.append((quantity(when, "time"), _any(amount.strip(), dimensions)))
     if [k[0] for k in knots] != sorted({k[0] for k in knots}):
         raise ValueError(f"{value!r}: the times of a curve must increase")
     return tuple(knots)
@@ -147,8 +147,8 @@ def shape(value: str) -> Part:
     if len(size) != len(names) or min(size) <= 0:
         raise ValueError(f"a {kind} has {len(names)} positive sizes: {' x '.join(names)}")
     if (kind in HOLLOW) != (match["wall"] is not None):
-        what = "needs" if kind in HOLLOW else "has no"
-        raise ValueError(f'a {kind} {what} wall, as in "bin 20 x 15 x 10 cm wall 1 cm"')
+        verb = "needs" if kind in HOLLOW else "has no"
+        raise ValueError(f'a {kind} {verb} wall, as in "bin 20 x 15 x 10 cm wall 1 cm"')
     if match["along"] and kind not in ("cylinder", "capsule"):
         raise ValueError(f"along says how a cylinder or capsule lies; a {kind} has no axis")
     wall = quantity(match["wall"], "length") if match["wall"] else 0.0

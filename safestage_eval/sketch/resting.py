@@ -132,11 +132,11 @@ class Resting:
     def _meeting(self, name: str, other: str) -> list[_Point]:
         """Places where a body's bottom lies on faces of another."""
         a, b = self._views[name], self._views[other]
-        known = self._met.get((name, other))
-        if known is None or known[:2] != (a.key, b.key):
-            known = a.key, b.key, self._found(a, other)
-            self._met[name, other] = known
-        return known[2]
+        met = self._met.get((name, other))
+        if met is None or met[:2] != (a.key, b.key):
+            met = a.key, b.key, self._found(a, other)
+            self._met[name, other] = met
+        return met[2]
 
     def _found(self, a: View, other: str) -> list[_Point]:
         middle, level = a.bottom[:, :2].mean(0), float(a.bottom[:, 2].min())

@@ -86,8 +86,8 @@ class Forces:
         poses = {name: self.paths.pose(name, frame) for name in self.paths.solids}
         key = [np.concatenate([*pose]).round(7) for pose in poses.values()]
         key += [np.concatenate([push.point, push.force]).round(7) for push in pushes]
-        known, answer = self._last
-        if len(known) != len(key) or not all(map(np.array_equal, known, key)):
+        last, answer = self._last
+        if len(last) != len(key) or not all(map(np.array_equal, last, key)):
             answer = self._resting.at(poses, pushes)
             self._last = key, answer
         return answer

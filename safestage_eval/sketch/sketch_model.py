@@ -101,8 +101,8 @@ class JointSketch(Table):
 
 
 def _ends(value: Any) -> tuple[tuple[float, float], ...]:
-    low, found, high = str(value).partition(" to ")
-    if not found:
+    low, to, high = str(value).partition(" to ")
+    if not to:
         raise ValueError(f'{value!r} are no limits: "-90 deg to 90 deg"')
     return q.curve(f"{low} at 0 s, {high} at 1 s", ("angle", "length"))
 

@@ -65,15 +65,15 @@ def _shown(episode: Episode) -> list[Body]:
 
 def _reach(body: Body, episode: Episode) -> float:
     """m, how far a body's shapes may reach from its origin, planes left out."""
-    found = [0.0]
+    reaches = [0.0]
     for geom in body.geoms:
         away = float(np.linalg.norm(geom.position))
         if geom.mesh is not None:
             away += float(np.linalg.norm(episode.meshes[geom.mesh].vertices, axis=1).max())
         elif geom.kind != "plane":
             away += max(geom.size) + (geom.size[0] if geom.kind == "capsule" else 0.0)
-        found.append(away)
-    return max(found)
+        reaches.append(away)
+    return max(reaches)
 
 
 def _base(episode: Episode) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ from scipy import stats
 from statsmodels.stats.proportion import proportion_confint
 
 from safestage_eval.metrics import aggregate
-from safestage_eval.metrics.interval import bootstrap, ordered, sizes, weights, wilson
+from safestage_eval.metrics.interval import bootstrap, in_strata, sizes, weights, wilson
 
 
 @given(st.integers(1, 3000), st.floats(0, 1), st.sampled_from([0.8, 0.95, 0.99]))
@@ -36,7 +36,9 @@ def rate_of(outcomes, metric="SR", stage="ETS"):
 
 def per_task(rate):
     cells = rate.group.by_task
-    return np.array([[cells[t].counts[rate.metric], cells[t].n] for t in ordered(rate.group)])
+    return np.array(
+        [[cells[t].counts[rate.metric], cells[t].n] for t in in_strata(rate.group.strata)]
+    )
 
 
 @pytest.mark.parametrize("metric", ["SR", "SSR", "USR", "VR"])
@@ -62,7 +64,7 @@ def test_the_bootstrap_is_repeatable():
 def test_tasks_are_drawn_within_their_stage():
     rate = rate_of(campaign(4), stage="All")
     drawn = weights(sizes(rate.group.strata), 3, 400)
-    stages = np.array([rate.group.strata[t] for t in ordered(rate.group)])
+    stages = np.array([rate.group.strata[t] for t in in_strata(rate.group.strata)])
     for stage in set(stages):
         of_stage = stages == stage
         assert (drawn[:, of_stage].sum(axis=1) == of_stage.sum()).all()

@@ -62,7 +62,7 @@ def compose(
         TraceError: nothing was found where traces should be.
     """
     outcomes = read_outcomes([results])[""]
-    found = aggregate(outcomes)
+    counts = aggregate(outcomes)
     name = Path(results).name
     heading = title or "Safety report"
     rows = read_rows(results, COLUMNS, ALLOWED)
@@ -74,9 +74,9 @@ def compose(
                 "results of safestage score",
                 "leave the traces out, or score them: safestage score TRACES -f parquet -o rows.parquet",
             )
-        return Report(heading, name, found, outcomes=outcomes)
+        return Report(heading, name, counts, outcomes=outcomes)
     if not traces:
-        return Report(heading, name, found, rows)
+        return Report(heading, name, counts, rows)
     by_episode: Rows = {}
     for row in rows:
         by_episode.setdefault(str(row["episode_id"]), []).append(row)
@@ -90,7 +90,7 @@ def compose(
         jobs=jobs,
         progress=progress,
     )
-    return Report(heading, name, found, rows, sections=drawn, notes=notes)
+    return Report(heading, name, counts, rows, sections=drawn, notes=notes)
 
 
 def chosen(
@@ -100,15 +100,15 @@ def chosen(
 
     Raises InputError when none belongs to the results.
     """
-    known = {ref.episode_id: ref for ref in reversed(refs) if ref.episode_id in by_episode}
-    if not known:
+    by_id = {ref.episode_id: ref for ref in reversed(refs) if ref.episode_id in by_episode}
+    if not by_id:
         raise InputError(
             "TRACES",
             f"none of {len(refs)} episodes is in the results.",
             fix="name the traces that were scored",
         )
-    ordered = sorted(known, key=lambda name: (_gravity(by_episode[name]), name))
-    others = [name for name in known if _replaced(known[name], by_episode[name])]
+    ordered = sorted(by_id, key=lambda name: (_gravity(by_episode[name]), name))
+    others = [name for name in by_id if _replaced(by_id[name], by_episode[name])]
     notes = []
     if others:
         notes.append(
@@ -120,10 +120,10 @@ def chosen(
         notes.append(
             f"{len(ordered)} episodes of the results have traces; the {most} gravest are drawn."
         )
-    without = len(by_episode) - len(known)
+    without = len(by_episode) - len(by_id)
     if without:
         notes.append(f"{without} episodes of the results have no trace among those given.")
-    return [known[name] for name in ordered[:most]], notes
+    return [by_id[name] for name in ordered[:most]], notes
 
 
 def _gravity(rows: Sequence[Mapping[str, Any]]) -> tuple[int, float]:

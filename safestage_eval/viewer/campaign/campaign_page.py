@@ -42,7 +42,7 @@ class Report:
     Attributes:
         title: its heading.
         source: where the results come from, as readers should know it.
-        found: the outcomes, counted.
+        counts: the outcomes, counted.
         rows: result rows; empty for a bare table of outcomes.
         outcomes: of a bare table.
         sections: what was drawn from traces; None without traces.
@@ -51,7 +51,7 @@ class Report:
 
     title: str
     source: str
-    found: Aggregate
+    counts: Aggregate
     rows: Sequence[Mapping[str, Any]] = ()
     outcomes: Sequence[Outcome] = ()
     sections: Sections | None = None
@@ -69,12 +69,12 @@ def build(report: Report) -> str:
     )
     sweeps = report.sections.sweeps if report.sections is not None else ()
     parts = {
-        "Headline": headline.headline(report.found),
-        "Tables": rate_tables.tables(report.found),
-        "Success and safety": charts.success_and_safety(report.found),
-        "Stages": charts.profiles(report.found),
+        "Headline": headline.headline(report.counts),
+        "Tables": rate_tables.tables(report.counts),
+        "Success and safety": charts.success_and_safety(report.counts),
+        "Stages": charts.profiles(report.counts),
         "Thresholds": charts.sensitivity(sweeps),
-        "Tasks": heatmap.heatmap(report.found),
+        "Tasks": heatmap.heatmap(report.counts),
         "Findings": _findings(bare=not report.rows, sections=len(html)),
     }
     body = [
@@ -112,13 +112,13 @@ def _top(parts: Mapping[str, str]) -> str:
 
 
 def _header(report: Report) -> str:
-    found = report.found
-    tasks = len({o.task for o in found.outcomes if o.task})
+    counts = report.counts
+    tasks = len({o.task for o in counts.outcomes if o.task})
     facts = [
-        f"{len(found.outcomes):,} rollouts",
+        f"{len(counts.outcomes):,} rollouts",
         _counted(tasks, "task"),
-        _counted(len(found.policies), "policy", "policies"),
-        _counted(len(found.prompts), "prompt"),
+        _counted(len(counts.policies), "policy", "policies"),
+        _counted(len(counts.prompts), "prompt"),
         f"from {report.source}",
     ]
     return (
@@ -152,7 +152,7 @@ def _findings(*, bare: bool, sections: int) -> str:
         )
         for css, sort, name in HEADS
     )
-    what = "One row per rollout" if bare else "One row per episode and rule"
+    rows = "One row per rollout" if bare else "One row per episode and rule"
     more = (
         f" {sections:,} episodes have a timeline and a key frame: open a row to see them."
         if sections
@@ -160,7 +160,7 @@ def _findings(*, bare: bool, sections: int) -> str:
     )
     return (
         '<section id="findings" aria-labelledby="findings-title" aria-busy="true">'
-        f'<h2 id="findings-title">Findings</h2><p class="soft">{what}; the gravest first.{more}</p>'
+        f'<h2 id="findings-title">Findings</h2><p class="soft">{rows}; the gravest first.{more}</p>'
         '<form id="filters" class="filters" role="search" aria-label="Findings">'
         '<label>Search<input id="find-text" type="search" autocomplete="off" '
         'placeholder="task, policy, signal, words"></label>'
@@ -200,8 +200,8 @@ def _footer(report: Report) -> str:
     versions = sorted({str(row["version"]) for row in report.rows if row.get("version")})
     made = f"Made with SafeStage {__version__}"
     made += f"; results of version {', '.join(versions)}." if versions else "."
-    told = "".join(f"<li>{escape(note)}</li>" for note in notes)
+    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     return (
-        f'<footer><h2>How to read this</h2><ul>{told}</ul><p class="small">{escape(made)} '
+        f'<footer><h2>How to read this</h2><ul>{items}</ul><p class="small">{escape(made)} '
         "The page is complete in itself: it loads nothing and sends nothing.</p></footer>"
     )

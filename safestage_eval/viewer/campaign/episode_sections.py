@@ -94,13 +94,13 @@ def sections(
         overrides=dict(overrides or {}),
         bind=None if bind is None else load_bind(bind, rules),
     )
-    found = each_episode(refs, work, jobs=jobs, progress=progress)
-    drawn = [item for item in found if isinstance(item, Drawn)]
+    items = each_episode(refs, work, jobs=jobs, progress=progress)
+    drawn = [item for item in items if isinstance(item, Drawn)]
     return Sections(
         {item.episode_id: item.html for item in drawn},
         _sweeps(rules, visited, drawn),
         {item.episode_id: item.differences for item in drawn if item.differences},
-        tuple(item for item in found if isinstance(item, Problem)),
+        tuple(item for item in items if isinstance(item, Problem)),
     )
 
 
@@ -151,7 +151,7 @@ def _sweeps(
     rules: RuleSet, visited: Mapping[str, tuple[ast.Setting, ...]], drawn: Sequence[Drawn]
 ) -> tuple[Sweep, ...]:
     """The limits at which most verdicts flip."""
-    found = []
+    sweeps = []
     flips: Counter[str] = Counter()
     for param, values in visited.items():
         segments = segment_frame([row for item in drawn for row in item.swept.get(param, ())])
@@ -160,6 +160,6 @@ def _sweeps(
         sweep = Sweep(param, values, rules.params[param], codes, unread, (), segments)
         flips[param] = len(sweep.flips())
         if flips[param]:
-            found.append(sweep)
-    found.sort(key=lambda sweep: (-flips[sweep.param], sweep.param))
-    return tuple(found[:DRAWN])
+            sweeps.append(sweep)
+    sweeps.sort(key=lambda sweep: (-flips[sweep.param], sweep.param))
+    return tuple(sweeps[:DRAWN])

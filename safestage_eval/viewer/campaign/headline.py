@@ -25,8 +25,8 @@ def percent(value: float | None, digits: int = 1) -> str:
 
 def interval(k: int, n: int) -> str:
     """Wilson's 95 % interval of k of n."""
-    found = wilson(k, n)
-    return "–" if found is None else f"{100 * found[0]:.1f}–{100 * found[1]:.1f} %"
+    bounds = wilson(k, n)
+    return "–" if bounds is None else f"{100 * bounds[0]:.1f}–{100 * bounds[1]:.1f} %"
 
 
 def headline(aggregate: Aggregate) -> str:
@@ -53,7 +53,7 @@ def _sentence(whole: Rates) -> str:
 
 
 def _tile(whole: Rates, metric: str) -> str:
-    name, what = WORDS[metric]
+    name, meaning = WORDS[metric]
     k, n = whole.counts[metric], whole.n
     bounds = whole.bounds(metric)
     low_high = (
@@ -64,7 +64,7 @@ def _tile(whole: Rates, metric: str) -> str:
     return (
         f'<div class="tile {metric.lower()}"><dt>{name} <abbr>{metric}</abbr></dt>'
         f'<dd><span class="big">{percent(whole.value(metric))}</span>'
-        f'<span class="soft">{k:,} of {n:,} {what}</span>'
+        f'<span class="soft">{k:,} of {n:,} {meaning}</span>'
         f'<span class="soft">95 % interval {interval(k, n)}{low_high}</span></dd></div>'
     )
 

@@ -24,7 +24,7 @@ def tables(aggregate: Aggregate) -> str:
         if rate.reason:
             reasons.setdefault(rate.reason, {})[rate.name] = None
     notes += [escape(f"{', '.join(names)}: {reason}.") for reason, names in reasons.items()]
-    told = "".join(f"<li>{note}</li>" for note in dict.fromkeys(notes))
+    items = "".join(f"<li>{note}</li>" for note in dict.fromkeys(notes))
     return (
         '<section id="tables" aria-labelledby="tables-title"><h2 id="tables-title">Result tables</h2>'
         '<p class="soft">Mean ± sample standard deviation over environment seeds, in percent. '
@@ -32,7 +32,7 @@ def tables(aggregate: Aggregate) -> str:
         + _table("By policy and prompt", ("Policy", "Prompt"), by_policy)
         + _table("By prompt and stage, over all policies", ("Prompt", "Stage"), by_stage)
         + _conditions(aggregate)
-        + (f'<div class="small"><h3>Notes</h3><ul>{told}</ul></div>' if told else "")
+        + (f'<div class="small"><h3>Notes</h3><ul>{items}</ul></div>' if items else "")
         + "</section>"
     )
 
@@ -42,9 +42,11 @@ def _conditions(aggregate: Aggregate) -> str:
     groups = [(a, b, aggregate.group(a, b).whole) for a, b in aggregate.pairs]
     columns = [("at risk", metric) for metric in METRICS]
     columns += [(name, "VR") for name in CONDITIONS[1:]]
-    told = {given for given, _ in columns if any(cell.given[given]["N"] for *_, cell in groups)}
-    columns = [(given, metric) for given, metric in columns if given in told]
-    if not told - {"success"}:
+    given_ones = {
+        given for given, _ in columns if any(cell.given[given]["N"] for *_, cell in groups)
+    }
+    columns = [(given, metric) for given, metric in columns if given in given_ones]
+    if not given_ones - {"success"}:
         return ""
     head = "".join(
         f'<th scope="col" class="amount">{metric} <small>{given}</small></th>'

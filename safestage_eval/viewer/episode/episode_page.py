@@ -17,7 +17,7 @@ from safestage_eval.viewer.html_page import THEME_SWITCH, page, part
 from safestage_eval.viewer.replay import script
 from safestage_eval.whatif.again import Again
 
-Found = tuple[ast.Scoped, Verdict]
+Finding = tuple[ast.Scoped, Verdict]
 
 MOST = 12
 """Number of findings whose measurements are drawn over time; further ones are described in words."""
@@ -32,7 +32,7 @@ def build(again: Again, *, everything: bool = False) -> str:
     """
     episode, judge = again.episode, again.judge
     header = episode.header
-    found = _findings(again, everything=everything)
+    findings = _findings(again, everything=everything)
     packed_film = base64.b64encode(film(episode)).decode()
     data = {
         "start": float(episode.t[0]),
@@ -41,7 +41,7 @@ def build(again: Again, *, everything: bool = False) -> str:
         "success": judge.success_time,
         "findings": [
             {"rule": v.rule, "bodies": list(v.bodies), "intervals": [list(i) for i in v.intervals]}
-            for _, v in found
+            for _, v in findings
             if v.verdict == "violation"
         ],
     }
@@ -51,9 +51,9 @@ def build(again: Again, *, everything: bool = False) -> str:
         f'<main class="page"><header><h1>{escape(header.task or header.episode_id)}</h1>',
         f'<p class="facts">{_facts(again)}</p></header>',
         '<div class="two"><section class="stage" aria-label="replay">',
-        _player(episode.t[-1] - episode.t[0], found, float(episode.t[0])),
+        _player(episode.t[-1] - episode.t[0], findings, float(episode.t[0])),
         '</section><section class="findings" aria-label="findings">',
-        *_cards(again, found),
+        *_cards(again, findings),
         f"</section></div><footer>SafeStage {__version__}. Times in seconds from the start of the "
         "recording. Replayed from recorded poses and shapes, about fifteen a second; verdicts rest "
         "on every frame.</footer></main>",
@@ -65,20 +65,20 @@ def build(again: Again, *, everything: bool = False) -> str:
     return page(f"{header.episode_id} – SafeStage", body, styles=sheets, scripts=scripts)
 
 
-def _findings(again: Again, *, everything: bool) -> list[Found]:
+def _findings(again: Again, *, everything: bool) -> list[Finding]:
     """Violations first, then what could not be decided, then what passed as assigned."""
     assigned = {rule.code for rule in again.assigned}
-    found = []
+    findings = []
     for rule in again.rules.rules.values():
         _, verdict = again.base(rule)
         mine = rule.code in assigned
         if verdict.verdict == "not_applicable" and not (mine or everything):
             continue
         if mine or everything or verdict.verdict == "violation":
-            found.append((rule, verdict))
+            findings.append((rule, verdict))
     place = {code: i for i, code in enumerate(again.rules.rules)}
     return sorted(
-        found,
+        findings,
         key=lambda pair: (
             ORDER.index(pair[1].verdict), pair[0].code not in assigned, place[pair[0].code]
         ),
@@ -100,7 +100,7 @@ def _facts(again: Again) -> str:
     return " · ".join(escape(fact) for fact in (quoted, said, ", ".join(labels)) if fact)
 
 
-def _player(length: float, found: Sequence[Found], start: float) -> str:
+def _player(length: float, findings: Sequence[Finding], start: float) -> str:
     """The canvas and what moves it; the strip shows where rules were violated."""
     looks = "".join(
         f'<button type="button" class="quiet" data-look="{name}">{name}</button>'
@@ -115,7 +115,7 @@ def _player(length: float, found: Sequence[Found], start: float) -> str:
         'it nearer and farther, zero resets it."></canvas>'
         '<p class="failed" hidden>This browser draws no 3-D pictures (WebGL 2 is off). The '
         "findings below are complete all the same.</p>"
-        f'<div class="strip">{_strip(length, found, start)}'
+        f'<div class="strip">{_strip(length, findings, start)}'
         f'<input type="range" min="0" max="{length:.4f}" step="any" value="0" aria-label="time"></div>'
         '<div class="controls"><button type="button" data-play aria-pressed="false">Play</button>'
         '<output class="number" data-clock>0.00 s</output>'
@@ -125,9 +125,9 @@ def _player(length: float, found: Sequence[Found], start: float) -> str:
     )
 
 
-def _strip(length: float, found: Sequence[Found], start: float) -> str:
+def _strip(length: float, findings: Sequence[Finding], start: float) -> str:
     marks = []
-    for _, v in found:
+    for _, v in findings:
         if v.verdict != "violation":
             continue
         for a, b in v.intervals:
@@ -139,13 +139,13 @@ def _strip(length: float, found: Sequence[Found], start: float) -> str:
     return f'<svg viewBox="0 0 1000 10" preserveAspectRatio="none" aria-hidden="true">{"".join(marks)}</svg>'
 
 
-def _cards(again: Again, found: Sequence[Found]) -> Iterable[str]:
-    if not found:
+def _cards(again: Again, findings: Sequence[Finding]) -> Iterable[str]:
+    if not findings:
         yield (
             '<p class="note">None of the rules applies: the trace has no assigned rules among those '
             "loaded, or no roles. <code>--bind</code> and <code>--rules</code> supply them.</p>"
         )
-    for i, (rule, v) in enumerate(found):
+    for i, (rule, v) in enumerate(findings):
         moments = [("first", v.time), ("worst", v.worst_time)]
         if v.verdict == "pass":
             moments = [("closest", v.worst_time)]

@@ -40,19 +40,19 @@ def section(again: Again, said: Said) -> tuple[str, tuple[str, ...]]:
     """The HTML of an episode, and what in it differs from what the results say."""
     episode = again.episode
     header = episode.header
-    found = []
+    verdicts = []
     for rule in again.assigned:
         _, verdict = again.base(rule)
-        found.append((rule, verdict))
-    found.sort(key=lambda pair: ORDER.index(pair[1].verdict))
-    differs = _differences([v for _, v in found], said)
+        verdicts.append((rule, verdict))
+    verdicts.sort(key=lambda pair: ORDER.index(pair[1].verdict))
+    differs = _differences([v for _, v in verdicts], said)
     parts = [_head(again)]
     parts += [f'<p class="note">{escape(line)}</p>' for line in differs]
-    for rule, verdict in found[:MOST]:
+    for rule, verdict in verdicts[:MOST]:
         parts.append(evidence(again, rule, verdict))
-    parts += [_sentence(verdict) for _, verdict in found[MOST:]]
-    if found:
-        parts.append(_key_frame(again, found[0][1]))
+    parts += [_sentence(verdict) for _, verdict in verdicts[MOST:]]
+    if verdicts:
+        parts.append(_key_frame(again, verdicts[0][1]))
     if said.others:
         lines = "".join(
             f"<li><b>{escape(code)}</b> {escape(text)}</li>" for code, text in said.others
@@ -162,17 +162,17 @@ def _key_frame(again: Again, v: Verdict) -> str:
 
 def _differences(verdicts: Sequence[Verdict], said: Said) -> tuple[str, ...]:
     """Where results and the rules used here disagree; always shown."""
-    found = []
+    differences = []
     for v in verdicts:
         verdict, digest = said.verdicts.get(v.rule, ("", ""))
         if verdict and verdict != v.verdict:
-            found.append(
+            differences.append(
                 f"The results say {verdict.replace('_', ' ')} of {v.rule}; the rules used for this "
                 f"drawing say {v.verdict.replace('_', ' ')}."
             )
         elif digest and digest != v.rule_digest:
-            found.append(f"The results were made under another meaning of {v.rule}.")
-    return tuple(found)
+            differences.append(f"The results were made under another meaning of {v.rule}.")
+    return tuple(differences)
 
 
 def said_of(rows: Sequence[Mapping[str, Any]]) -> Said:

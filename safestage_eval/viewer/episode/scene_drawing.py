@@ -115,10 +115,10 @@ def _view(sight: Sight, frame: int, named: Sequence[str]) -> str:
             css = "name strong" if name in named else "name soft"
             labels.append((name, (x - left) * scale, (top - y) * scale, css))
     drawn += _labels(labels)
-    what = f"The scene {SIDE[sight.view]}"
+    title = f"The scene {SIDE[sight.view]}"
     return (
-        f'<figure class="view">{drawing(WIDTH, HEIGHT, what, drawn, css="scene")}'
-        f"<figcaption>{escape(what)}</figcaption></figure>"
+        f'<figure class="view">{drawing(WIDTH, HEIGHT, title, drawn, css="scene")}'
+        f"<figcaption>{escape(title)}</figcaption></figure>"
     )
 
 
@@ -141,10 +141,10 @@ def _labels(labels: Sequence[tuple[str, float, float, str]]) -> list[str]:
 
 def _window(sight: Sight, frame: int, bodies: Sequence[str]) -> Window:
     """A window around bodies at the frame and at the start, in the drawing's proportion."""
-    found = [o.points for at in (0, frame) for name in bodies for o in sight.of(name, at)]
-    if not found:
-        found = [np.array([[-0.5, -0.5], [0.5, 0.5]])]
-    points = np.vstack(found)
+    points_of = [o.points for at in (0, frame) for name in bodies for o in sight.of(name, at)]
+    if not points_of:
+        points_of = [np.array([[-0.5, -0.5], [0.5, 0.5]])]
+    points = np.vstack(points_of)
     low, high = points.min(axis=0) - 0.06, points.max(axis=0) + 0.06
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, 0.16)
     half = np.maximum(half, [half[1] * WIDTH / HEIGHT, half[0] * HEIGHT / WIDTH])

@@ -68,9 +68,9 @@ def _panel(t: F64, curve: Curve, across: Scale, top: float) -> str:
     at_least = np.isfinite(lower) & ~np.isfinite(upper)
     shown = curve.series.value * in_unit(1.0, dimension)
     bounds = [in_unit(b.value, dimension) for b in curve.limits]
-    known = shown[np.isfinite(shown)]
-    low = min([*bounds, known.min() if len(known) else 0.0])
-    high = max([*bounds, known.max() if len(known) else 1.0])
+    finite = shown[np.isfinite(shown)]
+    low = min([*bounds, finite.min() if len(finite) else 0.0])
+    high = max([*bounds, finite.max() if len(finite) else 1.0])
     pad = 0.06 * (high - low) or max(abs(high), 1.0) * 0.1
     low = low if low == 0 else low - pad
     up = Scale(low, high + pad, top + PANEL, top)
@@ -109,14 +109,14 @@ def _path(t: F64, values: F64, mask: NDArray[np.bool_], across: Scale, up: Scale
 
     Frames that were not measured, between others that were, do not break it.
     """
-    known = np.flatnonzero(mask)
-    if not len(known):
+    measured = np.flatnonzero(mask)
+    if not len(measured):
         return ""
-    column = ((t[known] - t[0]) / max(t[-1] - t[0], 1e-9) * (COLUMNS - 1)).astype(int)
+    column = ((t[measured] - t[0]) / max(t[-1] - t[0], 1e-9) * (COLUMNS - 1)).astype(int)
     unknown = np.flatnonzero(~mask)
     out: list[tuple[str, str, str]] = []
     last = None
-    for frame in _ends(column, known, values):
+    for frame in _ends(column, measured, values):
         x, y = across(float(t[frame])), up(float(values[frame]))
         gap = last is None or _broken(unknown, last, frame, len(t))
         out.append(("M" if gap else "L", short(x), short(y)))
@@ -134,15 +134,15 @@ def _path(t: F64, values: F64, mask: NDArray[np.bool_], across: Scale, up: Scale
     return "".join(f"{pen}{x} {y}" for pen, x, y in kept)
 
 
-def _ends(column: NDArray[np.int_], known: NDArray[np.int_], values: F64) -> list[int]:
+def _ends(column: NDArray[np.int_], measured: NDArray[np.int_], values: F64) -> list[int]:
     """The frames with the least and the greatest value of each column, in order."""
     starts = np.concatenate([[0], np.flatnonzero(np.diff(column)) + 1])
     group = np.repeat(np.arange(len(starts)), np.diff([*starts, len(column)]))
     picked = []
     for extreme in (np.minimum, np.maximum):
-        there = values[known] == extreme.reduceat(values[known], starts)[group]
+        there = values[measured] == extreme.reduceat(values[measured], starts)[group]
         _, first = np.unique(group[there], return_index=True)
-        picked.append(known[there][first])
+        picked.append(measured[there][first])
     return [int(frame) for frame in np.unique(np.concatenate(picked))]
 
 
@@ -184,15 +184,15 @@ def _runs(true: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def _moments(verdict: Verdict, success: float | None, across: Scale, bottom: float) -> list[str]:
-    found = []
+    moments = []
     if success is not None:
-        found.append((success, "success", "success"))
+        moments.append((success, "success", "success"))
     if verdict.worst_time is not None:
         name = "worst" if verdict.verdict == "violation" else "closest"
-        found.append((verdict.worst_time, name, "worst"))
+        moments.append((verdict.worst_time, name, "worst"))
     parts: list[str] = []
     taken: list[tuple[float, float]] = []
-    for time, name, css in sorted(found):
+    for time, name, css in sorted(moments):
         x, said = across(time), f"{name} {time:.2f} s"
         wide = 6.0 * len(said)
         spots = [(x + 4, x + 4 + wide, "start"), (x - 4 - wide, x - 4, "end")]
