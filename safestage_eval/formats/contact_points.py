@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from safestage_eval.episode import ContactTable, Header
+from safestage_eval.episode.contacts import Pair
 from safestage_eval.errors import TraceError
+
+from .lazy_columns import StoredColumns
 
 POINT = np.dtype(
     [
@@ -26,7 +30,17 @@ POINT = np.dtype(
 all bodies in the header's order. The bodies follow from the geoms."""
 
 RAW = np.dtype((np.void, POINT.itemsize))
-"""The same as bytes: what moves whole points moves them several times faster so."""
+"""A point as bytes: moving whole points is several times faster than moving their fields."""
+
+_ITEMS = np.dtype(
+    {
+        "names": POINT.names,
+        "formats": [f"V{POINT[name].itemsize}" for name in POINT.names or ()],
+        "offsets": [POINT.fields[name][1] for name in POINT.names or ()] if POINT.fields else [],
+        "itemsize": POINT.itemsize,
+    }
+)
+"""POINT with every field as bytes: a vector is copied as one item."""
 
 Contacts = NDArray[Any] | Mapping[str, ArrayLike] | Sequence[Mapping[str, Any]]
 """What a recorder may pass: a (C,) array of POINT, columns by name, or a list of rows."""
@@ -149,27 +163,62 @@ def _columns(rows: Sequence[Mapping[str, Any]], names: GeomNames) -> dict[str, A
     return columns
 
 
+class PackedContacts(StoredColumns, ContactTable):
+    """A contact table over packed points in canonical order, cut into columns as they are used."""
+
+    _groups = tuple((f.name,) for f in fields(ContactTable))
+    _gathered: dict[Pair, NDArray[Any]]
+    _points: NDArray[Any]
+
+    def __init__(self, points: NDArray[Any], keys: Mapping[str, NDArray[Any]]) -> None:
+        """``points``: (C,) POINT; ``keys``: frame, body1 and body2 (C,) of each."""
+        super().__init__(lambda names: {name: _column(points, name) for name in names})
+        vars(self).update({"_points": points, "_gathered": {}, **keys})
+
+    def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
+        """As in the base class; the points of a pair are gathered once for all columns."""
+        if pair not in self._gathered:
+            self._gathered[pair] = self._points.view(RAW).take(self.rows(pair)).view(POINT)
+        points = self._gathered[pair]
+        values = []
+        for column in columns:
+            name, _, axis = column.partition(".")
+            if name in self._points.dtype.fields:
+                values.append(
+                    np.ascontiguousarray(points[name][:, "xyz".index(axis)])
+                    if axis
+                    else _column(points, name)
+                )
+            else:
+                values += super().of_pair(pair, name)
+        return tuple(values)
+
+
+def _column(points: NDArray[Any], name: str) -> NDArray[Any]:
+    """(C,) or (C, 3) of a field of points, contiguous."""
+    items = np.ascontiguousarray(points.view(_ITEMS)[name])
+    return items.view(POINT[name].base).reshape(len(points), *POINT[name].shape)
+
+
 def table(points: NDArray[Any], counts: NDArray[np.integer], names: GeomNames) -> ContactTable:
-    """The canonical table of the (C,) points of consecutive frames, ``counts`` (T,) per frame.
+    """Make the canonical table of contacts.
+
+    Points in the table's order are not copied; others are sorted.
+
+    Args:
+        points: (C,) POINT of consecutive frames.
+        counts: (T,) contacts per frame.
+        names: the geoms that the points refer to.
 
     Raises:
         TraceError: a geom index that no body has.
     """
     frame = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
-    geom1, geom2 = (np.ascontiguousarray(points[name]) for name in ("geom1", "geom2"))
-    columns: tuple[Any, ...] = (
-        frame,
-        *names.bodies(points),
-        geom1,
-        geom2,
-        *(
-            np.ascontiguousarray(points[name])
-            for name in ("position", "normal", "force", "peak_force", "depth")
-        ),
-    )
-    if _is_canonical(*columns[:5]):
-        return ContactTable(*columns)
-    return ContactTable.build(*columns)
+    body1, body2 = names.bodies(points)
+    if _is_canonical(frame, body1, body2, points["geom1"], points["geom2"]):
+        return PackedContacts(points, {"frame": frame, "body1": body1, "body2": body2})
+    columns = {name: points[name] for name in POINT.names or ()}
+    return ContactTable.build(frame=frame, body1=body1, body2=body2, **columns)
 
 
 def _is_canonical(

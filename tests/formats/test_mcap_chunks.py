@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from safestage_eval.formats.mcap import kernel_choice, mcap_arrays, mcap_kernels
+from safestage_eval.formats.mcap import mcap_arrays, mcap_chunks, mcap_kernels
 from safestage_eval.formats.mcap.mcap_arrays import CHANNEL, MESSAGE
 from safestage_eval.formats.mcap.mcap_chunks import Topics, find, unpack
 from safestage_eval.formats.mcap.mcap_records import walk
@@ -21,7 +21,7 @@ from safestage_eval.formats.mcap.mcap_records import walk
 def way(request):
     """With and without a compiler."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernel_choice, "mcap", lambda: request.param)
+        patch.setattr(mcap_chunks, "functions", lambda: request.param)
         yield
 
 

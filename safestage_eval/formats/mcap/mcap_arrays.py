@@ -109,20 +109,11 @@ def find_points(
     return int(length.sum())
 
 
-def copy_points(
-    raw: NDArray[np.uint8],
-    places: NDArray[np.int64],
-    rows: NDArray[np.uint8],
-    words: Any,
-    geoms: Any,
-) -> bool:
+def copy_points(raw: NDArray[np.uint8], places: NDArray[np.int64], rows: Any) -> None:
     """As the kernel of this name."""
     view = raw.data
     joined = b"".join([view[begin:end] for begin, end in places.tolist()])
     rows[:] = np.frombuffer(joined, np.uint8)
-    geoms[:] = words[:, -1]
-    with np.errstate(all="ignore"):
-        return bool(np.isfinite(words[:, :-1].view(np.float32).sum()))
 
 
 def _bytes_at(raw: NDArray[np.uint8], at: NDArray[np.int64], width: int) -> NDArray[np.uint8]:

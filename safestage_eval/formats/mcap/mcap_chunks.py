@@ -6,7 +6,9 @@ https://mcap.dev/spec
 from __future__ import annotations
 
 import struct
+import sys
 from collections.abc import Iterable
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.formats.checksum import crc32
 
-from . import kernel_choice
+from . import mcap_arrays
 from .mcap_arrays import MESSAGE, PREFIX
 
 _length = struct.Struct("<Q").unpack_from
@@ -28,6 +30,19 @@ LARGEST_CHUNK = 1 << 30
 
 _MOST = 256
 """No byte of an LZ4 block stands for more."""
+
+
+def functions() -> ModuleType:
+    """Return ``mcap_kernels`` where the compiler of kernels is loaded, else ``mcap_arrays``.
+
+    Loading the compiler takes longer than reading a file without it, and 60 MB. Whoever measures
+    shapes has it loaded.
+    """
+    if "numba" not in sys.modules:
+        return mcap_arrays
+    from . import mcap_kernels
+
+    return mcap_kernels
 
 
 class Batch(NamedTuple):
@@ -76,7 +91,7 @@ def find(block: Any, topics: Topics) -> dict[str, Batch]:
         ValueError, struct.error: the bytes are no records.
     """
     raw = np.frombuffer(block, np.uint8)
-    find_messages = kernel_choice.mcap().find_messages
+    find_messages = functions().find_messages
     kinds, at = len(topics.names), 0
     found, counts = np.empty((kinds, _ROOM, 2), np.int64), np.zeros(kinds, np.int64)
     while at < len(raw):

@@ -16,10 +16,8 @@ from safestage_eval.errors import TraceError
 from safestage_eval.formats.contact_points import POINT, RAW, packed
 from safestage_eval.formats.frame_buffers import doubled
 
-from . import kernel_choice
 from . import protobuf_wire as wire
-from .mcap_chunks import Batch
-from .packed_contacts import Points
+from .mcap_chunks import Batch, functions
 
 FIELDS = {
     **{name: ("position", i) for i, name in enumerate("xyz")},
@@ -84,12 +82,10 @@ class CloudPoints:
     def __init__(self, where: str) -> None:
         self.count = 0
         self._where = where
-        self._finite = True
         # ours: a stamp, then always the same bytes, then the points
         own = empty_cloud().SerializeToString(deterministic=True) + _DATA
         self._own = np.frombuffer(own, np.uint8)
         self._points = np.empty(_POINTS, POINT)
-        self._geoms = np.empty(_POINTS, np.uint32)
         self._end = 0
         self._counts: list[NDArray[np.int64]] = []
         self._problem: TraceError | None = None
@@ -98,7 +94,7 @@ class CloudPoints:
         """Some more messages. What is wrong with them is told by ``points``, if they count."""
         if self._problem is None:
             places = np.empty_like(batch.places)
-            size = kernel_choice.mcap().find_points(
+            size = functions().find_points(
                 batch.raw, batch.places, self._own, POINT.itemsize, places
             )
             if size < 0:
@@ -107,28 +103,23 @@ class CloudPoints:
                 self._keep(batch.raw, places, size // POINT.itemsize)
         self.count += len(batch)
 
-    def points(self, count: int) -> Points:
-        """Points of the first frames.
+    def points(self, frames: int) -> tuple[NDArray[Any], NDArray[np.int64]]:
+        """Return the (C,) POINT of the first frames, and the (T,) number of points in each.
 
         Raises:
             TraceError: a message is no point cloud, or lacks a field of contacts.
         """
-        counts = np.concatenate([np.zeros(0, np.int64), *self._counts])[:count]
-        if self._problem is not None and len(counts) < count:
+        counts = np.concatenate([np.zeros(0, np.int64), *self._counts])[:frames]
+        if self._problem is not None and len(counts) < frames:
             raise self._problem
-        total = int(counts.sum())
-        return Points(self._points[:total], counts, self._geoms[:total], self._finite)
+        return self._points[: int(counts.sum())], counts
 
     def _keep(self, raw: NDArray[np.uint8], places: NDArray[np.int64], count: int) -> None:
         """So many points, of which ``places`` says where they are."""
         begin, end = self._end, self._end + count
         while end > len(self._points):
-            self._points, self._geoms = doubled(self._points), doubled(self._geoms)
-        rows = self._points[begin:end].view(RAW).view(np.uint8)
-        words = rows.view(np.uint32).reshape(count, POINT.itemsize // 4)
-        self._finite &= kernel_choice.mcap().copy_points(
-            raw, places, rows, words, self._geoms[begin:end]
-        )
+            self._points = doubled(self._points)
+        functions().copy_points(raw, places, self._points[begin:end].view(RAW).view(np.uint8))
         self._counts.append((places[:, 1] - places[:, 0]) // POINT.itemsize)
         self._end = end
 

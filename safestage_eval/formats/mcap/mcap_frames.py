@@ -13,9 +13,8 @@ from safestage_eval.episode.scene_invariants import UNIT_TOLERANCE
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.frame_buffers import doubled
 
-from . import kernel_choice
 from . import protobuf_wire as wire
-from .mcap_chunks import Batch
+from .mcap_chunks import Batch, functions
 from .mcap_messages import FRAME, MESSAGES, message_class
 from .mcap_metadata import TRACK_COLUMNS
 
@@ -167,7 +166,7 @@ class _Layout:
 
         Returns how many are not sound for sure; -1 where one is laid out in another way.
         """
-        bad: int = kernel_choice.mcap().copy_frames(
+        bad: int = functions().copy_frames(
             batch.raw, batch.places, self._first, self._between, np.array(list(self._moves.values())),
             self._parts, values, values.view(np.uint32), values.view(np.float32), UNIT_TOLERANCE,
         )  # fmt: skip

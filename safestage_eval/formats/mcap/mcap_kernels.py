@@ -164,18 +164,13 @@ def find_points(raw: Any, places: Any, fixed: Any, size: int, found: Any) -> Any
 
 
 @kernel
-def copy_points(raw: Any, places: Any, rows: Any, words: Any, geoms: Any) -> Any:
-    """Points of several messages in a row, and the geoms of each once more.
+def copy_points(raw: Any, places: Any, rows: Any) -> None:
+    """Copy the points of several messages, one after the other.
 
     Args:
         raw: (N,) uint8.
         places: (M, 2) where the points of each message begin and end.
         rows: (R,) uint8 to be filled.
-        words: the same as uint32 (C, W); the last one is no number but two geoms.
-        geoms: (C,) uint32 to be filled with it.
-
-    Returns:
-        Whether all numbers are finite for sure.
     """
     to = 0
     for m in range(len(places)):
@@ -184,10 +179,3 @@ def copy_points(raw: Any, places: Any, rows: Any, words: Any, geoms: Any) -> Any
         for k in range(len(source)):
             target[k] = source[k]
         to += len(source)
-    bits = words.reshape(-1)
-    highest, last = np.uint32(0), words.shape[1] - 1
-    for k in range(len(bits)):  # geoms as well: they hardly ever look like no number
-        highest = max(highest, bits[k] & _NOT_FINITE)
-    for c in range(len(words)):
-        geoms[c] = words[c, last]
-    return highest != _NOT_FINITE

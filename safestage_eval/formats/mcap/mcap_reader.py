@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import (
+    ContactTable,
     Episode,
     Header,
     RobotFrames,
     Track,
+    check_contacts,
     check_finite,
     check_frames,
     check_header,
@@ -23,13 +25,12 @@ from safestage_eval.episode import (
     check_track,
 )
 from safestage_eval.errors import TraceError
-from safestage_eval.formats.contact_points import GeomNames
+from safestage_eval.formats.contact_points import GeomNames, PackedContacts, table
 from safestage_eval.formats.digests import Seal, computed, frame_digests
 from safestage_eval.formats.lazy_columns import StoredTrack
 from safestage_eval.formats.parquet.episode_row import mesh_keys
 from safestage_eval.formats.ply import from_ply
 
-from . import kernel_choice
 from .mcap_chunks import Batch
 from .mcap_clouds import CloudPoints
 from .mcap_frames import F32, ROBOT_FIELDS, FrameRows
@@ -46,7 +47,6 @@ from .mcap_records import (
     read_metadata,
     walk,
 )
-from .packed_contacts import Points, contact_table
 
 _TRACK_FIELDS = {"position": 3, "orientation": 4, "linear_velocity": 3, "angular_velocity": 3}
 """Column of a track → numbers per body in a frame's ``body_<column>``."""
@@ -135,11 +135,15 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
     columns, index, t = rows.columns(count, where)
     if not np.array_equal(index, np.arange(count)):
         raise TraceError(where, f"the messages on {FRAME} are not the frames 0, 1, 2, … in order")
-    points = clouds.points(min(count, clouds.count))
+    points, counts = clouds.points(min(count, clouds.count))
     if not clouds.count:
-        points = points._replace(counts=np.zeros(count, np.int64))
+        counts = np.zeros(count, np.int64)
     full = states.first(count, where)
-    episode = _episode(path, metadata, records, columns, t, points, full, checked)
+    names = GeomNames(metadata.header)
+    episode = _episode(
+        path, metadata, records, columns, t, full, checked,
+        lambda: contact_table(points, counts, names, where, checked=checked),
+    )  # fmt: skip
     if checked:
         _check(episode, metadata, rows.sound)
         if records.whole:
@@ -147,7 +151,7 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
             seal = Seal(metadata.content_hash, metadata.digests, lambda: _hash_of(known()), where)
             seal.check(metadata.header)
             if seal.told is not None:
-                _compare(seal, frame_digests(columns, t, points.points, points.counts))
+                _compare(seal, frame_digests(columns, t, points, counts))
             vars(episode)["_vouched"] = seal.content_hash
     return episode
 
@@ -170,9 +174,9 @@ def _episode(
     records: McapRecords,
     columns: dict[str, F32],
     t: NDArray[np.float64],
-    points: Points,
     states: dict[int, NDArray[np.float64]],
     checked: bool,
+    contacts: Callable[[], ContactTable],
 ) -> Episode:
     where, header = str(path), metadata.header
     meshes = {}
@@ -184,9 +188,7 @@ def _episode(
             raise TraceError(
                 where, f"the mesh {key[:12]}… is missing.", f"an attachment geometry/{key}.ply"
             )
-    names = GeomNames(header)
-
-    tracks = _tracks(metadata, columns, len(t), where)
+    tracks = _tracks(metadata, columns, where)
     robot = RobotFrames(*(columns[name] for name in ROBOT_FIELDS))
     keys = metadata.channels
     if columns["channel"].shape[1] != len(keys):
@@ -198,7 +200,7 @@ def _episode(
         header=header,
         t=t,
         tracks=tracks,
-        _contacts=lambda: contact_table(points, names, where, checked),
+        _contacts=contacts,
         _frames=robot,
         meshes=meshes,
         channels=channels,
@@ -206,6 +208,35 @@ def _episode(
         attachments=records.attachments,
         path=path,
     )
+
+
+def contact_table(
+    points: NDArray[Any],
+    counts: NDArray[np.int64],
+    names: GeomNames,
+    where: str,
+    *,
+    checked: bool,
+) -> ContactTable:
+    """Make the canonical table of contacts.
+
+    Args:
+        points: (C,) POINT of consecutive frames.
+        counts: (T,) contacts per frame.
+        names: the geoms of the episode.
+        where: for messages.
+        checked: compare with the invariants.
+
+    Raises:
+        TraceError: a geom index that no body has, or values that are not finite.
+    """
+    contacts = table(points, counts, names)
+    with np.errstate(all="ignore"):  # geoms are summed too: they hardly ever look like no number
+        finite = np.isfinite(points.view(np.float32).sum())
+    if checked and not (finite and isinstance(contacts, PackedContacts)):
+        for error in check_contacts(contacts, names.owner, len(counts), where):
+            raise error
+    return contacts
 
 
 def _check(episode: Episode, metadata: McapMetadata, sound: bool) -> None:
@@ -222,9 +253,7 @@ def _check(episode: Episode, metadata: McapMetadata, sound: bool) -> None:
         raise errors[0]
 
 
-def _tracks(
-    metadata: McapMetadata, columns: dict[str, F32], frames: int, where: str
-) -> dict[str, Track]:
+def _tracks(metadata: McapMetadata, columns: dict[str, F32], where: str) -> dict[str, Track]:
     moving = metadata.moving_bodies
     for name, width in _TRACK_FIELDS.items():
         block = columns[f"body_{name}"]
@@ -236,12 +265,11 @@ def _tracks(
             )
 
     def columns_of(place: int, names: tuple[str, ...]) -> dict[str, F32]:
-        found = {name: np.empty((frames, _TRACK_FIELDS[name]), np.float32) for name in names}
-        for name, column in found.items():
-            kernel_choice.contacts().take_column(
-                columns[f"body_{name}"], place * column.shape[1], column
-            )
-        return found
+        widths = {name: _TRACK_FIELDS[name] for name in names}
+        return {
+            name: np.ascontiguousarray(columns[f"body_{name}"][:, place * k : (place + 1) * k])
+            for name, k in widths.items()
+        }
 
     tracks: dict[str, Track] = {
         body: StoredTrack(partial(columns_of, i)) for i, body in enumerate(moving)

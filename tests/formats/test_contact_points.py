@@ -9,23 +9,8 @@ from hypothesis import strategies as st
 
 from safestage_eval.episode import Body, ContactTable, Geom, Header
 from safestage_eval.errors import TraceError
-from safestage_eval.formats.contact_points import POINT, GeomNames, table
-from safestage_eval.formats.mcap import kernel_choice, point_arrays, point_kernels
-from safestage_eval.formats.mcap.packed_contacts import PackedContacts, Points, contact_table
-
-
-@pytest.fixture(
-    scope="module",
-    autouse=True,
-    params=[point_kernels, point_arrays],
-    ids=["kernels", "arrays"],
-)
-def way(request):
-    """With and without a compiler."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernel_choice, "contacts", lambda: request.param)
-        yield
-
+from safestage_eval.formats.contact_points import POINT, GeomNames, PackedContacts, table
+from safestage_eval.formats.mcap.mcap_reader import contact_table
 
 BALL = Geom(kind="sphere", size=(0.1,))
 NAMES = GeomNames(
@@ -64,9 +49,12 @@ def clouds(draw, ordered):
     return points, counts
 
 
-def packed(points, counts, finite=True):
-    """As the reader hands them on."""
-    return Points(points, counts, points.view("<u4").reshape(-1, 12)[:, 11].copy(), finite)
+def built(points, counts):
+    """The table that is built from the points column by column."""
+    body1, body2 = NAMES.bodies(points)
+    columns = {name: points[name] for name in points.dtype.names}
+    frame = np.repeat(np.arange(len(counts)), counts)
+    return ContactTable.build(frame=frame, body1=body1, body2=body2, **columns)
 
 
 def same(given, expected):
@@ -84,14 +72,14 @@ def same(given, expected):
 
 @given(clouds(ordered=True))
 def test_points_in_order_stay_packed(cloud):
-    found = contact_table(packed(*cloud), NAMES, "x", True)
-    assert isinstance(found, PackedContacts) == bool(len(cloud[0]))
-    same(found, table(*cloud, NAMES))
+    contacts = table(*cloud, NAMES)
+    assert isinstance(contacts, PackedContacts)
+    same(contacts, built(*cloud))
 
 
 @given(clouds(ordered=False))
 def test_points_in_any_order_are_sorted(cloud):
-    same(contact_table(packed(*cloud), NAMES, "x", True), table(*cloud, NAMES))
+    same(table(*cloud, NAMES), built(*cloud))
 
 
 @pytest.mark.parametrize(
@@ -108,7 +96,7 @@ def test_broken_points_are_refused(name, value, message):
     points["geom2"] = 2
     points[name][1] = value
     with pytest.raises(TraceError, match=message):
-        contact_table(packed(points, np.array([1, 2]), False), NAMES, "x", True)
+        contact_table(points, np.array([1, 2]), NAMES, "x", checked=True)
 
 
 def test_a_geom_number_that_reads_as_no_number_is_no_broken_value():
@@ -123,6 +111,5 @@ def test_a_geom_number_that_reads_as_no_number_is_no_broken_value():
     points["geom1"] = 0
     with np.errstate(invalid="ignore"):
         assert not np.isfinite(points.view("<f4")).all()
-    assert contact_table(packed(points, np.array([1]), False), names, "x", True).geom2.tolist() == [
-        0x7F80
-    ]
+    contacts = contact_table(points, np.array([1]), names, "x", checked=True)
+    assert contacts.geom2.tolist() == [0x7F80]
