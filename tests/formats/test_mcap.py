@@ -100,7 +100,7 @@ def test_frames_and_contacts_decode_with_their_schemas(file):
 @given(episodes(max_frames=3))
 def test_viewers_get_a_message_for_every_kind_of_shape(episode):
     from safestage_eval.formats.mcap.foxglove_scene import to_scene
-    from safestage_eval.formats.mcap.mcap_transforms import transform_messages
+    from safestage_eval.formats.mcap.mcap_writer import transform_messages
     from safestage_eval.formats.mcap.urdf import to_urdf
 
     scene = SceneUpdate.FromString(to_scene(episode, 1).SerializeToString())

@@ -16,7 +16,6 @@ from safestage_eval.errors import TraceError
 from safestage_eval.formats.contact_points import POINT, RAW, packed
 from safestage_eval.formats.frame_buffers import doubled
 
-from . import protobuf_wire as wire
 from .mcap_chunks import Batch, functions
 
 FIELDS = {
@@ -40,8 +39,8 @@ _NUMBERS = {
     PackedElementField.FLOAT32: "<f4",
     PackedElementField.FLOAT64: "<f8",
 }
-_DATA = wire.tag(6, wire.LENGTH)
-"""What stands before the points, the last field of a PointCloud."""
+_DATA = bytes([6 << 3 | 2])
+"""Tag before the points, the last field of a PointCloud: its number, and that a length follows."""
 
 _POINTS = 1 << 19
 """Points that there is room for from the start; memory that is not used costs nothing."""
@@ -64,12 +63,13 @@ def empty_cloud() -> PointCloud:
 
 
 def cloud_messages(contacts: ContactTable, times: list[int]) -> Iterator[bytes]:
-    """Serialised point clouds, one per frame; ``times`` (T,) ns, their log times."""
-    points = packed(contacts)
+    """Serialise point clouds, one per frame; ``times`` (T,) ns, their log times."""
     ends = np.searchsorted(contacts.frame, np.arange(len(times) + 1)) * POINT.itemsize
-    whole, fixed = points.tobytes(), empty_cloud().SerializeToString(deterministic=True)
+    points, cloud = packed(contacts).tobytes(), empty_cloud()
     for time, begin, end in zip(times, ends[:-1].tolist(), ends[1:].tolist(), strict=True):
-        yield wire.stamp(1, time) + fixed + wire.field(6, whole[begin:end])
+        cloud.timestamp.FromNanoseconds(time)
+        cloud.data = points[begin:end]
+        yield cloud.SerializeToString(deterministic=True)
 
 
 class CloudPoints:

@@ -13,7 +13,6 @@ from safestage_eval.episode.scene_invariants import UNIT_TOLERANCE
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.frame_buffers import doubled
 
-from . import protobuf_wire as wire
 from .mcap_chunks import Batch, functions
 from .mcap_messages import FRAME, MESSAGES, message_class
 from .mcap_metadata import TRACK_COLUMNS
@@ -25,38 +24,30 @@ F32 = NDArray[np.float32]
 _FRAMES = 1 << 13
 """Frames that there is room for from the start; memory that is not used costs nothing."""
 
+_LENGTH = 2
+"""Wire type of values that are preceded by their length."""
+
+_WIDTHS = {1: 8, 5: 4}
+"""Wire type → bytes, of values of fixed width."""
+
 _FIELDS = {f.name: f for f in MESSAGES["Frame"][1]}
 
 
 def frame_messages(episode: Episode, moving: list[str]) -> Iterator[bytes]:
-    """Serialised ``Frame`` messages, all laid out alike, assembled column by column."""
-    frames = len(episode)
-    blocks = [
-        wire.tag(1, wire.FIXED64),
-        np.arange(frames, dtype="<u8"),
-        wire.tag(2, wire.FIXED64),
-        episode.t.astype("<f8"),
-    ]
-    columns: list[NDArray[np.float32]] = []
-    for name in TRACK_COLUMNS:
-        parts = [getattr(episode.tracks[body], name) for body in moving]
-        columns.append(np.concatenate(parts, 1) if parts else np.zeros((frames, 0), np.float32))
-    columns += [getattr(episode.frames, name) for name in ROBOT_FIELDS]
-    channels = list(episode.channels.values())
-    columns.append(np.stack(channels, 1) if channels else np.zeros((frames, 0), np.float32))
-    for number, column in enumerate(columns, 3):
-        if column.shape[1]:
-            blocks.append(wire.tag(number, wire.LENGTH) + wire.varint(4 * column.shape[1]))
-            blocks.append(column.astype("<f4"))
-    rows = [
-        np.broadcast_to(np.frombuffer(block, np.uint8), (frames, len(block)))
-        if isinstance(block, bytes)
-        else np.ascontiguousarray(block).view(np.uint8).reshape(frames, -1)
-        for block in blocks
-    ]
-    data = np.concatenate(rows, 1)
-    size, whole = data.shape[1], data.tobytes()
-    return (whole[n * size : (n + 1) * size] for n in range(frames))
+    """Serialise the ``Frame`` messages of an episode; ``moving``: the bodies that they hold."""
+    message = message_class("Frame")
+    columns = {
+        f"body_{name}": np.concatenate([getattr(episode.tracks[b], name) for b in moving], 1)
+        for name in TRACK_COLUMNS
+        if moving
+    }
+    columns |= {name: getattr(episode.frames, name) for name in ROBOT_FIELDS}
+    if episode.channels:
+        columns["channel"] = np.stack(list(episode.channels.values()), 1)
+    columns = {name: values for name, values in columns.items() if values.shape[1]}
+    for n, t in enumerate(episode.t.tolist()):
+        values = {name: column[n].tolist() for name, column in columns.items()}
+        yield message(frame_index=n, time=t, **values).SerializeToString()
 
 
 def _room(width: int) -> int:
@@ -150,7 +141,7 @@ class _Layout:
     def of(cls, message: NDArray[np.uint8]) -> _Layout | None:
         """None where the fields have to be decoded."""
         try:
-            places = wire.layout(message.tobytes())
+            places = field_places(message.tobytes())
         except ValueError:
             return None
         numbers = [f.number for f in _FIELDS.values() if f.type in ("fixed64", "double")]
@@ -186,6 +177,53 @@ class _Layout:
         for offset, length, to in self._moves.values():
             rows[:, offset : offset + length] = values[:, to : to + length]
         return [row.tobytes() for row in rows]
+
+
+def field_places(message: bytes) -> dict[int, tuple[int, int]]:
+    """Return field number → (offset, bytes) of its value in a message of fixed-width and packed fields.
+
+    Wire format: https://protobuf.dev/programming-guides/encoding/
+
+    Raises:
+        ValueError: another kind of field, one that comes twice, or a message that is cut off.
+    """
+    places: dict[int, tuple[int, int]] = {}
+    at = 0
+    try:
+        while at < len(message):
+            key, at = _read_varint(message, at)
+            if key & 7 == _LENGTH:
+                size, at = _read_varint(message, at)
+            elif key & 7 in _WIDTHS:
+                size = _WIDTHS[key & 7]
+            else:
+                raise ValueError(f"field {key >> 3} has wire type {key & 7}")
+            if key >> 3 in places:
+                raise ValueError(f"field {key >> 3} comes twice")
+            places[key >> 3] = at, size
+            at += size
+    except IndexError:
+        raise ValueError("the message is cut off") from None
+    if at != len(message):
+        raise ValueError("the message is cut off")
+    return places
+
+
+def _read_varint(data: bytes, at: int) -> tuple[int, int]:
+    """Read the integer at a position; return it and the position after it.
+
+    Raises:
+        IndexError: it goes on past the end, or beyond 64 bits.
+    """
+    n, shift = 0, 0
+    while shift < 64:
+        byte = data[at]
+        at += 1
+        n |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return n, at
+        shift += 7
+    raise IndexError("an integer of more than 64 bits")
 
 
 def _decoded(

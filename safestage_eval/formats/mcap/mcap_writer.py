@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,6 @@ from .mcap_messages import (
     schema_bytes,
 )
 from .mcap_metadata import to_texts
-from .mcap_transforms import transform_messages
 from .urdf import to_urdf
 
 CHUNK_BYTES = 1 << 20
@@ -117,6 +116,33 @@ def _messages(
         if n in episode.states:
             state = message_class("State")(frame_index=n, state=episode.states[n].tolist())
             writer.add_message(state_channel, time, state.SerializeToString(), time, n)
+
+
+def transform_messages(
+    episode: Episode, times: list[int], every: int
+) -> Iterator[tuple[int, bytes]]:
+    """Serialise the poses of all bodies in every so many frames as ``foxglove.FrameTransforms``.
+
+    Args:
+        episode: any.
+        times: (T,) ns, log times of its frames.
+        every: from one frame that is written to the next.
+
+    Yields:
+        (frame, message).
+    """
+    message, poses = FrameTransforms(), []
+    for body in episode.header.bodies:
+        message.transforms.add(parent_frame_id="world", child_frame_id=body.name)
+        track = episode.track(body.name)
+        poses.append(np.concatenate([track.position, track.orientation], 1)[::every].tolist())
+    for n, here in zip(range(0, len(times), every), zip(*poses, strict=True), strict=True):
+        for transform, pose in zip(message.transforms, here, strict=True):
+            transform.timestamp.FromNanoseconds(times[n])
+            position, turn = transform.translation, transform.rotation
+            position.x, position.y, position.z = pose[:3]
+            turn.w, turn.x, turn.y, turn.z = pose[3:]
+        yield n, message.SerializeToString()
 
 
 def _cdr_string(text: str) -> bytes:
