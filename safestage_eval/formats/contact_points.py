@@ -228,14 +228,14 @@ def _is_canonical(
     geom1: NDArray[np.uint16],
     geom2: NDArray[np.uint16],
 ) -> bool:
-    """Whether the rows already stand in the table's order (geoms follow their bodies' order)."""
+    """True if the rows are in the order of the contact table."""
     if (body1 >= body2).any():
         return False
     # geoms are numbered body by body, yet (body1, body2, geom1, geom2) is not (geom1, geom2)
-    key = (body1.astype(np.int64) << 48) | (body2.astype(np.int64) << 32)
-    key |= (geom1.astype(np.int64) << 16) | geom2.astype(np.int64)
-    same_frame = frame[1:] == frame[:-1]
-    return not bool((same_frame & (key[1:] < key[:-1])).any())
+    pair = body1.astype(np.int32) << 16 | body2
+    geoms = geom1.astype(np.uint32) << 16 | geom2
+    behind = (pair[1:] < pair[:-1]) | ((pair[1:] == pair[:-1]) & (geoms[1:] < geoms[:-1]))
+    return not bool((behind & (frame[1:] == frame[:-1])).any())
 
 
 def packed(contacts: ContactTable) -> NDArray[Any]:

@@ -67,7 +67,7 @@ def test_rows_beyond_the_bound_are_refused_before_they_are_read(tmp_path, monkey
     table = StoredTable(path, "frames")
     monkeypatch.setattr(pq.ParquetFile, "read_row_groups", lambda *_, **__: pytest.fail("read"))
     with pytest.raises(TraceError, match="rows would have to be read at once"):
-        table.values(Block(("frame_index",), np.dtype(np.int32)), 0)
+        table.blocks((Block(("frame_index",), np.dtype(np.int32)),), 0)
 
 
 @pytest.mark.parametrize("table", ["bodies", "contacts", "frames"])

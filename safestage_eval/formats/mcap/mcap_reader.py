@@ -265,11 +265,12 @@ def _tracks(metadata: McapMetadata, columns: dict[str, F32], where: str) -> dict
             )
 
     def columns_of(place: int, names: tuple[str, ...]) -> dict[str, F32]:
-        widths = {name: _TRACK_FIELDS[name] for name in names}
-        return {
-            name: np.ascontiguousarray(columns[f"body_{name}"][:, place * k : (place + 1) * k])
-            for name, k in widths.items()
-        }
+        found = {}
+        for name in names:
+            width = _TRACK_FIELDS[name]
+            items = columns[f"body_{name}"].view(f"V{4 * width}")[:, place]  # copied as one item
+            found[name] = np.ascontiguousarray(items).view(np.float32).reshape(-1, width)
+        return found
 
     tracks: dict[str, Track] = {
         body: StoredTrack(partial(columns_of, i)) for i, body in enumerate(moving)

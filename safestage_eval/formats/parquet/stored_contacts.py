@@ -232,7 +232,7 @@ class _ByFrame:
 
     def _column(self, name: str) -> NDArray[Any]:
         source, stored = self._source, _stored_names(name)
-        values = source.table.values(_block(name), source.episode_index)
+        values = source.table.blocks((_block(name),), source.episode_index)[0]
         if len(values) != len(self._keys[1]):
             raise TraceError(
                 source.where, f"{source.table.path} has {len(values)} values of {name}, not as many"

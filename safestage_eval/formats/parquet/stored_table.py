@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import chain, pairwise
 from pathlib import Path
@@ -112,15 +112,8 @@ class StoredTable(TableFile):
             places = self.places(episode).get((body,), [])
         table = self._read_places(columns, places)
         if episode in self._segments:
-            self._compare(
-                episode, places, columns,
-                lambda name, begin, end: flat_numbers(table[name].slice(begin, end - begin)),
-            )  # fmt: skip
+            self._compare(episode, places, table)
         return table
-
-    def values(self, block: Block, episode: int, names: Names | None = None) -> NDArray[Any]:
-        """As ``blocks`` of one block."""
-        return self.blocks((block,), episode, names)[0]
 
     def blocks(
         self, blocks: tuple[Block, ...], episode: int, names: Names | None = None
@@ -141,20 +134,9 @@ class StoredTable(TableFile):
         table = self._from_ahead(episode, columns, places)
         if table is None:
             table = self._read_places(columns, places)
-        found = self._arrays(table, blocks)
         if episode in self._segments:
-            where = {
-                name: (array, i)
-                for block, array in zip(blocks, found, strict=True)
-                for i, name in enumerate(block.names)
-            }
-
-            def part(name: str, begin: int, end: int) -> NDArray[Any]:
-                array, i = where[name]
-                return array[begin:end, i]
-
-            self._compare(episode, places, columns, part)
-        return found
+            self._compare(episode, places, table.select(columns))
+        return self._arrays(table, blocks)
 
     def places(self, episode: int) -> Mapping[Names, list[Place]]:
         """Where the rows of each body or pair of an episode are, in stored order.
@@ -264,23 +246,13 @@ class StoredTable(TableFile):
             out[:, i] = self.numbers(table, name, block.dtype)
         return out
 
-    def _compare(
-        self,
-        episode: int,
-        places: Sequence[Place],
-        columns: Sequence[str],
-        part: Callable[[str, int, int], NDArray[Any]],
-    ) -> None:
-        """Compare what was read with its digests; ``part``: rows from … to … of a column of it."""
+    def _compare(self, episode: int, places: Sequence[Place], table: pa.Table) -> None:
+        """Compare the rows at some places, which were read into a table, with their digests."""
         segments = self._segments[episode]
-
-        def whole(name: str, begin: int, end: int) -> NDArray[Any]:
-            return self._column(name, episode, begin, end)
-
-        for stretch in self._stretches(episode, places):
-            for name in columns:
-                values = partial(part, name)
-                segments.compare(name, stretch.first, stretch.at, stretch.rows, values, whole)
+        read = partial(self._column, episode)
+        for first, at, rows in self._stretches(episode, places):
+            for name in table.column_names:
+                segments.compare(name, first, table[name].slice(at, rows), read)
 
     def _stretches(self, episode: int, places: Sequence[Place]) -> list[_Stretch]:
         """Where rows at some places are among all rows of the episode; none if they are scattered."""
@@ -314,8 +286,8 @@ class StoredTable(TableFile):
         stretches = [(names, stop - start) for _, start, stop, names in sorted(runs)]
         self._segments[episode].compare_names(stretches, stated=self.footer.index.stated)
 
-    def _column(self, name: str, episode: int, begin: int, end: int) -> NDArray[Any]:
-        """Rows from … to … of the episode of a column of numbers, or of lists of them."""
+    def _column(self, episode: int, name: str, begin: int, end: int) -> NDArray[Any]:
+        """Read the numbers of rows ``begin`` to ``end`` − 1 of an episode in a column."""
         parts = []
         for place, first in self._spans_of(episode):
             assert isinstance(place.rows, slice)

@@ -127,33 +127,32 @@ class Segments:
         self,
         name: str,
         first: int,
-        at: int,
-        rows: int,
-        values: Callable[[int, int], NDArray[Any]],
-        whole: Callable[[str, int, int], NDArray[Any]],
+        values: pa.ChunkedArray,
+        read: Callable[[str, int, int], NDArray[Any]],
     ) -> None:
-        """Compare what was read of a column; raises TraceError where it is not as it was written.
+        """Compare the digests of all segments of which consecutive rows of a column were read.
 
         Args:
             name: of the column.
-            first: the first row that was read, among those of the episode.
-            at: its place in what was read.
-            rows: how many were read.
-            values: the rows from … to … of what was read.
-            whole: reads the column from row … to … of the episode.
+            first: number of the first row that was read, among those of the episode.
+            values: what was read.
+            read: (name, begin, end) → numbers of the episode's rows begin to end − 1.
+
+        Raises:
+            TraceError: a digest differs, and so does the content.
         """
-        number = bisect_right(self.starts, first) - 1
-        while 0 <= number < len(self._left) and self.starts[number] < first + rows:
-            told = self._left[number].pop(name, None)  # once is enough
+        number, last = bisect_right(self.starts, first) - 1, first + len(values)
+        while 0 <= number < len(self._left) and self.starts[number] < last:
+            stated = self._left[number].pop(name, None)  # once is enough
             begin, end = self.starts[number : number + 2]
-            if told is not None:
-                inside = first <= begin and end <= first + rows
-                found = (
-                    values(at + begin - first, at + end - first)
+            if stated is not None:
+                inside = first <= begin and end <= last
+                numbers = (
+                    flat_numbers(values.slice(begin - first, end - begin))
                     if inside
-                    else whole(name, begin, end)
+                    else read(name, begin, end)
                 )
-                if crc(found) != told:
+                if crc(numbers) != stated:
                     self._seal.differs(f"the column {name!r} of {self._table}")
             number += 1
 
