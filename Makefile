@@ -14,7 +14,7 @@ ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
 endif
 
-.PHONY: demo setup test tests quick format lint typecheck schemas catalogue traces validate validate-share gallery blind-study
+.PHONY: demo setup test tests quick format lint typecheck schemas catalogue audit-docs traces validate validate-share gallery blind-study
 
 demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 	$(BIN)/safestage-score traces/ --rules rules/
@@ -49,6 +49,9 @@ schemas: $(BIN)/pytest  ## write schemas/ anew from the code
 
 catalogue: $(BIN)/pytest  ## write docs/catalogue.md anew from the rules
 	$(BIN)/python -m safestage_eval.report.catalogue docs/catalogue.md
+
+audit-docs: $(BIN)/pytest  ## write docs/audit.md anew from the checks
+	$(BIN)/python -m safestage_eval.report.audit_page docs/audit.md
 
 traces: $(BIN)/pytest  ## record the episodes in traces/ that are not there yet
 	$(BIN)/safestage record --out traces

@@ -76,21 +76,25 @@ def junit_text(root: ET.Element) -> str:
 
 def render_github(scores: Scores, changes: Sequence[Change] | None = None) -> str:
     """One workflow command per finding and problem; with ``changes``, per change and problem."""
-    lines = []
-    for change in changes or ():
-        title = _escaped(" ".join(filter(None, (change.rule, change.episode_id))), field=True)
-        lines.append(f"::error title={title}::{_escaped(change.what)}")
+    lines = [
+        github_line("error", " ".join(filter(None, (c.rule, c.episode_id))), c.what)
+        for c in changes or ()
+    ]
     for result in scores.results if changes is None else ():
         for v in scores.gates.counted(result):
             if v.verdict in ("violation", "inconclusive"):
                 level = "error" if v.verdict == "violation" else "warning"
-                title = _escaped(f"{v.rule} {result.episode_id}", field=True)
-                lines.append(f"::{level} title={title}::{_escaped(v.explanation)}")
+                lines.append(github_line(level, f"{v.rule} {result.episode_id}", v.explanation))
         for rule in result.not_loaded:
-            title = _escaped(f"{rule} {result.episode_id}", field=True)
-            lines.append(f"::warning title={title}::it is assigned and was not loaded")
-    lines += [f"::error title=unreadable trace::{_escaped(p.message)}" for p in scores.problems]
+            title = f"{rule} {result.episode_id}"
+            lines.append(github_line("warning", title, "it is assigned and was not loaded"))
+    lines += [github_line("error", "unreadable trace", p.message) for p in scores.problems]
     return "".join(line + "\n" for line in lines)
+
+
+def github_line(level: str, title: str, message: str) -> str:
+    """A workflow command of one of the levels error, warning and notice."""
+    return f"::{level} title={_escaped(title, field=True)}::{_escaped(message)}"
 
 
 def _escaped(text: str, *, field: bool = False) -> str:

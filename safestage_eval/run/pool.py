@@ -5,7 +5,7 @@ from __future__ import annotations
 import multiprocessing.connection
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Self
@@ -41,9 +41,16 @@ class Local(Engine):
     no fault of its own; if that dies as well, the episode is a problem. The others go on.
     """
 
-    def __init__(self, workers: int, settings: Settings, *, lines: bool = False) -> None:
-        """``lines``: give results as they are stored (``Line``)."""
-        self._settings, self._lines = settings, lines
+    def __init__(
+        self,
+        workers: int,
+        settings: Settings,
+        *,
+        lines: bool = False,
+        work: Callable[..., None] = work,
+    ) -> None:
+        """``lines``: give results as they are stored (``Line``); ``work``: what a process does."""
+        self._settings, self._lines, self._work = settings, lines, work
         self._size = workers
         self._preload = PRELOAD if workers > 1 else None
         self._workers: list[_Worker] = []
@@ -92,7 +99,7 @@ class Local(Engine):
                 return
             if worker is None:
                 worker = _Worker.start(
-                    work, self._settings, lines=self._lines, preload=self._preload
+                    self._work, self._settings, lines=self._lines, preload=self._preload
                 )
                 self._workers.append(worker)
             worker.give(chunk)

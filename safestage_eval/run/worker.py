@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from multiprocessing.connection import Connection
+from typing import Any
 
 from safestage_eval._process import heap
 from safestage_eval._process.precompile import compile_kernels
 from safestage_eval._process.spawned import READY, follow
+from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts import EpisodeResult
 from safestage_eval.verdicts.problem import Problem
 
-from .engine import Line
+from .engine import Found, Line
 from .score_episode import score_episode
 from .settings import Settings
 
@@ -24,17 +27,31 @@ def work(pipe: Connection, settings: Settings, *, lines: bool) -> None:
         settings: of the run.
         lines: answer with results as they are stored.
     """
+    rules, arguments = settings.rule_set, settings.arguments()
+
+    def judge(ref: EpisodeRef) -> Found:
+        found = score_episode(ref, rules, **arguments)
+        return line_of(found) if lines else found
+
+    serve(pipe, judge)
+
+
+def serve(pipe: Connection, answer: Callable[[EpisodeRef], Any]) -> None:
+    """Answer for each of the lists of episodes that come, until None does.
+
+    Args:
+        pipe: to the process that started this one. The first answer is ``READY``.
+        answer: what is sent for an episode; can be pickled.
+    """
     follow()
     heap.keep()
     bound = heap.Bound()
     compile_kernels()
-    rules, arguments = settings.rule_set, settings.arguments()
     try:
         pipe.send(READY)
         while (refs := pipe.recv()) is not None:
             for ref in refs:
-                found = score_episode(ref, rules, **arguments)
-                pipe.send(line_of(found) if lines else found)
+                pipe.send(answer(ref))
                 bound.hold()
     except (EOFError, OSError):
         return  # nobody is there any more to be told

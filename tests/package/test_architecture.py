@@ -30,6 +30,7 @@ ROOMS = {
         "metrics",
         "whatif",  # the same traces under other values and other rules
         "run",  # many episodes, in one process, a pool, or on Ray
+        "audit",  # are recordings, scenes and evaluations sound?
         "importers",  # other people's files
         "report",
         "viewer",  # pages for a browser

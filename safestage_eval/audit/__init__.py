@@ -1,0 +1,21 @@
+"""Is this recording sound, is its scene, and is the evaluation that the recordings make?
+
+A check is one function under ``@check`` in a file of ``checks/``; nothing else lists it.
+"""
+
+from .audit import Audit, audit
+from .audit_check import CHECKS, Check, check, choose
+from .finding import Defect, Finding, Place, Severity
+
+__all__ = [
+    "CHECKS",
+    "Audit",
+    "Check",
+    "Defect",
+    "Finding",
+    "Place",
+    "Severity",
+    "audit",
+    "check",
+    "choose",
+]

@@ -1,0 +1,143 @@
+"""Audit recordings: each by itself, and all of them as one evaluation."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import cast
+
+from safestage_eval._process.precompile import compile_kernels
+from safestage_eval._process.spawned import WORTH_A_POOL
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.formats.discover import find
+from safestage_eval.formats.episode_filter import Chosen
+from safestage_eval.run.pool import Local
+from safestage_eval.run.settings import Settings, load_settings
+from safestage_eval.verdicts.problem import Problem
+
+from .audit_check import Check, choose
+from .audit_episode import Audited, audit_episode, finding_of
+from .audit_worker import work
+from .campaign_summary import Campaign
+from .finding import SEVERITIES, Finding, Severity
+
+Tell = Callable[[int, int | None], None]
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What an audit came to.
+
+    Attributes:
+        findings: of each episode, in the order in which they were found, then of the evaluation.
+        episodes: how many were audited.
+        problems: those that could not be read.
+        aborted: ids of rollouts that ended in an error: not audited.
+        checks: codes of the checks that were carried out.
+    """
+
+    findings: tuple[Finding, ...]
+    episodes: int
+    problems: tuple[Problem, ...] = ()
+    aborted: tuple[str, ...] = ()
+    checks: tuple[str, ...] = ()
+
+    @property
+    def counts(self) -> dict[Severity, int]:
+        """How many findings there are of each severity."""
+        found = Counter(finding.severity for finding in self.findings)
+        return {severity: found[severity] for severity in SEVERITIES}
+
+    def fails(self, level: str) -> bool:
+        """Whether anything is as grave as ``error`` or ``warning``; never for ``never``."""
+        if level == "never":
+            return False
+        grave = SEVERITIES[: SEVERITIES.index(cast(Severity, level)) + 1]
+        return any(finding.severity in grave for finding in self.findings)
+
+
+def audit(
+    paths: str | Path | Iterable[str | Path],
+    rules: Sequence[str | Path] = (),
+    *,
+    bind: str | Path | None = None,
+    where: Mapping[str, str] | None = None,
+    select: Iterable[str] = (),
+    ignore: Iterable[str] = (),
+    jobs: int | None = None,
+    progress: Tell | None = None,
+) -> Audit:
+    """Say what is wrong with recordings, with the scenes in them, and with the evaluation they make.
+
+    Args:
+        paths: files and folders.
+        rules: paths, folders or built-in names of rule files; all built-in ones if empty.
+        bind: a bind file, for roles and rules that headers lack.
+        where: header field → value; only episodes that match are audited.
+        select: codes of the checks to be carried out, or how they begin; all if empty.
+        ignore: without these.
+        jobs: worker processes; as many as there are processors if None, none for a few episodes.
+        progress: told (done, total) after each episode.
+
+    Raises:
+        TraceError: nothing was found.
+        InputError: a code that no check has; nothing matches ``where``.
+        RuleErrors, RuleError: rules or a bind file that do not mean anything.
+    """
+    from safestage_eval.rules import builtin_names
+
+    checks = choose(select, ignore)
+    settings = load_settings(list(rules) or builtin_names(), bind=bind)
+    chosen = Chosen(find([paths] if isinstance(paths, str | Path) else list(paths)), where)
+    found = audit_many([*chosen], checks, settings, jobs=jobs, progress=progress)
+    audited = [one for one in found if isinstance(one, Audited)]
+    problems = tuple(one for one in found if isinstance(one, Problem))
+    aborted = tuple(chosen.aborted)
+    campaign = Campaign([one.summary for one in audited], len(problems), aborted)
+    findings = [finding for one in audited for finding in one.findings]
+    findings += audit_campaign(campaign, checks)
+    return Audit(tuple(findings), len(found), problems, aborted, tuple(c.code for c in checks))
+
+
+def audit_campaign(campaign: Campaign, checks: Iterable[Check]) -> list[Finding]:
+    """What the checks of an evaluation find."""
+    path = {summary.episode_id: summary.path for summary in campaign.episodes}
+    found = []
+    for check in checks:
+        for defect in check.run(campaign) if check.over == "campaign" else ():
+            where = path.get(defect.episodes[0], "") if len(defect.episodes) == 1 else ""
+            found.append(finding_of(check, defect, path=where))
+    return found
+
+
+def audit_many(
+    refs: Sequence[EpisodeRef],
+    checks: Sequence[Check],
+    settings: Settings,
+    *,
+    jobs: int | None = None,
+    progress: Tell | None = None,
+) -> list[Audited | Problem]:
+    """Audit episodes, each by itself; what comes back is in the order of what went in."""
+    workers = min(jobs or os.cpu_count() or 1, len(refs))
+    found: dict[int, Audited | Problem] = {}
+
+    def note(number: int, one: object) -> None:
+        found[number] = cast("Audited | Problem", one)
+        if progress is not None:
+            progress(len(found), len(refs))
+
+    if workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL):
+        audits = partial(work, codes=tuple(check.code for check in checks))
+        with Local(workers, settings, work=audits) as engine:
+            for number, one in engine.run(enumerate(refs)):
+                note(number, one)
+    else:
+        compile_kernels()
+        for number, ref in enumerate(refs):
+            note(number, audit_episode(ref, checks, settings.rule_set, settings.bind))
+    return [found[number] for number in range(len(refs))]

@@ -1,0 +1,75 @@
+"""The checks of one episode: the pure function that every process of an audit calls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from safestage_eval.errors import InputError
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.rules import BindFile, RuleSet
+from safestage_eval.verdicts.problem import Problem
+
+from .audit_check import Check
+from .campaign_summary import Summary, summarize
+from .finding import Defect, Finding, Place
+from .subject import Subject
+
+
+@dataclass(frozen=True)
+class Audited:
+    """What was found in one episode; can be pickled.
+
+    Attributes:
+        summary: for the checks of an evaluation.
+        findings: by code.
+    """
+
+    summary: Summary
+    findings: tuple[Finding, ...]
+
+
+def audit_episode(
+    ref: EpisodeRef, checks: Sequence[Check], rules: RuleSet, bind: BindFile | None = None
+) -> Audited | Problem:
+    """Open one episode and carry out the checks that are about one; what cannot be read is a problem."""
+    try:
+        subject = Subject(ref.open(checked=False), rules, bind)
+        found = tuple(check_subject(subject, checks, ref.shown))
+        return Audited(summarize(subject, ref.content_hash), found)
+    except InputError as error:
+        return Problem(ref.shown, str(error))
+    except Exception as error:  # noqa: BLE001 — one episode must not cost the others
+        return Problem(ref.shown, f"{ref.shown}: cannot be read: {type(error).__name__}: {error}")
+
+
+def check_subject(subject: Subject, checks: Iterable[Check], path: str = "") -> list[Finding]:
+    """What the checks of an episode find, in the order of the checks.
+
+    A defect that an earlier check of ``Check.unless`` explains is left out.
+    """
+    explained: dict[str, list[tuple[str, ...]]] = {}
+    findings = []
+    for check in checks:
+        if check.over != "episode":
+            continue
+        for defect in check.run(subject):
+            if any(
+                not bodies or not defect.bodies or set(bodies) & set(defect.bodies)
+                for code in check.unless
+                for bodies in explained.get(code, ())
+            ):
+                continue
+            explained.setdefault(check.code, []).append(defect.bodies)
+            findings.append(finding_of(check, defect, subject.header.episode_id, path))
+    return findings
+
+
+def finding_of(check: Check, defect: Defect, episode: str = "", path: str = "") -> Finding:
+    """A defect with its code and its episode."""
+    one = defect.episodes[0] if len(defect.episodes) == 1 else ""
+    place = Place(episode or one, path, defect.bodies, defect.field, defect.time)
+    severity = defect.severity or check.severity
+    return Finding(
+        check.code, severity, place, defect.what, defect.cause, defect.fix, defect.episodes
+    )

@@ -1,0 +1,85 @@
+"""docs/audit.md: every check of the audit, written from the declarations.
+
+``python -m safestage_eval.report.audit_page docs/audit.md`` writes it anew.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from safestage_eval.audit import Check, choose
+from safestage_eval.audit.audit_check import CODES
+
+INTRODUCTION = """\
+# Is my evaluation sound?
+
+```
+safestage audit traces/                        everything below
+safestage audit traces/ --rules mine.toml      with your own rules
+safestage audit traces/ --fail-on warning      exit code 1 for warnings as well
+safestage audit --explain AUD104               one check
+```
+
+A verdict is worth what the recording is worth. `safestage audit` reads stored rollouts, no simulator
+needed, and lists what would make their verdicts wrong or empty. Each finding has a code, a place
+(episode, body, field, time), a likely cause and a fix.
+
+| severity | means |
+|---|---|
+| error | verdicts would be wrong, or there are none |
+| warning | some verdicts cannot be relied on |
+| note | good to know |
+
+A defect is reported once: what follows from it (contacts off every surface, where lengths are in
+centimetres) is left out. `--select` and `--ignore` choose checks by code, or by how codes begin (`AUD1`).
+Output is a table, JSON, JUnit or GitHub annotations (`--format`). Exit code 0: audited; 1: `--fail-on`
+matched; 2: a trace could not be read, or wrong usage.
+
+What nobody can see in a recording is not found either: all lengths, masses and gravity in other units
+together, say.
+
+This page is written from the declarations of the checks (`make audit-docs`).
+"""
+
+HEADINGS = {
+    "recording": "Of a recording",
+    "scene": "Of a scene",
+    "evaluation": "Of an evaluation",
+}
+
+
+def page() -> str:
+    """The whole page."""
+    parts = [INTRODUCTION]
+    for kind in CODES:
+        checks = [one for one in choose() if one.of == kind]
+        if checks:
+            parts.append("\n".join([f"\n## {HEADINGS[kind]}", *(_section(one) for one in checks)]))
+    return "".join(parts)
+
+
+def _section(check: Check) -> str:
+    return "\n".join(_lines(check))
+
+
+def _lines(check: Check) -> Iterator[str]:
+    yield f"\n### {check.code}: {check.title}\n"
+    seen = f" Seen in {link(check.issue)}." if check.issue else ""
+    yield f"*{check.severity}.* {check.why}{seen}\n"
+    yield f"- **found** by this: {check.how}"
+    yield f"- **example**: {check.example}"
+    if check.unless:
+        yield f"- **left out** where one of these explains it: {', '.join(check.unless)}"
+    yield ""
+
+
+def link(issue: str) -> str:
+    """``owner/name#12`` as a link to the thread."""
+    repository, _, number = issue.partition("#")
+    return f"[{issue}](https://github.com/{repository}/issues/{number})"
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).write_text(page(), encoding="utf-8")

@@ -1,0 +1,184 @@
+"""What an audit came to, for people, programs and build servers."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterable
+from itertools import groupby
+from xml.etree import ElementTree as ET
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.text import Text
+
+from safestage_eval._text.printable import printable
+from safestage_eval.audit import CHECKS, Audit, Check, Finding
+from safestage_eval.audit.finding import SEVERITIES
+from safestage_eval.version import __version__
+
+from .ci_report import github_line, junit_text
+from .render_json import render_json
+from .results_text import LEAST, WIDTH
+
+FORMATS = ("table", "json", "junit", "github")
+
+SHOWN = 3
+"""Findings of a code that are written out; of more only the episodes are counted."""
+
+STYLES = {"error": "red", "warning": "yellow", "note": "cyan"}
+
+
+def render(
+    audit: Audit,
+    form: str = "table",
+    *,
+    width: int | None = None,
+    color: bool = False,
+    everything: bool = False,
+) -> str:
+    """An audit in one of ``FORMATS``. Raises KeyError for another.
+
+    Args:
+        audit: what it came to.
+        form: the format.
+        width: of the terminal, in characters; for the table, as the next two.
+        color: with terminal colours.
+        everything: write every finding out.
+    """
+    if form == "table":
+        return _text(audit, width, color=color, everything=everything)
+    formats: dict[str, Callable[[Audit], str]] = {"json": _json, "junit": _junit, "github": _github}
+    return formats[form](audit)
+
+
+def explain(check: Check) -> str:
+    """One check in words: what it finds, why that matters, an example."""
+    lines = [
+        f"{check.code}  {check.title} ({check.severity}, of the {check.of})",
+        "",
+        f"How:      {check.how}",
+        f"Why:      {check.why}",
+        f"Example:  {check.example}",
+    ]
+    lines += [f"Seen in:  {check.issue}"] if check.issue else []
+    return "\n".join(lines) + "\n"
+
+
+def headline(audit: Audit) -> str:
+    """What was found, in numbers: ``12 episodes: 3 errors, 1 warning, in 2 of them``."""
+    total = audit.episodes
+    several = "s" * (total != 1)
+    parts = [f"{n} {name}{'s' * (n > 1)}" for name, n in audit.counts.items() if n]
+    if not parts:
+        return f"{total} episode{several}: nothing found by {len(audit.checks)} checks."
+    bad = {f.place.episode for f in audit.findings if f.place.episode}
+    bad |= {episode for f in audit.findings for episode in f.episodes}
+    return f"{total} episode{several}: {', '.join(parts)}, in {len(bad)} of them."
+
+
+def _by_code(audit: Audit) -> list[tuple[Check, str, list[Finding]]]:
+    """Check, severity and findings, the gravest and then the lowest code first."""
+
+    def key(finding: Finding) -> tuple[int, str]:
+        return SEVERITIES.index(finding.severity), finding.code
+
+    found = groupby(sorted(audit.findings, key=key), key)
+    return [(CHECKS[code], SEVERITIES[rank], [*some]) for (rank, code), some in found]
+
+
+def _text(audit: Audit, width: int | None, *, color: bool, everything: bool) -> str:
+    buffer = io.StringIO()
+    console = Console(
+        file=buffer, width=max(width or WIDTH, LEAST), color_system="standard" if color else None,
+        force_terminal=color, no_color=not color, highlight=False, markup=False,
+    )  # fmt: skip
+    for check, severity, findings in _by_code(audit):
+        head = Text(f"{check.code} {severity}: {check.title}", f"bold {STYLES[severity]}")
+        console.print(head.append(f"  ({_count(findings, audit.episodes)})", "not bold default"))
+        shown = findings if everything else findings[:SHOWN]
+        for finding in shown:
+            _one(console, finding)
+        if len(findings) > len(shown):
+            console.print(f"  … {len(findings) - len(shown)} more: --verbose lists them")
+        console.print()
+    for problem in audit.problems:
+        console.print(Text(printable(f"unreadable: {problem.message}"), "red"))
+    if audit.problems:
+        console.print()
+    if audit.aborted:
+        console.print(
+            f"{len(audit.aborted)} rollouts ended in an error and were left out: "
+            "--where termination=error audits them"
+        )
+    console.print(Text(headline(audit), "bold"))
+    codes = sorted({finding.code for finding in audit.findings})
+    if codes:
+        console.print(f"safestage audit --explain {codes[0]} says why a finding matters.")
+    return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
+
+
+def _one(console: Console, finding: Finding) -> None:
+    where = "  ".join(filter(None, (finding.place.episode, finding.place.field)))
+    time = "" if finding.place.time is None else f"  at {finding.place.time:.2f} s"
+    if where or time:
+        console.print(Text(printable(f"  {where}{time}"), "bold"), soft_wrap=True)
+    parts = [("", finding.what), ("likely: ", finding.cause), ("fix: ", finding.fix)]
+    for label, words in parts:
+        if words:
+            text = Text(label, "bold").append(printable(" ".join(words.split())), "not bold")
+            console.print(Padding(text, (0, 0, 0, 4)))
+
+
+def _count(findings: Iterable[Finding], total: int) -> str:
+    episodes = {finding.place.episode for finding in findings} - {""}
+    return f"{len(episodes)} of {total} episodes" if episodes else "of the evaluation"
+
+
+def _json(audit: Audit) -> str:
+    return render_json(
+        {
+            "version": __version__,
+            "episodes": audit.episodes,
+            "counts": audit.counts,
+            "findings": [finding.to_json() for finding in audit.findings],
+            "problems": [{"path": p.path, "message": p.message} for p in audit.problems],
+            "aborted": audit.aborted,
+            "checks": audit.checks,
+        }
+    )
+
+
+def _sentence(finding: Finding) -> str:
+    parts = [finding.what, finding.cause and f"Likely: {finding.cause}", f"Fix: {finding.fix}"]
+    return " ".join(part if part.endswith((".", "?")) else f"{part}." for part in parts if part)
+
+
+def _junit(audit: Audit) -> str:
+    """One suite per check; a failure per error, and warnings and notes as skipped cases."""
+    root = ET.Element("testsuites", name="safestage audit")
+    for code in audit.checks:
+        suite = ET.SubElement(root, "testsuite", name=f"{code} {CHECKS[code].title}")
+        found = [finding for finding in audit.findings if finding.code == code]
+        for finding in found:
+            name = finding.place.episode or CHECKS[code].of
+            case = ET.SubElement(suite, "testcase", classname=code, name=name)
+            kind = "failure" if finding.severity == "error" else "skipped"
+            ET.SubElement(case, kind, message=_sentence(finding))
+        if not found:
+            ET.SubElement(suite, "testcase", classname=code, name=CHECKS[code].of)
+    if audit.problems:
+        suite = ET.SubElement(root, "testsuite", name="unreadable")
+        for problem in audit.problems:
+            case = ET.SubElement(suite, "testcase", classname="unreadable", name=problem.path)
+            ET.SubElement(case, "error", message=problem.message)
+    return junit_text(root)
+
+
+def _github(audit: Audit) -> str:
+    level = {"error": "error", "warning": "warning", "note": "notice"}
+    lines = [
+        github_line(level[f.severity], f"{f.code} {f.place.episode}".strip(), _sentence(f))
+        for f in audit.findings
+    ]
+    lines += [github_line("error", "unreadable trace", p.message) for p in audit.problems]
+    return "".join(line + "\n" for line in lines)
