@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.errors import TraceError
-
 from .body import Body
+from .contradiction import ContradictionError, contradiction
 from .frames import RobotFrames
 from .header import Header
 from .scene_shapes import BodyShapes, volume
@@ -28,12 +27,14 @@ ARM = 0.5
 """m; a tool centre point is no further from the body that carries it."""
 
 
-def check_steps_of_time(header: Header, where: str) -> list[TraceError]:
+def check_steps_of_time(header: Header, where: str) -> list[ContradictionError]:
     """A recording has no more frames than the simulation has steps, nor commands than steps."""
     told, found = header.control_dt, []
     if header.physics_dt > 1.01 * header.frame_dt:
         found.append(
-            TraceError(
+            contradiction(
+                "steps",
+                (),
                 where,
                 f"physics_dt is {header.physics_dt:.6g} s, more than frame_dt, "
                 f"{header.frame_dt:.6g} s: nothing can be recorded between two steps.",
@@ -43,7 +44,9 @@ def check_steps_of_time(header: Header, where: str) -> list[TraceError]:
         )
     if told is not None and told < 0.99 * header.physics_dt:
         found.append(
-            TraceError(
+            contradiction(
+                "steps",
+                (),
                 where,
                 f"control_dt is {told:.6g} s, less than physics_dt, {header.physics_dt:.6g} s.",
                 "control_dt >= physics_dt, in seconds",
@@ -53,13 +56,15 @@ def check_steps_of_time(header: Header, where: str) -> list[TraceError]:
     return found
 
 
-def check_gravity(header: Header, where: str) -> list[TraceError]:
+def check_gravity(header: Header, where: str) -> list[ContradictionError]:
     """Gravity is that of a place where robots are."""
     down = -header.gravity[2]
     if GRAVITY[0] <= down <= GRAVITY[1]:
         return []
     return [
-        TraceError(
+        contradiction(
+            "gravity",
+            (),
             where,
             f"gravity is {down:.6g} m/s².",
             f"{GRAVITY[0]:g} to {GRAVITY[1]:g} m/s²",
@@ -68,12 +73,14 @@ def check_gravity(header: Header, where: str) -> list[TraceError]:
     ]
 
 
-def check_ending(header: Header, where: str) -> list[TraceError]:
+def check_ending(header: Header, where: str) -> list[ContradictionError]:
     """``termination``, ``success`` and the time limits do not contradict each other."""
     found = []
     if header.termination == "success" and header.success is False:
         found.append(
-            TraceError(
+            contradiction(
+                "ending",
+                (),
                 where,
                 "termination is success, and yet success is false.",
                 "success = true, or another termination",
@@ -83,17 +90,23 @@ def check_ending(header: Header, where: str) -> list[TraceError]:
     for name in ("horizon", "post_success_hold", "success_time"):
         value = getattr(header, name)
         if value is not None and value < 0:
-            found.append(TraceError(where, f"{name} is {value:.6g} s.", "seconds, not negative"))
+            found.append(
+                contradiction(
+                    "ending", (), where, f"{name} is {value:.6g} s.", "seconds, not negative"
+                )
+            )
     return found
 
 
-def check_names(header: Header, where: str) -> list[TraceError]:
+def check_names(header: Header, where: str) -> list[ContradictionError]:
     """Parents, and bodies that joints move, are bodies of the episode."""
     names = {body.name for body in header.bodies}
     told = [(f"the parent of {b.name!r}", b.parent) for b in header.bodies]
     told += [(f"the body that joint {j.name!r} moves", j.body) for j in header.joints]
     return [
-        TraceError(
+        contradiction(
+            "names",
+            (),
             where,
             f"{what} is {name!r}, which is no body.",
             fix="record that body too: what is jointed to it cannot be judged without it",
@@ -103,7 +116,7 @@ def check_names(header: Header, where: str) -> list[TraceError]:
     ]
 
 
-def check_mass(body: Body, shapes: BodyShapes, where: str) -> list[TraceError]:
+def check_mass(body: Body, shapes: BodyShapes, where: str) -> list[ContradictionError]:
     """Mass of an object over the volume of its shapes: some density."""
     room = volume(body, shapes)
     if body.kind != "object" or not body.mass or not 0 < room < np.inf:
@@ -113,7 +126,9 @@ def check_mass(body: Body, shapes: BodyShapes, where: str) -> list[TraceError]:
     if not light and density <= DENSITY[1]:
         return []
     return [
-        TraceError(
+        contradiction(
+            "mass",
+            (body.name,),
             where,
             f"{body.name!r} has {body.mass:.4g} kg in {room * 1e6:.4g} cm³: {density:.3g} kg/m³.",
             f"{DENSITY[0]:g} to {DENSITY[1]:,.0f} kg/m³",
@@ -122,7 +137,7 @@ def check_mass(body: Body, shapes: BodyShapes, where: str) -> list[TraceError]:
     ]
 
 
-def check_inertia(body: Body, shapes: BodyShapes, where: str) -> list[TraceError]:
+def check_inertia(body: Body, shapes: BodyShapes, where: str) -> list[ContradictionError]:
     """Centre of mass and moments of inertia are those of something inside the shapes."""
     reach, found = shapes.radius, []
     if body.kind != "object" or not reach < np.inf:
@@ -130,7 +145,9 @@ def check_inertia(body: Body, shapes: BodyShapes, where: str) -> list[TraceError
     place = float(np.linalg.norm(body.com))
     if place > reach + ROOM:
         found.append(
-            TraceError(
+            contradiction(
+                "inertia",
+                (body.name,),
                 where,
                 f"the centre of mass of {body.name!r} is {place:.3g} m from its origin, and its "
                 f"shapes end at {reach:.3g} m.",
@@ -142,7 +159,9 @@ def check_inertia(body: Body, shapes: BodyShapes, where: str) -> list[TraceError
         most, bound = max(body.inertia), body.mass * (reach + place + ROOM) ** 2
         if most > bound or 2 * most > 1.01 * sum(body.inertia) + 1e-12:
             found.append(
-                TraceError(
+                contradiction(
+                    "inertia",
+                    (body.name,),
                     where,
                     f"the inertia of {body.name!r} is {body.inertia} kg m²: no body of "
                     f"{body.mass:.4g} kg within {reach:.3g} m has it.",
@@ -153,7 +172,7 @@ def check_inertia(body: Body, shapes: BodyShapes, where: str) -> list[TraceError
     return found
 
 
-def check_cavity(body: Body, shapes: BodyShapes, where: str) -> list[TraceError]:
+def check_cavity(body: Body, shapes: BodyShapes, where: str) -> list[ContradictionError]:
     """The room inside a container is inside it."""
     cavity = body.cavity
     if cavity is None or not shapes.radius < np.inf:
@@ -162,7 +181,9 @@ def check_cavity(body: Body, shapes: BodyShapes, where: str) -> list[TraceError]
     if far <= shapes.radius + ROOM:
         return []
     return [
-        TraceError(
+        contradiction(
+            "cavity",
+            (body.name,),
             where,
             f"the cavity of {body.name!r} reaches {far:.3g} m from its origin, its shapes "
             f"{shapes.radius:.3g} m.",
@@ -172,13 +193,15 @@ def check_cavity(body: Body, shapes: BodyShapes, where: str) -> list[TraceError]
     ]
 
 
-def check_tool(body: Body, where: str) -> list[TraceError]:
+def check_tool(body: Body, where: str) -> list[ContradictionError]:
     """The tool centre point is at the tool."""
     if body.tcp is None or np.linalg.norm(body.tcp.position) <= ARM:
         return []
     far = float(np.linalg.norm(body.tcp.position))
     return [
-        TraceError(
+        contradiction(
+            "tool",
+            (body.name,),
             where,
             f"the tool centre point of {body.name!r} is {far:.3g} m from it.",
             f"m, in the body frame, up to {ARM}",
@@ -187,7 +210,7 @@ def check_tool(body: Body, where: str) -> list[TraceError]:
     ]
 
 
-def check_joint_ranges(frames: RobotFrames, header: Header, where: str) -> list[TraceError]:
+def check_joint_ranges(frames: RobotFrames, header: Header, where: str) -> list[ContradictionError]:
     """Joints stay within their limits (and a tenth, for soft ones); the gripper within 0 … 1."""
     found = []
     for i, joint in enumerate(header.joints):
@@ -199,7 +222,9 @@ def check_joint_ranges(frames: RobotFrames, header: Header, where: str) -> list[
         if high > low and off.any():
             unit = "rad" if joint.kind == "revolute" else "m"
             found.append(
-                TraceError(
+                contradiction(
+                    "joint range",
+                    (joint.name,),
                     where,
                     f"joint {joint.name!r} is at {values[off][0]:.4g} {unit} in {int(off.sum())} "
                     f"frames, its limits are {low:.4g} to {high:.4g}.",
@@ -210,7 +235,9 @@ def check_joint_ranges(frames: RobotFrames, header: Header, where: str) -> list[
     off = (frames.gripper < -0.05) | (frames.gripper > 1.05)
     if off.any():
         found.append(
-            TraceError(
+            contradiction(
+                "opening",
+                (),
                 where,
                 f"the gripper's opening is {frames.gripper[off][0]:.4g}.",
                 "0 (closed) to 1 (open)",
@@ -222,7 +249,7 @@ def check_joint_ranges(frames: RobotFrames, header: Header, where: str) -> list[
 
 def check_joint_speeds(
     t: NDArray[np.float64], frames: RobotFrames, header: Header, where: str
-) -> list[TraceError]:
+) -> list[ContradictionError]:
     """Joint positions change as their velocities say."""
     from .motion_invariants import DIFFERS, LEAST, LONGEST
 
@@ -239,7 +266,9 @@ def check_joint_speeds(
     most = np.maximum(by_place, by_rate)
     wrong = (most > LEAST[kind]) & (apart > DIFFERS[kind] * most) & (by_rate > 0)
     return [
-        TraceError(
+        contradiction(
+            "joint velocity",
+            (header.joints[i].name,),
             where,
             f"the velocity of joint {header.joints[i].name!r} is not that of its position: the one "
             f"says {by_rate[i]:.3g}, the other {by_place[i]:.3g}.",

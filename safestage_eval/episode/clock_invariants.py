@@ -7,15 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.errors import TraceError
-
+from .contradiction import ContradictionError, contradiction
 from .header import Header
 
 RATE_TOLERANCE = 0.10
 """Share of the median spacing by which ``frame_dt`` may differ from it."""
 
 
-def check_clock(header: Header, t: NDArray[np.float64], where: str) -> Iterator[TraceError]:
+def check_clock(header: Header, t: NDArray[np.float64], where: str) -> Iterator[ContradictionError]:
     """``frame_dt`` and the moment of success against the time stamps (T,) s.
 
     A success after the last sample is no contradiction: the recording was cut off before it.
@@ -23,7 +22,9 @@ def check_clock(header: Header, t: NDArray[np.float64], where: str) -> Iterator[
     if len(t) > 1:
         median = float(np.median(t[1:] - t[:-1]))
         if median > 0 and not abs(header.frame_dt - median) <= RATE_TOLERANCE * median:
-            yield TraceError(
+            yield contradiction(
+                "frame_dt",
+                (),
                 where,
                 f"frame_dt is {header.frame_dt:.6g} s, but the samples are {median:.6g} s apart "
                 "(median).",
@@ -34,14 +35,18 @@ def check_clock(header: Header, t: NDArray[np.float64], where: str) -> Iterator[
     if time is None:
         return
     if header.success is False:
-        yield TraceError(
+        yield contradiction(
+            "ending",
+            (),
             where,
             f"success is false, and yet success_time is {time:.6g} s.",
             "success = true with a time, or no success_time",
             "correct the header: verdicts on what was left behind hang on it",
         )
     if len(t) and time < t[0] - 1e-6:
-        yield TraceError(
+        yield contradiction(
+            "origin",
+            (),
             where,
             f"success_time is {time:.6g} s, before the first sample at {t[0]:.6g} s.",
             "a time stamp of the episode, or later where the recording was cut off",

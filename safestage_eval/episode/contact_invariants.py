@@ -10,8 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.errors import TraceError
-
+from .contradiction import ContradictionError, contradiction
 from .scene_shapes import BodyShapes
 
 F32 = NDArray[np.float32]
@@ -56,7 +55,7 @@ def _every(rows: int) -> int:
 def check_touching_bodies(
     frame: I32 | None, position: F32, other: F32, reach: float, names: tuple[str, str], t: F64,
     where: str,
-) -> list[TraceError]:  # fmt: skip
+) -> list[ContradictionError]:  # fmt: skip
     """Two bodies that touch are near each other.
 
     Args:
@@ -83,7 +82,9 @@ def check_touching_bodies(
     if frame is not None:
         when, there = f" at {t[frame[int(out[1])]]:.3f} s", "there"
     return [
-        TraceError(
+        contradiction(
+            "apart",
+            names,
             where,
             f"{names[0]!r} and {names[1]!r} touch{when}, but are {out[0]:.3g} m apart {there}; "
             f"their shapes reach {reach:.3g} m.",
@@ -97,7 +98,7 @@ def check_touching_bodies(
 def check_reached_body(
     frame: I32, position: F32, radius: float, place: F32, turn: F32, shapes: BodyShapes,
     names: tuple[str, str], t: F64, where: str,
-) -> list[TraceError]:  # fmt: skip
+) -> list[ContradictionError]:  # fmt: skip
     """A body that touches another one is no further from its surface than its own shapes reach.
 
     Args:
@@ -121,13 +122,16 @@ def check_reached_body(
     if not (out[1] >= 0 and out[0] > radius + APART):
         return []
     return [
-        TraceError(
+        contradiction(
+            "apart",
+            names,
             where,
             f"{names[0]!r} and {names[1]!r} touch at {t[some[int(out[1])]]:.3f} s, but {names[0]!r} "
             f"is {out[0]:.3g} m from the surface of {names[1]!r} there, and reaches {radius:.3g} m.",
             "contacts of bodies that are at the same place",
             "look for another unit (cm, mm) of one body's poses or shape, exchanged bodies, or "
             "contacts counted from another frame",
+            time=t[some[int(out[1])]],
         )
     ]
 
@@ -135,7 +139,7 @@ def check_reached_body(
 def check_contact_points(
     frame: I32, point: F32, position: F32, orientation: F32, shapes: BodyShapes,
     names: tuple[str, str, str], t: F64, where: str,
-) -> list[TraceError]:  # fmt: skip
+) -> list[ContradictionError]:  # fmt: skip
     """(N, 3) m: contact points lie on the surface of a body.
 
     ``names``: of the body whose poses and shapes are given, and of both that touch.
@@ -150,23 +154,28 @@ def check_contact_points(
         return []
     at, (body, *pair) = t[frame[int(out[1])]], names
     return [
-        TraceError(
+        contradiction(
+            "surface",
+            (body, *(n for n in pair if n != body)),
             where,
             f"the contact of {pair[0]!r} and {pair[1]!r} at {at:.3f} s lies {out[0]:.3g} m from the "
             f"surface of {body!r}.",
             f"contact points (m, world) within {NEAR} m of both surfaces",
             "look for other units, quaternions as xyzw, a shape of another size, exchanged bodies, "
             "or contacts counted from another frame",
+            time=at,
         )
     ]
 
 
-def check_depths(depth: F32, names: Sequence[str], where: str) -> list[TraceError]:
+def check_depths(depth: F32, names: Sequence[str], where: str) -> list[ContradictionError]:
     """(N,) m: bodies that touch neither overlap deeply nor are far apart."""
     if not len(depth) or not float(np.nanmax(np.abs(depth), initial=0)) > DEEPEST:
         return []
     return [
-        TraceError(
+        contradiction(
+            "depth",
+            tuple(names),
             where,
             f"{names[0]!r} and {names[1]!r} overlap by {np.nanmax(np.abs(depth)):.3g} m.",
             f"depths (m) up to {DEEPEST}",
@@ -177,7 +186,7 @@ def check_depths(depth: F32, names: Sequence[str], where: str) -> list[TraceErro
 
 def check_peaks(
     frame: I32, force: F32, normal: F32, peak: F32, names: Sequence[str], where: str
-) -> list[TraceError]:
+) -> list[ContradictionError]:
     """(N,) N: a pair's peak within a frame is at least its force at the frame."""
     rows = np.flatnonzero(frame % EVERY == 0)
     if not len(rows):
@@ -192,7 +201,9 @@ def check_peaks(
         return []
     n = int(less.argmax())
     return [
-        TraceError(
+        contradiction(
+            "peak",
+            tuple(names),
             where,
             f"the peak force of {names[0]!r} and {names[1]!r} at frame {frame[n]} is {peak[n]:.3g} N, "
             f"less than their force at that frame, {total[n]:.3g} N.",
@@ -204,7 +215,7 @@ def check_peaks(
 
 def check_weight(
     t: F64, position: F32, weight: float, sums: F64, body: str, where: str
-) -> list[TraceError]:
+) -> list[ContradictionError]:
     """Contacts bear a free body that rests.
 
     Args:
@@ -230,13 +241,16 @@ def check_weight(
         i = int(out[3 + k])
         size = (sums[i, 3], sums[i, 2], float(np.hypot(*sums[i, :2])))[k]
         return [
-            TraceError(
+            contradiction(
+                ("bears", "presses", "aside")[k],
+                (body,),
                 where,
                 f"{body!r} rests at {t[i]:.3f} s and weighs {weight:.3g} N, but contacts {how} "
                 f"{size:.3g} N, for {out[k] * EVERY * dt:.2f} s in all.",
                 "forces in N, on body 2 by body 1, that bear what rests",
                 "look for another unit of masses or forces, a support that is not recorded, "
                 "contacts counted from another frame, or poses in another unit or other axes",
+                time=t[i],
             )
         ]
     return []
@@ -244,7 +258,7 @@ def check_weight(
 
 def check_free_fall(
     t: F64, position: F32, gravity: float, touched: NDArray[np.bool_], body: str, where: str
-) -> list[TraceError]:
+) -> list[ContradictionError]:
     """What nothing touches falls.
 
     Args:
@@ -266,12 +280,15 @@ def check_free_fall(
     if out[0] * dt < RESTED:
         return []
     return [
-        TraceError(
+        contradiction(
+            "floats",
+            (body,),
             where,
             f"{body!r} does not fall at {t[int(out[1])]:.3f} s, though nothing touches it for "
             f"{out[0] * dt:.2f} s in all.",
             "contacts of all that bears or carries a body",
             "look for contacts that are not recorded, or counted from another frame, and for other "
             "units; a body that gravity does not act on is not movable, or has no mass",
+            time=t[int(out[1])],
         )
     ]

@@ -18,13 +18,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.errors import TraceError
-
 from . import body_invariants as bodies
 from . import contact_invariants as touch
 from . import motion_invariants as motion
 from .body import Body
 from .contacts import Pair
+from .contradiction import ContradictionError
 from .episode import Episode
 from .frames import RobotFrames
 from .mesh import Mesh
@@ -100,7 +99,7 @@ class Whole:
         return self._episode.meshes
 
 
-def contradictions(episode: Episode, at_hand: AtHand | None = None) -> Iterator[TraceError]:
+def contradictions(episode: Episode, at_hand: AtHand | None = None) -> Iterator[ContradictionError]:
     """Everything that cannot be true, of a sound file; ``at_hand``: what may be read, None: all."""
     looked = _Looked(episode, Whole(episode) if at_hand is None else at_hand)
     yield from looked.header()
@@ -131,7 +130,7 @@ class _Looked:
     def shapes(self, body: Body) -> BodyShapes | None:
         return body_shapes(body, self.meshes)
 
-    def header(self) -> Iterator[TraceError]:
+    def header(self) -> Iterator[ContradictionError]:
         """Time steps, gravity, endings, names; masses and shapes of scenes not met before."""
         header, where = self.episode.header, self.where
         for found in (
@@ -157,7 +156,7 @@ class _Looked:
         if not found:
             _SOUND[:] = [(header.bodies, len(self.meshes)), *_SOUND[:7]]
 
-    def motion(self) -> Iterator[TraceError]:
+    def motion(self) -> Iterator[ContradictionError]:
         """Poses against velocities, and against the floor."""
         t, where, unseen = self.episode.t, self.where, self.episode.unseen
         some = [body for body in self.episode.header.bodies if self.at_hand.some(body.name)]
@@ -186,7 +185,7 @@ class _Looked:
                         place, floor, shapes.radius, body.name, name, t, where
                     )
 
-    def contacts(self) -> Iterator[TraceError]:
+    def contacts(self) -> Iterator[ContradictionError]:
         """Contacts against poses and shapes, and within themselves."""
         header, t, where, get = self.episode.header, self.episode.t, self.where, self.at_hand
         for pair, told in self.pairs.items():
@@ -223,7 +222,7 @@ class _Looked:
                     frame, told["force"], told["normal"], told["peak_force"], names, where
                 )
 
-    def weights(self) -> Iterator[TraceError]:
+    def weights(self) -> Iterator[ContradictionError]:
         """Forces against the weights of free bodies at rest."""
         header = self.episode.header
         every = dict.fromkeys((*self.pairs, *self.episode.contacts.pairs))
@@ -241,7 +240,7 @@ class _Looked:
                 found = self._borne(i, place, exact=True)
             yield from found
 
-    def _borne(self, i: int, place: Array, *, exact: bool) -> list[TraceError]:
+    def _borne(self, i: int, place: Array, *, exact: bool) -> list[ContradictionError]:
         """What is wrong with how a body (index) is borne; ``exact``: with all of its contacts."""
         from .invariant_kernels import add_forces
 
@@ -268,7 +267,7 @@ class _Looked:
             else []
         )
 
-    def joints(self) -> Iterator[TraceError]:
+    def joints(self) -> Iterator[ContradictionError]:
         """Joints against their limits and velocities."""
         frames, header = self.at_hand.frames(), self.episode.header
         if frames is not None:

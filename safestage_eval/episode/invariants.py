@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from safestage_eval.errors import TraceError
 
 from .clock_invariants import check_clock
+from .contradiction import contradiction
 from .header import SCHEMA_VERSION
 from .scene_invariants import UNIT_TOLERANCE, check_bodies, check_cameras, check_joints
 
@@ -75,16 +76,24 @@ def check_header(header: Header, where: str, *, shapes: bool = True) -> Iterator
     for role, players in header.roles.items():
         for player in players:
             if player not in names:
-                yield TraceError(
-                    where, f"role {role!r} names {player!r}, which is no body", ", ".join(names)
+                yield contradiction(
+                    "role",
+                    (player,),
+                    where,
+                    f"role {role!r} names {player!r}, which is no body",
+                    ", ".join(names),
                 )
     for step in ("physics_dt", "frame_dt", "control_dt"):
         value = getattr(header, step)
         if value is not None and not (np.isfinite(value) and value > 0):
-            yield TraceError(where, f"{step} is {value}", "a positive number of seconds")
+            yield contradiction(
+                "steps", (), where, f"{step} is {value}", "a positive number of seconds"
+            )
     x, y, z = header.gravity
     if not (np.isfinite(header.gravity).all() and z < 0 and np.hypot(x, y) <= LEVEL * -z):
-        yield TraceError(
+        yield contradiction(
+            "up",
+            (),
             where,
             f"gravity is {header.gravity}",
             "m/s² along −z of the world",
@@ -111,7 +120,9 @@ def check_time(t: NDArray[np.float64], where: str) -> list[TraceError]:
     if len(back) and not found:
         i = int(back[0]) + 1
         found.append(
-            TraceError(
+            contradiction(
+                "order",
+                (),
                 where,
                 f"time does not increase at frame {i}: {t[i - 1]:.6f} s, then {t[i]:.6f} s.",
                 "strictly increasing timestamps",
@@ -149,7 +160,9 @@ def check_track_column(
     if len(off):
         i = int(off[0])
         found.append(
-            TraceError(
+            contradiction(
+                "norm",
+                (body,),
                 where,
                 f"orientation of {body!r} at frame {i} has norm {norm[i]:.4f} "
                 f"({len(off)} frames in all).",

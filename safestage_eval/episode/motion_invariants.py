@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.errors import TraceError
+from .contradiction import ContradictionError, contradiction
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -47,7 +47,7 @@ WORDS = {
 
 def check_velocities(
     t: F64, pose: F32, velocity: F32, kind: str, body: str, where: str, unseen: Bool | None = None
-) -> list[TraceError]:
+) -> list[ContradictionError]:
     """Poses change as the velocities say; a velocity that is zero throughout was not recorded.
 
     Args:
@@ -70,12 +70,15 @@ def check_velocities(
     if out[4] >= 0:
         i = int(out[4])
         return [
-            TraceError(
+            contradiction(
+                "jump",
+                (body,),
                 where,
                 f"{body!r} jumps at {t[i]:.3f} s: its {what} changes otherwise than its {rate} "
                 f"can explain, by more than {out[3] + JUMP[kind][0]:.3g} {unit} in one step.",
                 "motion without jumps",
                 "record resets as episodes of their own; look for exchanged rows or quaternions",
+                time=t[i],
             )
         ]
     most = max(by_pose, by_velocity)
@@ -83,7 +86,9 @@ def check_velocities(
         return []
     ratio = by_velocity / by_pose if by_pose > 0 else np.inf
     return [
-        TraceError(
+        contradiction(
+            f"{kind} velocity",
+            (body,),
             where,
             f"the {rate} of {body!r} is not that of its {what}: the one says {by_velocity:.3g}, "
             f"the other {by_pose:.3g} {unit} (ratio {ratio:.3g}), and they differ by {apart:.3g}.",
@@ -96,7 +101,7 @@ def check_velocities(
 
 def check_steps(
     t: F64, position: F32, body: str, where: str, unseen: Bool | None = None
-) -> list[TraceError]:
+) -> list[ContradictionError]:
     """(T, 3) m: no step that nothing could have moved a body over; for bodies without velocities."""
     from .invariant_kernels import longest_step
 
@@ -109,29 +114,35 @@ def check_steps(
         return []
     went, dt = float(np.linalg.norm(position[i] - position[i - 1])), t[i] - t[i - 1]
     return [
-        TraceError(
+        contradiction(
+            "jump",
+            (body,),
             where,
             f"{body!r} jumps by {went:.3g} m at {t[i]:.3f} s, within {dt:.3g} s.",
             "motion without jumps",
             "record resets as episodes of their own; look for exchanged rows",
+            time=t[i],
         )
     ]
 
 
 def check_above_floor(
     position: F32, floor: F32, radius: float, body: str, plane: str, t: F64, where: str
-) -> list[TraceError]:
+) -> list[ContradictionError]:
     """(T, 3) m: a body of that radius does not lie below an infinite horizontal plane."""
     if not len(position) or not position[:, 2].min() < float(floor[0, 2]) - radius - 0.05:
         return []
     i = int(position[:, 2].argmin())
     return [
-        TraceError(
+        contradiction(
+            "floor",
+            (body,),
             where,
             f"{body!r} is {floor[0, 2] - position[i, 2]:.3g} m below the floor {plane!r} at "
             f"{t[min(i, len(t) - 1)]:.3f} s.",
             "nothing below a plane, which is a half-space",
             "look for another unit or axis of the poses; or it fell through in the simulation",
+            time=t[min(i, len(t) - 1)],
         )
     ]
 
