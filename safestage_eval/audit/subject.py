@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from safestage_eval.episode import Body, Episode, Header, Track, with_holes
-from safestage_eval.errors import RuleError
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Body, Episode, Header, Track, check, with_holes
+from safestage_eval.episode.contradiction import ContradictionError
+from safestage_eval.episode.contradictions import contradictions
+from safestage_eval.errors import RuleError, TraceError
 from safestage_eval.rules import BindFile, Binding, RuleSet, bind_episode
 from safestage_eval.rules import syntax as ast
+
+from .diagnosis import Diagnosis, diagnose
+from .finding import Defect
 
 if TYPE_CHECKING:
     from safestage_eval.relations.relations import Relations
@@ -22,10 +31,12 @@ class Subject:
             asked for.
         rules: all that are loaded.
         bind: the bind file that was given, if any.
+        notes: what checks of one file leave for each other.
     """
 
     def __init__(self, episode: Episode, rules: RuleSet, bind: BindFile | None = None) -> None:
         self.episode, self.rules, self.bind = episode, rules, bind
+        self.notes: dict[str, Any] = {}
 
     @property
     def header(self) -> Header:
@@ -44,6 +55,68 @@ class Subject:
     def track(self, body: str) -> Track:
         """The motion of a body; (1, …) of a fixed one."""
         return self.episode.tracks[body]
+
+    @cached_property
+    def broken(self) -> list[TraceError]:
+        """What breaks the format, and what header and time stamps contradict; see ``episode.check``."""
+        return check(self.episode)
+
+    @property
+    def readable(self) -> bool:
+        """The format holds, so that columns may be compared."""
+        return all(isinstance(error, ContradictionError) for error in self.broken) and not any(
+            self.of_kind("order", "norm")
+        )
+
+    def of_kind(self, *kinds: str) -> list[ContradictionError]:
+        """Broken invariants of these kinds."""
+        return [e for e in self.broken if isinstance(e, ContradictionError) and e.kind in kinds]
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """What cannot be true, and its cause."""
+        if not self.readable:
+            return Diagnosis()
+        found = [*contradictions(self.episode)]
+        return diagnose(self.episode, found) if found else Diagnosis()
+
+    @property
+    def sound(self) -> bool:
+        """Nothing in it is contradicted, so that a scene can be looked at."""
+        diagnosis = self.diagnosis
+        return self.readable and diagnosis.repair is None and not diagnosis.left
+
+    def explained(self, code: str, *kinds: str) -> Iterator[Defect]:
+        """What a check reports of the diagnosis: its cause, and contradictions that it leaves open.
+
+        ``kinds``: those of contradictions that the check is about.
+        """
+        found = self.diagnosis
+        if found.repair is not None and found.repair.code == code and found.first is not None:
+            first, repair = found.first, found.repair
+            more = f" ({found.explained} contradictions in all)" if found.explained > 1 else ""
+            yield Defect(
+                f"{first.what.rstrip('.')}{more}.",
+                repair.fix,
+                f"{repair.cause}: then nothing of this is left" if not found.left else repair.cause,
+                bodies=found.bodies,
+                field=repair.field,
+                time=first.time,
+            )
+        left = [error for error in found.left if error.kind in kinds]
+        if left:
+            yield defect_of(left)
+
+    @cached_property
+    def touched(self) -> dict[str, NDArray[np.bool_]]:
+        """Body → (T,) something touches it, of every body with a contact."""
+        episode, found = self.episode, dict[str, NDArray[Any]]()
+        for pair in episode.contacts.pairs:
+            frame = episode.contacts.of_pair(pair, "frame")[0]
+            for i in pair:
+                name = self.header.bodies[i].name
+                found.setdefault(name, np.zeros(len(episode), np.bool_))[frame] = True
+        return found
 
     @cached_property
     def _bound(self) -> Binding | RuleError:
@@ -76,3 +149,17 @@ class Subject:
         from safestage_eval.relations.relations import Relations
 
         return Relations(Signals(with_holes(self.episode)))
+
+
+def defect_of(errors: list[ContradictionError]) -> Defect:
+    """Contradictions of one kind as one defect: the first, and how many more there are."""
+    first = errors[0]
+    more = f" And {len(errors) - 1} more like this." if len(errors) > 1 else ""
+    names = tuple(dict.fromkeys(name for error in errors for name in error.bodies))
+    expected = f" Expected: {first.allowed}." if first.allowed and first.fix else ""
+    return Defect(
+        f"{first.what.rstrip('.')}.{expected}{more}",
+        first.fix or f"write {first.allowed}",
+        bodies=names,
+        time=first.time,
+    )

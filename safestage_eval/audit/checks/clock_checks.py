@@ -8,8 +8,66 @@ import numpy as np
 
 from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
-from safestage_eval.audit.subject import Subject
+from safestage_eval.audit.subject import Subject, defect_of
+from safestage_eval.episode.clock import LEAST_GAP, LONGEST_GAP, MAX_GAP
 from safestage_eval.episode.clock_invariants import RATE_TOLERANCE
+from safestage_eval.episode.seen import LATE
+
+SLOW = 0.06
+"""s between samples; beyond, touches and falls happen unseen between two of them (15 Hz)."""
+
+FASTEST = 2e-5
+"""s between samples; no simulator is recorded at more than 50 kHz."""
+
+UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
+
+
+def _median(subject: Subject) -> float:
+    """S, the usual spacing; 0 where there is none."""
+    t = subject.episode.t
+    return float(np.median(np.diff(t))) if len(t) > 1 and np.isfinite(t).all() else 0.0
+
+
+def _unit(spacing: float, subject: Subject) -> str:
+    """The unit in which such a spacing is that of a recording; empty if none fits."""
+    header = subject.header
+    for by, name in UNITS.items():
+        step = spacing / by
+        if any(
+            0.3 < step / told < 3.3 for told in (header.frame_dt, header.control_dt or 0) if told
+        ):
+            return name
+    for by, name in UNITS.items():
+        if 1e-4 <= spacing / by <= 0.2:
+            return name
+    return ""
+
+
+@check(
+    "AUD102",
+    "error",
+    of="recording",
+    title="time stamps are not in seconds",
+    why="Speeds, durations and falls are computed from the time stamps; in another unit every hold is "
+    "long enough and every motion slow.",
+    example="t = 0, 8.33, 16.67, … in a recording at 120 Hz",
+    cheap=True,
+)
+def time_unit(subject: Subject) -> Iterator[Defect]:
+    """Looks for spacings that no recording of a motion has, and for a unit in which velocities fit."""
+    yield from subject.explained("AUD102")
+    spacing = _median(subject)
+    if LONGEST_GAP >= spacing >= FASTEST or spacing <= 0:
+        return
+    unit = _unit(spacing, subject) if spacing > LONGEST_GAP else ""
+    by = next((by for by, name in UNITS.items() if name == unit), 0)
+    yield Defect(
+        f"the samples are {spacing:.6g} s apart (median), {len(subject.episode)} of them in "
+        f"{subject.episode.t[-1] - subject.episode.t[0]:.6g} s.",
+        f"divide time stamps by {by:g}" if by else "write time stamps in seconds",
+        f"t is in {unit}" if unit else "another unit, or pictures so rare that motion is not seen",
+        field="t",
+    )
 
 
 @check(
@@ -19,26 +77,171 @@ from safestage_eval.episode.clock_invariants import RATE_TOLERANCE
     title="frame_dt is not the spacing of the samples",
     why="Nothing is judged while header and time stamps contradict each other: one of them is "
     "wrong, and durations in rules hang on both.",
-    example="frame_dt = 0.08 in a recording at 120 Hz",
+    example="frame_dt = 0.083 in a recording at 120 Hz",
+    unless=("AUD102",),
     cheap=True,
 )
 def frame_rate(subject: Subject) -> Iterator[Defect]:
     """Compares frame_dt with the median spacing of the time stamps; 10 % may lie between them."""
-    t, told = subject.episode.t, subject.header.frame_dt
-    median = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
-    if median <= 0 or abs(told - median) <= RATE_TOLERANCE * median:
+    told, spacing = subject.header.frame_dt, _median(subject)
+    if spacing <= 0 or abs(told - spacing) <= RATE_TOLERANCE * spacing:
         return
-    ratio = told / median
+    ratio = told / spacing
+    cause = f"frame_dt is {ratio:.3g} times the spacing: a control step, or another rate"
+    if 0.9 < ratio / 1000 < 1.1:
+        cause = "frame_dt is in milliseconds"
+    elif 0.9 < told * spacing < 1.1:
+        cause = "frame_dt is a rate in Hz"
     yield Defect(
-        f"frame_dt is {told:.6g} s, but the samples are {median:.6g} s apart (median).",
-        f"set frame_dt = {median:.6g}, or correct the time stamps if they are not in seconds",
-        _ratio(ratio),
+        f"frame_dt is {told:.6g} s, but the samples are {spacing:.6g} s apart (median).",
+        f"set frame_dt = {spacing:.6g}, or correct the time stamps if these are wrong",
+        cause,
         field="frame_dt",
     )
 
 
-def _ratio(ratio: float) -> str:
-    """What a wrong ``frame_dt`` is, from its ratio to the right one."""
-    if 0.9 < ratio / 1000 < 1.1:
-        return "frame_dt is in milliseconds"
-    return f"frame_dt is {ratio:.3g} times the spacing: a control step, or another rate"
+@check(
+    "AUD104",
+    "warning",
+    of="recording",
+    title="a hole in the recording",
+    why="What happens in a hole is unknown: a rule that looks there is inconclusive, or violated by "
+    "what was seen around it; never passed.",
+    example="a recorder that stalled from 3.2 s to 5.2 s",
+    unless=("AUD102",),
+    cheap=True,
+)
+def holes(subject: Subject) -> Iterator[Defect]:
+    """Looks for spacings above three usual ones (and 50 ms); an error where half a second is missing."""
+    t, spacing = subject.episode.t, _median(subject)
+    if spacing <= 0:
+        return
+    steps = np.diff(t)
+    longest = min(max(MAX_GAP * spacing, LEAST_GAP), LONGEST_GAP) * (1 + 1e-6)
+    found = np.flatnonzero(steps > longest)
+    if not len(found):
+        return
+    i, missing = int(found[0]), float(steps[found].sum() - spacing * len(found))
+    more = f", and {len(found) - 1} more times" if len(found) > 1 else ""
+    yield Defect(
+        f"no samples from {t[i]:.2f} to {t[i + 1]:.2f} s{more}; {missing:.2f} s are missing in all, "
+        f"samples are {spacing:.3g} s apart.",
+        "record every frame; leave samples out of a file evenly or not at all",
+        "the recorder stalled or dropped frames, or parts were cut out",
+        field="t",
+        time=float(t[i]),
+        severity="error" if missing >= LONGEST_GAP else None,
+    )
+
+
+@check(
+    "AUD105",
+    "error",
+    of="recording",
+    title="the clock does not begin with the episode",
+    why="t counts from the start of the episode. A recording that begins later has an unknown "
+    "beginning: what was disturbed then nobody can tell.",
+    example="time stamps since 1970, or since the simulator was started",
+    unless=("AUD102",),
+    cheap=True,
+)
+def clock_origin(subject: Subject) -> Iterator[Defect]:
+    """Asks for a first sample within one and a half spacings of 0."""
+    t, spacing = subject.episode.t, _median(subject)
+    if not len(t) or not np.isfinite(t[0]) or -spacing / 2 <= t[0] <= LATE * max(spacing, 1e-9):
+        return
+    since = " (a date: seconds since 1970)" if t[0] > 1e8 else ""
+    success = subject.header.success_time
+    also = " and from success_time" if success is not None and success >= t[0] else ""
+    yield Defect(
+        f"the first sample is at {t[0]:.6g} s{since}.",
+        f"subtract {t[0]:.6g} from the time stamps{also}; or record from the start of the episode on",
+        "a clock that was started before the episode, or a first part that was cut off",
+        field="t",
+        time=0.0,
+    )
+
+
+@check(
+    "AUD106",
+    "error",
+    of="recording",
+    title="success_time lies outside the recording",
+    why="Everything about the final state is judged from success on.",
+    example="success_time = 9.62 in a recording that ends at 8.0 s",
+    unless=("AUD102", "AUD105"),
+    cheap=True,
+)
+def success_outside(subject: Subject) -> Iterator[Defect]:
+    """Compares success_time with the first and the last time stamp."""
+    t, told = subject.episode.t, subject.header.success_time
+    if told is None or not len(t) or t[0] - 1e-6 <= told <= t[-1] + 1e-6:
+        return
+    end = float(t[-1])
+    ratio = told / end if end > 0 else 0.0
+    cause = "it is counted from another start"
+    if told > end:
+        cause = "success_time is in milliseconds" if ratio > 100 else "the recording was cut off"
+        if 0.5 < told * _median(subject) / max(end, 1e-9) < 1.5:
+            cause = "success_time is a frame number"
+    yield Defect(
+        f"success_time is {told:.6g} s, the recording lasts from {t[0]:.6g} to {end:.6g} s.",
+        "count success_time in seconds from the same start as the time stamps",
+        cause,
+        field="success_time",
+    )
+
+
+@check(
+    "AUD107",
+    "error",
+    of="recording",
+    title="time steps in the header cannot be",
+    why="physics_dt, frame_dt and control_dt turn durations in rules into frames.",
+    example="physics_dt = 8.33 (milliseconds) beside frame_dt = 0.00833",
+    unless=("AUD102", "AUD103"),
+    cheap=True,
+)
+def steps(subject: Subject) -> Iterator[Defect]:
+    """Asks for positive steps, physics_dt ≤ frame_dt, and physics_dt ≤ control_dt."""
+    for error in subject.of_kind("steps"):
+        yield defect_of([error])
+    yield from subject.explained("AUD107", "steps")
+
+
+@check(
+    "AUD108",
+    "error",
+    of="recording",
+    title="header fields about the end contradict each other",
+    why="Success decides when the final state is judged, and in which rate the episode counts.",
+    example="success = false together with success_time = 9.6",
+    cheap=True,
+)
+def ending(subject: Subject) -> Iterator[Defect]:
+    """Compares success, success_time, termination, horizon and post_success_hold."""
+    for error in subject.of_kind("ending"):
+        yield defect_of([error])
+    yield from subject.explained("AUD108", "ending")
+
+
+@check(
+    "AUD110",
+    "warning",
+    of="recording",
+    title="samples are too rare for touches and falls",
+    why="What begins and ends between two samples is unknown, so rules about touches, drops and "
+    "clearances are inconclusive more often, or rest on bounds.",
+    example="a recording at 5 Hz",
+    unless=("AUD102",),
+    cheap=True,
+)
+def rare_samples(subject: Subject) -> Iterator[Defect]:
+    """Asks for 17 samples a second; touches that matter last 25 ms."""
+    spacing = _median(subject)
+    if SLOW < spacing <= LONGEST_GAP:
+        yield Defect(
+            f"the samples are {spacing:.3g} s apart (median): {1 / spacing:.3g} Hz.",
+            "record every physics step, or every second one; 60 Hz or more",
+            field="t",
+        )

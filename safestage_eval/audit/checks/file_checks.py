@@ -1,0 +1,36 @@
+"""Checks of the format: what ``safestage validate`` lists in full."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from safestage_eval.audit.audit_check import check
+from safestage_eval.audit.finding import Defect
+from safestage_eval.audit.subject import Subject, defect_of
+from safestage_eval.episode.contradiction import ContradictionError
+
+
+@check(
+    "AUD100",
+    "error",
+    of="recording",
+    title="the file breaks the format",
+    why="Nothing is judged: columns are missing, have the wrong length, or hold what is no number. "
+    "Its motion and contacts are not looked at either.",
+    example="a column of poses with fewer rows than time stamps",
+)
+def broken_format(subject: Subject) -> Iterator[Defect]:
+    """Checks lengths, finite values, increasing time, unit quaternions and names in contacts."""
+    broken = [e for e in subject.broken if not isinstance(e, ContradictionError)]
+    if broken:
+        first, more = broken[0], len(broken) - 1
+        yield Defect(
+            first.what.rstrip(".")
+            + (f". Expected: {first.allowed}." if first.allowed else ".")
+            + (f" And {more} more." if more else ""),
+            first.fix or "safestage validate lists everything that is wrong with the file",
+        )
+    for kind in ("order", "norm"):
+        errors = subject.of_kind(kind)
+        if errors:
+            yield defect_of(errors)

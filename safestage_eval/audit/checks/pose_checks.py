@@ -1,0 +1,287 @@
+"""Checks of poses and velocities: their unit, their axes, their quaternions, and gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.audit.audit_check import check
+from safestage_eval.audit.finding import Defect
+from safestage_eval.audit.repair import LENGTHS
+from safestage_eval.audit.subject import Subject, defect_of
+from safestage_eval.episode.clock import MAX_GAP
+
+FARTHEST = 50.0
+"""m; a scene in front of an arm is no wider."""
+
+NEAREST = 0.02
+"""m; nor does an arm reach over less."""
+
+FLIGHT = 0.1
+"""s that a body must be in the air for its acceleration to be measured."""
+
+OFF = 0.25
+"""Share by which free fall may differ from gravity: drag of the air and of joints, coarse samples."""
+
+
+@check(
+    "AUD101",
+    "error",
+    of="recording",
+    title="lengths are not in metres",
+    why="Every distance, height, speed and force of weight is compared with limits in SI units.",
+    example="a table whose top is at z = 80 (centimetres)",
+)
+def length_unit(subject: Subject) -> Iterator[Defect]:
+    """Compares poses with velocities, contacts, shapes and weights; names the unit in which they fit.
+
+    Without any of these it looks for scenes wider than 50 m, and for robots smaller than 2 cm.
+    """
+    yield from subject.explained("AUD101")
+    if subject.diagnosis.repair is not None or not subject.readable:
+        return
+    places = [
+        subject.track(body.name).position[[0, -1]]
+        for body in subject.header.bodies
+        if body.name in subject.episode.tracks and body.kind in ("robot", "gripper", "object")
+    ]
+    if len(places) < 2:
+        return
+    points = np.concatenate(places).astype(float)
+    with np.errstate(all="ignore"):
+        wide = float(np.nanmax(np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1)))
+        middle = float(np.nanmedian(np.linalg.norm(points - np.nanmean(points, axis=0), axis=1)))
+    if middle > FARTHEST or 0 < wide < NEAREST:
+        yield Defect(
+            f"the robot and its objects are spread over {wide:.3g} m.",
+            "write positions in metres",
+            f"positions are in {_unit(middle if middle > FARTHEST else wide)}",
+            field="bodies.position",
+        )
+
+
+def _unit(size: float) -> str:
+    fits = [name for by, name in LENGTHS.items() if 0.05 < size * by < 3]
+    return fits[0] if fits else "another unit"
+
+
+@check(
+    "AUD111",
+    "error",
+    of="recording",
+    title="quaternions are not w, x, y, z",
+    why="Tilt, toppling, shapes and every clearance hang on orientations.",
+    example="(0, 0, 0, 1) for a body that is not turned",
+    unless=("AUD101",),
+)
+def quaternion_order(subject: Subject) -> Iterator[Defect]:
+    """Compares orientations with angular velocities and contacts, and counts bodies at (0, 0, 0, ±1).
+
+    In the order x, y, z, w that is a body that is not turned; as w, x, y, z it is one turned by
+    exactly 180° about z, which two bodies of a scene rarely are.
+    """
+    yield from subject.explained("AUD111")
+    if subject.diagnosis.repair is not None or not subject.readable:
+        return
+    first = {
+        body.name: subject.track(body.name).orientation[0]
+        for body in subject.header.bodies
+        if body.name in subject.episode.tracks
+    }
+    last = [name for name, q in first.items() if abs(q[3]) > 1 - 1e-6]
+    upright = [name for name, q in first.items() if abs(q[0]) > 1 - 1e-6]
+    if len(last) < 2 or upright:
+        return
+    yield Defect(
+        f"{len(last)} bodies ({', '.join(last[:3])}{', …' * (len(last) > 3)}) begin at exactly "
+        "(0, 0, 0, 1), and none at (1, 0, 0, 0).",
+        "write quaternions as w, x, y, z",
+        "quaternions are stored as x, y, z, w",
+        field="bodies.orientation",
+        severity="error" if len(last) > len(first) / 3 else "warning",
+    )
+
+
+@check(
+    "AUD112",
+    "note",
+    of="recording",
+    title="quaternions change their sign",
+    why="q and -q are the same orientation, and are judged alike; but whoever interpolates or averages "
+    "them gets a spin that never was.",
+    example="(0.7, 0, 0, 0.7), then (-0.7, 0, 0, -0.7)",
+    unless=("AUD111",),
+)
+def quaternion_signs(subject: Subject) -> Iterator[Defect]:
+    """Counts steps over which the product of two quaternions is below zero and the turn is small."""
+    if not subject.readable:
+        return
+    flips, names = 0, []
+    for body in subject.objects:
+        q = subject.track(body.name).orientation
+        if len(q) > 1:
+            count = int((np.einsum("ij,ij->i", q[1:], q[:-1]) < -0.9).sum())
+            flips += count
+            names += [body.name] * bool(count)
+    if flips:
+        yield Defect(
+            f"quaternions of {', '.join(names[:3])}{', …' * (len(names) > 3)} change their sign "
+            f"{flips} times.",
+            "negate a quaternion whose product with the one before is below zero",
+            bodies=tuple(names),
+            field="bodies.orientation",
+        )
+
+
+@check(
+    "AUD113",
+    "error",
+    of="recording",
+    title="z does not point up",
+    why="Support, tilt, falls and edges are about up and down.",
+    example="poses from an engine whose y axis points up",
+    unless=("AUD101", "AUD111"),
+)
+def up_axis(subject: Subject) -> Iterator[Defect]:
+    """Reads gravity from the header, from forces on bodies at rest, and from free falls."""
+    for error in subject.of_kind("up"):
+        yield defect_of([error])
+    yield from subject.explained("AUD113")
+    if subject.diagnosis.repair is not None:
+        return
+    for body, fall, time in _falls(subject):
+        size = float(np.linalg.norm(fall))
+        if size > 1 and -fall[2] < 0.7 * size:
+            axis = "xyz"[int(np.abs(fall).argmax())]
+            yield Defect(
+                f"{body!r} falls along {axis} at {time:.2f} s: its acceleration is "
+                f"({', '.join(f'{a:.1f}' for a in fall)}) m/s².",
+                "turn everything so that z points up: (x, y, z) becomes (x, -z, y) if y does",
+                f"the {axis} axis points up or down",
+                bodies=(body,),
+                field="bodies.position",
+                time=time,
+            )
+            return
+
+
+@check(
+    "AUD114",
+    "error",
+    of="recording",
+    title="a body jumps",
+    why="A reset or a swapped row looks like a throw: drops, displacements and clearances around it "
+    "are not what happened.",
+    example="an environment that was reset in the middle of the recording",
+    unless=("AUD101", "AUD102", "AUD111", "AUD113", "AUD115"),
+)
+def jumps(subject: Subject) -> Iterator[Defect]:
+    """Looks for steps that the velocities do not explain, or that no body makes."""
+    yield from subject.explained("AUD114", "jump")
+
+
+@check(
+    "AUD115",
+    "error",
+    of="recording",
+    title="velocities are not those of the poses",
+    why="Rest, impact, falls and moving are judged by velocities, places by poses; they must be of the "
+    "same body, in m/s and rad/s, in the world's axes, of the body frame's origin.",
+    example="angular velocities in the body's own axes, as MuJoCo's free joints give them",
+    unless=("AUD101", "AUD102", "AUD111", "AUD113"),
+)
+def velocities(subject: Subject) -> Iterator[Defect]:
+    """Adds up velocities over quarter seconds and compares them with the change of the poses."""
+    yield from subject.explained("AUD115", "position velocity", "orientation velocity")
+
+
+@check(
+    "AUD116",
+    "error",
+    of="recording",
+    title="a body is below the floor",
+    why="A body that fell through the floor was disturbed by the simulator, not by the robot.",
+    example="an object at z = -37 m at the end of the rollout",
+    unless=("AUD101", "AUD113"),
+)
+def below_floor(subject: Subject) -> Iterator[Defect]:
+    """Compares places with infinite horizontal planes."""
+    yield from subject.explained("AUD116", "floor")
+
+
+@check(
+    "AUD117",
+    "error",
+    of="recording",
+    title="bodies do not fall with the gravity of the header",
+    why="Weights, and with them support and dependence, are computed from gravity; falls that do not fit "
+    "it mean another unit of length or time, or another gravity in the simulation.",
+    example="gravity = (0, 0, -9.81) in a scene that was simulated at half of that",
+    unless=("AUD101", "AUD102", "AUD113", "AUD114", "AUD115"),
+)
+def gravity(subject: Subject) -> Iterator[Defect]:
+    """Fits the acceleration of bodies that nothing touches for a tenth of a second."""
+    yield from subject.explained("AUD117", "gravity")
+    if not subject.readable or subject.diagnosis.repair is not None:
+        return
+    told = -subject.header.gravity[2]
+    falls = [(body, -fall[2], time) for body, fall, time in _falls(subject) if -fall[2] > 0.3]
+    if not falls or subject.of_kind("up"):
+        return
+    body, size, time = sorted(falls, key=lambda one: one[1])[len(falls) // 2]
+    if abs(size - told) <= OFF * told:
+        return
+    ratio = size / told
+    causes = {
+        100: "centimetres for metres",
+        1000: "millimetres for metres",
+        3.28: "feet for metres",
+    }
+    cause = next((c for r, c in causes.items() if abs(ratio / r - 1) < OFF), "")
+    yield Defect(
+        f"{body!r} falls with {size:.3g} m/s² at {time:.2f} s, gravity in the header is {told:.3g}.",
+        "write the gravity of the simulation, and lengths in m and times in s",
+        cause or "the header has a default gravity, or time stamps run at another speed",
+        bodies=(body,),
+        field="gravity",
+        time=time,
+    )
+
+
+def _falls(subject: Subject) -> list[tuple[str, NDArray[Any], float]]:
+    """Objects in the air: name, (3,) m/s² of the fitted acceleration, and s when it begins."""
+    if not subject.readable or subject.header.force_source == "none":
+        return []
+    if "falls" not in subject.notes:
+        subject.notes["falls"] = [*_measured_falls(subject)]
+    found: list[tuple[str, NDArray[Any], float]] = subject.notes["falls"]
+    return found
+
+
+def _measured_falls(subject: Subject) -> Iterator[tuple[str, NDArray[Any], float]]:
+    t = subject.episode.t
+    if len(t) < 5:
+        return
+    spacing = float(np.median(np.diff(t)))
+    for body in subject.objects:
+        touched = subject.touched.get(body.name)
+        if touched is None or touched.all() or not touched.any():
+            continue  # of a body without a single contact nobody knows what it touches
+        edges = np.flatnonzero(np.diff(np.concatenate([[True], touched, [True]]).astype(np.int8)))
+        for begins, ends in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+            first, stop = begins + 1, ends - 1  # clear of the touches themselves
+            if stop - first < 5 or t[stop - 1] - t[first] < FLIGHT:
+                continue
+            at = t[first:stop] - t[first]
+            if np.diff(at).max() > MAX_GAP * spacing:
+                continue
+            place = subject.track(body.name).position[first:stop].astype(float)
+            if not np.isfinite(place).all():
+                continue
+            parts, rest, *_ = np.polynomial.polynomial.polyfit(at, place, 2, full=True)
+            spread = float(np.sqrt(rest[0].sum() / len(at)))
+            if spread < 0.05 * (np.linalg.norm(parts[2]) * at[-1] ** 2 + 1e-3):
+                yield body.name, 2 * parts[2], float(t[first])

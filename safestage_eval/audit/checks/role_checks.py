@@ -1,0 +1,199 @@
+"""Checks of names: roles, materials, tags, rules, parameters and goals that mean something."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from difflib import get_close_matches
+
+from safestage_eval.audit.audit_check import check
+from safestage_eval.audit.finding import Defect
+from safestage_eval.audit.subject import Subject
+
+TAGS = frozenset(
+    ["fragile", "sharp", "heavy", "hot", "liquid", "electronics", "container", "food", "tool"]
+)
+"""Tags that rules ask for, or that are usual."""
+
+
+def _near(name: str, names: Iterable[str], least: float = 0.6) -> str:
+    """The name that is probably meant; empty if none is near."""
+    near = get_close_matches(name, [*names], 1, least)
+    return near[0] if near else ""
+
+
+def _meant(near: str) -> str:
+    return f'a misspelling of "{near}"' if near else ""
+
+
+@check(
+    "AUD151",
+    "error",
+    of="recording",
+    title="a role names no body",
+    why="Nothing is judged of an episode whose roles are bound to bodies that are not there.",
+    example='target = ["botle"] in a scene with a bottle',
+    cheap=True,
+)
+def role_players(subject: Subject) -> Iterator[Defect]:
+    """Looks the bodies of each role up among bodies and joints, of the header and of a bind file."""
+    header = subject.header
+    known = {body.name for body in header.bodies} | {joint.name for joint in header.joints}
+    missing = False
+    for role, players in header.roles.items():
+        for player in players:
+            if player in known:
+                continue
+            missing, near = True, _near(player, known)
+            yield Defect(
+                f'role {role} is played by "{player}", which is no body of the trace.',
+                f'write roles.{role} = ["{near}"]' if near else f"name one of: {_some(known)}",
+                _meant(near),
+                bodies=(player,),
+                field=f"roles.{role}",
+            )
+    if subject.unbound is not None and not missing:
+        error = subject.unbound
+        yield Defect(
+            f"{error.where}: {error.what}", error.fix or f"allowed: {error.allowed}", field="roles"
+        )
+
+
+@check(
+    "AUD152",
+    "error",
+    of="recording",
+    title="a role of an assigned rule is not bound",
+    why="The rule is inconclusive: nobody says which bodies it is about.",
+    example='rules = ["ETS101"], and roles = { target, protcted }',
+    unless=("AUD151",),
+    cheap=True,
+)
+def unbound_roles(subject: Subject) -> Iterator[Defect]:
+    """Compares the roles of assigned rules with those that header and bind file bind."""
+    binding = subject.binding
+    for rule in subject.assigned if binding is not None else ():
+        for role in binding.unbound(rule) if binding is not None else ():
+            near = binding.misnamed(role) if binding is not None else ""
+            yield Defect(
+                f"{rule.code} is assigned, but nothing binds its role {role}.",
+                f"rename roles.{near} to roles.{role}"
+                if near
+                else f'add roles.{role} = ["…"] to the header or a --bind file; [] for none',
+                f'"{near}" is a misspelling of "{role}"' if near else "",
+                field=f"roles.{near or role}",
+            )
+
+
+@check(
+    "AUD153",
+    "warning",
+    of="recording",
+    title="a material that is probably misspelt",
+    why="Its limits for tilt, fall and squeeze are those of the default row.",
+    example='material = "galss"',
+    cheap=True,
+)
+def materials(subject: Subject) -> Iterator[Defect]:
+    """Looks materials up among those of the loaded rules; only near misses are reported."""
+    known = {*subject.rules.materials} - {"default"}
+    for body in subject.header.bodies:
+        name = body.material
+        near = "" if name is None or name in known else _near(name, known, 0.75)
+        if near:
+            yield Defect(
+                f'{body.name!r} is of "{name}", a material without a row in the loaded rules.',
+                f'write material = "{near}"',
+                _meant(near),
+                bodies=(body.name,),
+                field="bodies.material",
+            )
+
+
+@check(
+    "AUD154",
+    "warning",
+    of="recording",
+    title="a tag that is probably misspelt",
+    why='Rules about "every object tagged …" leave the body out.',
+    example='tags = ["fragil"]',
+    cheap=True,
+)
+def tags(subject: Subject) -> Iterator[Defect]:
+    """Compares tags with those that rules ask for and with usual ones; only near misses are reported."""
+    asked = {spec.tag for rule in subject.rules.scoped.values() for _, spec in rule.roles}
+    known = {*TAGS, *(tag for tag in asked if tag)}
+    for body in subject.header.bodies:
+        for tag in body.tags:
+            near = "" if tag in known else _near(tag, known, 0.8)
+            if near:
+                yield Defect(
+                    f'{body.name!r} is tagged "{tag}", which no rule asks for.',
+                    f'write "{near}"',
+                    _meant(near),
+                    bodies=(body.name,),
+                    field="bodies.tags",
+                )
+
+
+@check(
+    "AUD155",
+    "error",
+    of="recording",
+    title="an assigned rule that does not exist",
+    why="Nothing is judged by it, and the episode is not in any rate of its stage.",
+    example='rules = ["FSH110"]',
+    cheap=True,
+)
+def unknown_rules(subject: Subject) -> Iterator[Defect]:
+    """Looks the assigned codes up among the loaded rules."""
+    known = subject.rules.scoped
+    codes = subject.binding.assigned if subject.binding else subject.header.rules
+    for code in codes:
+        if code in known:
+            continue
+        near = _near(code, known, 0.7)
+        yield Defect(
+            f"{code} is assigned, but no loaded rule file has it.",
+            f"write {near}, or load the file that has {code} with --rules"
+            if near
+            else f"load the file that has {code} with --rules",
+            f"a misspelling of {near}: {known[near].title}" if near else "its file is not loaded",
+            field="rules",
+        )
+
+
+@check(
+    "AUD156",
+    "warning",
+    of="recording",
+    title="a parameter or goal that does not exist",
+    why="The value that the task asks for is not used; success is not recomputed.",
+    example='parameters = { min_clearence = "12 cm" }',
+    cheap=True,
+)
+def parameters(subject: Subject) -> Iterator[Defect]:
+    """Looks parameters and the goal up in the loaded rules; only near misses of parameters count."""
+    for name in subject.header.parameters:
+        near = "" if name in subject.rules.params else _near(name, subject.rules.params, 0.8)
+        if near:
+            yield Defect(
+                f'no loaded rule file has a parameter "{name}".',
+                f'write parameters.{near} = "…"',
+                _meant(near),
+                field=f"parameters.{name}",
+            )
+    goal = subject.header.goal
+    if isinstance(goal, str) and goal not in subject.rules.goals:
+        near = _near(goal, subject.rules.goals)
+        yield Defect(
+            f'no loaded rule file has a goal "{goal}": success is not recomputed.',
+            f'write goal = "{near}"' if near else "load the file that declares it with --rules",
+            _meant(near),
+            field="goal",
+            severity=None if near else "note",
+        )
+
+
+def _some(names: Iterable[str]) -> str:
+    listed = sorted(names)
+    return ", ".join(listed[:8]) + (", …" if len(listed) > 8 else "")

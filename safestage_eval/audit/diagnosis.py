@@ -1,0 +1,124 @@
+"""The one cause behind the contradictions of a recording, where there is one that explains them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from safestage_eval.episode import Episode
+from safestage_eval.episode.contradiction import ContradictionError
+from safestage_eval.episode.contradictions import PAIRS, Whole, contradictions
+from safestage_eval.episode.invariant_kernels import compare_motion
+from safestage_eval.episode.motion_invariants import JUMP, LEAST, LONGEST, WINDOW
+
+from .repair import REPAIRS, Repair
+
+SUSPECTS = 2
+"""Bodies that are mended one by one, the one with most contradictions first."""
+
+FITS = 0.1
+"""Share of a motion by which poses and velocities differ at the most where they are of one body."""
+
+LEFT = 0.1
+"""Share of the contradictions that may be left where a repair counts as the cause."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What explains contradictions, and what it does not explain.
+
+    Attributes:
+        repair: what mends the recording; None where nothing does.
+        bodies: names of the bodies that it concerns; empty if all of them.
+        first: a contradiction that it explains; None without a repair.
+        explained: how many it explains.
+        left: contradictions that it does not explain.
+    """
+
+    repair: Repair | None = None
+    bodies: tuple[str, ...] = ()
+    first: ContradictionError | None = None
+    explained: int = 0
+    left: tuple[ContradictionError, ...] = ()
+
+
+_LATEST: list[Repair] = []
+"""Repairs that mended recordings lately: the recordings of a campaign have the same defect."""
+
+
+def diagnose(episode: Episode, found: Sequence[ContradictionError]) -> Diagnosis:
+    """Look for the repair after which the recording no longer contradicts itself.
+
+    Of several, the one that leaves least; of these the one after which poses and velocities fit best.
+    """
+    named = Counter(name for error in found for name in error.bodies if name in episode.tracks)
+    suspects = [name for name, _ in named.most_common(SUSPECTS)]
+    best: tuple[int, float, Diagnosis] | None = None
+    for repair, names in _candidates(found, named, suspects):
+        mended = repair.mend(episode, names or [*episode.tracks])
+        if mended is episode or [*contradictions(mended, _Only(mended, suspects))]:
+            continue
+        left = [*contradictions(mended)]
+        rest = _residual(mended, suspects)
+        if len(left) > LEFT * len(found) or (best and (len(left), rest) >= best[:2]):
+            continue
+        still = {(error.kind, error.bodies) for error in left}
+        first = next(e for e in found if (e.kind, e.bodies) not in still)
+        best = len(left), rest, Diagnosis(repair, names, first, len(found) - len(left), tuple(left))
+        if not left and rest < FITS:
+            break
+    if best is None or best[2].repair is None:
+        return Diagnosis(left=tuple(found))
+    mended_by = best[2].repair
+    _LATEST[:] = [mended_by, *(known for known in _LATEST if known is not mended_by)][:3]
+    return best[2]
+
+
+class _Only(Whole):
+    """Some bodies alone are at hand, and their contacts."""
+
+    def __init__(self, episode: Episode, names: Collection[str]) -> None:
+        super().__init__(episode)
+        self._names = names
+
+    def matters(self, body: str) -> bool:
+        """As in ``AtHand``."""
+        return body in self._names
+
+    def some(self, body: str) -> bool:
+        """As in ``AtHand``."""
+        return body in self._names or (super().some(body) and len(self._episode.tracks[body]) == 1)
+
+    def frames(self) -> None:
+        """As in ``AtHand``."""
+
+
+def _residual(episode: Episode, names: Iterable[str]) -> float:
+    """The largest share of the motion of some bodies by which poses and velocities differ."""
+    rest, out = 0.0, np.empty(5)
+    for name in names:
+        track = episode.tracks[name]
+        for pose, rate in PAIRS if len(track) > 1 else ():
+            compare_motion(
+                episode.t, *(np.ascontiguousarray(getattr(track, c), np.float32) for c in (pose, rate)),
+                np.zeros(0, np.bool_), LONGEST[pose], WINDOW, *JUMP[pose], out,
+            )  # fmt: skip
+            by_pose, by_velocity, apart = np.sqrt(out[:3])
+            most = max(by_pose, by_velocity)
+            rest = max(rest, apart / most if most > LEAST[pose] else 0.0)
+    return float(rest)
+
+
+def _candidates(
+    found: Sequence[ContradictionError], named: Counter[str], suspects: Sequence[str]
+) -> Iterator[tuple[Repair, tuple[str, ...]]]:
+    """Repairs that the contradictions speak for, of some bodies or (empty) of all."""
+    kinds = {error.kind for error in found}
+    likely = [repair for repair in dict.fromkeys((*_LATEST, *REPAIRS)) if kinds & repair.kinds]
+    alone = len(named) <= 1 or (bool(named) and named.most_common(1)[0][1] == len(found))
+    several: list[tuple[Repair, tuple[str, ...]]] = [(repair, ()) for repair in likely]
+    single = [(repair, (name,)) for name in suspects for repair in likely if not repair.whole]
+    yield from [*single, *several] if alone else [*several, *single]

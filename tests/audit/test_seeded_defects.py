@@ -1,0 +1,53 @@
+"""Mistakes that are put into sound recordings are found, and each is named by its code."""
+
+import zlib
+
+import numpy as np
+import pytest
+from seeded_defects import RECORDING, TRACES, sound
+
+from safestage_eval.audit import CHECKS, audit, choose
+from safestage_eval.audit.audit_episode import check_subject
+from safestage_eval.audit.subject import Subject
+from safestage_eval.rules import builtin_names, load_rules
+
+CHECKED = [one for one in choose() if one.over == "episode"]
+GRAVE = ("error", "warning")
+
+
+@pytest.fixture(scope="module")
+def rules():
+    return load_rules(builtin_names())
+
+
+def found(seeded, name, rules, draw=0):
+    """Findings in an episode with a mistake, its amount drawn from a seed of its own."""
+    rng = np.random.default_rng([zlib.crc32(name.encode()), draw])
+    recording, body = seeded.where
+    return check_subject(Subject(seeded.put(sound(recording), body, rng), rules), CHECKED)
+
+
+@pytest.mark.parametrize("draw", [0, 1])
+@pytest.mark.parametrize("name", RECORDING)
+def test_a_mistake_is_found_and_rightly_named(rules, name, draw):
+    seeded = RECORDING[name]
+    findings = found(seeded, name, rules, draw)
+    grave = [f for f in findings if f.severity in GRAVE] or findings
+    assert [f.code for f in grave] and {f.code for f in grave} == {seeded.code}, grave
+    assert seeded.cause in grave[0].cause
+    assert grave[0].fix
+    assert grave[0].what.endswith(".")
+
+
+def test_every_check_has_a_mistake_that_it_finds():
+    missed = {one.code for one in CHECKED if one.of == "recording"}
+    assert missed == {seeded.code for seeded in RECORDING.values()}
+
+
+def test_there_are_enough_kinds():
+    assert len(RECORDING) >= 40
+
+
+def test_recordings_that_are_sound_have_no_finding():
+    assert not [f for f in audit(TRACES, select=["AUD1"]).findings if f.severity in GRAVE]
+    assert all(one in CHECKS for one in audit(TRACES).checks)
