@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -95,6 +95,8 @@ def score(
     rules: str | Path | Sequence[str | Path] = (),
     *,
     bind: str | Path | None = None,
+    assign: str | Sequence[str] = (),
+    roles: Mapping[str, str | Sequence[str]] | None = None,
     jobs: int | None = 1,
     **settings: str,
 ) -> pd.DataFrame:
@@ -104,6 +106,8 @@ def score(
         paths: files and folders.
         rules: rule files, folders or built-in names; all built-in ones if empty.
         bind: a bind file: roles, goal, rules and values that the traces' headers lack.
+        assign: codes of the rules that every episode is judged by, or patterns of codes.
+        roles: role → names of bodies or patterns, for every episode; [] for none.
         jobs: worker processes; scripts that use several need the usual ``__main__`` guard.
         settings: parameter values, ``edge="3 cm"``.
 
@@ -116,7 +120,18 @@ def score(
     def several(value: str | Path | Sequence[str | Path]) -> list[str | Path]:
         return [value] if isinstance(value, str | Path) else list(value)
 
-    scores = score_paths(several(paths), several(rules), overrides=settings, bind=bind, jobs=jobs)
+    def joined(bodies: str | Sequence[str]) -> str:
+        return bodies if isinstance(bodies, str) else ",".join(bodies)
+
+    scores = score_paths(
+        several(paths),
+        several(rules),
+        overrides=settings,
+        bind=bind,
+        assign=[assign] if isinstance(assign, str) else assign,
+        roles=[f"{role}={joined(bodies)}" for role, bodies in (roles or {}).items()],
+        jobs=jobs,
+    )
     frame = pd.DataFrame(rows(scores), columns=list(COLUMNS))
     problems: list[dict[str, Any]] = [dataclasses.asdict(p) for p in scores.problems]
     frame.attrs["problems"] = problems

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from .shared_options import (
-    bind_option,
+    binding_options,
     chosen_ref,
     episode_argument,
     episode_option,
@@ -24,7 +24,7 @@ from .terminal import say
 @episode_argument
 @episode_option
 @rules_option
-@bind_option
+@binding_options
 @set_option
 @click.option(
     "--all",
@@ -39,6 +39,9 @@ def command(
     episode: str | None,
     rules: tuple[str, ...],
     bind: Path | None,
+    assign: tuple[str, ...],
+    roles: tuple[str, ...],
+    protect: tuple[str, ...],
     settings: tuple[str, ...],
     everything: bool,
 ) -> None:
@@ -50,7 +53,7 @@ def command(
       safestage explain traces/ fsh_orange_on_plate.reference-safe --rules fsh
     """
     from safestage_eval.report.episode_report import explain
-    from safestage_eval.rules import builtin_names, load_bind, load_rules
+    from safestage_eval.rules import builtin_names, load_binding, load_rules
     from safestage_eval.verdicts import judge
 
     ref = chosen_ref(trace, name, episode)
@@ -60,6 +63,6 @@ def command(
         ref.open(),
         loaded,
         overrides=pairs(settings, "--set"),
-        bind=None if bind is None else load_bind(bind, loaded),
+        bind=load_binding(bind, loaded, assign, roles, protect),
     )
     say(explain(result, everything=everything), nl=False)

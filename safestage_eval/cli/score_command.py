@@ -13,7 +13,7 @@ import click
 from safestage_eval.report import FORMATS
 
 from .shared_options import (
-    bind_option,
+    binding_options,
     pairs,
     prepare_kernels,
     progress,
@@ -37,7 +37,7 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
 @click.command("score", context_settings={"help_option_names": ["-h", "--help"]})
 @traces_argument
 @rules_option
-@bind_option
+@binding_options
 @click.option(
     "--format", "-f", "form", type=click.Choice(FORMATS), default="table", show_default=True
 )
@@ -109,6 +109,9 @@ def command(
     traces: tuple[str, ...],
     rules: tuple[str, ...],
     bind: Path | None,
+    assign: tuple[str, ...],
+    roles: tuple[str, ...],
+    protect: tuple[str, ...],
     form: str,
     output: Path | None,
     settings: tuple[str, ...],
@@ -138,13 +141,15 @@ def command(
     VR counts violations. All four are over the episodes that could be decided.
 
     Findings of the rules that are assigned to an episode count for --fail-on, --golden, junit and
-    github; so do those of every rule in a FILE that --rules names, and, where nothing is assigned, those
-    of a folder or built-in set that it names.
+    github; so do those of every rule in a FILE that --rules names. Where neither header nor bind file
+    nor --assign assigns rules, all loaded rules are assigned whose roles are bound.
 
     \b
     Examples:
       safestage-score traces/                        all built-in rules
       safestage-score traces/ --rules fsh            one stage
+      safestage-score traces/ --assign FSH101 --role target=cube
+      safestage-score traces/ --role target=cube --protect "vase,glass*"
       safestage-score traces/ --rules mine.toml      your own rules
       safestage-score traces/ --rules mine.toml --fail-on violation --fail-on not-judged
       safestage-score traces/ --set edge="3 cm"      another threshold
@@ -162,6 +167,10 @@ def command(
         raise click.UsageError("--format parquet: give --output FILE, or pipe it on")
     if what_if is not None and (form != "parquet" or output is None):
         raise click.UsageError("--what-if: write rows with --format parquet --output FILE")
+    if what_if is not None and (assign or roles or protect):
+        raise click.UsageError(
+            "--what-if: write roles and rules into a --bind FILE (safestage bind --init TRACES)"
+        )
     overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
     if address is not None and engine != "ray":
         raise click.UsageError("--address is for --engine ray")
@@ -181,6 +190,9 @@ def command(
         list(rules) or builtin_names(),
         overrides=overrides,
         bind=bind,
+        assign=assign,
+        roles=roles,
+        protect=protect,
         backend=backend,
         assigned_only=assigned,
         cache=kept,
@@ -203,14 +215,16 @@ def command(
     _write(scores, form, output, verbose, changes)
     if what_if is not None and output is not None:
         _write_what_if(traces, filters, rules, overrides, bind, jobs, what_if, output)
+    from safestage_eval.report import results_text
+
     in_table = form == "table" and output is None  # there already, unless it went to another place
     if not in_table or (sys.stderr.isatty() and not sys.stdout.isatty()):
-        for problem in scores.problems:
-            say(f"problem: {problem.message}", err=True)
+        for line in results_text.problem_lines(scores):
+            say(line, err=True)
+    if not in_table and (said := results_text.judged_by_roles(scores)):
+        say(said, err=True)
     if scores.aborted and not in_table:
-        from safestage_eval.report.results_text import ended_in_error
-
-        say(ended_in_error(scores.aborted), err=True)
+        say(results_text.ended_in_error(scores.aborted), err=True)
     failed = _fails(scores, fail_on)
     if golden is not None:
         failed |= _golden(scores, golden, changes)

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from safestage_eval.formats import EpisodeRef
+
+F = TypeVar("F", bound=Callable[..., Any])
 
 traces_argument = click.argument("traces", nargs=-1, required=True, metavar="TRACES...")
 
@@ -31,6 +33,29 @@ bind_option = click.option(
     "--bind", type=click.Path(path_type=Path), metavar="FILE",
     help="Read roles, goal, rules and values that headers lack from FILE, or from a built-in set (libero, robolab).",
 )  # fmt: skip
+
+_ROLE_OPTIONS = (
+    click.option(
+        "--assign", multiple=True, metavar="CODES",
+        help='Judge every episode by these rules: --assign "FSH101,ETS1*". Repeatable.',
+    ),
+    click.option(
+        "--role", "roles", multiple=True, metavar="ROLE=BODIES",
+        help='Name the bodies of a role: --role target=cube, --role "protected=vase,glass*". Repeatable.',
+    ),
+    click.option(
+        "--protect", multiple=True, metavar="BODIES",
+        help='Short for --role protected=BODIES: --protect "vase,glass*". Repeatable.',
+    ),
+)  # fmt: skip
+
+
+def binding_options(command: F) -> F:
+    """``--bind``, ``--assign``, ``--role`` and ``--protect``."""
+    for option in reversed((bind_option, *_ROLE_OPTIONS)):
+        command = option(command)
+    return command
+
 
 set_option = click.option(
     "--set", "settings", multiple=True, metavar="NAME=VALUE",

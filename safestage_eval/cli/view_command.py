@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from .shared_options import (
-    bind_option,
+    binding_options,
     chosen_ref,
     episode_argument,
     episode_option,
@@ -33,7 +33,7 @@ from .terminal import say
 @click.option("--open/--no-open", "open_", default=None, help="Open the browser, or do not.")
 @click.option("--all", "-a", "everything", is_flag=True, help="Show rules that passed as well.")
 @rules_option
-@bind_option
+@binding_options
 @set_option
 def command(
     trace: str,
@@ -44,6 +44,9 @@ def command(
     everything: bool,
     rules: tuple[str, ...],
     bind: Path | None,
+    assign: tuple[str, ...],
+    roles: tuple[str, ...],
+    protect: tuple[str, ...],
     settings: tuple[str, ...],
 ) -> None:
     """Show one episode in 3-D, with its signals, limits and findings over time.
@@ -57,14 +60,14 @@ def command(
       safestage view traces/ dumbbell_near_glasses.reference-unsafe --set min_clearance="5 cm"
       safestage view traces/ -e EPISODE_ID --output episode.html
     """
-    from safestage_eval.rules import builtin_names, load_bind, load_rules
+    from safestage_eval.rules import builtin_names, load_binding, load_rules
     from safestage_eval.viewer.episode.episode_page import build
     from safestage_eval.whatif.again import Again
 
     ref = chosen_ref(trace, name, episode)
     loaded = load_rules(list(rules) or builtin_names())
     prepare_kernels()
-    bound = None if bind is None else load_bind(bind, loaded)
+    bound = load_binding(bind, loaded, assign, roles, protect)
     again = Again(ref.open(), loaded, pairs(settings, "--set"), bound)
     target = output or Path(tempfile.mkdtemp(prefix="safestage-")) / "episode.html"
     written(build(again, everything=everything), target)

@@ -130,7 +130,8 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
             )
             console.print(head, soft_wrap=True)
             verdicts = result.verdicts if everything else scores.gates.counted(result)
-            console.print(Padding(_grid(verdicts, style), (0, 0, 0, 4)))
+            grid = _grid(verdicts, style, brief=result.by_roles and not everything)
+            console.print(Padding(grid, (0, 0, 0, 4)))
         if len(shown) < counts[outcome]:
             some = "they are" if not shown else f"{counts[outcome] - len(shown)} more are"
             console.print(f"  {some} listed with --verbose, or as rows with --format csv")
@@ -174,8 +175,14 @@ def _hint(console: Console, scores: Scores) -> None:
         )
 
 
-def _grid(verdicts: Sequence[Verdict], style: str) -> Grid:
-    """The assigned verdicts, and what is not safe among those of ``verdicts``."""
+def _grid(verdicts: Sequence[Verdict], style: str, *, brief: bool = False) -> Grid:
+    """The assigned verdicts, and what is not safe among those of ``verdicts``.
+
+    ``brief``: only what is not safe, and a passed rule that had something to judge.
+    """
+    if brief:
+        vacuous = [v for v in verdicts if v.verdict not in BAD and not v.instances]
+        verdicts = [v for v in verdicts if v not in vacuous]
     grid = Grid.grid(padding=(0, 2, 0, 0))
     grid.add_column(overflow="fold")
     grid.add_column(no_wrap=True)
@@ -192,7 +199,13 @@ def _grid(verdicts: Sequence[Verdict], style: str) -> Grid:
                 at,
                 Text(printable(" ".join(_sentence(v).split()))),
             )
+    if brief and vacuous:
+        grid.add_row("", "", "", f"{_rules(len(vacuous))} found nothing to judge (--verbose)")
     return grid
+
+
+def _rules(count: int) -> str:
+    return f"{count} rule{'s' * (count != 1)}"
 
 
 def _sentence(v: Verdict) -> str:
@@ -274,11 +287,20 @@ def _leftovers(console: Console, scores: Scores) -> None:
         console.print(printable(f"note: {line}"), style="yellow", soft_wrap=True)
     if len(notes) > MOST:
         console.print(f"and {len(notes) - MOST} more notes", style="yellow")
-    for problem in scores.problems:
-        console.print(printable_lines(f"problem: {problem.message}"), style="red", soft_wrap=True)
+    for line in problem_lines(scores):
+        console.print(printable_lines(line), style="red", soft_wrap=True)
     if scores.problems:
         count = len(scores.problems)
         console.print(f"{count} episode{'s' * (count > 1)} could not be judged", style="bold red")
+
+
+def problem_lines(scores: Scores) -> list[str]:
+    """Each problem once, with the number of episodes that have the same one."""
+    counts = Counter(problem.message for problem in scores.problems)
+    return [
+        f"problem: {message}" + (f" ({count} episodes)" if count > 1 else "")
+        for message, count in counts.items()
+    ]
 
 
 def ended_in_error(ids: Sequence[str]) -> str:
@@ -290,9 +312,23 @@ def ended_in_error(ids: Sequence[str]) -> str:
     )
 
 
+def judged_by_roles(scores: Scores) -> str:
+    """How many episodes are judged by all rules whose roles are bound; empty if none is."""
+    counts = [len(r.assigned) for r in scores.results if r.by_roles]
+    if not counts:
+        return ""
+    least, most = min(counts), max(counts)
+    rules = _rules(most) if least == most else f"{least} to {_rules(most)}"
+    one = len(counts) == 1
+    return (
+        f"no rule is assigned to {len(counts)} of {len(scores.results)} episodes: judged by every "
+        f"loaded rule whose roles are bound ({rules}{'' if one else ' each'}); --assign chooses"
+    )
+
+
 def left_out(total: Rates, scores: Scores) -> list[str]:
-    """Episodes that are not in N, and how far they could move the rates."""
-    lines = []
+    """Episodes that are not in N, and how far they could move the rates; those judged by roles."""
+    lines = [*filter(None, [judged_by_roles(scores)])]
     bounds = total.bounds("VR")
     if total.inconclusive and bounds is not None:
         low, high = (100 * bound for bound in bounds)
@@ -303,7 +339,10 @@ def left_out(total: Rates, scores: Scores) -> list[str]:
     if total.not_judged:
         missing = sorted({code for r in scores.results for code in r.not_loaded})
         why = (
-            f"rules not loaded: {', '.join(missing)}" if missing else "no rule is assigned to them"
+            f"rules not loaded: {', '.join(missing)}"
+            if missing
+            else "no rule is assigned to them, and no loaded rule has bodies for all its roles; name "
+            "them with --role target=BODY, or see safestage bind --help"
         )
         lines.append(f"{total.not_judged} not judged, not in N: {why}")
     if scores.copies:

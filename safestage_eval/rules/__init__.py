@@ -1,6 +1,6 @@
 """Rule files: TOML in, a checked and hashed rule set out. No geometry."""
 
-from .bind_file import BindFile, bind_names, bind_tables, find_bind, load_bind
+from .bind_file import BindFile, bind_names, bind_tables, find_bind, load_bind, load_binding
 from .diagnostic import Diagnostic, RuleErrors
 from .digest import rule_digest
 from .files import benchmark_names, builtin_names
@@ -24,6 +24,7 @@ __all__ = [
     "check_rules",
     "find_bind",
     "load_bind",
+    "load_binding",
     "load_rules",
     "parse_overrides",
     "parse_settings",

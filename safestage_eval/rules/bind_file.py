@@ -13,8 +13,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from safestage_eval.errors import RuleError
 from . import build, structure
 from . import syntax as ast
 from .check import check_goal
+from .command_binding import CommandBinding, command_binding
 from .diagnostic import Diagnostic, RuleErrors
 from .files import RuleFile, builtin_folder, read_toml
 from .locate import Keys
@@ -39,16 +40,18 @@ KINDS = ("task", "episode")
 
 @dataclass(frozen=True)
 class BindFile:
-    """A checked bind file.
+    """A checked bind file, and what the command line binds.
 
     Attributes:
-        path: where it is, as messages say it.
+        path: where it is, as messages say it; empty: there is no file.
         tasks, episodes: name or id → what is bound.
+        command: what the command line says of every episode.
     """
 
-    path: str = "bind file"
+    path: str = ""
     tasks: Mapping[str, ast.TaskDef] = field(default_factory=dict)
     episodes: Mapping[str, ast.TaskDef] = field(default_factory=dict)
+    command: CommandBinding = field(default_factory=CommandBinding)
 
     def layers(self, header: Header) -> list[ast.TaskDef]:
         """The bindings of an episode: those of its task, then its own."""
@@ -94,6 +97,31 @@ def load_bind(path: str | Path, rules: ast.RuleSet) -> BindFile:
             f"a TOML file, or a built-in name: {', '.join(bind_names())}",
         ) from None
     return bind_tables(tables, rules, shown, text)
+
+
+def load_binding(
+    bind: str | Path | None,
+    rules: ast.RuleSet,
+    assign: Sequence[str] = (),
+    roles: Sequence[str] = (),
+    protect: Sequence[str] = (),
+) -> BindFile | None:
+    """What a bind file and a command line bind; None where neither does.
+
+    Args:
+        bind: as in ``load_bind``; None: no file.
+        rules: the rule set that it will be used with.
+        assign: codes; as in ``command_binding``, like the next two.
+        roles: ``ROLE=BODIES``.
+        protect: bodies.
+
+    Raises:
+        RuleErrors, RuleError: as ``load_bind`` and ``command_binding``.
+    """
+    command = command_binding(rules, assign, roles, protect)
+    if bind is None:
+        return BindFile(command=command) if command else None
+    return replace(load_bind(bind, rules), command=command)
 
 
 def bind_tables(

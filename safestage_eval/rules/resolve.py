@@ -1,14 +1,16 @@
 """The binding of an episode: its roles, goal, assigned rules and parameter values, and their sources.
 
 The rule file's ``[task.X]`` says most, then a bind file, then the trace's header, then its family,
-then the rule's own ``set``, then ``[param]``. ``--set`` beats them all.
+then the rule's own ``set``, then ``[param]``. ``--assign``, ``--role`` and ``--set`` beat them all.
+Where no source assigns rules, all those are assigned whose roles are bound.
 """
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Any
 
@@ -21,6 +23,9 @@ from .bind_file import BindFile
 from .check import check_goal
 from .names import Names, a_dimension, dimension_of, nearest
 
+BY_ROLES = "no source assigns rules, and its roles are bound"
+"""Provenance of rules that are assigned because every role has a body."""
+
 
 @dataclass(frozen=True)
 class Binding:
@@ -32,7 +37,8 @@ class Binding:
         goal: native success in the rule language, None if it is not given or not loaded.
         family: of the task.
         provenance: ``roles.target``, ``rules``, ``goal``, ``family``, ``param.edge`` → where it
-            comes from (``trace header``, ``bind file``, ``rule file``, ``family NAME``, ``--set``).
+            comes from (``trace header``, ``bind file``, ``rule file``, ``family NAME``,
+            ``command line``, ``--set``; ``BY_ROLES`` for rules that no source assigns).
         notes: what was asked for and could not be found.
     """
 
@@ -107,6 +113,13 @@ class Binding:
         """
         return tuple(name for name, spec in rule.roles if name not in self.roles and not spec.every)
 
+    def playable(self, rule: ast.Scoped, header: Header) -> bool:
+        """Whether every role of a rule is bound to a body, each to a body of its own."""
+        players = [bodies[: len(rule.roles)] for bodies in self.players(rule, header).values()]
+        return all(players) and any(
+            len({*bodies}) == len(bodies) for bodies in itertools.product(*players)
+        )
+
     def misnamed(self, role: str) -> str:
         """The bound role that is probably meant by one that nothing binds; empty if none is near.
 
@@ -133,8 +146,15 @@ class Binding:
         )
 
     def warnings(self) -> list[str]:
-        """Warnings about roles of assigned rules that nothing binds."""
-        scoped: Mapping[str, ast.Scoped] = {**self._rules.rules, **self._rules.costs}
+        """Warnings about roles of assigned rules that nothing binds, and of misspelt roles."""
+        scoped = self._rules.scoped
+        if self.provenance.get("rules", BY_ROLES) == BY_ROLES:
+            missing = {role for rule in scoped.values() for role in self.unbound(rule)}
+            return [
+                f'{self.provenance[f"roles.{wrong}"]} has a role "{wrong}", did you mean "{role}"?'
+                for role in sorted(missing)
+                if (wrong := self.misnamed(role))
+            ]
         return [
             self.binds_none(code, missing)
             for code in self.assigned
@@ -188,6 +208,9 @@ def bind_episode(
     layers += [("bind file", layer) for layer in (bind.layers(header) if bind else ())]
     if task in rules.tasks:
         layers.append(("rule file", rules.tasks[task]))
+    if bind is not None and bind.command:
+        said = {role: players for _, layer in layers for role, players in layer.roles}
+        layers.append(("command line", bind.command.layer(header, said)))
     values: dict[str, ast.Setting] = {}
     roles: dict[str, tuple[str, ...]] = {}
     provenance: dict[str, str] = {}
@@ -216,7 +239,12 @@ def bind_episode(
     chosen = parse_overrides(rules, overrides or {})
     values.update(chosen)
     provenance.update({f"param.{name}": "--set" for name in chosen})
-    return Binding(roles, assigned, found, family, provenance, notes, rules, values)
+    binding = Binding(roles, assigned, found, family, provenance, notes, rules, values)
+    if assigned:
+        return binding
+    playable = tuple(code for code, rule in rules.scoped.items() if binding.playable(rule, header))
+    sources = {**provenance, "rules": BY_ROLES} if playable else provenance
+    return replace(binding, assigned=playable, provenance=sources)
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, str]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def require_match(bind: BindFile | None, refs: Iterable[EpisodeRef]) -> None:
     """Raises InputError where a bind file speaks of none of the episodes."""
-    if bind is None:
+    if bind is None or not bind.path:
         return
     count = 0
     for ref in refs:

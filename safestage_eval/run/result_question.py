@@ -21,6 +21,6 @@ def result_question(
     bound = None
     if bind is not None:
         task = bind.tasks.get(ref.fields.get("task") or "")
-        bound = bind.path, task, bind.episodes.get(ref.episode_id)
+        bound = bind.path, task, bind.episodes.get(ref.episode_id), bind.command
     asked = sorted((overrides or {}).items()), bound, backend, assigned_only
     return f"result {rules.digest} {asked!r}"

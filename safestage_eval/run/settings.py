@@ -21,7 +21,7 @@ class Settings:
     Attributes:
         rules: paths, folders or built-in names of rule files.
         overrides: parameter → value as written.
-        bind: a bind file that was read already.
+        bind: what a bind file, read already, and the command line bind.
         backend: whose clearances.
         assigned_only: judge each episode by its own assigned rules alone.
         cache: folder in which measurements are kept.
@@ -78,6 +78,9 @@ def load_settings(
     *,
     overrides: Mapping[str, str] | None = None,
     bind: str | Path | None = None,
+    assign: Sequence[str] = (),
+    roles: Sequence[str] = (),
+    protect: Sequence[str] = (),
     backend: str = "gjk",
     assigned_only: bool = False,
     cache: str | Path | None = None,
@@ -90,6 +93,10 @@ def load_settings(
         rules: paths, folders or built-in names of rule files.
         overrides: parameter → value as written; beats every other source.
         bind: a bind file: roles, goal, rules and values that the traces' headers lack.
+        assign: codes of rules for every episode; as ``rules.command_binding`` reads them, these and
+            the next two beat every other source.
+        roles: ``ROLE=BODIES``.
+        protect: bodies of the role ``protected``.
         backend: whose clearances: ``gjk``, our own, or ``fcl`` or ``coal`` for comparison.
         assigned_only: judge each episode by its own assigned rules alone.
         cache: a folder in which measurements are kept between runs (docs/performance.md).
@@ -101,7 +108,7 @@ def load_settings(
         RuleErrors, RuleError: rules, overrides or a bind file that do not mean anything.
         InputError: a backend that does not exist, or is not installed.
     """
-    from safestage_eval.rules import load_bind, parse_overrides
+    from safestage_eval.rules import load_binding, parse_overrides
     from safestage_eval.rules.digest import BACKEND
 
     if backend != BACKEND:  # which is there always, and takes long to load
@@ -113,4 +120,4 @@ def load_settings(
     )
     loaded = settings.rule_set
     parse_overrides(loaded, overrides or {})
-    return settings if bind is None else settings.copy_with(bind=load_bind(bind, loaded))
+    return settings.copy_with(bind=load_binding(bind, loaded, assign, roles, protect))

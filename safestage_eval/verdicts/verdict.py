@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from safestage_eval.rules.resolve import BY_ROLES
+
 Vacuity = Literal["no_player", "unbound", "no_instance", "not_given", "no_scope", "not_loaded"]
 """Why there was nothing to judge: a role that no body plays; a role that nothing binds; no
 combination of distinct bodies; a ``given`` that does not hold at the start; a scope that never came
@@ -163,6 +165,11 @@ class EpisodeResult:
         if True in found:
             return True
         return None if not found or None in found or self.not_loaded else False
+
+    @property
+    def by_roles(self) -> bool:
+        """Nothing assigns rules to it: all those are assigned whose roles are bound."""
+        return any(f"assigned: {BY_ROLES}" in v.sources for v in self.assigned)
 
     @property
     def at_risk(self) -> bool:

@@ -81,16 +81,31 @@ def test_what_fails_on_a_violation(
     path = trace(lab, *assigned)
     found, out, err = score(path, *named, "--fail-on", "violation")
     assert found == code, err
-    if code and not assigned:
-        assert "By rules that are not assigned" in out
+    assert ("no rule is assigned to 1 of 1 episodes" in out) == (not assigned)
     assert ("--fail-on violation: 1 of 1 episodes" in err) == bool(code)
 
 
 def test_where_no_rule_counts_it_is_said(lab: Path, score: Any) -> None:
-    found, _, err = score(trace(lab), "--fail-on", "violation")
+    path = trace(lab, roles={"item": ("can",)})  # no rule has such a role
+    found, _, err = score(path, "--fail-on", "violation")
     assert (found, "no rule counts in 1 of 1 episodes" in err) == (0, True)
-    found, _, err = score(trace(lab), "--fail-on", "not-judged")
+    found, _, err = score(path, "--fail-on", "not-judged")
     assert found == 1
+
+
+def test_without_an_assigned_rule_those_count_whose_roles_are_bound(lab: Path, score: Any) -> None:
+    path = trace(lab, roles={"target": ("can",)})
+    both = ("--rules", "mine.toml", "--rules", "fsh")
+    _, out, err = score(path, *both, "--format", "jsonl")
+    counted = {row["rule"] for row in map(json.loads, out.splitlines()) if row["assigned"]}
+    assert counted == {f"FSH10{n}" for n in range(1, 7)}  # the others need a protected body
+    assert "no rule is assigned to 1 of 1 episodes" in err
+    _, out, _ = score(path, *both, "--format", "junit")
+    assert out.count("<testcase") == 7  # and ETS901, whose file is named
+    assert score(path, "--golden", "golden.json", "--update-golden")[0] == 0
+    wanted = json.loads((lab / "golden.json").read_text("utf-8"))
+    assert {*wanted["episodes"]["it"]["rules"]} == {*counted, "ETS106"}
+    assert score(path, "--golden", "golden.json")[0] == 0
 
 
 @pytest.mark.parametrize(
@@ -138,7 +153,7 @@ def test_build_servers_are_told(lab: Path, score: Any) -> None:
     assert 'failures="1"' in out
     _, out, _ = score(path, "--rules", "mine.toml", "--format", "github")
     assert out.startswith("::error title=ETS901 it::")
-    _, out, _ = score(path, "--format", "github")
-    assert out == ""
+    unbound = trace(lab, name="a", roles={"item": ("can",)})
+    assert score(unbound, "--format", "github")[1] == ""
     _, out, _ = score(trace(lab, "ETS902", name="b"), "--rules", "mine.toml", "-f", "github")
     assert "::warning title=ETS902 b::it is assigned and was not loaded" in out

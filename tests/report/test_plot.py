@@ -50,7 +50,7 @@ def test_what_does_not_exist_is_said(again, asked, said):
 
 
 def test_nothing_decides_nothing_is_drawn(tmp_path):
-    again = pushed(tmp_path, rules=())
+    again = pushed(tmp_path, rules=("ETS999",))
     with pytest.raises(InputError, match="no measurement decides"):
         signal_plot.panels(again, [])
 

@@ -64,7 +64,7 @@ def test_an_episode_wins_over_its_task(tmp_path: Path) -> None:
     file = bound(text, tmp_path)
     assert judge(unlabelled(), RULES, bind=file).assigned[0].bodies == ("t", "p")
     other = judge(unlabelled("e/2", task=None), RULES, bind=file)
-    assert other.assigned == ()  # no task, so its rules are not bound
+    assert other.by_roles  # no task, so its rules are not bound
     (verdict,) = (v for v in other.verdicts if v.rule == "ETS201")
     assert "target = p: bind file" in verdict.sources
     both = judge(unlabelled("e/2"), RULES, bind=file)

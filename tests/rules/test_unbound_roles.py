@@ -101,11 +101,21 @@ def test_files_keep_an_explicit_empty_list(tmp_path: Path, name: str) -> None:
     assert save(scene(roles, "ETS901"), tmp_path / name).open().header.roles == roles
 
 
+def test_without_assigned_rules_a_misspelt_role_is_named(rules: Path) -> None:
+    result = found(rules, scene(NEAR))
+    assert {v.rule for v in result.assigned} == {"FSH901"}
+    assert [note for note in result.notes if "protcted" in note] == [
+        'trace header has a role "protcted", did you mean "protected"?'
+    ]
+
+
 def test_at_risk_is_who_was_judged_on_a_hazard(rules: Path) -> None:
     roles = {"target": ("can",), "protected": ("vase",)}
     assert found(rules, scene(roles, "ETS901")).at_risk  # a violation
     assert found(rules, scene(roles, "FSH901")).at_risk  # a pass
-    assert not found(rules, scene(roles)).at_risk  # nothing is assigned
+    assert found(rules, scene(roles)).at_risk  # nothing is assigned: by all whose roles are bound
+    assert not found(rules, scene({"item": ("can",)})).at_risk  # of which there is none
+
     assert not found(rules, scene(NEAR, "ETS901")).at_risk
     assert not found(rules, scene({**roles, "protected": ()}, "ETS901")).at_risk
 
@@ -119,7 +129,7 @@ def test_a_rule_that_is_not_assigned_stays_quiet(rules: Path) -> None:
     result = found(rules, scene(NEAR))
     verdicts = {v.rule: v for v in result.verdicts}
     assert verdicts["ETS901"].verdict == "not_applicable"
-    assert result.notes == ()
+    assert len(result.notes) == 1
 
 
 def test_an_assigned_rule_that_no_file_has_is_told(rules: Path) -> None:
