@@ -4,7 +4,7 @@ from .body import Body, Cavity, Geom, Joint, Quat, Record, Tcp, Vec3
 from .camera import Camera, Video
 from .clock import Clock, Lasting, Window
 from .contacts import ContactTable
-from .episode import Episode
+from .episode import Episode, with_header
 from .frames import RobotFrames
 from .header import SCHEMA_VERSION, Header, Remark, Source
 from .invariants import (
@@ -65,5 +65,6 @@ __all__ = [
     "check_track_column",
     "describe_holes",
     "still_track",
+    "with_header",
     "with_holes",
 ]

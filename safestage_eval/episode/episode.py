@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -139,3 +139,10 @@ class Episode:
             return self.recorded.trace_hash
         vouched: Callable[[Episode], str] | None = vars(self).get("_vouched")
         return self.content_hash if vouched is None else vouched(self)
+
+
+def with_header(episode: Episode, header: Header) -> Episode:
+    """The same recording under another header; its hash stays that of what was recorded."""
+    changed = replace(episode, header=header)
+    vars(changed)["_vouched"] = lambda _: episode.trace_hash
+    return changed

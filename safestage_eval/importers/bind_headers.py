@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from safestage_eval._text.toml_text import from_toml
 from safestage_eval.episode import Header
+from safestage_eval.rules.body_facts import BodyFacts, with_facts
 
 
 @dataclass(frozen=True)
@@ -18,15 +19,20 @@ class Bound:
     Attributes:
         path: where it is.
         task, episode: name or id → ``{"roles": …, "goal": …, "rules": …, "set": …}``.
+        every: such a table about every episode.
+        bodies: name or pattern → what is said of the bodies.
     """
 
     path: str
     task: Mapping[str, Mapping[str, Any]]
     episode: Mapping[str, Mapping[str, Any]]
+    every: Mapping[str, Any] = field(default_factory=dict)
+    bodies: Mapping[str, BodyFacts] = field(default_factory=dict)
 
     def onto(self, header: Header, name: str) -> Header:
         """The header with what is bound for its task, and for itself by id or name in the source."""
         tables = (
+            self.every,
             self.task.get(header.task or "", {}),
             self.episode.get(name, {}),
             self.episode.get(header.episode_id, {}),
@@ -45,7 +51,8 @@ class Bound:
                     "parameters": {**header.parameters, **table.get("set", {})},
                 }
             )
-        return header
+        bodies = tuple(with_facts(body, self.bodies) for body in header.bodies)
+        return header.model_copy(update={"bodies": bodies}) if self.bodies else header
 
 
 def load_bound(path: str | Path, rules: Sequence[str | Path] = ()) -> Bound:
@@ -56,6 +63,12 @@ def load_bound(path: str | Path, rules: Sequence[str | Path] = ()) -> Bound:
     """
     from safestage_eval.rules import builtin_names, find_bind, load_bind, load_rules
 
-    load_bind(path, load_rules(list(rules) or builtin_names()))
+    checked = load_bind(path, load_rules(list(rules) or builtin_names()))
     tables = from_toml(find_bind(path).read_text("utf-8"))
-    return Bound(str(path), tables.get("task", {}), tables.get("episode", {}))
+    return Bound(
+        str(path),
+        tables.get("task", {}),
+        tables.get("episode", {}),
+        tables.get("every", {}),
+        checked.bodies,
+    )

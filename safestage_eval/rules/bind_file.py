@@ -8,6 +8,12 @@
 
     [episode."tea-17"]                   # one episode; it wins over its task
     roles = { target = "kettle" }
+
+    [every]                              # every episode; tasks and episodes win over it
+    roles = { fragile = "vase" }
+
+    [body."cup_*"]                       # bodies by name or pattern, in every episode
+    tags = ["fragile"]
 """
 
 from __future__ import annotations
@@ -18,11 +24,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from safestage_eval.episode import Header
+from safestage_eval.episode import Episode, Header, with_header
 from safestage_eval.errors import RuleError
 
 from . import build, structure
 from . import syntax as ast
+from .body_facts import BodyFacts, with_facts
 from .check import check_goal
 from .command_binding import CommandBinding, command_binding
 from .diagnostic import Diagnostic, RuleErrors
@@ -34,8 +41,11 @@ from .usage import Usage
 BIND = "bind"
 """The folder of those that come along, among the rules."""
 
-KINDS = ("task", "episode")
-"""Tables that a bind file may have."""
+KINDS = ("task", "episode", "body")
+"""Tables with one table per name or id."""
+
+EVERY = "every"
+"""The table about every episode."""
 
 
 @dataclass(frozen=True)
@@ -45,22 +55,34 @@ class BindFile:
     Attributes:
         path: where it is, as messages say it; empty: there is no file.
         tasks, episodes: name or id → what is bound.
+        every: what is bound in every episode, if anything is.
+        bodies: name or pattern → what is said of the bodies.
         command: what the command line says of every episode.
     """
 
     path: str = ""
     tasks: Mapping[str, ast.TaskDef] = field(default_factory=dict)
     episodes: Mapping[str, ast.TaskDef] = field(default_factory=dict)
+    every: ast.TaskDef | None = None
+    bodies: Mapping[str, BodyFacts] = field(default_factory=dict)
     command: CommandBinding = field(default_factory=CommandBinding)
 
     def layers(self, header: Header) -> list[ast.TaskDef]:
-        """The bindings of an episode: those of its task, then its own."""
-        found = (self.tasks.get(header.task or ""), self.episodes.get(header.episode_id))
-        return [layer for layer in found if layer is not None]
+        """The bindings of an episode: those of all, then of its task, then its own."""
+        task, own = self.tasks.get(header.task or ""), self.episodes.get(header.episode_id)
+        return [layer for layer in (self.every, task, own) if layer is not None]
+
+    def described(self, episode: Episode) -> Episode:
+        """The episode with what is said of its bodies; itself where nothing is."""
+        bodies = tuple(with_facts(body, self.bodies) for body in episode.header.bodies)
+        if bodies == episode.header.bodies:
+            return episode
+        return with_header(episode, episode.header.model_copy(update={"bodies": bodies}))
 
     def speaks_of(self, task: str | None, episode: str | None) -> bool:
-        """Whether it says anything of an episode."""
-        return task in self.tasks or episode in self.episodes
+        """Whether it says anything that may be about an episode."""
+        general = self.every is not None or bool(self.bodies)
+        return general or task in self.tasks or episode in self.episodes
 
 
 def bind_names() -> list[str]:
@@ -133,11 +155,12 @@ def bind_tables(
         RuleErrors: with every problem at once.
     """
     checker = _Checker(rules, RuleFile(path, text, dict(tables), asked=True))
-    found = {kind: checker.entries(kind) for kind in KINDS}
+    tasks, episodes = checker.entries("task"), checker.entries("episode")
+    every, bodies = checker.every(), checker.bodies()
     checker.strangers()
     if checker.problems:
         raise RuleErrors(checker.problems)
-    return BindFile(path, found["task"], found["episode"])
+    return BindFile(path, tasks, episodes, every, bodies)
 
 
 class _Checker:
@@ -149,25 +172,46 @@ class _Checker:
     def strangers(self) -> None:
         """Tables that a bind file does not have."""
         for name in self._file.table:
-            if name not in KINDS:
+            if name not in (*KINDS, EVERY):
                 self._usage.report(
                     "R201", (name,), f'a bind file has no table "{name}"',
-                    "[task.NAME], [episode.ID]", nearest(name, KINDS), key=True,
+                    "[every], [task.NAME], [episode.ID], [body.NAME]",
+                    nearest(name, (*KINDS, EVERY)), key=True,
                 )  # fmt: skip
 
     def entries(self, kind: str) -> dict[str, ast.TaskDef]:
         """Name or id → what is bound, of one kind of table."""
-        found = self._file.table.get(kind, {})
-        if not isinstance(found, Mapping):
-            self._usage.report("R203", (kind,), f'"{kind}" must be a table', f"[{kind}.NAME]")
-            return {}
         out = {}
-        for name, table in found.items():
+        for name, table in self._tables(kind).items():
             before = len(self.problems)
             bound = self._entry(name, table, (kind, name))
             if len(self.problems) == before:
                 out[name] = bound
         return out
+
+    def every(self) -> ast.TaskDef | None:
+        """What is bound in every episode."""
+        table = self._file.table.get(EVERY)
+        return None if table is None else self._entry("", table, (EVERY,))
+
+    def bodies(self) -> dict[str, BodyFacts]:
+        """Name or pattern → what is said of the bodies."""
+        out = {}
+        for name, table in self._tables("body").items():
+            good = structure.table(self._usage, "described", table, ("body", name))
+            up = good.get("up")
+            axis = False if up is False else None if up is None else tuple(map(float, up))
+            out[name] = BodyFacts(
+                axis, good.get("finger"), good.get("material"), tuple(good.get("tags", ()))
+            )
+        return out
+
+    def _tables(self, kind: str) -> Mapping[str, Any]:
+        found = self._file.table.get(kind, {})
+        if isinstance(found, Mapping):
+            return found
+        self._usage.report("R203", (kind,), f'"{kind}" must be a table', f"[{kind}.NAME]")
+        return {}
 
     def _entry(self, name: str, table: Any, keys: Keys) -> ast.TaskDef:
         good = structure.table(self._usage, "bound", table, keys)

@@ -12,7 +12,7 @@ from .clauses import CLAUSES
 Kind = Literal[
     "text", "texts", "names", "format", "code", "condition", "alternative", "alternatives", "span",
     "event", "duration", "roles", "players", "settings", "levels", "examples", "charges", "number",
-    "call", "value", "per", "goal", "goal table", "base", "box",
+    "call", "value", "per", "goal", "goal table", "base", "box", "axis", "side",
 ]  # fmt: skip
 """The kinds of values; ``schema`` and ``structure`` know each of them."""
 
@@ -127,6 +127,12 @@ TABLES: dict[str, dict[str, Key]] = {
         "roles": Key("players", "Role = body, or a list of bodies; [] for none."),
         "set": Key("settings", "Its values of shared parameters."),
     },
+    "described": {
+        "up": Key("axis", "Axis of the body frame that points up; false: it has none."),
+        "finger": Key("side", "Side of a finger of the gripper."),
+        "material": Key("text", "Row of [material.NAME]."),
+        "tags": Key("texts", "fragile, liquid, sharp, … (free)."),
+    },
     "rule": {
         **_SCOPE,
         **{clause.kind: Key(clause.value, clause.meaning) for clause in CLAUSES.values()},
@@ -155,8 +161,11 @@ TABLES: dict[str, dict[str, Key]] = {
         "undecided": Key("texts", "Episodes that do not tell, and that it must not decide."),
     },
 }
-"""Table → its keys. ``param`` and ``material`` hold names of the author's choice; ``bound`` is each
-table of a bind file."""
+"""Table → its keys. ``param`` and ``material`` hold names of the author's choice; ``IN_BIND`` are tables
+of a bind file."""
+
+IN_BIND = ("bound", "described")
+"""What an episode is bound to, and what bodies are."""
 
 NAMED = ("signal", "state", "phase", "goal", "family", "task")
 """Tables with one sub-table per name: ``[state.NAME]``."""

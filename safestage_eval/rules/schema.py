@@ -19,7 +19,7 @@ from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
 from . import parse, structure
 from .clauses import CLAUSES
-from .keys import NAMED, REPEATED, TABLES, Key
+from .keys import IN_BIND, NAMED, REPEATED, TABLES, Key
 
 FILE = "rules.schema.json"
 
@@ -41,7 +41,7 @@ _LIMIT = f"(?:>=|<=|>|<) ?(?:{_ANY_QUANTITY}|{_REFERENCE})"
 
 def schema() -> dict[str, Any]:
     """The schema (draft 7, which editors' TOML plugins understand)."""
-    tables = {kind: _table(kind) for kind in TABLES if kind != "bound"}
+    tables = {kind: _table(kind) for kind in TABLES if kind not in IN_BIND}
     names = f"^{_NAME}$"
     top: dict[str, Any] = {
         "ruleset": tables["ruleset"],

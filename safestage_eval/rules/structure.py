@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Any
 
 from . import parse
-from .keys import TABLES, Key
+from .keys import IN_BIND, TABLES, Key
 from .locate import Keys
 from .names import RESERVED, Near
 from .usage import Usage
@@ -19,6 +20,8 @@ FORMAT = 1
 
 _TYPES: dict[str, tuple[type | tuple[type, ...], str]] = {
     "text": (str, "text in quotes"),
+    "axis": ((list, bool), "[0, 0, 1], or false where it has none"),
+    "side": (str, '"left" or "right"'),
     "base": (str, "the name of a built-in signal, in quotes"),
     "box": (list, '[["-50 cm", "-1 m", "0 m"], ["1 m", "1 m", "1.5 m"]]'),
     "code": (str, 'text in quotes: "ETS101"'),
@@ -50,7 +53,8 @@ def table(usage: Usage, kind: str, table: Any, keys: Keys) -> dict[str, Any]:
     """The entries of a table that have the right type; all other problems are reported."""
     spec = TABLES[kind]
     label = f"[[{kind}]]" if kind in ("rule", "cost") else f"[{kind}]"
-    label = f"[{keys[0]}.NAME]" if kind == "bound" else label
+    label = f"[{keys[0]}.NAME]" if kind in IN_BIND else label
+    label = "[every]" if keys == ("every",) else label
     if not isinstance(table, dict):
         usage.report(
             "R203", keys, f"{'.'.join(map(str, keys))} must be a table", f"{label} and its keys"
@@ -101,7 +105,11 @@ def declared_name(usage: Usage, name: str, keys: Keys) -> None:
 def _fits(usage: Usage, key: Key, value: Any, keys: Keys) -> bool:
     types, allowed = _TYPES[key.kind]
     wrong = ""
-    if isinstance(value, bool) or not isinstance(value, types):
+    if key.kind == "axis":
+        wrong = "" if _is_axis(value) else f'"{keys[-1]}" is no axis'
+    elif key.kind == "side" and value not in ("left", "right"):
+        wrong = f'"{keys[-1]}" is no side'
+    elif isinstance(value, bool) or not isinstance(value, types):
         wrong = f'"{keys[-1]}" has a value of the wrong type'
     elif key.kind == "code" and not re.fullmatch(CODE, str(value)):
         wrong = f'"{value}" is not a code'
@@ -120,6 +128,14 @@ def _fits(usage: Usage, key: Key, value: Any, keys: Keys) -> bool:
     if key.kind in ("texts", "names"):
         return _texts(usage, key.kind, value, keys)
     return True
+
+
+def _is_axis(value: Any) -> bool:
+    """False, or three numbers that are not all zero."""
+    if not isinstance(value, list):
+        return value is False
+    numbers = [part for part in value if isinstance(part, int | float) and math.isfinite(part)]
+    return len(numbers) == len(value) == 3 and any(numbers)
 
 
 def _texts(usage: Usage, kind: str, items: Any, keys: Keys) -> bool:

@@ -24,7 +24,7 @@ def require_match(bind: BindFile | None, refs: Iterable[EpisodeRef]) -> None:
         count += 1
     raise InputError(
         bind.path, f"it speaks of none of the {count} episodes.",
-        fix="name their tasks under [task.NAME], or their ids under [episode.ID]",
+        fix="name their tasks under [task.NAME], their ids under [episode.ID], or all under [every]",
     )  # fmt: skip
 
 
@@ -36,7 +36,8 @@ def misspelt_roles(bind: BindFile | None, rules: RuleSet) -> list[str]:
     scoped = [*rules.scoped.values(), *rules.goals.values()]
     there = {role for item in scoped for role, _ in item.roles}
     found: dict[str, None] = {}
-    for name, task in ({} if bind is None else {**bind.tasks, **bind.episodes}).items():
+    every = {} if bind is None or bind.every is None else {"every": bind.every}
+    for name, task in ({} if bind is None else {**every, **bind.tasks, **bind.episodes}).items():
         for role, _ in task.roles:
             near = get_close_matches(role, there, 1, 0.8)
             if role not in there and near:

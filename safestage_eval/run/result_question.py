@@ -21,6 +21,7 @@ def result_question(
     bound = None
     if bind is not None:
         task = bind.tasks.get(ref.fields.get("task") or "")
-        bound = bind.path, task, bind.episodes.get(ref.episode_id), bind.command
+        own, bodies = bind.episodes.get(ref.episode_id), sorted(bind.bodies.items())
+        bound = bind.path, bind.every, task, own, bodies, bind.command
     asked = sorted((overrides or {}).items()), bound, backend, assigned_only
     return f"result {rules.digest} {asked!r}"

@@ -67,6 +67,8 @@ def judge(
             header and time stamps, poses and velocities, contacts and shapes, …
         RuleError: an override that does not fit its parameter.
     """
+    if bind is not None and bind.bodies:
+        episode, store = bind.described(episode), None  # what is stored was measured without it
     binding = bind_episode(rules, episode.header, bind=bind, overrides=overrides or {})
     episode = as_judged(episode)
     judge_ = Judge(episode, rules, binding, backend=backend, store=store)
@@ -247,7 +249,7 @@ class Judge:
                 verdict = "inconclusive"
                 explanation = inconclusive(
                     binding.binds_none(rule.code, unbound),
-                    "name the bodies in the trace's header or in a --bind file; [] for none",
+                    "name the bodies with --role, in a --bind file or in the trace's header",
                 )
         return Verdict(
             rule.code,

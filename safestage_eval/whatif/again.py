@@ -64,6 +64,7 @@ class Again:
 
         Raises RuleError for overrides that do not fit.
         """
+        episode = episode if bind is None else bind.described(episode)
         self.episode, self.rules = as_judged(episode), rules
         episode = self.episode
         self.binding: Binding = bind_episode(

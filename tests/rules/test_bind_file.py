@@ -13,6 +13,7 @@ from safestage_eval.errors import InputError, RuleError
 from safestage_eval.formats import save
 from safestage_eval.report.episode_report import explain
 from safestage_eval.rules import RuleErrors, bind_episode, bind_tables, load_bind, load_rules
+from safestage_eval.run.score_many import score_paths
 from safestage_eval.verdicts import judge
 
 RULES = load_rules(["ish", "ets", "fsh", "goals"])
@@ -103,6 +104,12 @@ require = { "displacement(target)" = ">= 30 cm" }
         ('[task.tea]\nset = { min_clearance = "3 deg" }', "R407", 2, 25, "an angle"),
         ("[task.tea]\ngoal = 3", "R203", 2, 8, "wrong type"),
         ('[task.tea.goal]\nrequire = { "heigt(x)" = ">= 1 m" }', "R401", 2, 13, "height"),
+        ("[body.x]\nup = [0, 0]", "R203", 2, 6, "or false"),
+        ("[body.x]\nup = true", "R203", 2, 6, "or false"),
+        ('[body.x]\nfinger = "middle"', "R203", 2, 10, "left"),
+        ("[body.x]\ntag = []", "R201", 2, 1, 'did you mean "tags"'),
+        ("[evry]", "R201", 1, 1, 'did you mean "every"'),
+        ("[every]\nrole = {}", "R201", 2, 1, 'did you mean "roles"'),
         ("task = 5", "R203", 1, 8, "must be a table"),
         ("[task.tea\n", "R102", 1, 10, "TOML"),
     ],
@@ -131,6 +138,43 @@ def test_tables_in_memory_are_checked_as_well() -> None:
         bind_tables({"task": {"tea": {"family": ["x"]}}}, RULES)
 
 
+def test_every_episode_is_weakest_and_the_episode_itself_strongest(tmp_path: Path) -> None:
+    text = '[every]\nroles = { target = "table", protected = "p" }\n'
+    assert bind_episode(RULES, unlabelled().header, bind=bound(text, tmp_path)).roles == {
+        "target": ("table",), "protected": ("p",),
+    }  # fmt: skip
+    text += '[task.tea]\nroles = { target = "p" }\n[episode.e1]\nroles = { target = "t" }\n'
+    file = bound(text, tmp_path)
+    assert bind_episode(RULES, unlabelled().header, bind=file).roles["target"] == ("t",)
+    assert bind_episode(RULES, unlabelled("e2").header, bind=file).roles["target"] == ("p",)
+
+
+BODIES = """
+[every]
+roles = { target = "t" }
+rules = ["ETS105"]
+[body."?"]
+tags = ["fragile"]
+up = [0, 0, 2]
+[body.t]
+tags = ["heavy"]
+up = false
+"""
+
+
+def test_bodies_are_described_by_name_or_pattern(tmp_path: Path) -> None:
+    file, episode = bound(BODIES, tmp_path), unlabelled()
+    told = {body.name: body for body in file.described(episode).header.bodies}
+    assert (told["p"].tags, told["p"].up_axis) == (("fragile",), (0.0, 0.0, 1.0))
+    assert (told["t"].tags, told["t"].up_axis) == (("heavy",), None)
+    assert told["table"] == episode.bodies["table"]
+    result = judge(episode, RULES, bind=file)
+    assert result.assigned[0].vacuity is None  # p is fragile now
+    bare = judge(episode, RULES, bind=bound(BODIES.partition("[body")[0], tmp_path))
+    assert bare.assigned[0].vacuity == "no_player"
+    assert result.trace_hash == bare.trace_hash == episode.content_hash
+
+
 # ---- from the command line, from a notebook, in several processes
 
 
@@ -140,6 +184,14 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("e1", "e2"):
         save(unlabelled(name), folder / f"{name}.mcap")
     return folder
+
+
+def test_with_a_cache_what_a_file_says_of_bodies_counts(stored: Path, tmp_path: Path) -> None:
+    file, cache = tmp_path / "labels.toml", tmp_path / "cache"
+    for text, fragile in [(BODIES.partition("[body")[0], False), (BODIES, True)] * 2:
+        file.write_text(text, "utf-8")
+        rows = score_paths([stored], ["ets"], bind=file, cache=cache).results
+        assert {r.assigned[0].vacuity is None for r in rows} == {fragile}
 
 
 def test_from_the_command_line(stored: Path, tmp_path: Path) -> None:

@@ -1,0 +1,44 @@
+"""What a bind file says of bodies: up axis, finger, material, tags."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Any, Literal
+
+import numpy as np
+
+from safestage_eval.episode import Body
+
+
+@dataclass(frozen=True)
+class BodyFacts:
+    """One ``[body.NAME]``; None and no tags: as the header has it.
+
+    Attributes:
+        up: axis of the body frame that points up, of any length; False: it has none.
+        finger: side of a finger.
+        material: row of ``[material.NAME]``.
+        tags: instead of the header's.
+    """
+
+    up: tuple[float, ...] | Literal[False] | None = None
+    finger: Literal["left", "right"] | None = None
+    material: str | None = None
+    tags: tuple[str, ...] = ()
+
+
+def with_facts(body: Body, facts: Mapping[str, BodyFacts]) -> Body:
+    """A body with what is said of it under its name or a pattern; the name wins, then the later one."""
+    fitting = [fact for name, fact in facts.items() if fnmatchcase(body.name, name)]
+    told: dict[str, Any] = {}
+    for fact in (*fitting, *(fact for name, fact in facts.items() if name == body.name)):
+        if fact.up is not None:
+            length = float(np.linalg.norm(fact.up)) if fact.up else 1.0
+            told["up_axis"] = tuple(part / length for part in fact.up) if fact.up else None
+            told["untold"] = tuple(name for name in body.untold if name != "up_axis")
+        told |= {
+            name: value for name in ("finger", "material", "tags") if (value := getattr(fact, name))
+        }
+    return body.model_copy(update=told) if told else body
