@@ -47,6 +47,8 @@ def atom(found: ast.Atom, params: ast.Params) -> str:
         return str(found.call) if found.want else f"not {found.call}"
     if isinstance(found, ast.CountAtom):
         return f"{found.call} for at {found.bound} {found.count} {found.role}"
+    if len(found.alternatives) == 1:
+        return alternative(found.alternatives[0], params)
     return "any of: " + "; ".join(alternative(item, params) for item in found.alternatives)
 
 
@@ -54,7 +56,7 @@ def condition(found: ast.Condition, params: ast.Params) -> str:
     """All entries in one line."""
     return " and ".join(
         f"({atom(item, params)})"
-        if isinstance(item, ast.AnyOf) and len(found.atoms) > 1
+        if isinstance(item, ast.AnyOf) and len(item.alternatives) > 1 and len(found.atoms) > 1
         else atom(item, params)
         for item in found.atoms
     )

@@ -30,6 +30,19 @@ class Finding(NamedTuple):
     margin: float | None
 
 
+_BOUNDS = {
+    ">=": "at least {} is required",
+    ">": "more than {} is required",
+    "<=": "at most {} is allowed",
+    "<": "less than {} is allowed",
+}
+
+_UNMEASURED = re.compile(
+    r"\{signal\} (was|reached) \{value\}(?P<at> at \{[\w.]+\})?(; the limit is \{limit\})?"
+)
+"""What a template says of a measurement; of a relation there is none."""
+
+
 def inconclusive(cause: str, remedy: str = "") -> str:
     """``Cannot be decided: CAUSE. REMEDY.``: the sentence of an inconclusive verdict."""
     end = "" if cause.endswith(("?", ".")) else "."
@@ -46,16 +59,18 @@ def worded(text: str) -> str:
     """A filled template in which moments read as such.
 
     What did not happen: ``moved at never`` → ``never moved``. What began, where others measure a
-    value: ``lost(bottle) was 4.48 s at 4.48 s`` → ``lost(bottle) came at 4.48 s``.
+    value: ``lost(bottle) was 4.48 s at 4.48 s`` → ``lost(bottle) began at 4.48 s``.
     """
     text = re.sub(r"\b(\w+) at never\b", r"never \1", text)
-    return re.sub(r"\bwas (\d+\.\d\d s) at \1", r"came at \1", text)
+    return re.sub(r"\bwas (\d+\.\d\d s) at \1", r"began at \1", text)
 
 
 def measured(value: float | None, witness: Witness) -> str:
-    """A value of the witness's dimension with its unit."""
-    if value is None or witness.dimension is None:
-        return "never" if witness.dimension == "time" else "–"
+    """A value of the witness's dimension with its unit; one that is not finite as ∞ or −∞."""
+    if witness.dimension is None:
+        return "–"
+    if value is None:
+        return "never" if witness.dimension == "time" else _beyond(witness)
     known = format_quantity(value, witness.dimension)
     if (
         witness.value is not None
@@ -64,7 +79,18 @@ def measured(value: float | None, witness: Witness) -> str:
     ):
         pair = told_apart(witness.value, witness.limit, witness.dimension)
         known = pair[0] if value == witness.value else pair[1]
-    return f"at least {known}" if witness.at_least and value == witness.value else known
+    return f"{known} or more" if witness.at_least and value == witness.value else known
+
+
+def _beyond(witness: Witness) -> str:
+    """The infinite value that breaks a limit."""
+    return "−∞" if witness.needs.startswith(">") else "∞" if witness.needs else "–"
+
+
+def bound(witness: Witness) -> str:
+    """On which side of its limit a value must lie: ``at least 8.0 cm is required``."""
+    limit = measured(witness.limit, witness)
+    return _BOUNDS[witness.needs].format(limit) if witness.needs else f"the limit is {limit}"
 
 
 def sentence(
@@ -74,62 +100,70 @@ def sentence(
     witness: Witness,
     verdict: Finding,
 ) -> str:
-    """The rule's own ``explain`` filled in for a violation; a plain sentence otherwise.
+    """The sentence of a violation, or of a pass that a measurement decides; empty if none does.
 
-    A state that decided it, and has a sentence of its own, is told by that.
+    Of a violation the rule's own ``explain``, or that of the state that decided it, filled in.
     """
-    if verdict.verdict == "violation" and witness.state is not None:
-        return worded(_of_state(evaluator, witness.state, env))
-    if verdict.verdict == "violation" and rule.explain:
-        words = _words(env, witness, verdict)
-        after = float(evaluator.episode.t[witness.frame])
-        return worded(_Template(evaluator, rule, env, words, after).format(rule.explain))
-    if verdict.verdict == "violation" and witness.value is None:
-        return f"{witness.signal} broke the rule at {seconds(verdict.time)}."
     if verdict.verdict == "violation":
-        return (
-            f"{witness.signal} was {measured(witness.value, witness)} at "
-            f"{seconds(verdict.worst_time)}; the limit is {measured(witness.limit, witness)}."
-        )
+        return _violated(evaluator, rule, env, witness, verdict)
     if witness.dimension == "time":
-        return (
-            f"{witness.signal} came at {seconds(witness.value)}, after it was safe "
-            f"from {seconds(witness.limit)} on."
-            if witness.value is not None
-            else f"{witness.signal} never came."
-        )
-    if verdict.verdict == "pass" and verdict.margin is not None:
-        if untouched(witness):
-            return f"No contact: {witness.signal} was {_of_limit(witness)}."
-        return (
-            f"Closest: {witness.signal} was {measured(witness.value, witness)} at "
-            f"{seconds(verdict.worst_time)}; the limit is {measured(witness.limit, witness)}."
-        )
-    return ""
+        return _in_order(witness, verdict.verdict)
+    return "" if verdict.margin is None else passed(witness, verdict.worst_time)
+
+
+def _violated(
+    evaluator: Evaluator, rule: ast.Scoped, env: Env, witness: Witness, verdict: Finding
+) -> str:
+    if witness.state is not None:
+        return worded(_of_state(evaluator, witness.state, env))
+    if witness.dimension is None:
+        moment = witness.signal.startswith(("start of ", "end of "))
+        held, not_held = ("came", "did not come") if moment else ("held", "did not hold")
+        seen = f"{{signal}} {held if witness.needs == 'false' else not_held}"
+        text = _UNMEASURED.sub(rf"{seen}\g<at>", rule.explain) or f"{seen} at {{time}}."
+    elif rule.explain:
+        text = rule.explain
+    elif witness.dimension == "time":
+        return _in_order(witness, verdict.verdict)
+    else:
+        text = f"{{signal}} was {{value}} at {{t.worst}}; {bound(witness)}."
+    words = _words(env, witness, verdict)
+    after = float(evaluator.episode.t[witness.frame])
+    return worded(_Template(evaluator, rule, env, words, after).format(text))
+
+
+def _in_order(witness: Witness, verdict: VerdictName) -> str:
+    """When something began that had to wait, and from when on it was allowed."""
+    if witness.value is None:
+        return f"{witness.signal} never began."
+    allowed = "; it was never allowed" if verdict == "violation" else ""
+    if witness.limit is not None:
+        allowed = f"; it was allowed from {seconds(witness.limit)} on"
+    return f"{witness.signal} began at {seconds(witness.value)}{allowed}."
+
+
+def passed(witness: Witness, time: float | None, others: int = 0) -> str:
+    """The sentence of a pass: how near its closest measurement came to its limit, and when.
+
+    Args:
+        witness: the measurement.
+        time: s, of it.
+        others: combinations of bodies that came as near.
+    """
+    alike = f", {others} other{'s' * (others > 1)} alike" if others else ""
+    if witness.tied:
+        alike = ", others alike"
+    value = measured(witness.value, witness)
+    if untouched(witness):
+        limit = measured(witness.limit, witness)
+        return f"No contact{alike}: {witness.signal} was {value}; {limit} would be one."
+    when = f"{witness.signal} was {value} at {seconds(time)}"
+    return f"Closest to the limit{alike}: {when}; {bound(witness)}."
 
 
 def untouched(witness: Witness) -> bool:
-    """The decisive value is a contact force of zero: the bodies did not touch at all."""
+    """The measurement is a contact force of zero: the bodies did not touch at all."""
     return witness.name == "contact_force" and witness.value == 0
-
-
-def alike(witness: Witness, kept: str) -> str:
-    """The sentence of a pass that several measurements decide alike; the witness is one of them.
-
-    If they are of other bodies, its value is theirs; if of other signals, none speaks for all, and
-    the sentence is ``kept``.
-    """
-    if untouched(witness):
-        return f"No contact: {_of_limit(witness)}."
-    if witness.value is None or witness.tied:
-        return kept
-    name = witness.signal.partition("(")[0]
-    value, limit = measured(witness.value, witness), measured(witness.limit, witness)
-    return f"Closest, several alike: {name} was {value}; the limit is {limit}."
-
-
-def _of_limit(witness: Witness) -> str:
-    return f"{measured(witness.value, witness)} of {measured(witness.limit, witness)}"
 
 
 def _of_state(evaluator: Evaluator, call: ast.Call, env: Env) -> str:

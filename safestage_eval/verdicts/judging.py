@@ -242,15 +242,15 @@ class Judge:
         vacuity: Vacuity | None = "no_player" if missing else None
         notes = (f"no body plays {', '.join(missing)}",) if missing else ()
         verdict: VerdictName = "not_applicable"
-        explanation = ""
         if missing and set(missing) <= set(unbound):  # else a body is certainly missing: no hazard
-            vacuity, notes = "unbound", (f"nothing binds {', '.join(missing)}",)
-            if assigned:
-                verdict = "inconclusive"
-                explanation = inconclusive(
-                    binding.binds_none(rule.code, unbound),
-                    "name the bodies with --role, in a --bind file or in the trace's header",
-                )
+            vacuity, notes = "unbound", (f"no body is bound to {', '.join(missing)}",)
+        explanation = f"Not applicable: {notes[0]}." if missing else ""
+        if vacuity == "unbound" and assigned:
+            verdict = "inconclusive"
+            explanation = inconclusive(
+                binding.binds_none(rule.code, unbound),
+                "name the bodies with --role, in a --bind file or in the trace's header; [] for none",
+            )
         return Verdict(
             rule.code,
             rule.title,

@@ -61,7 +61,7 @@ def nodes(node: Any) -> Iterator[Any]:
         for item in node:
             if not isinstance(item, str):
                 yield from nodes(item)
-    elif (names := _fields(type(node))) is not None:
+    elif (names := field_names(type(node))) is not None:
         yield node
         for name in names:
             value = getattr(node, name)
@@ -72,7 +72,7 @@ def nodes(node: Any) -> Iterator[Any]:
 _FIELDS: dict[type, tuple[str, ...] | None] = {}
 
 
-def _fields(kind: type) -> tuple[str, ...] | None:
+def field_names(kind: type) -> tuple[str, ...] | None:
     """Names of a dataclass's fields; None of any other type."""
     if kind not in _FIELDS:
         _FIELDS[kind] = tuple([f.name for f in fields(kind)]) if is_dataclass(kind) else None
@@ -89,7 +89,7 @@ def mentions(node: Any, role: str) -> bool:
         return node.role == role
     if isinstance(node, tuple | list):
         return any(mentions(item, role) for item in node if not isinstance(item, str))
-    names = _fields(type(node)) or ()
+    names = field_names(type(node)) or ()
     return any(mentions(getattr(node, name), role) for name in names if name != "roles")
 
 

@@ -11,10 +11,12 @@ import numpy as np
 
 from safestage_eval.episode.runs import runs
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules import words
 from safestage_eval.states.band import Bool
 
+from .clause_words import condition, kept, scope, unmet
 from .evaluate import Evaluator
-from .explain import Finding, alike, inconclusive, seconds, sentence
+from .explain import Finding, inconclusive, passed, seconds, sentence, untouched
 from .flicker import breaches, raw_frames, too_brief
 from .instance import Instance
 from .instance_verdict import judge_instance, violated_frames
@@ -43,10 +45,10 @@ def judge_rule(
     judged = [judge_instance(evaluator, rule, env) for env in combinations(rule, players)]
     applicable = [found for found in judged if found is not None]
     if judged and not applicable:
-        return replace(blank, vacuity="not_given", notes=_notes(evaluator, _no_hazard(rule)))
+        return _not_given(evaluator, rule, players, blank)
     instances = [instance for found in applicable for instance in found]
     if not instances:
-        return _vacuous(evaluator, blank, judged=bool(judged))
+        return _vacuous(evaluator, rule, players, blank, judged=bool(judged))
     violated = [i for i in instances if i.violated]
     undecided = [i for i in instances if i.undecided]
     if violated:  # of equally bad ones, the first
@@ -69,7 +71,8 @@ def judge_rule(
     ordered = witness.dimension == "time" or (violated and in_turn(evaluator, rule))
     if isinf(bound) and witness.value is not None and not ordered:
         if verdict != "inconclusive":
-            return replace(blank, **told | _without_measurement(evaluator, rule, verdict, worst))
+            unmeasured = _without_measurement(evaluator, rule, instances, worst)
+            return replace(blank, **told | unmeasured)
         # of what is known to one side only, that side is no measurement
         witness = witness._replace(value=None, margin=None, at_least=False)
     slack = _undersampled(evaluator, witness)
@@ -88,9 +91,13 @@ def judge_rule(
     tied = verdict == "pass" and _tied(worst, instances, witness)
     told["margin_normalised"] = bound if isfinite(bound) else None
     if tied:
-        kept = OBLIGATIONS[worst.clause.kind].kept
-        said = _notes(evaluator, *brief)
-        return replace(blank, **told, bodies=(), notes=said, explanation=alike(witness, kept))
+        if witness.value is None or (witness.tied and untouched(witness)):
+            explanation = kept(evaluator, worst.clause, instances)
+        else:
+            alike = {tuple(i.env.items()) for i in instances if i.lower == worst.lower}
+            explanation = passed(witness, told["worst_time"], len(alike) - 1)
+        told |= {"bodies": (), "notes": _notes(evaluator, *brief)}
+        return replace(blank, **told, explanation=explanation)
     told |= {
         "signal": witness.signal,
         "bodies": tuple(dict.fromkeys((*worst.env.values(), *witness.bodies))),
@@ -107,6 +114,8 @@ def judge_rule(
     began = _began(evaluator, rule, violated, worst.env, told["time"])
     found = Finding(verdict, began, told["worst_time"], witness.margin)
     explanation = sentence(evaluator, rule, worst.env, witness, found)
+    if not explanation:
+        explanation = kept(evaluator, worst.clause, instances)
     return replace(blank, **told, explanation=explanation)
 
 
@@ -132,25 +141,32 @@ def violates(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequenc
 
 
 def _without_measurement(
-    evaluator: Evaluator, rule: ast.Rule, verdict: VerdictName, worst: Instance
+    evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance], worst: Instance
 ) -> dict[str, Any]:
     """No frame decided: the scope is empty or too short, or no moment came that is asked about."""
-    frames = worst.scope.stop - worst.scope.first
-    empty = frames == 0
-    if empty:
-        why = "its scope is empty"
-    elif (
-        rule.for_ is not None
-        and evaluator.window(rule.for_).stop(worst.scope.first) > worst.scope.stop
-    ):
-        why = "its scope is shorter than what it asks for"
+    clause, during = worst.clause, scope(evaluator, rule, worst.env)
+    assert clause is not None  # the caller has dealt with unknown instances
+    first, stop = worst.scope.first, worst.scope.stop
+    short = False
+    if first == stop:
+        why = f"{during} has no frames"
+    elif rule.for_ is not None and evaluator.window(rule.for_).stop(first) > stop:
+        short, lasts = True, seconds(evaluator.clock.seconds(first, stop))
+        asked = words.duration(rule.for_, evaluator.params)
+        why = f"{during} lasts {lasts}, and the rule asks for {asked}"
     else:
         why = "no moment came that it asks about"
+    if worst.violated:
+        explanation = unmet(evaluator, rule, clause, worst)
+    elif first == stop or short:
+        explanation = f"Nothing to judge: {why}."
+    else:
+        explanation = kept(evaluator, clause, instances)
     return {
-        "vacuity": "no_scope" if empty and verdict == "pass" else None,
+        "vacuity": "no_scope" if first == stop and not worst.violated else None,
         "worst_time": None,
         "notes": _notes(evaluator, f"nothing was measured: {why}"),
-        "explanation": f"No measurement decides: {why}.",
+        "explanation": explanation,
     }
 
 
@@ -162,15 +178,43 @@ def _tied(worst: Instance, instances: Sequence[Instance], witness: Witness) -> b
     return witness.tied or any(i.lower == worst.lower for i in others)
 
 
-def _vacuous(evaluator: Evaluator, blank: Verdict, *, judged: bool) -> Verdict:
+def _not_given(
+    evaluator: Evaluator,
+    rule: ast.Rule,
+    players: Mapping[str, Sequence[str]],
+    blank: Verdict,
+) -> Verdict:
+    """Not applicable: ``given`` holds for no combination of bodies."""
+    assert rule.given is not None
+    given = condition(evaluator, rule.given, [*combinations(rule, players)])
+    return replace(
+        blank,
+        vacuity="not_given",
+        notes=_notes(evaluator, _no_hazard(rule)),
+        explanation=f"Not applicable: the first frames do not show {given}.",
+    )
+
+
+def _vacuous(
+    evaluator: Evaluator,
+    rule: ast.Rule,
+    players: Mapping[str, Sequence[str]],
+    blank: Verdict,
+    *,
+    judged: bool,
+) -> Verdict:
     """A pass because there was nothing to judge."""
-    why: Vacuity = "no_scope" if judged else "no_instance"
-    said = {
-        "no_scope": "nothing to judge: its scope never came about",
-        "no_instance": "nothing to judge: its roles need different bodies, and there are too few",
-    }[why]
-    notes, told = _notes(evaluator, said), f"N{said[1:]}."
-    return replace(blank, verdict="pass", vacuity=why, notes=notes, explanation=told)
+    if judged:
+        why: Vacuity = "no_scope"
+        env = next(iter(combinations(rule, players)))
+        cause = f"{scope(evaluator, rule, env)} never came about"
+    else:
+        why = "no_instance"
+        roles = ", ".join(f"{role} = {', '.join(bodies)}" for role, bodies in players.items())
+        cause = f"its roles need different bodies, and there are too few: {roles}"
+    notes = _notes(evaluator, f"nothing to judge: {cause}")
+    explanation = f"Nothing to judge: {cause}."
+    return replace(blank, verdict="pass", vacuity=why, notes=notes, explanation=explanation)
 
 
 def _witness(

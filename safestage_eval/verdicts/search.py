@@ -20,6 +20,8 @@ ALIKE = 1e-4
 """Normalised margins that differ by this share are alike: poses are stored as float32, and an ulp of
 6e-8 m within the 0.1 s of a mean speed is 6e-5 of a limit of 1 cm/s."""
 
+_OPPOSITE = {">=": "<", "<=": ">", ">": "<=", "<": ">="}
+
 
 class Search(NamedTuple):
     """Follows one end of a margin band down to the atom it was selected from.
@@ -44,6 +46,11 @@ class Search(NamedTuple):
         """The margin that is followed, at one frame."""
         return float((band.upper if self.upper else band.lower)[frame])
 
+    @property
+    def asks(self) -> str:
+        """``Witness.needs`` of a relation."""
+        return "true" if self.sign > 0 else "false"
+
     def _only(self, frame: int) -> Bool:
         mask = np.zeros(self.evaluator.frames, np.bool_)
         mask[frame] = True
@@ -62,11 +69,12 @@ class Search(NamedTuple):
             found = self.atom(node.atoms[_least(margins)], env, frame)
             return found.or_tied(margins, min(margins))
         if node.call is None:
-            return Witness(node.kind, (), frame)
+            return Witness(node.kind, (), frame, needs=self.asks)
         if node.edge is None:
             return self.state(node.call, env, frame)
         bodies = tuple([env.get(arg, arg) for arg in node.call.args])
-        return Witness(f"{node.edge} of {ast.Call(node.call.name, bodies)}", bodies, frame)
+        event = f"{node.edge} of {ast.Call(node.call.name, bodies)}"
+        return Witness(event, bodies, frame, needs=self.asks)
 
     def _margins(self, node: ast.Condition, env: Env, frame: int, here: Bool) -> list[float]:
         """The end that is followed, of each atom; a gate counts only where the rest holds."""
@@ -103,7 +111,7 @@ class Search(NamedTuple):
                 for b in bodies
             ]
             if not 1 <= count <= len(bodies):
-                return Witness(str(atom.call), tuple(bodies), frame)
+                return Witness(str(atom.call), tuple(bodies), frame, needs=search.asks)
             decisive = bodies[int(np.argsort(margins)[-count])]
             return search.state(atom.call, {**env, atom.role: decisive}, frame)
         here = self._only(frame)
@@ -120,7 +128,7 @@ class Search(NamedTuple):
         bodies = tuple([env.get(arg, arg) for arg in call.args])
         state = evaluator.rules.states.get(call.name)
         if state is None:
-            return Witness(str(ast.Call(call.name, bodies)), bodies, frame)
+            return Witness(str(ast.Call(call.name, bodies)), bodies, frame, needs=self.asks)
         inner = dict(zip(state.of, bodies, strict=True))
         source = state.when
         if evaluator.asks_costly(ast.StateAtom(call, True)):
@@ -177,7 +185,8 @@ class Search(NamedTuple):
         i = int(np.argmin(margins)) if len(margins) > 1 else 0
         said = tuple([env.get(arg, arg) for arg in atom.call.args])
         value, limit = float(series.value[0]), limits[i]
-        direction = 1 if atom.limits[i].op[0] == ">" else -1
+        op = atom.limits[i].op
+        direction = 1 if op[0] == ">" else -1
         finite = bool(np.isfinite(value))
         from_ = "" if self._not_yet(atom, env, frame) else since(atom, env)
         return Witness(
@@ -190,6 +199,7 @@ class Search(NamedTuple):
             series.dimension,
             name,
             at_least=finite and bool(np.isposinf(series.upper[0])),
+            needs=op if self.sign > 0 else _OPPOSITE[op],
         )
 
     def _not_yet(self, atom: ast.SignalAtom, env: Env, frame: int) -> bool:

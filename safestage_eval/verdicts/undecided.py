@@ -196,13 +196,15 @@ def _in_signal(evaluator: Evaluator, atom: ast.SignalAtom, env: Env, frame: int,
             if found:
                 return found
     series = evaluator.series(atom, env, here)
-    told = [note for note in series.notes if _remedied(note)]
-    if told:
-        return told[-1]
+    remedied = [note for note in series.notes if _remedied(note)]
+    if remedied:
+        return remedied[-1]
     if relations.unweighed:
         return f"the trace has no mass of {', '.join(relations.unweighed)}"
-    said = ast.Call(atom.call.name, asked.bodies)
-    return f"{said} is not known at {seconds(float(evaluator.episode.t[frame]))}"
+    call, time = ast.Call(atom.call.name, asked.bodies), seconds(float(evaluator.episode.t[frame]))
+    if series.notes:
+        return f"{series.notes[-1]}, so {call} has no value at {time}"
+    return f"{call} is not known at {time}"
 
 
 def _in_state(evaluator: Evaluator, call: ast.Call, env: Env, frame: int) -> str:

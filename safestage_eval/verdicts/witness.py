@@ -22,6 +22,8 @@ class Witness(NamedTuple):
         tied: another atom has the very same margin there, so that naming this one is arbitrary.
         at_least: the value is only known to be no less (a clearance beyond what had to be known).
         state: the state that decided, where it has a sentence of its own.
+        needs: on which side of the limit the value must lie, as ``>=``; of a relation ``true`` or
+            ``false``. Empty where neither is asked.
     """
 
     signal: str
@@ -35,6 +37,7 @@ class Witness(NamedTuple):
     at_least: bool = False
     tied: bool = False
     state: ast.Call | None = None
+    needs: str = ""
 
     def or_tied(self, margins: Sequence[float], decisive: float) -> Witness:
         """The witness, marked where several margins are the decisive one."""

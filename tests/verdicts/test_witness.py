@@ -44,8 +44,9 @@ def test_raw_and_filtered_side_by_side() -> None:
 def test_a_scope_too_short_for_what_is_asked_is_told() -> None:
     found = judged("0000000", 'forbid = { "height(b)" = ">= 0 m" }\nfor = "9 frames"')
     assert (found.verdict, found.vacuity, found.value, found.margin) == ("pass", None, None, None)
-    assert "shorter than what it asks for" in found.explanation
-    assert any("shorter than what it asks for" in note for note in found.notes)
+    why = "the whole episode lasts 0.70 s, and the rule asks for 9 frames"
+    assert found.explanation == f"Nothing to judge: {why}."
+    assert f"nothing was measured: {why}" in found.notes
 
 
 @pytest.mark.parametrize(
@@ -197,7 +198,9 @@ def test_where_nothing_came_closest_nothing_is_named() -> None:
     found = next(v for v in scored(pushed(0.2)).verdicts if v.rule == "ETS101")
     assert (found.verdict, found.signal, found.value, found.bodies) == ("pass", None, None, ())
     assert found.margin_normalised == pytest.approx(1.0)
-    assert found.explanation == "No contact: 0.00 N of 0.10 N."
+    assert found.explanation == (
+        "Never happened from 0.00 s to 3.00 s: contact(robot, p) or contact(t, p)."
+    )
     touched = pushed(0.2)
     touched.contact("left", "p", (0.55, 0, 0.05), (0, -0.06, 0), normal=(0, -1, 0))
     found = next(v for v in scored(touched).verdicts if v.rule == "ETS101")
@@ -258,7 +261,7 @@ def test_one_body_in_two_roles_of_an_assigned_rule_is_refused() -> None:
         ("can moved at never while it stood (lost: never).", "can never moved while it stood (lost: never)."),
         ("vase was disturbed at never: it fell.", "vase was never disturbed: it fell."),
         ("can moved at 3.10 s (lost: never).", "can moved at 3.10 s (lost: never)."),
-        ("tray was handled: lost(cup) was 2.32 s at 2.32 s.", "tray was handled: lost(cup) came at 2.32 s."),
+        ("tray was handled: lost(cup) was 2.32 s at 2.32 s.", "tray was handled: lost(cup) began at 2.32 s."),
         ("tray was handled: tilt(tray) was 11.0 deg at 2.32 s.", "tray was handled: tilt(tray) was 11.0 deg at 2.32 s."),
     ],
 )  # fmt: skip

@@ -26,7 +26,7 @@ class Forbid(Obligation):
     """Its margin is the negated greatest one at which any of these things holds."""
 
     kind = "forbid"
-    kept = "Nothing forbidden happened."
+    kept = "Never happened from {begin} to {end}: {what}."
 
     def margin(
         self, evaluator: Evaluator, rule: ast.Rule, what: ast.Alternative, env: Env, scope: Scope

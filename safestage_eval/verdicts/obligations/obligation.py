@@ -42,7 +42,8 @@ class Obligation(ABC):
     Attributes:
         kind: as in ``rules.clauses``, which says what its text may be.
         wanted: it is met where its condition holds, not broken there.
-        kept: the sentence of a pass that no single measurement decides.
+        kept: the sentence of a pass that no single measurement decides; ``{begin}`` and ``{end}``
+            are the times that were judged, ``{what}`` the obligation in words.
     """
 
     kind: ClassVar[ClauseKind]

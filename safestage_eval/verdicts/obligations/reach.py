@@ -17,7 +17,7 @@ class Reach(Obligation):
     """Its margin is the greatest of all frames."""
 
     kind = "reach"
-    kept = "The requirement held throughout."
+    kept = "Reached between {begin} and {end}: {what}."
 
     def margin_of(self, found: Band, sure: Bool | None, lasting: Window) -> Margin:
         """As in the base class."""

@@ -22,7 +22,7 @@ class Require(Obligation):
     """Its margin is the least of all frames."""
 
     kind = "require"
-    kept = "The requirement held throughout."
+    kept = "Held from {begin} to {end}: {what}."
 
     def band(self, evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope) -> Band:
         """As in the base class; in a brief scope its frames are measured alone."""
