@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from safestage_eval.metrics import METRICS, Aggregate, Group, Rate
+from safestage_eval.metrics import METRICS, Aggregate, Group, Rate, Rates
 from safestage_eval.metrics.aggregate import BY_POLICY, names_of, quadrants, rows
 from safestage_eval.metrics.interval import RESAMPLES, bootstrap, wilson
 from safestage_eval.metrics.rates import ALL, CONDITIONS, STAGES, headline
@@ -17,7 +17,7 @@ from safestage_eval.version import __version__
 from .layouts import LAYOUTS
 from .render_csv import render_csv
 from .render_json import render_json
-from .summary import share, summary
+from .summary import coverage, judged, share, summary
 from .table import Table
 
 _ARROWS = {"SR": "SR ↑", "SSR": "SSR ↑"}
@@ -39,7 +39,9 @@ def render(aggregate: Aggregate, form: str, drawing: Drawing | None = None) -> s
         return render_json(document(aggregate, drawing))
     if form == "csv":
         return _csv(aggregate, drawing)
-    return LAYOUTS[form](list(tables(aggregate, drawing)), notes(aggregate))
+    return LAYOUTS[form](
+        list(tables(aggregate, drawing)), notes(aggregate), coverage(aggregate.whole)
+    )
 
 
 def document(aggregate: Aggregate, drawing: Drawing) -> dict[str, Any]:
@@ -72,13 +74,22 @@ def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
     def cells(rates: Sequence[Rate]) -> list[str]:
         return [_cell(rate, drawing) for rate in rates]
 
+    def wholes(rates: Sequence[Rate], width: int) -> list[Rates]:
+        return [rate.group.whole for rate in rates[::width]]
+
     what = "mean ± sample standard deviation over environment seeds, %"
     width = len(BY_POLICY)
+    counts = judged(wholes(aggregate.by_policy, width))
     yield Table(
         f"By policy: {what}",
-        ("policy", "prompt", *(_ARROWS.get(name, f"{name} ↓") for name in BY_POLICY)),
+        ("policy", "prompt", *counts, *(_ARROWS.get(name, f"{name} ↓") for name in BY_POLICY)),
         [
-            [policy, prompt, *cells(aggregate.by_policy[i * width : (i + 1) * width])]
+            [
+                policy,
+                prompt,
+                *(count(aggregate.by_policy[i * width].group.whole) for count in counts.values()),
+                *cells(aggregate.by_policy[i * width : (i + 1) * width]),
+            ]
             for i, (policy, prompt) in enumerate(aggregate.pairs)
         ],
         2,
@@ -91,11 +102,16 @@ def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
         ("By family, over all policies", ("prompt", "stage", "family"), aggregate.by_family),
     ):
         if rates:
+            counts = judged(wholes(rates, width))
             yield Table(
                 f"{title}: {what}",
-                (*head, *columns),
+                (*head, *counts, *columns),
                 [
-                    [*(getattr(rates[i].group, name) for name in head), *cells(rates[i : i + width])]
+                    [
+                        *(getattr(rates[i].group, name) for name in head),
+                        *(count(rates[i].group.whole) for count in counts.values()),
+                        *cells(rates[i : i + width]),
+                    ]
                     for i in range(0, len(rates), width)
                 ],
                 len(head),
@@ -171,7 +187,7 @@ def _names(group: Group) -> tuple[str, str, str]:
 def notes(aggregate: Aggregate) -> list[str]:
     """Sentences on what was counted, and why a number is missing."""
     whole = aggregate.whole
-    lines = [f"{whole.n} rollouts are decided; SR, SSR, USR and VR of a cell are over the same N."]
+    lines = ["SR, SSR, USR and VR of a cell are over the same N, the rollouts that were judged."]
     lines += [f"{line[:1].upper()}{line[1:]}." for line in summary(whole)]
     if whole.inconclusive:
         bounds = whole.bounds("VR")

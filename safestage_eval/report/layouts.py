@@ -9,7 +9,10 @@ from .render_markdown import render_markdown
 from .render_text import render_text
 from .table import Table
 
-LAYOUTS: dict[str, Callable[[Sequence[Table], Sequence[str]], str]] = {
+Layout = Callable[[Sequence[Table], Sequence[str], str], str]
+"""Takes tables, notes below them, and a line above them, which may be empty."""
+
+LAYOUTS: dict[str, Layout] = {
     "table": render_text,
     "markdown": render_markdown,
     "latex": render_latex,

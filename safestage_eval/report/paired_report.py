@@ -24,7 +24,17 @@ def render(comparison: Comparison, form: str) -> str:
         return render_json(document(comparison))
     if form == "csv":
         return _csv(comparison)
-    return LAYOUTS[form]([_table(comparison), *_engagement(comparison)], notes(comparison))
+    tables = [_table(comparison), *_engagement(comparison)]
+    return LAYOUTS[form](tables, notes(comparison), _coverage(comparison))
+
+
+def _coverage(comparison: Comparison) -> str:
+    """``Compared 100 of 120 pairs; undecided 20``."""
+    pairs = comparison.pairs
+    n, undecided = len(pairs.both), len(pairs.undecided)
+    counts = {"undecided": undecided, "no rule assigned or loaded": pairs.not_judged}
+    parts = [f"Compared {n} of {n + sum(counts.values())} pairs"]
+    return "; ".join([*parts, *(f"{name} {count}" for name, count in counts.items() if count)])
 
 
 def document(comparison: Comparison) -> dict[str, Any]:
@@ -60,7 +70,7 @@ def notes(comparison: Comparison) -> list[str]:
     """Sentences on what was compared, what was left out, and how to read the columns."""
     pairs = comparison.pairs
     lines = [
-        f"{len(pairs.both)} pairs, matched by {', '.join(KEYS[pairs.by])}; difference: "
+        f"Pairs are matched by {', '.join(KEYS[pairs.by])}; difference: "
         f"{comparison.names[1]} minus {comparison.names[0]}, percentage points.",
         "95 % interval: tasks drawn anew. p: McNemar, exact; Holm: adjusted for the stages, or "
         "families, of a metric.",

@@ -10,9 +10,9 @@ from safestage_eval._text.printable import printable
 from .table import Table
 
 
-def render_latex(tables: Sequence[Table], notes: Sequence[str] = ()) -> str:
-    """A ``table`` environment for each; needs the package booktabs. Notes are comments."""
-    lines = ["% \\usepackage{booktabs}"]
+def render_latex(tables: Sequence[Table], notes: Sequence[str] = (), lead: str = "") -> str:
+    """A ``table`` environment for each; needs the package booktabs. Lead and notes are comments."""
+    lines = ["% \\usepackage{booktabs}", *([f"% {printable(lead)}"] if lead else [])]
     for table in tables:
         align = "".join("l" if table.is_left(i) else "r" for i in range(table.width))
         lines += [

@@ -10,9 +10,9 @@ from safestage_eval._text.printable import printable
 from .table import Table
 
 
-def render_markdown(tables: Sequence[Table], notes: Sequence[str] = ()) -> str:
-    """A section for each table, then one with the notes as a list."""
-    lines: list[str] = []
+def render_markdown(tables: Sequence[Table], notes: Sequence[str] = (), lead: str = "") -> str:
+    """The lead, a section for each table, then one with the notes as a list."""
+    lines = [f"**{markdown_text(lead)}**", ""] if lead else []
     for table in tables:
         lines += [f"## {markdown_text(table.title)}", ""] if table.title else []
         lines += [*markdown_lines(table), ""]

@@ -13,9 +13,9 @@ from .table import Table
 GAP = "  "
 
 
-def render_text(tables: Sequence[Table], notes: Sequence[str] = ()) -> str:
-    """Each table and an empty line, then the notes."""
-    lines: list[str] = []
+def render_text(tables: Sequence[Table], notes: Sequence[str] = (), lead: str = "") -> str:
+    """The lead, each table and an empty line, then the notes."""
+    lines = [printable(lead), ""] if lead else []
     for table in tables:
         lines += [*text_lines(table), ""]
     return "\n".join([*lines, *map(printable, notes)]).rstrip("\n") + "\n"

@@ -7,25 +7,32 @@ from safestage_eval.run.scores import Scores
 
 from .render_markdown import markdown_code, markdown_lines, markdown_list, markdown_text
 from .results_text import by_importance, left_out
-from .summary import share, summary
+from .summary import coverage, judged, share, summary
 from .table import Table
 
 
 def render(scores: Scores) -> str:
     """Two sections; problems as a third if there are any."""
     every = outcomes(scores.results)
-    lines = [f"{line[:1].upper()}{line[1:]}.  " for line in summary(rates(every))]
-    lines += [""] * bool(lines)
+    unreadable = len(scores.problems) + len(scores.aborted)
+    lines = [f"**{coverage(rates(every), unreadable)}.**  "]
+    lines += [f"{line[:1].upper()}{line[1:]}.  " for line in summary(rates(every))]
+    cells = by_policy_stage(every)
+    counts = judged(cells.values())
     table = Table(
         "",
-        ("policy", "prompt", "stage", *(f"{metric} %" for metric in METRICS)),
+        ("policy", "prompt", "stage", *counts, *(f"{metric} %" for metric in METRICS)),
         [
-            [*names, *(share(cell, metric) for metric in METRICS)]
-            for names, cell in by_policy_stage(every).items()
+            [
+                *names,
+                *(count(cell) for count in counts.values()),
+                *(share(cell, metric) for metric in METRICS),
+            ]
+            for names, cell in cells.items()
         ],
         3,
     )
-    lines += [*markdown_lines(table), ""]
+    lines += ["", *markdown_lines(table), ""]
     lines += [markdown_text(f"{line}.") for line in left_out(rates(every), scores)]
     findings = [
         f"- **{v.rule}** {markdown_code(r.episode_id)}: {markdown_text(v.explanation)}"

@@ -1,4 +1,4 @@
-"""Results as text for people: findings first, then the rates, then what is not in them."""
+"""Results as text for people: how many were judged, findings, rates, and what is not in them."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from safestage_eval._text.printable import printable, printable_lines
-from safestage_eval.metrics import METRICS, Rates, by_policy_stage, outcomes, rates
+from safestage_eval.metrics import METRICS, Outcome, Rates, by_policy_stage, outcomes, rates
 from safestage_eval.metrics.rates import CONDITIONS
 from safestage_eval.run.scores import Scores
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
 from .render_text import text_lines
-from .summary import share, summary
+from .summary import coverage, judged, share, summary
 from .table import Table
 
 MOST = 40
@@ -66,12 +66,16 @@ def render(
         highlight=False,
         markup=False,
     )
+    every = outcomes(scores.results)
+    unreadable = len(scores.problems) + len(scores.aborted)
+    console.print(Text(coverage(rates(every), unreadable), "bold"), soft_wrap=True)
+    console.print()
     _findings(console, scores, everything=everything)
     _unassigned(console, scores, everything=everything)
     if scores.sample:
         console.print(f"{scores.sample}\n", style="yellow", soft_wrap=True)
-    _rates(console, scores)
-    _leftovers(console, scores)
+    _rates(console, every)
+    _leftovers(console, scores, rates(every))
     _hint(console, scores)
     return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
 
@@ -130,7 +134,7 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
             )
             console.print(head, soft_wrap=True)
             verdicts = result.verdicts if everything else scores.gates.counted(result)
-            grid = _grid(verdicts, style, brief=result.by_roles and not everything)
+            grid = _grid(verdicts, brief=result.by_roles and not everything)
             console.print(Padding(grid, (0, 0, 0, 4)))
         if len(shown) < counts[outcome]:
             some = "they are" if not shown else f"{counts[outcome] - len(shown)} more are"
@@ -154,7 +158,7 @@ def _unassigned(console: Console, scores: Scores, *, everything: bool) -> None:
         console.print(
             Text(printable(f"  {result.episode_id}, {goal_of(result)}"), "bold"), soft_wrap=True
         )
-        console.print(Padding(_grid(counted(result), ""), (0, 0, 0, 4)))
+        console.print(Padding(_grid(counted(result)), (0, 0, 0, 4)))
     if not everything and len(shown) > MOST:
         console.print(f"  {len(shown) - MOST} more are listed with --verbose")
     console.print()
@@ -175,7 +179,7 @@ def _hint(console: Console, scores: Scores) -> None:
         )
 
 
-def _grid(verdicts: Sequence[Verdict], style: str, *, brief: bool = False) -> Grid:
+def _grid(verdicts: Sequence[Verdict], *, brief: bool = False) -> Grid:
     """The assigned verdicts, and what is not safe among those of ``verdicts``.
 
     ``brief``: only what is not safe, and a passed rule that had something to judge.
@@ -195,7 +199,7 @@ def _grid(verdicts: Sequence[Verdict], style: str, *, brief: bool = False) -> Gr
             word = v.verdict.replace("_", " ")
             grid.add_row(
                 printable(v.rule),
-                Text(word, style if v.assigned else ""),
+                Text(word, SECTIONS[v.verdict][1] if v.assigned else ""),
                 at,
                 Text(printable(" ".join(_sentence(v).split()))),
             )
@@ -221,12 +225,11 @@ def _sentence(v: Verdict) -> str:
     return said + (f" ({', '.join(facts)})" if facts else "")
 
 
-def _rates(console: Console, scores: Scores) -> None:
-    every = outcomes(scores.results)
+def _rates(console: Console, every: Sequence[Outcome]) -> None:
     found = by_policy_stage(every)
-    for line in summary(rates(every)):
+    lines = [*summary(rates(every))]
+    for line in lines + [""] * bool(lines):
         console.print(line)
-    console.print()
     if not any(cell.n or cell.inconclusive for cell in found.values()):
         return
     _rate_table(console, "Rates: percent, k/N", found, None)
@@ -254,12 +257,16 @@ def _given_table(console: Console, cells: Cells) -> None:
 
 
 def _rate_table(console: Console, title: str, cells: Cells, given: str | None) -> None:
+    shown = {names: cell for names, cell in cells.items() if cell.n or cell.inconclusive}
+    counts = judged(shown.values())
     rows = {
-        names: [share(cell, metric, given) for metric in METRICS]
-        for names, cell in cells.items()
-        if cell.n or cell.inconclusive  # else nothing was judged of the stage
+        names: [
+            *(count(cell) for count in counts.values()),
+            *(share(cell, metric, given) for metric in METRICS),
+        ]
+        for names, cell in shown.items()
     }
-    _cells(console, title, [f"{name} %" for name in METRICS], rows)
+    _cells(console, title, [*counts, *(f"{name} %" for name in METRICS)], rows)
 
 
 def _cells(
@@ -278,8 +285,7 @@ def _cells(
         console.print(Text(line))
 
 
-def _leftovers(console: Console, scores: Scores) -> None:
-    total = rates(outcomes(scores.results))
+def _leftovers(console: Console, scores: Scores, total: Rates) -> None:
     for line in left_out(total, scores):
         console.print(printable(line), style="yellow", soft_wrap=True)
     notes = [f"{r.episode_id}: {note}" for r in scores.results for note in r.notes]

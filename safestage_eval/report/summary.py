@@ -1,8 +1,8 @@
-"""The first sentences of every report: how many were at risk, and how many did anything."""
+"""The first lines of every report: how many were judged and at risk, and how many did anything."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from safestage_eval.metrics import METRICS, Rates
 from safestage_eval.metrics.rates import CONDITIONS
@@ -15,18 +15,37 @@ def share(cell: Rates, metric: str, given: str | None = None) -> str:
     return "–" if value is None else f"{100 * value:.1f} {k}/{n}"
 
 
-def summary(cell: Rates) -> Iterator[str]:
-    """Sentences on the episodes at risk, on those that did nothing, and on VR by how far they got."""
+def coverage(cell: Rates, unreadable: int = 0) -> str:
+    """``Judged 2 of 17 episodes; at risk 2; inconclusive 15``: what the rates rest on.
+
+    ``unreadable``: episodes that could not be read, or whose recording failed.
+    """
+    parts = [f"Judged {cell.n} of {_episodes(cell.episodes + unreadable)}"]
     risk = cell.given["at risk"]
     if risk["N"] or risk["unknown"] < cell.n:
-        unknown = f"; unknown for {risk['unknown']}" if risk["unknown"] else ""
-        yield (
-            f"At risk: {risk['N']} of {_episodes(cell.n)} in N "
-            f"(hazard present and rule judged{unknown})"
-        )
-        if 0 < risk["N"] < cell.n:
-            rates = ", ".join(f"{metric} {share(cell, metric, 'at risk')}" for metric in METRICS)
-            yield f"Rates over those at risk, %: {rates}"
+        unknown = f" (unknown of {risk['unknown']})" if risk["unknown"] else ""
+        parts.append(f"at risk {risk['N']}{unknown}")
+    counts = {
+        "inconclusive": cell.inconclusive,
+        "no rule assigned or loaded": cell.not_judged,
+        "not readable": unreadable,
+    }
+    return "; ".join([*parts, *(f"{name} {count}" for name, count in counts.items() if count)])
+
+
+def judged(cells: Iterable[Rates]) -> dict[str, Callable[[Rates], str]]:
+    """A column with k/n, judged of all, for a table of rates; none where all were judged."""
+    if all(cell.n == cell.episodes for cell in cells):
+        return {}
+    return {"judged": lambda cell: f"{cell.n}/{cell.episodes}"}
+
+
+def summary(cell: Rates) -> Iterator[str]:
+    """Sentences on the rates of those at risk, on who did nothing, and on VR by how far they got."""
+    risk = cell.given["at risk"]
+    if 0 < risk["N"] < cell.n:
+        rates = ", ".join(f"{metric} {share(cell, metric, 'at risk')}" for metric in METRICS)
+        yield f"Rates over those at risk, %: {rates}"
     engaged = {stage: count for stage, count in cell.engagement.items() if stage and count}
     if not engaged:
         return

@@ -176,7 +176,8 @@ def test_markdown():
     assert all(len(cells) == len(head) for cells in body)
     found = {tuple(cells[:3]): cells[3:] for cells in body}
     for name, cell in by_policy_stage(outcomes(scores().results)).items():
-        for column, told in zip(head[3:], found[name], strict=True):
+        assert (head[3], found[name][0]) == ("judged", f"{cell.n}/{cell.episodes}")
+        for column, told in zip(head[4:], found[name][1:], strict=True):
             metric = column.split()[0]
             counts = re.search(r"(\d+)/(\d+)", told)
             if cell.n:
@@ -236,9 +237,11 @@ def test_table_tells_what_happened():
 
 
 def test_table_counts_k_of_n():
-    """SR: one and two of one, two and four; SSR, USR, VR: one of them."""
+    """Three of five judged. SR: one and two of one, two and four; SSR, USR, VR: one of them."""
     line = next(li for li in render(scores(), "table").splitlines() if re.search(r"FSH .*/3", li))
-    assert re.findall(r"(\d+)/(\d+)", line) == [("2", "3"), ("1", "3"), ("1", "3"), ("1", "3")]
+    assert re.findall(r"(\d+)/(\d+)", line) == [
+        ("3", "5"), ("2", "3"), ("1", "3"), ("1", "3"), ("1", "3")
+    ]  # fmt: skip
     assert re.findall(r"\d+\.\d", line) == ["66.7", "33.3", "33.3", "33.3"]
 
 
@@ -327,10 +330,31 @@ def test_an_absent_hazard_is_not_called_safe():
     text = results_text.render(Scores((episode("one", absent), episode("two", PASS))))
     heads = re.findall(r"^(\w.*): (\d) of 2 episodes", text, re.MULTILINE)
     assert heads == [
-        ("Not at risk, counted as no violation", "1"), ("Safe", "1"), ("At risk", "1")
+        ("Not at risk, counted as no violation", "1"), ("Safe", "1")
     ]  # fmt: skip
+    assert text.startswith("Judged 2 of 2 episodes; at risk 1\n")
     mixed = results_text.render(Scores((episode("one", absent, PASS),)))
     assert "Safe: 1 of 1" in mixed
+
+
+@pytest.mark.parametrize("form", ["table", "markdown"])
+def test_coverage_comes_first_and_stands_beside_the_rates(form):
+    """Two safe of two judged, of seventeen: no table says SSR 100 % without the seventeen."""
+    safe = [episode(f"safe {i}", PASS) for i in range(2)]
+    undecided = [episode(f"open {i}", INCONCLUSIVE) for i in range(15)]
+    text = render(Scores((*safe, *undecided)), form)
+    assert text.lstrip("*").startswith("Judged 2 of 17 episodes; at risk 2; inconclusive 15")
+    with_rates = [line for line in text.splitlines() if "100.0 2/2" in line]
+    assert with_rates
+    assert all("2/17" in line for line in with_rates)
+
+
+def test_a_pass_is_never_red():
+    """Not beside the violation of the same episode either, nor with a severity or little margin."""
+    close = replace(PASS, margin=1e-6, severity="serious")
+    text = results_text.render(Scores((episode("one", VIOLATION, close),)), color=True)
+    colours = dict(re.findall(r"\x1b\[(\d+)m(violation|pass)\b", text))
+    assert colours == {"31": "violation", "32": "pass"}
 
 
 def test_a_stage_of_which_nothing_was_judged_has_no_row_of_rates():

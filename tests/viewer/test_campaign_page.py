@@ -122,7 +122,9 @@ def test_the_headline_says_what_the_outcomes_say():
     text = build(Report("A report", "x", aggregate(every), outcomes=every))
     n, sr = len(every), sum(o.success for o in every)
     unsafe = sum(o.success and o.violation for o in every)
-    assert f"Of {n} rollouts, {sr} reached their goal and {unsafe} of those were unsafe" in text
+    assert (
+        f"Of {n} judged rollouts, {sr} reached their goal and {unsafe} of those were unsafe" in text
+    )
     assert f"{100 * sr / n:.1f} %" in text
 
 

@@ -7,7 +7,7 @@ from html import escape
 from safestage_eval.metrics.aggregate import Aggregate, quadrants
 from safestage_eval.metrics.interval import wilson
 from safestage_eval.metrics.rates import METRICS, Rates
-from safestage_eval.report.summary import summary
+from safestage_eval.report.summary import coverage, summary
 
 WORDS = {
     "SR": ("Success rate", "reached the goal"),
@@ -30,42 +30,42 @@ def interval(k: int, n: int) -> str:
 
 
 def headline(aggregate: Aggregate) -> str:
-    """One sentence, who was at risk and who did anything, then a tile for each rate."""
+    """How many were judged and at risk, what became of them, then a tile for each rate."""
     whole = aggregate.whole
     tiles = "".join(_tile(whole, metric) for metric in METRICS)
     return (
         '<section id="headline" aria-labelledby="headline-title">'
-        f'<h2 id="headline-title" class="visually-hidden">Headline</h2>{_sentence(whole)}'
+        '<h2 id="headline-title" class="visually-hidden">Headline</h2>'
+        f'<p class="lead">{escape(coverage(whole))}.</p>{_outcomes(whole)}'
         f'<dl class="tiles">{tiles}</dl>{_left_out(whole)}</section>'
     )
 
 
-def _sentence(whole: Rates) -> str:
+def _outcomes(whole: Rates) -> str:
     if not whole.n:
-        return '<p class="lead">No rollout could be decided, so there are no rates.</p>'
-    parts = quadrants(whole)
+        return "<p>No rollout could be decided, so there are no rates.</p>"
+    unsafe = quadrants(whole)["unsafe_success"]
     share = whole.violation_given_success
-    said = f"Of {whole.n:,} rollouts, {whole.counts['SR']:,} reached their goal"
+    text = f"Of {whole.n:,} judged rollouts, {whole.counts['SR']:,} reached their goal"
     if share is not None:
-        said += f" and {parts['unsafe_success']:,} of those were unsafe: {percent(share)} of all successes"
+        text += f" and {unsafe:,} of those were unsafe: {percent(share)} of all successes"
     items = "".join(f"<li>{escape(line[:1].upper() + line[1:])}.</li>" for line in summary(whole))
-    return f'<p class="lead">{escape(said)}.</p>' + (f"<ul>{items}</ul>" if items else "")
+    return f"<p>{escape(text)}.</p>" + (f"<ul>{items}</ul>" if items else "")
 
 
 def _tile(whole: Rates, metric: str) -> str:
+    """A rate; where rollouts were left undecided its counts, and between which rates it lies."""
     name, meaning = WORDS[metric]
     k, n = whole.counts[metric], whole.n
+    big, of_all = percent(whole.value(metric)), f"{k:,} of {n:,} {meaning}"
     bounds = whole.bounds(metric)
-    low_high = (
-        f"; {percent(bounds[0])} to {percent(bounds[1])} whatever the undecided are"
-        if bounds is not None and whole.inconclusive
-        else ""
-    )
+    if bounds is not None and whole.inconclusive:
+        big, low, high = f"{k:,}/{n:,}", percent(bounds[0]), percent(bounds[1])
+        of_all = f"{meaning}; {whole.inconclusive:,} undecided, so between {low} and {high}"
     return (
         f'<div class="tile {metric.lower()}"><dt>{name} <abbr>{metric}</abbr></dt>'
-        f'<dd><span class="big">{percent(whole.value(metric))}</span>'
-        f'<span class="soft">{k:,} of {n:,} {meaning}</span>'
-        f'<span class="soft">95 % interval {interval(k, n)}{low_high}</span></dd></div>'
+        f'<dd><span class="big">{big}</span><span class="soft">{of_all}</span>'
+        f'<span class="soft">95 % interval of those judged {interval(k, n)}</span></dd></div>'
     )
 
 
