@@ -102,10 +102,13 @@ def _residual(episode: Episode, names: Iterable[str]) -> float:
     for name in names:
         track = episode.tracks[name]
         for pose, rate in PAIRS if len(track) > 1 else ():
+            there, speed = (
+                np.ascontiguousarray(getattr(track, column), np.float32) for column in (pose, rate)
+            )
+            unseen = np.zeros(0, np.bool_)
             compare_motion(
-                episode.t, *(np.ascontiguousarray(getattr(track, c), np.float32) for c in (pose, rate)),
-                np.zeros(0, np.bool_), LONGEST[pose], WINDOW, *JUMP[pose], out,
-            )  # fmt: skip
+                episode.t, there, speed, unseen, LONGEST[pose], WINDOW, *JUMP[pose], out
+            )
             by_pose, by_velocity, apart = np.sqrt(out[:3])
             most = max(by_pose, by_velocity)
             rest = max(rest, apart / most if most > LEAST[pose] else 0.0)

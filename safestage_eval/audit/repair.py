@@ -73,7 +73,9 @@ def columns(episode: Episode, names: Collection[str], **changes: Callable[[Any],
 def contacts(episode: Episode, **changes: Callable[[Any], Any]) -> Episode:
     """Other columns of all contacts."""
     table = ContactTable(*(getattr(episode.contacts, f.name) for f in fields(ContactTable)))
-    changed = {c: np.asarray(f(getattr(table, c)), np.float32) for c, f in changes.items()}
+    changed: dict[str, Any] = {
+        c: np.asarray(f(getattr(table, c)), np.float32) for c, f in changes.items()
+    }
     return replace(episode, _contacts=replace(table, **changed))
 
 

@@ -83,7 +83,7 @@ def command(
     drawn = found.sections
     with_sections = f", {len(drawn.html)} with sections" if drawn is not None else ""
     size = len(html.encode()) / 1e6
-    say(f"{output}: {len(found.found.outcomes)} rollouts{with_sections}, {size:.1f} MB", err=True)
+    say(f"{output}: {len(found.counts.outcomes)} rollouts{with_sections}, {size:.1f} MB", err=True)
     for note in found.notes:
         say(f"note: {note}", err=True)
     problems = drawn.problems if drawn is not None else ()

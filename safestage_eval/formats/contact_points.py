@@ -32,14 +32,7 @@ all bodies in the header's order. The bodies follow from the geoms."""
 RAW = np.dtype((np.void, POINT.itemsize))
 """A point as bytes: moving whole points is several times faster than moving their fields."""
 
-_ITEMS = np.dtype(
-    {
-        "names": POINT.names,
-        "formats": [f"V{POINT[name].itemsize}" for name in POINT.names or ()],
-        "offsets": [POINT.fields[name][1] for name in POINT.names or ()] if POINT.fields else [],
-        "itemsize": POINT.itemsize,
-    }
-)
+_ITEMS = np.dtype([(name, f"V{POINT[name].itemsize}") for name in POINT.names or ()])
 """POINT with every field as bytes: a vector is copied as one item."""
 
 Contacts = NDArray[Any] | Mapping[str, ArrayLike] | Sequence[Mapping[str, Any]]
@@ -183,7 +176,7 @@ class PackedContacts(StoredColumns, ContactTable):
         values = []
         for column in columns:
             name, _, axis = column.partition(".")
-            if name in self._points.dtype.fields:
+            if name in (self._points.dtype.names or ()):
                 values.append(
                     np.ascontiguousarray(points[name][:, "xyz".index(axis)])
                     if axis

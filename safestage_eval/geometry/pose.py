@@ -94,11 +94,11 @@ def point_velocity(
     v + ω × (R p), of the frames' velocities (T, 3) in m/s and rad/s, world. Raises ValueError where
     a quaternion has norm 0 or is not finite.
     """
-    columns = [np.asarray(c) for c in (linear, angular, orientation)]
-    if not all(c.dtype == np.float32 and c.flags.carray for c in columns):
-        columns = [owned(c) for c in columns]
-    out = np.empty(columns[0].shape)
-    if not _point_velocities(*columns, owned(point), out):
+    v, w, q = (np.asarray(c) for c in (linear, angular, orientation))
+    if not all(c.dtype == np.float32 and c.flags.carray for c in (v, w, q)):
+        v, w, q = owned(v), owned(w), owned(q)
+    out = np.empty(v.shape)
+    if not _point_velocities(v, w, q, owned(point), out):
         raise ValueError(_NO_TURN)
     return out
 

@@ -22,7 +22,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from safestage_eval.episode import Episode, Header, with_header
 from safestage_eval.errors import RuleError
@@ -200,7 +200,9 @@ class _Checker:
         for name, table in self._tables("body").items():
             good = structure.table(self._usage, "described", table, ("body", name))
             up = good.get("up")
-            axis = False if up is False else None if up is None else tuple(map(float, up))
+            axis: tuple[float, ...] | Literal[False] | None = (
+                up if up is None or up is False else tuple(map(float, up))
+            )
             out[name] = BodyFacts(
                 axis, good.get("finger"), good.get("material"), tuple(good.get("tags", ()))
             )

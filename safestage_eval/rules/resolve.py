@@ -149,10 +149,10 @@ class Binding:
         """Warnings about roles of assigned rules that nothing binds, and of misspelt roles."""
         scoped = self._rules.scoped
         if self.provenance.get("rules", BY_ROLES) == BY_ROLES:
-            missing = {role for rule in scoped.values() for role in self.unbound(rule)}
+            unbound = {role for rule in scoped.values() for role in self.unbound(rule)}
             return [
                 f'{self.provenance[f"roles.{wrong}"]} has a role "{wrong}", did you mean "{role}"?'
-                for role in sorted(missing)
+                for role in sorted(unbound)
                 if (wrong := self.misnamed(role))
             ]
         return [

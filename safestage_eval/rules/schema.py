@@ -181,6 +181,8 @@ def _key(key: Key) -> dict[str, Any]:
             return {"anyOf": [{"type": "number"}, _text(f"(?:{_ANY_QUANTITY}|{_REFERENCE})")]}
         case "per":
             return {"enum": ["start", "second", "step"]}
+        case "axis" | "side":
+            raise ValueError(f"{key.kind} is a key of bind files, which have no schema")
 
 
 def _condition(nested: str | None) -> dict[str, Any]:

@@ -240,7 +240,7 @@ class Judge:
         unbound = binding.unbound(rule) if missing else ()
         assigned = rule.code in binding.assigned
         vacuity: Vacuity | None = "no_player" if missing else None
-        notes = (f"no body plays {', '.join(missing)}",) if missing else ()
+        notes: tuple[str, ...] = (f"no body plays {', '.join(missing)}",) if missing else ()
         verdict: VerdictName = "not_applicable"
         if missing and set(missing) <= set(unbound):  # else a body is certainly missing: no hazard
             vacuity, notes = "unbound", (f"no body is bound to {', '.join(missing)}",)
