@@ -77,7 +77,7 @@ def test_the_command_line_beats_header_bind_file_and_rule_file(tmp_path: Path) -
     file = bind_tables({"task": {"tidy": {"roles": {"target": "glass_1"}}}}, loaded)
     command = command_binding(loaded, ["FSH101"], ["target=cube"])
     said = header(roles={"target": ("table",)}, rules=("FSH102",))
-    found = bind_episode(loaded, said, bind=BindFile("x", file.tasks, {}, command))
+    found = bind_episode(loaded, said, bind=BindFile("x", file.tasks, command=command))
     assert (found.roles["target"], found.assigned) == (("cube",), ("FSH101",))
     assert found.provenance["roles.target"] == found.provenance["rules"] == "command line"
 

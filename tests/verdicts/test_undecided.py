@@ -123,7 +123,7 @@ def test_the_fingers_are_not_named() -> None:
 def test_a_role_is_not_bound() -> None:
     found = said(scene(), "ETS201", roles={"target": ("cup",), "protcted": ("vase",)})
     assert 'did you mean "protected"?' in found
-    assert "Name the bodies in the trace's header" in found
+    assert "Name the bodies with --role, in a --bind file or in the trace's header" in found
 
 
 def test_nothing_was_recorded_for_a_while() -> None:
