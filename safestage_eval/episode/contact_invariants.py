@@ -40,6 +40,9 @@ EVERY = 8
 RESTED = 0.2
 """s of rest at the least before forces are compared with the weight."""
 
+STAYED, SAMPLES = 1.0, 3
+"""s and samples: what nothing touches stays nowhere so long, at whatever rate it is looked at."""
+
 TOO_LITTLE, TOO_MUCH, ASIDE = 0.2, 2.0, 0.8
 """Share of its weight that the forces on a body at rest come to at the least, added up as they are
 strong: the walls of a gap hold it with 0.25 by friction of 2; that the upward one comes to at the
@@ -272,23 +275,49 @@ def check_free_fall(
     from .invariant_kernels import while_untouched
 
     dt = float(t[-1] - t[0]) / max(len(t) - 1, 1)
-    if len(position) != len(t) or not 0 < dt <= STILL_FOR / 2:
+    if len(position) != len(t) or not dt > 0:
         return []
-    reach, out = max(1, round(STILL_FOR / dt)), np.empty(2)
-    # at the middle of 2 reaches it is g (reach dt)² / 2 above the line; half of that is asked for
-    while_untouched(position, touched, reach, 0.25 * gravity * (reach * dt) ** 2, out)
-    if out[0] * dt < RESTED:
-        return []
+    if dt > STILL_FOR / 2:
+        first, lasted = _stays_untouched(t, position, touched)
+        if not lasted:
+            return []
+    else:
+        reach, out = max(1, round(STILL_FOR / dt)), np.empty(2)
+        # at the middle of 2 reaches it is g (reach dt)² / 2 above the line; half of that is asked for
+        while_untouched(position, touched, reach, 0.25 * gravity * (reach * dt) ** 2, out)
+        first, lasted = int(out[1]), float(out[0]) * dt
+        if lasted < RESTED:
+            return []
     return [
         contradiction(
             "floats",
             (body,),
             where,
-            f"{body!r} does not fall at {t[int(out[1])]:.3f} s, though nothing touches it for "
-            f"{out[0] * dt:.2f} s in all.",
+            f"{body!r} does not fall at {t[first]:.3f} s, though nothing touches it for "
+            f"{lasted:.2f} s in all.",
             "contacts of all that bears or carries a body",
             "look for contacts that are not recorded, or counted from another frame, and for other "
             "units; a body that gravity does not act on is not movable, or has no mass",
             time=t[int(out[1])],
         )
     ]
+
+
+def _stays_untouched(t: F64, position: F32, touched: NDArray[np.bool_]) -> tuple[int, float]:
+    """The first sample of the first stay of a body that nothing touches, and how long it is (s).
+
+    Both are 0 where there is none of ``STAYED`` s and ``SAMPLES`` samples. Samples at which the
+    place was not measured are left out.
+    """
+    at = np.flatnonzero(np.isfinite(position).all(axis=1))
+    usual, first = float(np.median(np.diff(t))), 0
+    for last, i in enumerate(at):
+        if touched[i]:
+            first = last + 1
+            continue
+        if (np.abs(position[i] - position[at[first]]) >= STILL).any():
+            first = last
+        many = last + 1 - first
+        if many >= SAMPLES and many * usual >= STAYED:
+            return int(at[first]), many * usual
+    return 0, 0.0
