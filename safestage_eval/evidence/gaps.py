@@ -23,8 +23,8 @@ Bool = NDArray[np.bool_]
 
 POSE = ("position", "orientation")
 TWIST = ("linear_velocity", "angular_velocity")
-STILL = 10
-"""Frames: a free body that stays in its place so long, in gravity, is borne by something."""
+STILL, SAMPLES, PLACE = 0.1, 3, 1e-4
+"""s, samples and m: a free body that stays in its place so long, in gravity, is borne by something."""
 
 
 class Gaps:
@@ -164,7 +164,7 @@ class Gaps:
         """Contact forces were recorded.
 
         Not where the header says so and all of them are zero, though a free body stays in its place
-        against gravity.
+        against gravity; or may have, where that is too short or too coarse to tell.
         """
         episode = self.episode
         if episode.header.force_source == "none":
@@ -185,18 +185,28 @@ class Gaps:
         for pair in pairs:
             if any(values.any() for values in contacts.of_pair(pair, "force", "peak_force")):
                 return True
-        return not any(self._stays(i) for i in free)
+        if pairs and episode.clock.coarse.any():
+            return False
+        return all(self._stays(i) is False for i in free)
 
-    def _stays(self, body: int) -> bool:
+    def _stays(self, body: int) -> bool | None:
+        """Whether a body (index) stays in its place; None where too little of it was measured."""
         record = self.given.header.bodies[body]
         if record.mass == 0 or not record.geoms:
             return False
         place = self.episode.track(record.name).position
-        if len(place) < STILL:
-            return False
-        near = np.abs(place[STILL - 1 :] - place[: 1 - STILL]).max(axis=1) < 1e-4
-        mid = np.abs(place[STILL // 2 : 1 + STILL // 2 - STILL] - place[: 1 - STILL]).max(axis=1)
-        return bool((near & (mid < 1e-4)).any())
+        lost = self.of_bodies([record.name], ("position",))
+        seen = np.arange(self.frames) if lost is None else np.flatnonzero(~lost)
+        place, t = place[seen], self.given.t[seen]
+        at = np.arange(len(seen))
+        last = np.maximum(np.searchsorted(t, t + STILL - 1e-9), at + SAMPLES - 1)
+        first = at[last < len(at)]
+        if not len(first):
+            return None
+        last = last[first]
+        near = [np.abs(place[i] - place[first]).max(axis=1) < PLACE
+                for i in ((first + last) // 2, last)]  # fmt: skip
+        return bool(np.logical_and(*near).any())
 
     @property
     def about_forces(self) -> str:

@@ -182,3 +182,53 @@ def test_peaks_that_all_came_at_the_frame_came_together():
     assert found.lower == pytest.approx(np.full(60, G + 3.0), rel=1e-6)
     higher, _ = pressed_by_all((G * 1.001, 3.0))
     assert (higher.lower < higher.upper).all()
+
+
+def falling(frames=60, rate=120.0, touching=False):
+    t = np.arange(frames) / rate
+    path = np.stack([0 * t, 0 * t, 2 - G * t * t / 2], 1)
+    scene = (
+        Scene(frames, rate)
+        .fixed("table")
+        .box("a", 0.05, path)
+        .box("b", 0.05, path + np.array([0, 0, 0.1]))
+    )
+    if touching:
+        scene.contact("a", "b", (0, 0, 2), (0, 0, 0))
+    return scene.episode()
+
+
+@pytest.mark.parametrize(
+    ("frames", "rate", "touching", "recorded"),
+    [
+        (6, 120.0, True, False),
+        (2, 10.0, True, False),
+        (6, 120.0, False, False),
+        (14, 120.0, True, True),
+        (6, 30.0, True, True),
+        (6, 5.0, True, False),
+    ],
+)
+def test_zero_forces_of_what_is_too_short_or_coarse_to_tell_were_not_recorded(
+    frames, rate, touching, recorded
+):
+    """Two boxes fall side by side: their contacts bear nothing, if there is time to see it."""
+    assert Signals(falling(frames, rate, touching)).gaps.forces is recorded
+
+
+@pytest.mark.parametrize("way", ["NaN", "unseen"])
+def test_a_place_that_was_not_measured_is_no_rest(way):
+    episode, lost = falling(), np.zeros(60, np.bool_)
+    lost[20:50] = True
+    if way == "NaN":
+        for name in "ab":
+            episode = with_nan(episode, name, "position", slice(20, 50))
+    else:
+        tracks = {}
+        for name in "ab":
+            track = episode.tracks[name]
+            held = track.position.copy()
+            held[lost] = held[20]
+            tracks[name] = replace(track, position=held)
+        episode = replace(episode, unseen=lost, tracks={**episode.tracks, **tracks})
+    assert Signals(episode).gaps.forces
