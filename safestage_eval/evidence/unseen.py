@@ -22,13 +22,10 @@ def mask_unseen(measured: Series, request: Request) -> Series:
     unseen, signal = request.episode.unseen, request.signal
     if unseen is None:
         return measured
-    hidden = unseen | _looks_back(request, unseen)
-    over = request.over
-    if signal.ahead and measured.notes and over is None:
-        hidden[:-1] |= unseen[1:]
-        hidden[1:] |= unseen[:-1]
+    lost, over = beside(request, unseen), request.over
+    hidden = lost | _looks_back(request, unseen)
     if over is not None and not signal.sums:
-        hidden |= _within(request, unseen, over)
+        hidden |= _within(request, lost, over)
     measured = hide(measured, hidden)
     lower, upper = measured.lower, measured.upper
     after = np.logical_or.accumulate(unseen)
@@ -37,6 +34,20 @@ def mask_unseen(measured: Series, request: Request) -> Series:
     if signal.sums == "down":
         lower = np.where(after, -np.inf, lower)
     return replace(measured, lower=lower, upper=upper)
+
+
+def beside(request: Request, lost: Bool) -> Bool:
+    """(T,) the lost frames; and their neighbours, where velocities are derived from poses."""
+    reads = request.signal.reads_of(dict(request.options))
+    if not request.signal.ahead or reads in ("com", "orientation"):
+        return lost
+    for body in {body for group in request.groups for body in group}:
+        columns = {"angular_velocity" if reads == "angular velocity" else "linear_velocity"}
+        if any(request.episode.bodies[body].com):
+            columns.add("angular_velocity")
+        if any(derived(request.episode, body, column) for column in columns):
+            return around(lost)
+    return lost
 
 
 def _looks_back(request: Request, unseen: Bool) -> Bool:

@@ -147,13 +147,13 @@ def health(request: Request) -> Series:
     Damage is what one evaluation costs, and there is one every Δt: ∫ damage dt / Δt. An impact is
     seen for Δt, so it costs its damage once.
     """
-    from safestage_eval.evidence.unseen import lost_within
+    from safestage_eval.evidence.unseen import beside, lost_within
 
     loss = damage(request)
     if not loss.known.any():
         return loss
     gap = request.facts.gaps.of_bodies(request.bodies, ALL)
-    lost = None if gap is None else lost_within(request, gap)
+    lost = None if gap is None else lost_within(request, beside(request, gap))
     seconds = np.diff(request.episode.t, prepend=request.episode.t[0])
 
     def left(damage: F64) -> F64:

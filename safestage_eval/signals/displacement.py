@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.series import Series
+from safestage_eval.evidence.series import Series, hide
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Facts, Request
@@ -77,7 +77,7 @@ def displacement_xy(request: Request) -> Series:
     return _displacement(request, 2)
 
 
-@signal("remoteness", "length", args=("a",), needs=("poses",), scale=1.0)
+@signal("remoteness", "length", args=("a",), needs=("poses",), scale=1.0, reads="com")
 def remoteness(request: Request) -> Series:
     """Distance of the centre of mass from the robot's base; of a robot without a fixed one, from
     the nearest of its bodies.
@@ -92,8 +92,8 @@ def remoteness(request: Request) -> Series:
     if not robot:
         return request.unknown("the trace has no robot")
     com = request.facts.com_position(request.bodies[0])
-    apart = [
-        distances(com, episode.tracks[body.name].position.astype(np.float64), 3)
-        for body in fixed or robot
-    ]
-    return request.exact(np.minimum.reduce(apart))
+    names = [body.name for body in fixed or robot]
+    apart = [distances(com, episode.tracks[n].position.astype(np.float64), 3) for n in names]
+    found = request.exact(np.minimum.reduce(apart))
+    lost = request.facts.gaps.of_bodies(names, ("position",))
+    return found if lost is None else hide(found, lost)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.gaps import POSE, TWIST
+from safestage_eval.evidence.gaps import POSE, TWIST, around
+from safestage_eval.evidence.motion import derived
 from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
@@ -111,7 +112,9 @@ def _beside(relations: Relations, a: str, at: I64) -> tuple[dict[str, Bool], Boo
             found[body.name] = np.ones(len(at), np.bool_)
             continue
         stays = ~_in_motion(relations, body.name, at)
-        away = relations.signals.gaps.of_body(body.name, (*POSE, *TWIST))
+        away = relations.signals.gaps.of_bodies([body.name], (*POSE, *TWIST))
+        if away is not None and any(derived(episode, body.name, column) for column in TWIST):
+            away = around(away)
         seen = np.ones(len(at), np.bool_) if away is None else ~away[at]
         lost |= ~seen
         if i not in graph.assemblies.fixed:
