@@ -157,6 +157,11 @@ class Clock:
         """(T,) s, how long each sample lasts."""
         return np.full(len(self.t), self.dt) if self.uniform else np.diff(self.bounds)
 
+    @cached_property
+    def coarse(self) -> Bool:
+        """(T,) the next sample comes so much later that what lies between them matters."""
+        return self.spacing > LEAST_GAP * (1 + EVEN)
+
     def recorded(self, frame: int) -> int:
         """The frame itself, or for one that was put in the recorded one before it (or after)."""
         if self.unseen is None or not self.unseen[frame] or self.unseen.all():

@@ -6,12 +6,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import Option, signal
 from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Request
+
+F64 = NDArray[np.float64]
 
 OVER = Option(
     "over",
@@ -43,8 +46,22 @@ def speed(request: Request) -> Series:
         return request.exact(value, notes)
     t, com = request.episode.t, request.facts.com_position(name)
     first = before(t, request.over)
-    value[1:] = distances(com, com[first], 3)[1:] / (t - t[first])[1:]
-    return request.exact(value)
+    return _mean(request, value, distances(com, com[first], 3), t - t[first])
+
+
+def _mean(request: Request, value: F64, gone: F64, seconds: F64) -> Series:
+    """How far it went (T,) per time (T,), but in the first frame, of which ``value`` (T,) tells.
+
+    Where samples are far apart, it may have gone all of that within the time that is asked for.
+    """
+    value[1:] = gone[1:] / seconds[1:]
+    coarse, over = request.episode.clock.coarse, request.over or 0.0
+    brief = coarse & (seconds > over * (1 + 1e-6))
+    brief[0] = False
+    if not brief.any():
+        return request.exact(value)
+    most = np.where(brief, gone / over, value)
+    return Series(value, most, request.dimension)
 
 
 @signal(
@@ -78,8 +95,7 @@ def angular_speed(request: Request) -> Series:
         return request.exact(value, notes)
     t, orientation = request.episode.t, request.episode.track(name).orientation
     first = before(t, request.over)
-    value[1:] = angle(orientation, orientation[first])[1:] / (t - t[first])[1:]
-    return request.exact(value)
+    return _mean(request, value, angle(orientation, orientation[first]), t - t[first])
 
 
 @signal(

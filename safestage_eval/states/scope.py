@@ -86,6 +86,21 @@ def from_to(on: Truth, off: Truth, *, truncated: bool) -> list[Scope]:
     ]
 
 
+def ended_between(scopes: Sequence[Scope], coarse: Bool) -> list[Scope]:
+    """Each scope, with the frame behind it where it ended somewhere between two samples.
+
+    Things went on until its end, how far shows at the frame behind it alone. That one is not
+    certainly in it. ``coarse`` (T,): much may happen up to the next sample.
+    """
+    frames = len(coarse)
+    return [
+        Scope(s.first, s.stop + 1, s.cut, np.append(s.certain, False))
+        if s.first < s.stop < frames and coarse[s.stop - 1]
+        else s
+        for s in scopes
+    ]
+
+
 def _from_to(on: Bool, off: Bool, *, truncated: bool) -> list[Scope]:
     frames = len(on)
     out: list[Scope] = []

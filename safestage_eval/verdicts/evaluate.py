@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from safestage_eval.episode import Window
 from safestage_eval.evidence.declare import is_costly
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
@@ -15,6 +16,9 @@ from safestage_eval.states.moment import Moment, Truth, truth_of
 from . import between_samples
 from .partial_states import PartialStates
 from .values import Env, ends_early, ends_with_success, lacks_its_success, lasting
+
+SURELY = 2
+"""Samples: of one that is far from its neighbours nobody knows how long what it shows lasted."""
 
 
 class Evaluator(PartialStates):
@@ -189,9 +193,26 @@ class Evaluator(PartialStates):
         return found
 
     def _persistent(self, state: ast.StateDef, found: Band) -> Band:
+        """As in the base class; what shows in too few samples that are far apart is unknown."""
+        window = self.window(state.for_)
+        lasts = self._lasting(state, found, window)
+        if state.for_ is None or not self.clock.coarse.any():
+            return lasts
+        coarse, lower, upper = self.clock.coarse, lasts.lower, lasts.upper
+        if window.frames < SURELY:
+            duration = lasting(self.duration(state.for_))
+            strict = self.clock.window(duration._replace(samples=SURELY))
+            surely = self._lasting(state, found, strict).lower
+            lower = np.where(coarse, np.minimum(lower, surely), lower)
+        if window.loose is not window:
+            perhaps = self._lasting(state, found, window.loose).upper
+            upper = np.where(coarse, np.maximum(upper, perhaps), upper)
+        return Band(lower, upper)
+
+    def _lasting(self, state: ast.StateDef, found: Band, window: Window) -> Band:
         return persistence.persistent(
             found,
-            self.window(state.for_),
+            window,
             self.open_gap(state.gap),
             causal=self.causal,
             open_end=self.unfollowed,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from safestage_eval.rules import syntax as ast
-from safestage_eval.states.band import Bool
+from safestage_eval.states.band import TINY, Bool
 from safestage_eval.states.scope import Scope
 
 from .evaluate import Evaluator
@@ -13,6 +13,7 @@ from .instance import Instance
 from .obligations import OBLIGATIONS
 from .stretches import applies, stretches
 from .values import Env
+from .witness import Witness
 
 
 def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Instance] | None:
@@ -32,6 +33,7 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
         judge_scope(evaluator, rule, env, scope, resolved, number)
         for number, (scope, resolved) in enumerate(stretches(evaluator, rule, env))
     ]
+    found = [_as_sampled(evaluator, rule, instance) for instance in found]
     if given is None:
         # it is no violation if it does not apply, and none if nothing breaks it
         found = [i if i.lower >= 0 else i._replace(upper=np.inf, clause=None) for i in found]
@@ -40,6 +42,49 @@ def judge_instance(evaluator: Evaluator, rule: ast.Rule, env: Env) -> list[Insta
                 None
             )
     return found
+
+
+def witness_of(
+    evaluator: Evaluator, rule: ast.Rule, instance: Instance, *, violated: bool
+) -> Witness:
+    """The measurement behind an instance's margin, or what an obligation tells before that.
+
+    The instance has a decisive obligation.
+    """
+    clause = instance.clause
+    assert clause is not None
+    for kind in (OBLIGATIONS[each.kind] for each in rule.clauses):
+        first = kind.first_witness(evaluator, rule, instance, violated=violated)
+        if first is not None:
+            return first
+    decisive = OBLIGATIONS[clause.kind]
+    return decisive.witness(evaluator, clause.what, instance, instance.frame, violated=violated)
+
+
+def undersampled(evaluator: Evaluator, witness: Witness) -> float | None:
+    """M by which the value may differ between two frames, if the limit lies within that."""
+    if witness.name is None or witness.value is None or witness.limit is None or witness.at_least:
+        return None
+    slack = evaluator.relations.between_frames(witness.name, witness.bodies, witness.frame)
+    if slack is None or abs(witness.value - witness.limit) > slack:
+        return None
+    return slack
+
+
+def _as_sampled(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Instance:
+    """An instance that is met at every sample, but may not be between two that are far apart."""
+    frame = instance.frame
+    if instance.lower < 0 or instance.clause is None or instance.scope.stop <= frame:
+        return instance
+    if not evaluator.clock.coarse[max(frame - 1, 0) : frame + 1].any():
+        return instance
+    witness = witness_of(evaluator, rule, instance, violated=False)
+    slack = undersampled(evaluator, witness)
+    if slack is None or witness.value is None or witness.limit is None:
+        return instance
+    apart = max(abs(witness.value - witness.limit), np.finfo(float).tiny)
+    lower = min(instance.lower * (1 - slack / apart), -TINY)
+    return instance._replace(lower=lower)
 
 
 def violated_frames(evaluator: Evaluator, rule: ast.Rule, instance: Instance) -> Bool:

@@ -19,11 +19,11 @@ from .evaluate import Evaluator
 from .explain import Finding, inconclusive, passed, seconds, sentence, untouched
 from .flicker import breaches, raw_frames, too_brief
 from .instance import Instance
-from .instance_verdict import judge_instance, violated_frames
+from .instance_verdict import judge_instance, undersampled, violated_frames, witness_of
 from .obligations import OBLIGATIONS
 from .obligations.ordering import in_turn, is_ordering
 from .players import combinations
-from .undecided import cause_of
+from .undecided import UNNAMED, Cause, between_samples, cause_of
 from .values import Env
 from .verdict import Vacuity, Verdict, VerdictName
 from .witness import Witness
@@ -65,7 +65,7 @@ def judge_rule(
         why = "what it needs is not known to the end of its scope"
         explanation = _undecided(evaluator, rule, worst)
         return replace(blank, **told, notes=_notes(evaluator, why), explanation=explanation)
-    witness = _witness(evaluator, rule, worst, violated=bool(violated))
+    witness = witness_of(evaluator, rule, worst, violated=bool(violated))
     told |= _times(evaluator, rule, violated, instances, witness)
     bound = worst.upper if violated else worst.lower
     ordered = witness.dimension == "time" or (violated and in_turn(evaluator, rule))
@@ -75,7 +75,7 @@ def judge_rule(
             return replace(blank, **told | unmeasured)
         # of what is known to one side only, that side is no measurement
         witness = witness._replace(value=None, margin=None, at_least=False)
-    slack = _undersampled(evaluator, witness)
+    slack = undersampled(evaluator, witness)
     notes = (
         []
         if slack is None
@@ -109,7 +109,9 @@ def judge_rule(
         "notes": _notes(evaluator, *notes),
     }
     if verdict == "inconclusive":
-        open_ = f"{witness.signal} is not known at {seconds(told['worst_time'])}"
+        open_ = Cause(f"{witness.signal} is not known at {seconds(told['worst_time'])}", "")
+        if slack is not None:
+            open_ = between_samples(witness.signal, evaluator.clock, witness.frame)
         return replace(blank, **told, explanation=_undecided(evaluator, rule, worst, open_))
     began = _began(evaluator, rule, violated, worst.env, told["time"])
     found = Finding(verdict, began, told["worst_time"], witness.margin)
@@ -119,15 +121,17 @@ def judge_rule(
     return replace(blank, **told, explanation=explanation)
 
 
-def _undecided(evaluator: Evaluator, rule: ast.Rule, worst: Instance, otherwise: str = "") -> str:
+def _undecided(
+    evaluator: Evaluator, rule: ast.Rule, worst: Instance, otherwise: Cause = UNNAMED
+) -> str:
     """The sentence of an inconclusive verdict; ``otherwise``: its cause where none is found."""
     outer, evaluator.notes = evaluator.notes, {}
     try:
-        what, remedy = cause_of(evaluator, rule, worst)
+        found = cause_of(evaluator, rule, worst)
     finally:
         evaluator.notes = outer
-    what = what or otherwise or "; ".join(outer) or "what it needs is not known"
-    return inconclusive(what, remedy)
+    what, remedy = found if found.what else otherwise
+    return inconclusive(what or "; ".join(outer) or "what it needs is not known", remedy)
 
 
 def violates(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> bool:
@@ -217,20 +221,6 @@ def _vacuous(
     return replace(blank, verdict="pass", vacuity=why, notes=notes, explanation=explanation)
 
 
-def _witness(
-    evaluator: Evaluator, rule: ast.Rule, instance: Instance, *, violated: bool
-) -> Witness:
-    """The measurement behind an instance's margin, or what an obligation tells before that."""
-    clause = instance.clause
-    assert clause is not None  # the caller has dealt with unknown instances
-    for kind in (OBLIGATIONS[each.kind] for each in rule.clauses):
-        first = kind.first_witness(evaluator, rule, instance, violated=violated)
-        if first is not None:
-            return first
-    decisive = OBLIGATIONS[clause.kind]
-    return decisive.witness(evaluator, clause.what, instance, instance.frame, violated=violated)
-
-
 def _times(
     evaluator: Evaluator,
     rule: ast.Rule,
@@ -311,16 +301,6 @@ def _no_hazard(rule: ast.Rule) -> str:
     if rule.stage == "ISH":
         return "invalid scene: the initial hazard is not there in the first frames"
     return "its condition does not hold in the first frames"
-
-
-def _undersampled(evaluator: Evaluator, witness: Witness) -> float | None:
-    """M by which the value may differ between two frames, if the limit lies within that."""
-    if witness.name is None or witness.value is None or witness.limit is None or witness.at_least:
-        return None
-    slack = evaluator.relations.between_frames(witness.name, witness.bodies, witness.frame)
-    if slack is None or abs(witness.value - witness.limit) > slack:
-        return None
-    return slack
 
 
 def _notes(evaluator: Evaluator, *more: str) -> tuple[str, ...]:

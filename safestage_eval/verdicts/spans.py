@@ -29,19 +29,20 @@ def spans(evaluator: Evaluator, span: ast.Span, env: Env) -> list[Scope]:
             part = scope.first_part if which == "first" else scope.last_part
             return part(spans(evaluator, of, env), evaluator.window(duration))
         case ast.Around("after", duration, event):
-            found = evaluator.moments(event, env)
-            return scope.after(found, evaluator.window(duration), evaluator.frames)
+            moments = evaluator.moments(event, env)
+            return scope.after(moments, evaluator.window(duration), evaluator.frames)
         case ast.Around(_, duration, event):
-            found = evaluator.moments(event, env)
+            moments = evaluator.moments(event, env)
             cut = evaluator.truncated and event.kind == "end"
-            return scope.before(found, evaluator.window(duration), cut=cut)
+            return scope.before(moments, evaluator.window(duration), cut=cut)
         case ast.FromTo(begin, stop):
             followed = stop.kind == "state"
-            return scope.from_to(
+            found = scope.from_to(
                 evaluator.truth(begin, env),
                 evaluator.truth(stop, env),
                 truncated=evaluator.unfollowed if followed else evaluator.truncated,
             )
+            return scope.ended_between(found, evaluator.clock.coarse)
         case ast.While(of, call):
             truth = moment.truth_of(evaluator.state(call, env))
             return scope.within(spans(evaluator, of, env), truth)

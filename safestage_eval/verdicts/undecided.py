@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from safestage_eval.episode import Clock
 from safestage_eval.episode.runs import runs
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import syntax as ast
@@ -24,6 +25,7 @@ REMEDIES = (
     ("recording ends", "record the rollout to its end, and on until everything is at rest"),
     ("recorded between", "record every frame"),
     ("recorded before", "record from the start of the episode on"),
+    ("scope ended between", "record more frames"),
     ("between two samples", "record more frames, and peaks over all physics steps"),
     ("finger", "say in the trace which bodies are the left and the right finger"),
     ("contact force", "record contact forces"),
@@ -54,6 +56,9 @@ class Cause(NamedTuple):
     remedy: str
 
 
+UNNAMED = Cause("", "")
+
+
 def cause_of(evaluator: Evaluator, rule: ast.Rule, worst: Instance) -> Cause:
     """The cause of an inconclusive verdict; ``worst``: the instance that leaves it open."""
     env, scope = worst.env, worst.scope
@@ -71,6 +76,15 @@ def cause_of(evaluator: Evaluator, rule: ast.Rule, worst: Instance) -> Cause:
         clause.kind, _in_alternative, evaluator, clause.what, env, worst.frame
     )
     return _named(found)
+
+
+def between_samples(what: str, clock: Clock, frame: int) -> Cause:
+    """That something near its limit at a sample may have gone beyond it before the next one."""
+    apart = float(clock.spacing[max(frame - 1, 0) : frame + 1].max()) * 1e3
+    return Cause(
+        f"{what} may have gone beyond its limit between two samples that are {apart:.0f} ms apart",
+        "record more frames",
+    )
 
 
 def _named(what: str) -> Cause:
@@ -125,7 +139,10 @@ def _in_scope(evaluator: Evaluator, rule: ast.Scoped, env: Env, frame: int) -> s
         found = _in_event(evaluator, *event, frame)
         if found:
             return found
-    return f"whether {seconds(float(evaluator.episode.t[frame]))} belongs to its scope is not known"
+    when, apart = _when(evaluator, frame), _apart(evaluator, frame - 1) if frame else ""
+    if apart:
+        return f"its scope ended{apart}, and what went on until then shows at {when} alone"
+    return f"whether {when} belongs to its scope is not known"
 
 
 def _events(evaluator: Evaluator, parts: object, env: Env) -> Iterator[tuple[ast.Event, Env]]:
@@ -201,10 +218,10 @@ def _in_signal(evaluator: Evaluator, atom: ast.SignalAtom, env: Env, frame: int,
         return remedied[-1]
     if relations.unweighed:
         return f"the trace has no mass of {', '.join(relations.unweighed)}"
-    call, time = ast.Call(atom.call.name, asked.bodies), seconds(float(evaluator.episode.t[frame]))
+    call, time = ast.Call(atom.call.name, asked.bodies), _when(evaluator, frame)
     if series.notes:
         return f"{series.notes[-1]}, so {call} has no value at {time}"
-    return f"{call} is not known at {time}"
+    return f"{call} is not known{_apart(evaluator, frame)} at {time}"
 
 
 def _in_state(evaluator: Evaluator, call: ast.Call, env: Env, frame: int) -> str:
@@ -227,6 +244,9 @@ def _in_state(evaluator: Evaluator, call: ast.Call, env: Env, frame: int) -> str
         found = _in_event(evaluator, state.until, inner, frame)
         if found:
             return found
+    apart = _apart(evaluator, frame)
+    if apart:
+        return f"how long {ast.Call(call.name, bodies)} lasted is not known{apart}, at {_when(evaluator, frame)}"
     end = seconds(float(evaluator.episode.t[-1]))
     return f"the recording ends at {end}, and {ast.Call(call.name, bodies)} may have lasted"
 
@@ -258,6 +278,18 @@ def _hole(evaluator: Evaluator, frame: int) -> str:
     first, stop = next((a, b) for a, b in runs(unseen) if a <= frame < b)
     begin, end = (float(episode.t[i]) for i in (max(first - 1, 0), min(stop, len(episode) - 1)))
     return f"nothing was recorded between {seconds(begin)} and {seconds(end)}"
+
+
+def _when(evaluator: Evaluator, frame: int) -> str:
+    return seconds(float(evaluator.episode.t[frame]))
+
+
+def _apart(evaluator: Evaluator, frame: int) -> str:
+    """That the next sample comes late, in words; empty where it does not."""
+    if not evaluator.clock.coarse[frame]:
+        return ""
+    apart = evaluator.clock.spacing[frame] * 1e3
+    return f" between two samples that are {apart:.0f} ms apart"
 
 
 def _open(found: Band) -> Bool:

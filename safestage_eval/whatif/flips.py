@@ -107,6 +107,8 @@ def pieces_of(
         further: m, up to where limits of distances are to be decided; at least twice the one that
             holds.
     """
+    if base.clock.coarse.any():  # what lies between two samples is not followed
+        return _joined([])
     case = Case(base, rule, players, param)
     number = min(max(amount(case.usual), 0.0), LARGEST)  # values below 0 are not followed
     try:

@@ -48,11 +48,18 @@ class Facts:
     unweighed: tuple[str, ...] = ()
 
     def __init__(
-        self, series: dict[str, Any], *, rate: float = 1.0, truncated: bool = False, **header: Any
+        self,
+        series: dict[str, Any],
+        *,
+        rate: float = 1.0,
+        truncated: bool = False,
+        coarse: bool = False,
+        **header: Any,
     ):
+        """``coarse``: something may happen between two samples that are far apart."""
         frames = len(next(iter(series.values())))
         termination = "truncated" if truncated else "horizon"
-        self.episode = _empty(frames, rate, termination=termination, **header)
+        self.episode = _empty(frames, rate, coarse, termination=termination, **header)
         first = Baseline(5)
         self.signals = SimpleNamespace(
             baseline=first, baseline_of=lambda _: first, stretch=lambda *_: None
@@ -77,8 +84,11 @@ class Facts:
 
 
 @functools.cache
-def _empty(frames: int, rate: float, **header: Any) -> Episode:
-    return Scene(frames, rate).episode(**header)
+def _empty(frames: int, rate: float, coarse: bool, **header: Any) -> Episode:
+    episode = Scene(frames, rate).episode(**header)
+    if not coarse:
+        vars(episode.clock)["coarse"] = np.zeros(frames, np.bool_)
+    return episode
 
 
 @functools.cache
