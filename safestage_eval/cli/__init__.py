@@ -52,17 +52,17 @@ HELP = {
     "sweep": "Show how the rates move with a threshold.",
     "diff": "Say which verdicts flipped, and which parameter flipped each.",
     "slack": "Say how far each parameter may move before a verdict flips.",
-    "aggregate": "Make the result tables of a campaign, as mean ± deviation over seeds.",
+    "aggregate": "Tabulate a campaign: rates as mean ± deviation over seeds.",
     "compare": "Compare two policies, prompts or rule sets on the same rollouts.",
     "report": "Write one HTML page with the results of a campaign.",
-    "label": "Let people judge rollouts in a browser, without seeing the verdicts.",
-    "agreement": "Compare verdicts with what people said: precision, recall, F1, kappa.",
+    "label": "Let people judge rollouts in a browser, verdicts hidden.",
+    "agreement": "Compare verdicts with labels by people: precision, recall, kappa.",
     "plot": "Draw signals of one episode with their limits and verdicts.",
     "record": "Record episodes with the DROID arm in MuJoCo.",
     "tasks": "List, show or validate the benchmark's tasks.",
     "render": "Film an episode, with a halt at the moment of its verdict.",
-    "sheets": "Draw rollouts as picture sheets, to be judged without seeing a verdict.",
-    "serve": "Serve a policy in a model's protocol, to test clients and campaigns.",
+    "sheets": "Draw rollouts as picture sheets, to be judged by people.",
+    "serve": "Serve a policy in a model's protocol, to test its clients.",
 }
 
 FROM_SIMULATE = ("record", "tasks", "render", "sheets", "serve")

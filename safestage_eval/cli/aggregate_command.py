@@ -27,7 +27,7 @@ MOST = 20
 @output_option
 @click.option(
     "--intervals", type=click.Choice(["none", "wilson", "bootstrap"]), default="none",
-    show_default=True, help="Method of the 95 % intervals in tables; JSON and CSV contain both.",
+    show_default=True, help="Add 95 % intervals to the tables; JSON and CSV have both kinds.",
 )  # fmt: skip
 @resamples_option
 @bootstrap_seed_option
@@ -43,7 +43,7 @@ def command(
     random_seed: int,
     strict: bool,
 ) -> None:
-    """Make the result tables of a campaign: by policy, by stage, by family.
+    """Tabulate a campaign: by policy, by stage, by family.
 
     RESULTS are files that score wrote as json, jsonl, csv or parquet, or outcome tables: any table
     with the columns task, stage, policy, prompt, seed, rollout, success, violation and, if there

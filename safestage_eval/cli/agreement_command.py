@@ -14,7 +14,7 @@ from .terminal import say
 @click.argument("labels", nargs=-1, required=True, metavar="LABELS...")
 @click.option(
     "--results", required=True, multiple=True, metavar="RESULTS",
-    help="Result file written by score. Repeatable.",
+    help="Read verdicts from a file that score wrote. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--reviewer", multiple=True, metavar="NAME", help="Use only this reviewer's labels. Repeatable."
@@ -28,7 +28,7 @@ def command(
     form: str,
     output: Path | None,
 ) -> None:
-    """Compare verdicts with what people said.
+    """Compare verdicts with labels by people.
 
     LABELS are tables (CSV, Parquet, JSON) with the columns episode_id and label, which is safe,
     unsafe or unsure, and perhaps reviewer and note: what "safestage label" writes. RESULTS are

@@ -36,7 +36,7 @@ FIELDS = ("task", "stage", "family", "policy", "prompt", "seed", "rollout")
 )  # fmt: skip
 @click.option(
     "--between", nargs=2, metavar="FIRST SECOND",
-    help="The two policies, prompts or rule sets to compare, where a file has more than two.",
+    help="Compare these two policies, prompts or rule sets, where a file has more.",
 )  # fmt: skip
 @click.option(
     "--where", multiple=True, metavar="FIELD=VALUE",
@@ -60,7 +60,7 @@ def command(
 
     A and B are result files or outcome tables, as for aggregate: of two policies, of two prompts,
     or of the same episodes under two rule sets. Or A alone holds both sides, and --by names the
-    column that separates them (for rule sets, ``rules``).
+    column that separates them (for rule sets, rules).
 
     Rollouts are paired by task, seed, rollout, and whatever else is not compared. For SR, SSR, USR
     and VR, over all pairs and by stage and family, it reports the difference, its 95 % interval over
@@ -70,7 +70,8 @@ def command(
     \b
     Examples:
       safestage compare pi05.parquet groot.parquet
-      safestage compare rows.parquet --by prompt --between default specific --where policy=pi05
+      safestage compare rows.parquet --by prompt --where policy=pi05
+      safestage compare rows.parquet --by policy --between pi05 groot
       safestage compare old_rules.jsonl new_rules.jsonl
       safestage compare outcomes.csv --by policy -f json
     """

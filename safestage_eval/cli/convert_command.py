@@ -22,11 +22,13 @@ from .terminal import say
 
 @click.command("convert")
 @traces_argument
-@click.option("--to", "form", type=click.Choice(["parquet", "mcap"]), required=True)
+@click.option(
+    "--to", "form", type=click.Choice(["parquet", "mcap"]), required=True, help="Write this format."
+)
 @click.option(
     "--out", "-o", "out", type=click.Path(path_type=Path), required=True,
-    help="Output folder: a dataset for parquet, one file per episode for mcap. For a single "
-    "episode, also the name of an .mcap file.",
+    help="Write to this folder: a dataset for parquet, one file per episode for mcap; or a single "
+    "episode to this .mcap file.",
 )  # fmt: skip
 @click.option("--force", is_flag=True, help="Replace MCAP files that are already there.")
 @click.option("--recover", is_flag=True, help="Keep the whole frames of a truncated MCAP file.")

@@ -9,6 +9,9 @@ import click
 
 from .shared_options import (
     bind_option,
+    format_option,
+    jobs_option,
+    output_option,
     pairs,
     prepare_kernels,
     progress,
@@ -25,20 +28,15 @@ from .terminal import say
 @rules_option
 @click.option(
     "--against", "-a", multiple=True, metavar="RULES",
-    help="Rules of the second side. Default: those of --rules. Repeatable.",
+    help="Judge the second time by these rules. Default: those of --rules. Repeatable.",
 )  # fmt: skip
 @set_option
 @bind_option
 @where_option
-@click.option(
-    "--format", "-f", "form", type=click.Choice(["table", "json", "csv", "markdown"]),
-    default="table", show_default=True,
-)  # fmt: skip
-@click.option(
-    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
-)
+@format_option("table", "json", "csv", "markdown")
+@output_option
 @click.option("--fail-on-change", is_flag=True, help="Exit 1 if any verdict changed.")
-@click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
+@jobs_option
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -58,13 +56,13 @@ def command(
     BEFORE and AFTER are result files that score wrote as json, jsonl, csv or parquet. For each
     flipped verdict it says whether the trace, the rule or the evaluator changed.
 
-    With --set and one result file, rows.parquet of score --what-if, the what-if table beside it says
-    which verdicts flip; only episodes that it does not decide are judged again.
+    With --against or --set, TRACES are judged twice: by --rules, then by --against with --set
+    applied. For each flipped verdict the differences between the two are tried one at a time, then
+    in pairs, triples and so on: the smallest set that flips the verdict is named, or up to which
+    size all sets were tried.
 
-    With --against or --set, the arguments are otherwise traces. They are judged by --rules, then by --against
-    with --set applied, and for each flipped verdict the differences between the two are switched
-    one at a time, then in pairs, triples and so on: it names the smallest set that flips the verdict,
-    or says up to which size all sets were tried.
+    With --set and rows.parquet of score --what-if, the what-if table beside it says which verdicts
+    flip; only episodes that it does not decide are judged again.
 
     \b
     Examples:

@@ -20,39 +20,41 @@ if TYPE_CHECKING:
 @click.argument("source", type=click.Path(path_type=Path), metavar="SOURCE")
 @click.option(
     "--to", "to", type=click.Path(path_type=Path), required=True, metavar="DATASET",
-    help="Dataset folder to write to; existing episodes are kept.",
+    help="Write to this dataset folder; existing episodes are kept.",
 )  # fmt: skip
 @click.option(
     "--map", "map_", type=click.Path(path_type=Path), metavar="FILE",
-    help="Map file with what the source lacks: shapes, masses, tags, roles, success, columns.",
+    help="Read what the source lacks from FILE: shapes, masses, tags, roles, success, columns.",
 )  # fmt: skip
 @click.option(
     "--bind", type=click.Path(path_type=Path), metavar="FILE",
-    help="Bind file: roles, goal, rules and values to write into the headers.",
+    help="Write roles, goal, rules and values of this bind file into the headers.",
 )  # fmt: skip
 @rules_option
 @click.option(
-    "--from", "only", metavar="NAME", help="Format of SOURCE. Default: detected from its content."
+    "--from",
+    "only",
+    metavar="NAME",
+    help="Read SOURCE as this format. Default: detected from its content.",
 )
 @click.option(
     "--quaternion", type=click.Choice(["wxyz", "xyzw"]),
-    help="Quaternion order of the source, where it does not say.",
+    help="Read quaternions in this order, where the source does not say.",
 )  # fmt: skip
 @click.option(
     "--dt", metavar="TIME",
-    help='Time between the source\'s rows, where it does not tell: "50 ms", 0.05, 1/20.',
+    help='Take this time between rows, where the source does not say: "50 ms", 0.05, 1/20.',
 )  # fmt: skip
 @click.option(
     "--assets", type=click.Path(path_type=Path, exists=True, file_okay=False), multiple=True,
-    metavar="DIR", help="Folder to search for mesh files that the source names. "
-    "Repeatable.",
+    metavar="DIR", help="Search this folder for mesh files that the source names. Repeatable.",
 )  # fmt: skip
-@click.option("--prefix", default="", metavar="TEXT", help="Prefix for every episode id.")
+@click.option("--prefix", default="", metavar="TEXT", help="Begin every episode id with TEXT.")
 @click.option(
     "--limit", type=click.IntRange(min=1), metavar="N", help="Import only the first N episodes."
 )
 @click.option("--jobs", "-j", type=click.IntRange(min=1), default=1, metavar="N",
-              help="Worker processes.")  # fmt: skip
+              help="Use N worker processes.")  # fmt: skip
 @click.option(
     "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
     help="Abort an episode, or a look at a source, after SECONDS and list it as a "
@@ -61,10 +63,11 @@ if TYPE_CHECKING:
 @click.option(
     "--memory", metavar="SIZE", help="Abort an episode whose worker exceeds SIZE, such as 800MB or 2GB.",
 )  # fmt: skip
-@click.option("--mcap", is_flag=True, help="One MCAP file per episode instead of a dataset.")
+@click.option("--mcap", is_flag=True, help="Write one MCAP file per episode instead of a dataset.")
 @click.option(
     "--format", "-f", "form", type=click.Choice(["table", "json"]), default="table",
-    help="Format of the import report.",
+    show_default=True,
+    help="Write the report as this.",
 )  # fmt: skip
 @click.pass_context
 def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind: Path | None,

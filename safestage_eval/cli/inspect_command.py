@@ -12,7 +12,7 @@ from .terminal import say
 @click.argument("trace")
 @episode_argument
 @episode_option
-@click.option("--json", "as_json", is_flag=True, help="The header as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the header as JSON.")
 def command(trace: str, name: str | None, episode: str | None, as_json: bool) -> None:
     """Show one episode: header, bodies, roles, timeline.
 

@@ -24,29 +24,31 @@ PORT = 8350
 @traces_argument
 @click.option(
     "--labels", "-l", "file", type=click.Path(path_type=Path, dir_okay=False),
-    default=Path("labels.csv"), show_default=True, help="Where answers are kept; a CSV file.",
+    default=Path("labels.csv"), show_default=True, help="Write answers to this CSV file.",
 )  # fmt: skip
-@click.option(
-    "--reviewer", metavar="NAME", help="Name of the reviewer. Default: asked on the page."
-)
+@click.option("--reviewer", metavar="NAME", help="Name the reviewer. Default: the page asks.")
 @click.option(
     "--sample", "-n", "count", type=click.IntRange(1), metavar="N",
-    help="Number of rollouts, spread evenly over the stages. Default: all.",
+    help="Show N rollouts, spread evenly over the stages. Default: all.",
 )  # fmt: skip
-@click.option("--seed", type=int, default=0, show_default=True, help="Another one chooses others.")
+@click.option(
+    "--seed", type=int, default=0, show_default=True, help="Choose other rollouts by another seed."
+)
 @click.option(
     "--results", multiple=True, type=click.Path(path_type=Path, dir_okay=False),
     help="Label only the episodes in these result files; verdicts are not read. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--videos", type=click.Path(path_type=Path, file_okay=False, exists=True),
-    help="Folder with EPISODE_ID.mp4 files. Default: beside the traces.",
+    help="Look for EPISODE_ID.mp4 in this folder. Default: beside the traces.",
 )  # fmt: skip
 @rules_option
 @bind_option
 @where_option
 @click.option(
-    "--port", type=click.IntRange(0, 65535), help=f"Default: {PORT}, or any that is free."
+    "--port",
+    type=click.IntRange(0, 65535),
+    help=f"Serve on this port. Default: {PORT}, or any that is free.",
 )
 @click.option("--no-open", is_flag=True, help="Start no browser.")
 def command(
@@ -73,7 +75,7 @@ def command(
     Examples:
       safestage label traces/
       safestage label runs/ --sample 240 --reviewer ada --labels ada.csv
-      safestage agreement labels.csv --results rows.parquet      what comes next
+      safestage agreement labels.csv --results rows.parquet    then
     """
     from safestage_eval.label import Ledger, Session, sample
     from safestage_eval.rules import builtin_names, load_bind, load_rules

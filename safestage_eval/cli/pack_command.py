@@ -16,18 +16,18 @@ FIELDS = ("policy", "task", "stage", "family", "prompt", "seed")
 @traces_argument
 @click.option(
     "--out", "-o", type=click.Path(path_type=Path, file_okay=False), required=True,
-    help="Folder of the packed dataset; an existing one is continued.",
+    help="Write the packed dataset to this folder; an existing one is continued.",
 )  # fmt: skip
 @click.option(
     "--by", default="policy,task", show_default=True, metavar="FIELDS",
-    help=f"Header fields that group episodes into files: {', '.join(FIELDS)}.",
+    help=f"Group episodes into files by these header fields: {', '.join(FIELDS)}.",
 )  # fmt: skip
 @click.option(
-    "--shard-episodes", type=click.IntRange(min=1), default=100, show_default=True,
-    help="Maximum number of episodes per file.",
+    "--shard-episodes", type=click.IntRange(min=1), metavar="N", default=100, show_default=True,
+    help="Put at most N episodes into a file.",
 )  # fmt: skip
-@click.option("--title", help="Title of the dataset page. Default: the folder name.")
-@click.option("--licence", "--license", help="Licence of the data: cc-by-4.0, cc0-1.0, …")
+@click.option("--title", help="Title the dataset page. Default: the folder name.")
+@click.option("--licence", "--license", help="State the licence of the data: cc-by-4.0, cc0-1.0, …")
 @click.option(
     "--where", multiple=True, metavar="FIELD=VALUE",
     help="Select episodes by header field: policy=…, task=…, prompt=…. Repeatable.",
@@ -46,7 +46,7 @@ def command(
     \b
     Examples:
       safestage pack recordings/ --out published/ --licence cc-by-4.0
-      safestage pack recordings/ --out published/ --where policy=reference:safe --by task
+      safestage pack recordings/ --out published/ --where policy=mine --by task
     """
     from safestage_eval.errors import readable
     from safestage_eval.formats import discover

@@ -27,7 +27,7 @@ from .terminal import say
 @set_option
 @click.option(
     "--output", "-o", type=click.Path(path_type=Path), required=True,
-    help="Picture file: .png, .svg or .pdf.",
+    help="Write the picture to this file: .png, .svg or .pdf.",
 )  # fmt: skip
 def command(
     trace: str,
@@ -47,7 +47,7 @@ def command(
     \b
     Examples:
       safestage plot rollout.mcap --output why.png
-      safestage plot traces/ "speed(target)" "tilt(target)" -e bottle_on_shelf.reference-unsafe -o bottle.svg
+      safestage plot traces/ "tilt(target)" -e EPISODE_ID --output tilt.svg
     """
     from safestage_eval.report import signal_plot
     from safestage_eval.report.figure import ready

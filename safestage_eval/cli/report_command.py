@@ -8,6 +8,7 @@ import click
 
 from .shared_options import (
     bind_option,
+    jobs_option,
     pairs,
     prepare_kernels,
     progress,
@@ -23,17 +24,17 @@ from .terminal import say
 @click.argument("traces", nargs=-1, metavar="[TRACES...]")
 @click.option(
     "--output", "-o", type=click.Path(path_type=Path), default=Path("report.html"),
-    show_default=True, help="The page.",
+    show_default=True, help="Write the page to this file.",
 )  # fmt: skip
-@click.option("--title", metavar="TEXT", help="Title of the report. Default: Safety report.")
+@click.option("--title", metavar="TEXT", help="Title the page. Default: Safety report.")
 @rules_option
 @bind_option
 @set_option
 @click.option(
-    "--sections", type=click.IntRange(0), default=500, show_default=True,
-    help="Maximum number of episodes to draw, gravest first.",
+    "--sections", type=click.IntRange(0), metavar="N", default=500, show_default=True,
+    help="Draw at most N episodes, gravest first.",
 )  # fmt: skip
-@click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
+@jobs_option
 @click.pass_context
 def command(
     ctx: click.Context,

@@ -9,6 +9,7 @@ import click
 
 from .shared_options import (
     format_option,
+    jobs_option,
     output_option,
     prepare_kernels,
     progress,
@@ -33,7 +34,7 @@ def command() -> None:
 
 @command.command("check")
 @click.argument("rules", nargs=-1, metavar="[RULES]...")
-@click.option("--json", "as_json", is_flag=True, help="Diagnostics as JSON, for editors.")
+@click.option("--json", "as_json", is_flag=True, help="Print diagnostics as JSON, for editors.")
 @click.pass_context
 def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
     """Find everything that is wrong with rule files, all at once.
@@ -67,7 +68,7 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
 @command.command("show")
 @click.argument("what", metavar="[CODE|FILE]...", nargs=-1)
 @rules_option
-@click.option("--json", "as_json", is_flag=True, help="Everything as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 def show(what: tuple[str, ...], rules: tuple[str, ...], as_json: bool) -> None:
     """Explain rules: what they ask, with which values from where, and what a trace must hold.
 
@@ -99,7 +100,7 @@ def show(what: tuple[str, ...], rules: tuple[str, ...], as_json: bool) -> None:
 
 @command.command("signals")
 @click.argument("names", metavar="[NAME]...", nargs=-1)
-@click.option("--json", "as_json", is_flag=True, help="The vocabulary as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the vocabulary as JSON.")
 def signals(names: tuple[str, ...], as_json: bool) -> None:
     """List the signals and relations that conditions can use.
 
@@ -160,7 +161,7 @@ def schema() -> None:
 @command.command("diff")
 @click.argument("before", metavar="A")
 @click.argument("after", metavar="B")
-@click.option("--json", "as_json", is_flag=True, help="The differences as JSON.")
+@click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
 @click.option("--fail-on-change", is_flag=True, help="Exit 1 if the meaning of any rule changed.")
 @click.pass_context
 def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_change: bool) -> None:
@@ -174,7 +175,7 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     Examples:
       safestage rules diff fsh my_fsh.toml
       safestage rules diff old/ new/ --json
-      safestage diff traces/ --rules old/ --against new/     which verdicts that flips
+      safestage diff traces/ -r old/ --against new/    which verdicts that flips
     """
     from safestage_eval.report import rules_diff_report
     from safestage_eval.rules import load_rules
@@ -189,11 +190,11 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
 @click.argument("rules", nargs=-1, metavar="[RULES]...")
 @click.option(
     "--traces", "-t", multiple=True, metavar="PATH",
-    help="Recorded episodes that examples refer to by id. Repeatable.",
+    help="Find examples that are named by episode id in these traces. Repeatable.",
 )  # fmt: skip
 @click.option(
-    "--least", type=click.IntRange(0), default=2, show_default=True,
-    help="Minimum number of violating and of passing examples per rule.",
+    "--least", type=click.IntRange(0), metavar="N", default=2, show_default=True,
+    help="Demand N violating and N passing examples per rule.",
 )  # fmt: skip
 @click.option(
     "--mutate", is_flag=True,
@@ -204,7 +205,7 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     type=click.Choice(
         ["operator", "unit", "duration", "role", "scope", "obligation", "truth"]
     ),
-    help="With --mutate: only mutants of this kind. Repeatable.",
+    help="With --mutate: make only mutants of this kind. Repeatable.",
 )  # fmt: skip
 @click.option(
     "--deep", is_flag=True,
@@ -212,7 +213,7 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
 )  # fmt: skip
 @format_option("table", "json", "junit")
 @output_option
-@click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
+@jobs_option
 @click.pass_context
 def test(
     ctx: click.Context,

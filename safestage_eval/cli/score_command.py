@@ -151,7 +151,7 @@ def command(
       safestage-score traces/ --assign FSH101 --role target=cube
       safestage-score traces/ --role target=cube --protect "vase,glass*"
       safestage-score traces/ --rules mine.toml      your own rules
-      safestage-score traces/ --rules mine.toml --fail-on violation --fail-on not-judged
+      safestage-score traces/ --rules mine.toml --fail-on violation
       safestage-score traces/ --set edge="3 cm"      another threshold
       safestage-score traces/ --where policy=mine -f csv -o rows.csv
       safestage-score traces/ --golden expected.json --update-golden

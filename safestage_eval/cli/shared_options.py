@@ -25,8 +25,8 @@ traces_argument = click.argument("traces", nargs=-1, required=True, metavar="TRA
 
 rules_option = click.option(
     "--rules", "-r", "rules", multiple=True, metavar="RULES",
-    help="A rule file, a folder of them, or a built-in name (ish, ets, fsh, goals). "
-    "Repeatable. Default: all built-in ones.",
+    help="Use a rule file, a folder of them, or a built-in set (ish, ets, fsh, goals). "
+    "Repeatable. Default: all built-in sets.",
 )  # fmt: skip
 
 bind_option = click.option(
@@ -69,21 +69,29 @@ where_option = click.option(
 
 episode_option = click.option(
     "--episode", "-e", "episode", metavar="ID",
-    help="Episode id, or a unique part of it, where TRACE holds several.",
+    help="Choose an episode by its id, or a unique part of it, where TRACE holds several.",
 )  # fmt: skip
 
 output_option = click.option(
     "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
 )
 
+jobs_option = click.option(
+    "--jobs",
+    "-j",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Use N worker processes. Default: one per processor.",
+)
+
 resamples_option = click.option(
     "--resamples", type=click.IntRange(100), default=2000, show_default=True,
-    help="Number of bootstrap resamples over tasks.",
+    help="Draw tasks anew so many times for bootstrap intervals.",
 )  # fmt: skip
 
 bootstrap_seed_option = click.option(
     "--random-seed", type=click.IntRange(0), default=0, show_default=True,
-    help="Random seed of the bootstrap.",
+    help="Seed the bootstrap.",
 )  # fmt: skip
 
 episode_argument = click.argument("name", required=False, metavar="[EPISODE]")

@@ -6,22 +6,17 @@ from pathlib import Path
 
 import click
 
-from .shared_options import written
+from .shared_options import format_option, output_option, written
 
 
 @click.command("slack")
 @click.argument("rows", metavar="ROWS")
 @click.option(
     "--param", "-p", "params", multiple=True, metavar="NAME",
-    help="A parameter. Repeatable. Default: all in the what-if table.",
+    help="Show only this parameter. Repeatable. Default: all in the what-if table.",
 )  # fmt: skip
-@click.option(
-    "--format", "-f", "form", type=click.Choice(["table", "csv", "json"]), default="table",
-    show_default=True,
-)  # fmt: skip
-@click.option(
-    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
-)
+@format_option("table", "csv", "json")
+@output_option
 def command(rows: str, params: tuple[str, ...], form: str, output: Path | None) -> None:
     """Say how far each parameter may move before a verdict flips.
 

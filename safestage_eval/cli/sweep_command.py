@@ -8,6 +8,9 @@ import click
 
 from .shared_options import (
     bind_option,
+    format_option,
+    jobs_option,
+    output_option,
     pairs,
     prepare_kernels,
     progress,
@@ -23,36 +26,31 @@ from .terminal import say
 @click.command("sweep")
 @traces_argument
 @rules_option
-@click.option("--param", "-p", metavar="NAME", required=True, help="The parameter to vary.")
-@click.option("--from", "first", metavar="VALUE", help="Lowest value, with its unit. Default: 0.")
+@click.option("--param", "-p", metavar="NAME", required=True, help="Vary this parameter.")
 @click.option(
-    "--to", "last", metavar="VALUE", help="Highest value. Default: twice the default value."
+    "--from", "first", metavar="VALUE", help="Begin at this value, with its unit. Default: 0."
 )
 @click.option(
-    "--steps", type=click.IntRange(2), default=41, show_default=True,
-    help="Number of values, both ends included.",
+    "--to", "last", metavar="VALUE", help="End at this value. Default: twice the default value."
+)
+@click.option(
+    "--steps", type=click.IntRange(2), metavar="N", default=41, show_default=True,
+    help="Judge N values, both ends included.",
 )  # fmt: skip
-@click.option(
-    "--values", metavar="LIST", help='These values instead, with commas: "1 cm, 2 cm, 5 cm".'
-)
+@click.option("--values", metavar="LIST", help='Judge these values instead: "1 cm, 2 cm, 5 cm".')
 @click.option(
     "--by", multiple=True, type=click.Choice(["policy", "prompt", "stage", "task", "rule"]),
     help="Draw one curve per value of this field. Repeatable.",
 )  # fmt: skip
-@click.option(
-    "--format", "-f", "form", type=click.Choice(["table", "csv", "json"]), default="table",
-    show_default=True,
-)  # fmt: skip
-@click.option(
-    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
-)
+@format_option("table", "csv", "json")
+@output_option
 @click.option(
     "--plot", type=click.Path(path_type=Path), help="Draw VR and SSR as well: curve.png, curve.svg."
 )
 @bind_option
 @set_option
 @where_option
-@click.option("--jobs", "-j", type=click.IntRange(1), help="Worker processes. Default: processors.")
+@jobs_option
 @click.pass_context
 def command(
     ctx: click.Context,
@@ -74,21 +72,21 @@ def command(
 ) -> None:
     """Show how the rates move with a threshold.
 
-    TRACES may be one result file, rows.parquet of score --what-if: then the what-if table beside it
-    answers, and only episodes that it does not decide are judged again.
+    Every value is judged, but the traces are read and measured only once. TRACES may also be
+    rows.parquet of score --what-if: then the what-if table beside it answers, and only episodes
+    that it does not decide are judged again.
 
-    Every value is judged, but the traces are read and measured only once. Episodes count if a rule
-    that is assigned to them reads the parameter. The table draws values together between which
-    nothing changes; CSV and JSON have a row for each, in SI. JSON also says, per episode, between
-    which two values its verdict flips.
+    Episodes count if a rule that is assigned to them reads the parameter. In the table,
+    neighbouring values with equal rates share a row; CSV and JSON have a row for each, in SI. JSON
+    also says, per episode, between which two values its verdict flips.
 
     \b
     Examples:
       safestage sweep traces/ --rules ets --param min_clearance
-      safestage sweep traces/ -r ets -p min_clearance --from "1 cm" --to "20 cm" --steps 200
-      safestage sweep traces/ -r fsh -p edge --values "1 cm, 2 cm, 5 cm" --by policy
+      safestage sweep traces/ -r ets -p min_clearance --from "1 cm" --to "20 cm"
+      safestage sweep traces/ -p edge --values "1 cm, 2 cm, 5 cm" --by policy
       safestage sweep rows.parquet -p min_clearance --steps 200
-      safestage sweep traces/ -r fsh -p settle_time --from "0.5 s" --to "3 s" --plot settle.png
+      safestage sweep traces/ -p settle_time --to "3 s" --plot settle.png
     """
     if values is not None and (first is not None or last is not None):
         raise click.UsageError("--values: the values themselves, so leave out --from and --to")

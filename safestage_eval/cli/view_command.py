@@ -57,7 +57,7 @@ def command(
     \b
     Examples:
       safestage view rollout.mcap
-      safestage view traces/ dumbbell_near_glasses.reference-unsafe --set min_clearance="5 cm"
+      safestage view traces/ EPISODE_ID --set min_clearance="5 cm"
       safestage view traces/ -e EPISODE_ID --output episode.html
     """
     from safestage_eval.rules import builtin_names, load_binding, load_rules

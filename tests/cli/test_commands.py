@@ -45,10 +45,12 @@ RULES = ("check", "show", "signals", "schema", "diff", "test")
 
 
 @pytest.mark.parametrize("name", [*COMMANDS, *(f"rules {name}" for name in RULES)])
-def test_every_help_shows_an_example(name):
+def test_every_help_shows_an_example_and_fits_a_terminal(name):
     done = run(*name.split(), "--help")
     assert done.code == 0
-    assert any(line.strip().startswith("safestage") for line in done.text.splitlines())
+    lines = done.text.splitlines()
+    assert any(line.strip().startswith("safestage") for line in lines)
+    assert [line for line in lines if len(line) > 80] == []
 
 
 def test_version():
