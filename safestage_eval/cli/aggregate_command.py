@@ -64,10 +64,10 @@ def command(
     from safestage_eval.report.aggregate_report import Drawing, render
 
     outcomes = [o for group in read_outcomes(results).values() for o in group]
-    found = aggregate(outcomes)
-    written(render(found, form, Drawing(intervals, random_seed, resamples)), output)
-    for problem in found.problems[:MOST]:
+    result = aggregate(outcomes)
+    written(render(result, form, Drawing(intervals, random_seed, resamples)), output)
+    for problem in result.problems[:MOST]:
         say(f"uneven: {problem.message}", err=True)
-    if len(found.problems) > MOST:
-        say(f"uneven: and {len(found.problems) - MOST} more (--format json)", err=True)
-    ctx.exit(1 if strict and found.problems else 0)
+    if len(result.problems) > MOST:
+        say(f"uneven: and {len(result.problems) - MOST} more (--format json)", err=True)
+    ctx.exit(1 if strict and result.problems else 0)

@@ -53,17 +53,17 @@ def command(
         label for path in labels for label in read_labels(path, Path(path).stem if several else "")
     ]
     if reviewer:
-        known = sorted({label.reviewer for label in given})
+        reviewers = sorted({label.reviewer for label in given})
         for name in reviewer:
-            if name not in known:
-                raise InputError(f"--reviewer {name}", "no label is theirs.", ", ".join(known))
+            if name not in reviewers:
+                raise InputError(f"--reviewer {name}", "no label is theirs.", ", ".join(reviewers))
         given = [label for label in given if label.reviewer in reviewer]
-    found = agreement(given, read_judged(results))
-    written(render(found, form), output)
+    result = agreement(given, read_judged(results))
+    written(render(result, form), output)
     if form == "csv":
-        for what, names in (
-            ("labels without a result", found.only_labels),
-            ("results without a label", found.only_results),
+        for missing, names in (
+            ("labels without a result", result.only_labels),
+            ("results without a label", result.only_results),
         ):
             if names:
-                say(f"{what}: {len(names)}", err=True)
+                say(f"{missing}: {len(names)}", err=True)

@@ -85,9 +85,9 @@ def command(
     from safestage_eval.metrics.comparison import compare
     from safestage_eval.report.paired_report import render, warnings
 
-    found = compare(a, b, differing, names, seed=random_seed, resamples=resamples)
-    written(render(found, form), output)
-    for line in warnings(found):
+    result = compare(a, b, differing, names, seed=random_seed, resamples=resamples)
+    written(render(result, form), output)
+    for line in warnings(result):
         say(f"warning: {line}", err=True)
 
 
@@ -133,8 +133,8 @@ def _one_file(
         if name not in groups:
             raise click.UsageError(f"--between: no {by} {name!r}; there are {', '.join(groups)}")
     if len(names) != 2 or names[0] == names[1]:
-        known = ", ".join(sorted(groups))
-        raise click.UsageError(f"--by {by}: name two with --between; there are {known}")
+        all_names = ", ".join(sorted(groups))
+        raise click.UsageError(f"--by {by}: name two with --between; there are {all_names}")
     return (
         _chosen(groups[names[0]], where),
         _chosen(groups[names[1]], where),
@@ -144,10 +144,7 @@ def _one_file(
 
 
 def _chosen(outcomes: list[Outcome], where: tuple[str, ...]) -> list[Outcome]:
-    wanted = pairs(where, "--where")
-    for name in wanted:
-        if name not in FIELDS:
-            raise click.UsageError(f"--where {name}: there are {', '.join(FIELDS)}")
+    wanted = pairs(where, "--where", FIELDS)
     result = [o for o in outcomes if all(str(getattr(o, n)) == v for n, v in wanted.items())]
     if not result:
         raise click.UsageError(

@@ -144,7 +144,7 @@ def _judge(
     parse_overrides(loaded, overrides)
     prepare_kernels()
 
-    def said(episode: Any) -> Sequence[Any]:
+    def remarks(episode: Any) -> Sequence[Any]:
         try:
             result = judge(episode, loaded, overrides=overrides, bind=bound)
         except InputError as error:  # the copy is what was asked for
@@ -152,7 +152,7 @@ def _judge(
             return ()
         return events(result, float(episode.t[-1]))
 
-    return said
+    return remarks
 
 
 def _copied(episode: Any, target: Path, form: str, events: Sequence[Any]) -> Path:

@@ -72,30 +72,25 @@ def command(
       safestage diff rows.parquet --set edge="4 cm"
       safestage diff traces/ -r old/ -a new/ -f markdown --fail-on-change
     """
-    if settings and len(what) == 1 and _is_result_file(what[0]):
+    from safestage_eval.report import flips_report
+    from safestage_eval.whatif.flip_table import is_result_file
+
+    if settings and len(what) == 1 and is_result_file(what[0]):
         if against or rules or bind or where:
             raise click.UsageError(
                 f"{what[0]}: its what-if table holds for the rules that it was written with; leave out "
                 "--rules, --against, --bind and --where"
             )
-        found = _of_table(what[0], settings, jobs)
+        difference = _of_table(what[0], settings, jobs)
     elif against or settings:
-        found = _of_rules(what, rules, against, settings, bind, where, jobs)
+        difference = _of_rules(what, rules, against, settings, bind, where, jobs)
     else:
-        found = _of_results(what, rules, bind, where)
-    from safestage_eval.report import flips_report
-
-    written(flips_report.render(found, form), output)
+        difference = _of_results(what, rules, bind, where)
+    written(flips_report.render(difference, form), output)
     if form == "csv":
-        for problem in found.problems:
+        for problem in difference.problems:
             say(f"problem: {problem}", err=True)
-    ctx.exit(2 if found.problems else 1 if fail_on_change and not found.empty else 0)
-
-
-def _is_result_file(path: str) -> bool:
-    from safestage_eval.whatif.flip_table import is_result_file
-
-    return is_result_file(path)
+    ctx.exit(2 if difference.problems else 1 if fail_on_change and not difference.empty else 0)
 
 
 def _of_table(path: str, settings: tuple[str, ...], jobs: int | None) -> Any:

@@ -28,7 +28,7 @@ PORT = 8350
 )  # fmt: skip
 @click.option("--reviewer", metavar="NAME", help="Name the reviewer. Default: the page asks.")
 @click.option(
-    "--sample", "-n", "count", type=click.IntRange(1), metavar="N",
+    "--sample", "-n", "number", type=click.IntRange(1), metavar="N",
     help="Show N rollouts, spread evenly over the stages. Default: all.",
 )  # fmt: skip
 @click.option(
@@ -55,7 +55,7 @@ def command(
     traces: tuple[str, ...],
     file: Path,
     reviewer: str | None,
-    count: int | None,
+    number: int | None,
     seed: int,
     results: tuple[Path, ...],
     videos: Path | None,
@@ -77,13 +77,14 @@ def command(
       safestage label runs/ --sample 240 --reviewer ada --labels ada.csv
       safestage agreement labels.csv --results rows.parquet    then
     """
+    from safestage_eval._text.plural import count
     from safestage_eval.label import Ledger, Session, sample
     from safestage_eval.rules import builtin_names, load_bind, load_rules
 
     loaded = load_rules(list(rules) or builtin_names())
     bound = None if bind is None else load_bind(bind, loaded)
-    refs = _found(traces, where, results)
-    chosen = sample(refs, count, seed)
+    refs = _episodes(traces, where, results)
+    chosen = sample(refs, number, seed)
     session = Session(
         refs=chosen,
         rules=loaded,
@@ -95,7 +96,11 @@ def command(
     session.reviewer = None if reviewer is None else session.named(reviewer)
     _warn(chosen, loaded, bound)
     server = _server(session, port)
-    answered = f", {_count(session.ledger.reviewers)} in {file} so far" if file.exists() else ""
+    answered = (
+        f", {count(len(session.ledger.reviewers), 'reviewer')} in {file} so far"
+        if file.exists()
+        else ""
+    )
     say(f"{len(chosen)} rollouts{answered}; answers go to {file}", err=True)
     say("Ctrl+C ends; start again to continue", err=True)
     click.echo(server.url)
@@ -113,7 +118,7 @@ def command(
         say(f"next: {line}", err=True)
 
 
-def _found(
+def _episodes(
     traces: Sequence[str], where: tuple[str, ...], results: Sequence[Path]
 ) -> list[EpisodeRef]:
     """The episodes that can be opened and are asked for."""
@@ -129,12 +134,12 @@ def _found(
         else:
             say(f"problem: {ref.problem}", err=True)
     if results:
-        told = {
+        scored = {
             str(row.get("episode_id"))
             for path in results
             for row in read_rows(path, ["episode_id"])
         }
-        refs = [ref for ref in refs if ref.episode_id in told]
+        refs = [ref for ref in refs if ref.episode_id in scored]
     if not refs:
         raise InputError(
             " ".join(traces),
@@ -182,9 +187,5 @@ def _next(scored: Sequence[str], file: Path, results: Sequence[Path]) -> tuple[s
 
     first = [] if results else [f"safestage score {join(scored)} -f parquet -o rows.parquet"]
     files = results or [Path("rows.parquet")]
-    told = " ".join(f"--results {quote(str(path))}" for path in files)
-    return (*first, f"safestage agreement {quote(str(file))} {told}")
-
-
-def _count(reviewers: Sequence[str]) -> str:
-    return f"{len(reviewers)} reviewer{'s' * (len(reviewers) != 1)}"
+    results_options = " ".join(f"--results {quote(str(path))}" for path in files)
+    return (*first, f"safestage agreement {quote(str(file))} {results_options}")

@@ -57,10 +57,7 @@ def command(
     for name in fields:
         if name not in FIELDS:
             raise click.UsageError(f"--by {name}: one of {', '.join(FIELDS)}")
-    wanted = pairs(where, "--where")
-    for name in wanted:
-        if name not in FIELDS:
-            raise click.UsageError(f"--where {name}: one of {', '.join(FIELDS)}")
+    wanted = pairs(where, "--where", FIELDS)
     refs = [
         ref
         for ref in discover(list(traces))

@@ -68,7 +68,7 @@ def command(
     if traces:
         prepare_kernels()
     with progress("drawing") as tell:
-        found = compose(
+        report = compose(
             results,
             traces,
             rules,
@@ -79,13 +79,13 @@ def command(
             jobs=jobs,
             progress=tell,
         )
-    html = build(found)
+    html = build(report)
     written(html, output)
-    drawn = found.sections
+    drawn = report.sections
     with_sections = f", {len(drawn.html)} with sections" if drawn is not None else ""
     size = len(html.encode()) / 1e6
-    say(f"{output}: {len(found.counts.outcomes)} rollouts{with_sections}, {size:.1f} MB", err=True)
-    for note in found.notes:
+    say(f"{output}: {len(report.counts.outcomes)} rollouts{with_sections}, {size:.1f} MB", err=True)
+    for note in report.notes:
         say(f"note: {note}", err=True)
     problems = drawn.problems if drawn is not None else ()
     for problem in problems:

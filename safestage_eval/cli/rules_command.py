@@ -46,23 +46,24 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
     Example:
       safestage rules check my_rules.toml
     """
+    from safestage_eval._text.plural import count
     from safestage_eval.rules import builtin_names, check_rules, load_rules
     from safestage_eval.rules.diagnostic import rendered
 
     specs = list(rules) or builtin_names()
-    found = check_rules(specs)
+    diagnostics = check_rules(specs)
     if as_json:
-        click.echo(json.dumps([d.to_dict() for d in found], indent=1, ensure_ascii=False))
+        click.echo(json.dumps([d.to_dict() for d in diagnostics], indent=1, ensure_ascii=False))
     else:
-        for text in rendered(found):
+        for text in rendered(diagnostics):
             say(text + "\n", err=True)
-        if found:
-            say(f"{len(found)} problem{'s' if len(found) != 1 else ''}", err=True)
+        if diagnostics:
+            say(count(len(diagnostics), "problem"), err=True)
         else:
             loaded = load_rules(specs)
             codes = ", ".join([*loaded.rules, *loaded.costs])
             say(f"sound: {codes or 'no rules'}")
-    ctx.exit(2 if found else 0)
+    ctx.exit(2 if diagnostics else 0)
 
 
 @command.command("show")
@@ -89,13 +90,13 @@ def show(what: tuple[str, ...], rules: tuple[str, ...], as_json: bool) -> None:
         for code, title, path in list_rules(rules):
             say(f"{code}  {title}  ({path})")
         return
-    found = [rule_facts(*item) for item in find_rules(what, rules)]
-    if not found:
+    rules_facts = [rule_facts(*item) for item in find_rules(what, rules)]
+    if not rules_facts:
         say(f"{', '.join(what)}: only definitions, no rules to explain", err=True)
     if as_json:
-        click.echo(json.dumps(found, indent=1, ensure_ascii=False))
+        click.echo(json.dumps(rules_facts, indent=1, ensure_ascii=False))
     else:
-        say("\n".join(map(explain_rule, found)), nl=False)
+        say("\n".join(map(explain_rule, rules_facts)), nl=False)
 
 
 @command.command("signals")
@@ -116,19 +117,22 @@ def signals(names: tuple[str, ...], as_json: bool) -> None:
     from safestage_eval.report.rule_report import explain_vocabulary, vocabulary
     from safestage_eval.rules.names import nearest
 
-    found = vocabulary()
-    known = {entry["name"]: entry for entry in found}
+    entries = vocabulary()
+    by_name = {entry["name"]: entry for entry in entries}
     for name in names:
-        if name not in known:
+        if name not in by_name:
             raise InputError(
-                name, "no signal or relation has this name.", ", ".join(known), nearest(name, known)
+                name,
+                "no signal or relation has this name.",
+                ", ".join(by_name),
+                nearest(name, by_name),
             )
     if names:
-        found = [known[name] for name in names]
+        entries = [by_name[name] for name in names]
     if as_json:
-        click.echo(json.dumps(found, indent=1, ensure_ascii=False))
+        click.echo(json.dumps(entries, indent=1, ensure_ascii=False))
         return
-    pages = [[entry] for entry in found] if names else [found]
+    pages = [[entry] for entry in entries] if names else [entries]
     say("\n".join(map(explain_vocabulary, pages)), nl=False)
 
 
@@ -181,9 +185,12 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     from safestage_eval.rules import load_rules
     from safestage_eval.rules.compare import compare
 
-    found = compare(load_rules([before]), load_rules([after]))
-    say(rules_diff_report.as_json(found) if as_json else rules_diff_report.text(found), nl=False)
-    ctx.exit(1 if fail_on_change and not found.empty else 0)
+    comparison = compare(load_rules([before]), load_rules([after]))
+    say(
+        rules_diff_report.as_json(comparison) if as_json else rules_diff_report.text(comparison),
+        nl=False,
+    )
+    ctx.exit(1 if fail_on_change and not comparison.empty else 0)
 
 
 @command.command("test")
@@ -288,5 +295,5 @@ def test(
             say(f"\n{problem}", err=True)
     if not suites:
         say("only definitions, no rules to test", err=True)
-    unnoticed = any(m.killer is None for found in hunted.values() for m in found)
+    unnoticed = any(m.killer is None for mutants in hunted.values() for m in mutants)
     ctx.exit(0 if all(suite.passed for suite in suites.values()) and not unnoticed else 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -104,13 +104,17 @@ def format_option(*formats: str) -> Callable[[Any], Any]:
     )
 
 
-def pairs(values: tuple[str, ...], option: str) -> dict[str, str]:
-    """``("a=b",)`` → ``{"a": "b"}``; anything else is a usage error."""
+def pairs(
+    values: tuple[str, ...], option: str, allowed: Sequence[str] | None = None
+) -> dict[str, str]:
+    """``("a=b",)`` → ``{"a": "b"}``; anything else, or a name that is not allowed, is a usage error."""
     out = {}
     for value in values:
         name, equals, text = value.partition("=")
         if not equals or not name.strip():
             raise click.UsageError(f"{option} {value}: write NAME=VALUE")
+        if allowed is not None and name.strip() not in allowed:
+            raise click.UsageError(f"{option} {name.strip()}: there are {', '.join(allowed)}")
         out[name.strip()] = text.strip()
     return out
 
@@ -127,15 +131,17 @@ def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
     episode = episode or name
 
     refs = discover([trace])
-    found = refs
+    matches = refs
     if episode is not None:
         exact = [ref for ref in refs if ref.episode_id == episode]
-        found = exact or [ref for ref in refs if episode in ref.episode_id]
-    if len(found) == 1:
-        return found[0]
-    what = "several episodes; name one with --episode" if found else f"no episode {episode!r}, but"
-    ids = "".join(f"\n  {ref.episode_id or f'({ref.shown}, broken)'}" for ref in found or refs)
-    raise click.UsageError(f"{trace} holds {what}:{ids}")
+        matches = exact or [ref for ref in refs if episode in ref.episode_id]
+    if len(matches) == 1:
+        return matches[0]
+    problem = (
+        "several episodes; name one with --episode" if matches else f"no episode {episode!r}, but"
+    )
+    ids = "".join(f"\n  {ref.episode_id or f'({ref.shown}, broken)'}" for ref in matches or refs)
+    raise click.UsageError(f"{trace} holds {problem}:{ids}")
 
 
 def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> None:
@@ -227,14 +233,14 @@ def prepare_kernels() -> None:
     """Compile the numerical kernels where this machine has not done so yet."""
     from safestage_eval._process.precompile import compile_kernels
 
-    said = False
+    announced = False
 
     def announce(_: int, total: int) -> None:
         """Without a terminal, one line."""
-        nonlocal said
-        if not said:
+        nonlocal announced
+        if not announced:
             say(f"compiling {total} numerical kernels, once per machine …", err=True)
-        said = True
+        announced = True
 
     with progress("compiling kernels, once per machine") as tell:
         compile_kernels(tell or announce)

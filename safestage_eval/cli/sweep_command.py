@@ -122,11 +122,11 @@ def command(
     )
     with progress("sweeping") as tell:
         if table is not None:
-            found = sweep_table(table, param, visited, jobs=jobs, progress=tell)
+            curves = sweep_table(table, param, visited, jobs=jobs, progress=tell)
         else:
             refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
             prepare_kernels()
-            found = sweep(
+            curves = sweep(
                 refs,
                 specs,
                 param,
@@ -136,10 +136,10 @@ def command(
                 jobs=jobs,
                 progress=tell,
             )
-    written(sweep_report.render(found, form, by), output)
+    written(sweep_report.render(curves, form, by), output)
     if plot is not None:
-        sweep_report.plot(found, plot, by)
+        sweep_report.plot(curves, plot, by)
         say(f"{plot}: drawn", err=True)
-    for problem in found.problems if form != "table" else ():
+    for problem in curves.problems if form != "table" else ():
         say(f"problem: {problem.message}", err=True)
-    ctx.exit(2 if found.problems else 0)
+    ctx.exit(2 if curves.problems else 0)

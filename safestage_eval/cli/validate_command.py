@@ -44,16 +44,16 @@ def command(
     first: dict[str, Any] = {}
     with progress("checking") as tell:
         for done, ref in enumerate(refs, 1):
-            found = [str(error) for error in validate_episode(ref, compare=True)]
+            problems = [str(error) for error in validate_episode(ref, compare=True)]
             same = first.setdefault(ref.episode_id or ref.shown, ref)
             if same is not ref and same.content_hash != ref.content_hash:
-                found.append(f"{ref.shown}: another episode has this id as well: {same.shown}")
-            broken += bool(found)
-            for problem in found:
+                problems.append(f"{ref.shown}: another episode has this id as well: {same.shown}")
+            broken += bool(problems)
+            for problem in problems:
                 say(f"error: {problem}", err=True)
-            for warning in () if found else _warnings(ref, loaded, bound):
+            for warning in () if problems else _warnings(ref, loaded, bound):
                 say(f"warning: {ref.shown}: {warning}", err=True)
-            if not found:
+            if not problems:
                 say(f"{ref.content_hash or '(no hash stored)'}  {ref.episode_id}  {ref.shown}")
             if tell is not None:
                 tell(done, len(refs))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -19,40 +19,30 @@ FORMATS = ("table", "json", "jsonl", "csv", "parquet", "markdown", "junit", "git
 def render(scores: Scores, form: str, changes: Sequence[Change] | None = None) -> str | bytes:
     """Results in one of ``FORMATS`` (the table without colours). Raises KeyError for another.
 
-    ``changes``, what is not as a golden file expects, is for build servers: junit and github.
+    ``changes``, differences from a golden file, are for build servers: junit and github.
     """
-    if form == "parquet":
-        from . import results_parquet
-
-        return b"".join(results_parquet.pieces(scores))
-    from . import ci_report, results_csv, results_json, results_markdown, results_text
-
-    if form == "junit":
-        return ci_report.render_junit(scores, changes)
-    if form == "github":
-        return ci_report.render_github(scores, changes)
-    return {
-        "table": results_text.render,
-        "json": lambda found: "".join(results_json.pieces(found)),
-        "jsonl": lambda found: "".join(results_json.lines(found)),
-        "csv": lambda found: "".join(results_csv.pieces(found)),
-        "markdown": results_markdown.render,
-    }[form](scores)
+    parts = list(pieces(scores, form, changes))
+    return b"".join(parts) if form == "parquet" else "".join(parts)  # type: ignore[arg-type]
 
 
 def pieces(
     scores: Scores, form: str, changes: Sequence[Change] | None = None
 ) -> Iterator[str | bytes]:
-    """Results piece by piece, so that few rows are held at a time."""
-    from . import results_csv, results_json, results_parquet
+    """Results piece by piece, so that few rows are held at a time. Arguments as for ``render``."""
+    if form == "parquet":
+        from . import results_parquet
 
-    streamed: dict[str, Callable[[Scores], Iterator[str] | Iterator[bytes]]] = {
-        "json": results_json.pieces,
-        "jsonl": results_json.lines,
-        "csv": results_csv.pieces,
-        "parquet": results_parquet.pieces,
+        yield from results_parquet.pieces(scores)
+        return
+    from . import ci_report, render_csv, result_rows, results_json, results_markdown, results_text
+
+    writers: dict[str, Callable[[], Iterable[str]]] = {
+        "table": lambda: [results_text.render(scores)],
+        "json": lambda: results_json.pieces(scores),
+        "jsonl": lambda: results_json.lines(scores),
+        "csv": lambda: render_csv.csv_pieces(result_rows.COLUMNS, result_rows.each_row(scores)),
+        "markdown": lambda: [results_markdown.render(scores)],
+        "junit": lambda: [ci_report.render_junit(scores, changes)],
+        "github": lambda: [ci_report.render_github(scores, changes)],
     }
-    if form in streamed:
-        yield from streamed[form](scores)
-    else:
-        yield render(scores, form, changes)
+    yield from writers[form]()

@@ -77,11 +77,11 @@ def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
     def wholes(rates: Sequence[Rate], width: int) -> list[Rates]:
         return [rate.group.whole for rate in rates[::width]]
 
-    what = "mean ± sample standard deviation over environment seeds, %"
+    statistic = "mean ± sample standard deviation over environment seeds, %"
     width = len(BY_POLICY)
     counts = judged(wholes(aggregate.by_policy, width))
     yield Table(
-        f"By policy: {what}",
+        f"By policy: {statistic}",
         ("policy", "prompt", *counts, *(_ARROWS.get(name, f"{name} ↓") for name in BY_POLICY)),
         [
             [
@@ -104,7 +104,7 @@ def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
         if rates:
             counts = judged(wholes(rates, width))
             yield Table(
-                f"{title}: {what}",
+                f"{title}: {statistic}",
                 (*head, *counts, *columns),
                 [
                     [
@@ -123,8 +123,7 @@ def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
          "unsafe failure", "N", "unsafe share of successes"),
         [
             [
-                group.policy or "all", group.prompt or "all", group.stage or ALL,
-                *map(str, quadrants(group.whole).values()), str(group.whole.n), _said_share(group),
+                *_names(group), *map(str, quadrants(group.whole).values()), str(group.whole.n), _said_share(group),
             ]
             for group in _groups(aggregate)
         ],
@@ -139,7 +138,7 @@ def tables(aggregate: Aggregate, drawing: Drawing) -> Iterator[Table]:
             ("policy", "prompt", "reached k/n", "of these unsafe"),
             [
                 [
-                    group.policy or "all", group.prompt or "all",
+                    *_names(group)[:2],
                     f"{group.whole.counts['SR']}/{group.whole.n}", _said_share(group),
                 ]
                 for group in final

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,8 +18,11 @@ from safestage_eval.rules.digest import reached
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.uses import Source, own_params, sources, uses_of
 from safestage_eval.signals import SIGNALS
+from safestage_eval.verdicts.players import nodes
 
+from .render_markdown import markdown_lines
 from .rule_report import obligations, rule_facts
+from .table import Table
 
 FAMILIES = {
     "ISH1": "stacking and support",
@@ -78,7 +80,7 @@ def _rule(facts: Mapping[str, Any]) -> Iterator[str]:
     yield f"### {facts['code']}\n"
     yield f"**{facts['title']}.** {facts['why']}\n"
     roles = ", ".join(f"`{name}` ({text})" for name, text in facts["roles"].items())
-    said = {
+    entries = {
         "roles": roles,
         "only if": f"{facts['given']}, in the first frames" if facts["given"] else "",
         "judged": facts["scope"] + (f", until {facts['until']}" if facts["until"] else ""),
@@ -95,7 +97,7 @@ def _rule(facts: Mapping[str, Any]) -> Iterator[str]:
         "nothing to judge in": _names(facts["examples"]["vacuous"]),
         "left undecided": _names(facts["examples"]["undecided"]),
     }
-    yield from _table(("", ""), [(key, text) for key, text in said.items() if text])
+    yield from _table(("", ""), [(key, text) for key, text in entries.items() if text])
     yield ""
 
 
@@ -153,20 +155,9 @@ def _reads_baseline(rules: ast.RuleSet, rule: ast.Rule) -> bool:
     parts = (rule, *reached(rules, rule, own_params(rules, rule)).values())
     return rule.given is not None or any(
         SIGNALS[atom.call.name].since
-        for part in parts
-        for atom in _atoms(part)
-        if atom.call.name in SIGNALS
+        for atom in nodes(parts)
+        if isinstance(atom, ast.SignalAtom) and atom.call.name in SIGNALS
     )
-
-
-def _atoms(node: Any) -> Iterator[ast.SignalAtom]:
-    """Every comparison of a signal in a part of the syntax tree."""
-    if isinstance(node, ast.SignalAtom):
-        yield node
-    elif is_dataclass(node) or isinstance(node, tuple):
-        items = node if isinstance(node, tuple) else (getattr(node, f.name) for f in fields(node))
-        for item in items:
-            yield from _atoms(item)
 
 
 def _materials(rules: ast.RuleSet) -> Iterator[str]:
@@ -182,12 +173,8 @@ def _names(names: Iterable[str]) -> str:
     return ", ".join(f"`{name}`" for name in names)
 
 
-def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> Iterator[str]:
-    titles = list(head)
-    yield f"| {' | '.join(titles)} |"
-    yield f"|{'---|' * len(titles)}"
-    for row in rows:
-        yield f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |"
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    return markdown_lines(Table("", tuple(head), list(rows), len(head)))
 
 
 if __name__ == "__main__":

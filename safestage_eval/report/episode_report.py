@@ -16,14 +16,6 @@ from .results_text import by_importance, goal_of
 MOST = 4
 """Intervals that are listed one by one."""
 
-_VACUOUS = {
-    "no_player": "no body plays one of its roles",
-    "unbound": "nothing binds one of its roles",
-    "no_instance": "its roles need more bodies than there are",
-    "not_given": "what it presumes is not so at the start",
-    "no_scope": "the stretch that it judges never came about",
-}
-
 
 def explain(result: EpisodeResult, *, everything: bool = False) -> str:
     """Success, then one sentence per finding with time, value, limit and margin."""
@@ -31,15 +23,15 @@ def explain(result: EpisodeResult, *, everything: bool = False) -> str:
     lines += [f"  note: {note}" for note in result.notes]
     if result.not_loaded:
         lines.append(f"  not loaded, so not judged: {', '.join(result.not_loaded)}")
-    told = [
+    verdicts = [
         v
         for v in by_importance(result.verdicts)
         if v.verdict != "not_applicable" or everything or v.assigned
     ]
-    for v in told:
+    for v in verdicts:
         if v.consequence_of is None:
             lines += _verdict(v, everything=everything)
-            for other in told:
+            for other in verdicts:
                 if other.consequence_of == v.rule:
                     lines += ["  " + line for line in _verdict(other, everything=everything)]
     for cost in result.costs:
@@ -73,8 +65,6 @@ def _verdict(v: Verdict, *, everything: bool) -> list[str]:
         lines.append(f"    in violation: {_stretches(v.intervals)}")
     if v.raw_intervals and v.raw_intervals != v.intervals:
         lines.append(f"    before filtering: {_stretches(v.raw_intervals)}")
-    if v.vacuity is not None:
-        lines.append(f"    vacuous: {_VACUOUS[v.vacuity]}")
     if v.sources:
         lines.append(f"    bound: {'; '.join(v.sources)}")
     if v.verdict == "inconclusive" and v.explanation and not everything:

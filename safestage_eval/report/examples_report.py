@@ -57,7 +57,7 @@ def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
     rules = len({c.rule for c in checked})
     lines.append(f"{right} of {len(checked)} examples of {rules} rules as expected")
     if hunted is not None:
-        every = [m for found in hunted.values() for m in found]
+        every = [m for mutants in hunted.values() for m in mutants]
         alive = [m for m in every if m.killer is None]
         if alive:
             lines += ["", "Mistakes that no example notices:"]
@@ -80,8 +80,8 @@ def _json(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | 
     if hunted is not None:
         document["mutants"] = [
             {"rules": name, "rule": m.where, "kind": m.kind, "what": m.what, "killer": m.killer}
-            for name, found in hunted.items()
-            for m in found
+            for name, mutants in hunted.items()
+            for m in mutants
         ]
     return render_json(document)
 
@@ -95,8 +95,8 @@ def _junit(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
             if c.verdict is None:
                 ET.SubElement(case, "error", message=c.problem)
             elif not c.right:
-                said = f"expected {c.expected}, got {c.got}: {c.why}"
-                ET.SubElement(case, "failure", message=said)
+                text = f"expected {c.expected}, got {c.got}: {c.why}"
+                ET.SubElement(case, "failure", message=text)
         for code, counts in suite.lacking.items():
             case = ET.SubElement(
                 node, "testcase", classname=f"{name}.{code}", name="enough examples"

@@ -35,7 +35,7 @@ def write(figure: Any, option: str, path: Path) -> None:
         figure.savefig(path, dpi=160)
     except (ValueError, OSError) as error:
         allowed = ", ".join(sorted(figure.canvas.get_supported_filetypes()))
-        said = str(error).partition(" (supported")[0]
-        raise InputError(f"{option} {path}", f"{said}.", f"a name ending in {allowed}") from None
+        reason = str(error).partition(" (supported")[0]
+        raise InputError(f"{option} {path}", f"{reason}.", f"a name ending in {allowed}") from None
     finally:
         plt.close(figure)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from safestage_eval._text.plural import count
 from safestage_eval.version import __version__
 
 from .render_csv import render_csv
@@ -90,17 +91,17 @@ def _facts(flip: Flip) -> dict[str, Any]:
 def _summary(difference: Difference) -> list[str]:
     """Count the flips, and list what could not be compared."""
     flips, same = len(difference.flips), difference.same
-    lines = [f"{flips} of {_count(flips + same, 'verdict')} flipped"]
+    lines = [f"{flips} of {count(flips + same, 'verdict')} flipped"]
     for where, pairs in (("before", difference.only_before), ("after", difference.only_after)):
         if pairs:
             rules = ", ".join(sorted({rule for _, rule in pairs}))
-            lines.append(f"only {where}: {_count(len(pairs), 'verdict')} ({rules})")
+            lines.append(f"only {where}: {count(len(pairs), 'verdict')} ({rules})")
     return lines + [f"problem: {message}" for message in difference.problems]
 
 
 def _counted(flips: Sequence[Flip]) -> str:
     kinds = Counter(_change(flip) for flip in flips)
-    return ", ".join(f"{count} {kind}" for kind, count in kinds.items())
+    return ", ".join(f"{number} {kind}" for kind, number in kinds.items())
 
 
 def _change(flip: Flip) -> str:
@@ -122,7 +123,3 @@ def _rate(change: RateChange) -> tuple[str, str]:
         for value, (k, n) in zip((change.before, change.after), change.counts, strict=True)
     )
     return before, after
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number != 1)}"

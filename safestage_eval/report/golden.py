@@ -87,13 +87,15 @@ def changes(scores: Scores, path: Path) -> list[Change]:
         InputError: the file is not there or is no golden file.
     """
     wanted = _read(path)
-    found = {r.episode_id: r for r in scores.results}
+    results = {r.episode_id: r for r in scores.results}
     lines = [
-        Change("expected, but not among the episodes", name) for name in wanted if name not in found
+        Change("expected, but not among the episodes", name)
+        for name in wanted
+        if name not in results
     ]
     missing = Counter(
         rule
-        for name, r in found.items()
+        for name, r in results.items()
         for rule in r.not_loaded
         if rule in wanted.get(name, {}).get("rules", {})
     )
@@ -101,7 +103,7 @@ def changes(scores: Scores, path: Path) -> list[Change]:
         Change(f"not among the loaded rules, so not judged in {number} episodes", None, rule)
         for rule, number in sorted(missing.items())
     ]
-    for name, result in found.items():
+    for name, result in results.items():
         if name in wanted:
             lines += _differences(wanted[name], result, scores.gates)
         else:
@@ -164,18 +166,18 @@ def _verdict(v: Verdict) -> dict[str, Any]:
 
 
 def _differences(wanted: dict[str, Any], result: EpisodeResult, gates: Gates) -> list[Change]:
-    found, name = _expected(result, gates), result.episode_id
+    actual, name = _expected(result, gates), result.episode_id
     lines = []
-    other_trace = wanted["trace_hash"] != found["trace_hash"]
+    other_trace = wanted["trace_hash"] != actual["trace_hash"]
     if other_trace:
         lines.append(
             Change("the trace is not the one that the expectations were made for: " + _hashes(
-                wanted["trace_hash"], found["trace_hash"]), name)
+                wanted["trace_hash"], actual["trace_hash"]), name)
         )  # fmt: skip
     lines += [
-        Change(f"{field} {_shown(field, wanted[field])} → {_shown(field, found[field])}", name)
+        Change(f"{field} {_shown(field, wanted[field])} → {_shown(field, actual[field])}", name)
         for field in ("success", "success_time")
-        if not _same(field, wanted[field], found[field])
+        if not _same(field, wanted[field], actual[field])
     ]
     verdicts = {v.rule: v for v in gates.counted(result)}
     for rule in sorted({*wanted["rules"], *verdicts} - {*result.not_loaded}):
@@ -198,13 +200,13 @@ def _change(before: dict[str, Any], v: Verdict, *, other_trace: bool) -> str:
     changed = [name for name in _FIELDS if not _same(name, before[name], now[name])]
     if not changed:
         return ""
-    said = []
+    parts = []
     for name in _FIELDS:
         old, new = (_shown(name, side[name], v.dimension) for side in (before, now))
         if name in changed:
-            said.append(f"{name} {old} → {new}")
+            parts.append(f"{name} {old} → {new}")
         elif name in ("value", "limit") and now[name] is not None:
-            said.append(f"{name} still {new}")
+            parts.append(f"{name} still {new}")
     reasons = []
     if other_trace:
         reasons.append("the trace is another")
@@ -212,7 +214,7 @@ def _change(before: dict[str, Any], v: Verdict, *, other_trace: bool) -> str:
         digests = _hashes(before["rule_digest"], now["rule_digest"])
         reasons.append(f"the rule means something else: digest {digests}")
     why = " and ".join(reasons) or "trace and rule are the same: the evaluator has changed"
-    return f"{', '.join(said)} ({why})"
+    return f"{', '.join(parts)} ({why})"
 
 
 def _hashes(before: str, now: str) -> str:

@@ -82,8 +82,8 @@ def notes(comparison: Comparison) -> list[str]:
             for c in comparison.lines
             if c.of.level == "all"
         ]
-        said = f"{len(pairs.undecided)} pairs could not be decided and are not in N: whatever they"
-        lines.append(f"{said} are, the differences over all lie within {', '.join(bounds)}.")
+        text = f"{len(pairs.undecided)} pairs could not be decided and are not in N: whatever they"
+        lines.append(f"{text} are, the differences over all lie within {', '.join(bounds)}.")
     if pairs.not_judged:
         lines.append(f"{pairs.not_judged} pairs were judged by no assigned rule.")
     for name, alone in zip(comparison.names, pairs.alone, strict=True):
@@ -140,11 +140,11 @@ def _sides(comparison: Comparison) -> dict[str, Rates]:
 def _engagement(comparison: Comparison) -> list[Table]:
     """Stages reached and episodes at risk per side; no table where neither is known."""
     sides = _sides(comparison)
-    known = any(
+    any_known = any(
         cell.given["at risk"]["N"] or any(n for stage, n in cell.engagement.items() if stage)
         for cell in sides.values()
     )
-    if not known:
+    if not any_known:
         return []
     return [
         Table(
@@ -170,15 +170,15 @@ def _why_not(line: Line) -> str:
     least = f"{100 * need.smallest:.1f} points is the least that this sample would show"
     if need.pairs is None:
         return f"{pairs} pairs show no difference; {least}"
-    said = (
+    text = (
         f"{pairs} pairs cannot carry a difference of {_signed(line.of.difference)} points "
         f"(Holm p {_p(line.p_holm)}, interval {_interval(line)}); {least}"
     )
     here = pairs / len(line.of.tasks)
     if need.per_task is None:
         would = f"more rollouts of these {len(line.of.tasks)} tasks would not"
-        return f"{said}; {would}, about {need.tasks} tasks with {here:.0f} pairs each would"
-    return f"{said}; about {need.per_task} pairs per task would, where there are {here:.0f}"
+        return f"{text}; {would}, about {need.tasks} tasks with {here:.0f} pairs each would"
+    return f"{text}; about {need.per_task} pairs per task would, where there are {here:.0f}"
 
 
 def _row(line: Line) -> dict[str, Any]:

@@ -20,11 +20,19 @@ COLUMNS = (
 """Names of the columns of a result row, in order (docs/results.md)."""
 
 
-MEASURED = (
-    "success_time", "time", "worst_time", "value", "limit", "margin", "margin_normalised",
-    "exposure_time",
-)  # fmt: skip
-"""Those that hold one real number."""
+KINDS = {
+    **dict.fromkeys(("seed", "rollout", "instances", "violated_instances"), "integer"),
+    **dict.fromkeys(("success", "assigned", "violation", "undersampled"), "boolean"),
+    **dict.fromkeys(
+        ("success_time", "time", "worst_time", "value", "limit", "margin", "margin_normalised",
+         "exposure_time"), "number",
+    ),
+    **dict.fromkeys(("bodies", "notes", "sources"), "strings"),
+    **dict.fromkeys(("intervals", "raw_intervals"), "pairs"),
+}  # fmt: skip
+"""What a column holds, if not text: ``pairs`` are lists of two numbers."""
+
+MEASURED = tuple(name for name, kind in KINDS.items() if kind == "number")
 
 
 def rows(scores: Scores) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ from typing import Any, get_args
 from safestage_eval.verdicts.engagement import Engagement
 from safestage_eval.verdicts.verdict import Vacuity, VerdictName
 
-from .result_rows import COLUMNS
+from .result_rows import COLUMNS, KINDS
 
 FILE = "results.schema.json"
 
@@ -22,19 +22,12 @@ _TEXT, _TRUTH, _COUNT, _NUMBER = (
 )
 _PAIR = {"type": "array", "items": _NUMBER, "minItems": 2, "maxItems": 2}
 
-_TYPES: dict[str, dict[str, Any]] = {
-    "seed": _COUNT, "rollout": _COUNT, "instances": _COUNT, "violated_instances": _COUNT,
-    "success": _TRUTH, "assigned": _TRUTH, "violation": _TRUTH, "success_time": _NUMBER,
-    "time": _NUMBER, "worst_time": _NUMBER, "value": _NUMBER, "limit": _NUMBER, "margin": _NUMBER,
-    "margin_normalised": _NUMBER, "exposure_time": _NUMBER,
-    "verdict": {"enum": list(get_args(VerdictName))},
-    "bodies": {"type": "array", "items": _TEXT}, "notes": {"type": "array", "items": _TEXT},
-    "sources": {"type": "array", "items": _TEXT},
-    "intervals": {"type": "array", "items": _PAIR},
-    "raw_intervals": {"type": "array", "items": _PAIR}, "undersampled": _TRUTH,
-    "vacuity": {"enum": list(get_args(Vacuity))},
-    "engagement": {"enum": list(get_args(Engagement))},
+_KINDS: dict[str, dict[str, Any]] = {
+    "integer": _COUNT, "boolean": _TRUTH, "number": _NUMBER,
+    "strings": {"type": "array", "items": _TEXT}, "pairs": {"type": "array", "items": _PAIR},
 }  # fmt: skip
+
+_WORDS = {"verdict": VerdictName, "vacuity": Vacuity, "engagement": Engagement}
 
 _ALWAYS = {
     "episode_id", "path", "rule", "assigned", "bodies", "intervals", "exposure_time",
@@ -48,7 +41,9 @@ def row_schema() -> dict[str, Any]:
     """Schema of one result row: every column is present, some may be null (docs/results.md)."""
     columns = {}
     for name in COLUMNS:
-        kind = _TYPES.get(name, _TEXT)
+        kind = _KINDS[KINDS[name]] if name in KINDS else _TEXT
+        if name in _WORDS:
+            kind = {"enum": list(get_args(_WORDS[name]))}
         columns[name] = kind if name in _ALWAYS else {"anyOf": [kind, {"type": "null"}]}
     return _object(columns)
 

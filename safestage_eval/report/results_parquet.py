@@ -12,20 +12,16 @@ import pyarrow.parquet as pq
 
 from safestage_eval.run.scores import Scores
 
-from .result_rows import COLUMNS, MEASURED, each_row
+from .result_rows import COLUMNS, KINDS, each_row
 
 _TYPES = {
-    "seed": pa.int64(), "rollout": pa.int64(), "instances": pa.int64(),
-    "violated_instances": pa.int64(), "success": pa.bool_(), "assigned": pa.bool_(),
-    "violation": pa.bool_(), **dict.fromkeys(MEASURED, pa.float64()),
-    "bodies": pa.list_(pa.string()), "notes": pa.list_(pa.string()),
-    "sources": pa.list_(pa.string()),
-    "intervals": pa.list_(pa.list_(pa.float64())),
-    "raw_intervals": pa.list_(pa.list_(pa.float64())), "undersampled": pa.bool_(),
+    "integer": pa.int64(), "boolean": pa.bool_(), "number": pa.float64(),
+    "strings": pa.list_(pa.string()), "pairs": pa.list_(pa.list_(pa.float64())),
 }  # fmt: skip
 
-SCHEMA = pa.schema([(name, _TYPES.get(name, pa.string())) for name in COLUMNS])
-
+SCHEMA = pa.schema(
+    [(name, _TYPES[KINDS[name]] if name in KINDS else pa.string()) for name in COLUMNS]
+)
 
 _GROUP = 10_000
 """Rows of a row group."""

@@ -91,8 +91,8 @@ def by_importance(verdicts: Iterable[Verdict]) -> list[Verdict]:
 def goal_of(result: EpisodeResult) -> str:
     """Native success in words: ``success at 9.62 s``."""
     when = "" if result.success_time is None else f" at {result.success_time:.2f} s"
-    said = {True: f"success{when}", False: "no success", None: "success unknown"}
-    return said[result.success]
+    texts = {True: f"success{when}", False: "no success", None: "success unknown"}
+    return texts[result.success]
 
 
 def _reached(result: EpisodeResult) -> str:
@@ -112,22 +112,22 @@ def _outcome(result: EpisodeResult) -> str:
 
 def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
     counts = dict.fromkeys(SECTIONS, 0)
-    found: dict[str, list[EpisodeResult]] = {outcome: [] for outcome in SECTIONS}
+    listed: dict[str, list[EpisodeResult]] = {outcome: [] for outcome in SECTIONS}
     for result in scores.results:
         if result.assigned:
             outcome = _outcome(result)
             counts[outcome] += 1
-            if everything or len(found[outcome]) < MOST:
-                found[outcome].append(result)
-    judged = sum(counts.values())
-    all_shown = everything or judged <= MOST
-    left = judged if all_shown else MOST
+            if everything or len(listed[outcome]) < MOST:
+                listed[outcome].append(result)
+    total = sum(counts.values())
+    all_shown = everything or total <= MOST
+    left = total if all_shown else MOST
     for outcome, (heading, style) in SECTIONS.items():
-        shown = found[outcome][:left] if all_shown or outcome != "pass" else []
+        shown = listed[outcome][:left] if all_shown or outcome != "pass" else []
         left -= len(shown)
         if not counts[outcome]:
             continue
-        console.print(Text(f"{heading}: {counts[outcome]} of {judged} episodes", f"bold {style}"))
+        console.print(Text(f"{heading}: {counts[outcome]} of {total} episodes", f"bold {style}"))
         for result in shown:
             head = Text(
                 printable(f"  {result.episode_id}, {goal_of(result)}{_reached(result)}"), "bold"
@@ -221,23 +221,23 @@ def _sentence(v: Verdict) -> str:
         facts.append(v.severity)
     if not v.assigned:
         facts.append(f"follows {v.consequence_of}" if v.consequence_of else "not assigned")
-    said = v.explanation or "; ".join(v.notes) or v.title
-    return said + (f" ({', '.join(facts)})" if facts else "")
+    sentence = v.explanation or "; ".join(v.notes) or v.title
+    return sentence + (f" ({', '.join(facts)})" if facts else "")
 
 
 def _rates(console: Console, every: Sequence[Outcome]) -> None:
-    found = by_policy_stage(every)
+    cells = by_policy_stage(every)
     lines = [*summary(rates(every))]
     for line in lines + [""] * bool(lines):
         console.print(line)
-    if not any(cell.n or cell.inconclusive for cell in found.values()):
+    if not any(cell.n or cell.inconclusive for cell in cells.values()):
         return
-    _rate_table(console, "Rates: percent, k/N", found, None)
-    risk = [(cell.given["at risk"]["N"], cell.n) for cell in found.values()]
-    if len(found) > 1 and any(0 < k < n for k, n in risk):
-        _rate_table(console, "Over those at risk: percent, k/N", found, "at risk")
-    if len(found) > 1:
-        _given_table(console, found)
+    _rate_table(console, "Rates: percent, k/N", cells, None)
+    risk = [(cell.given["at risk"]["N"], cell.n) for cell in cells.values()]
+    if len(cells) > 1 and any(0 < k < n for k, n in risk):
+        _rate_table(console, "Over those at risk: percent, k/N", cells, "at risk")
+    if len(cells) > 1:
+        _given_table(console, cells)
 
 
 Cells = Mapping[tuple[str, ...], Rates]

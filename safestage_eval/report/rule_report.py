@@ -13,6 +13,7 @@ from safestage_eval.rules.clauses import CLAUSES, ClauseSpec
 from safestage_eval.rules.names import a_dimension
 from safestage_eval.rules.uses import Source, own_params, uses_of
 from safestage_eval.signals import SIGNALS
+from safestage_eval.units import DIMENSIONS
 
 from .render_text import text_lines
 from .table import Table
@@ -89,8 +90,8 @@ def _asked(rule: ast.Rule, params: ast.Params) -> dict[str, Any]:
 
 def _obligation(clause: ClauseSpec, value: Any, params: ast.Params) -> list[str] | str | None:
     """The entries of an obligation in words, or the one that it can have."""
-    said = words.atom if clause.value == "condition" else words.alternative
-    texts = [said(item, params) for item in clause.entries(value)]
+    in_words = words.atom if clause.value == "condition" else words.alternative
+    texts = [in_words(item, params) for item in clause.entries(value)]
     return next(iter(texts), None) if clause.value == "alternative" else texts
 
 
@@ -98,8 +99,8 @@ def obligations(facts: Mapping[str, Any]) -> Iterator[tuple[str, list[str]]]:
     """Heading and entries of each kind of obligation, from the facts of a rule."""
     lasting = f", for {facts['for']} or longer" if facts["for"] else ""
     for kind, clause in CLAUSES.items():
-        said = facts[kind] or []
-        texts = [said] if isinstance(said, str) else said
+        entries = facts[kind] or []
+        texts = [entries] if isinstance(entries, str) else entries
         yield clause.heading, [text + lasting * clause.lasts for text in texts]
 
 
@@ -151,41 +152,25 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
 
 def vocabulary() -> list[dict[str, Any]]:
     """Signals and relations as plain values, in the order of the documentation."""
-    result: list[dict[str, Any]] = [
-        {
-            "name": spec.name,
-            "kind": "signal",
-            "args": list(spec.arities),
-            "dimension": spec.dimension,
-            "units": _units(spec.dimension),
-            "since": spec.since,
-            "groups": spec.groups,
-            "needs": list(spec.needs),
-            "meaning": spec.meaning,
-            "options": {option.name: option.meaning for option in spec.options},
-            "columns": dict(spec.columns),
-            "calls": _calls(spec),
-        }
-        for spec in SIGNALS.values()
-    ]
-    result += [
-        {
-            "name": spec.name,
-            "kind": "relation",
-            "args": list(spec.arities),
-            "dimension": None,
-            "units": [],
-            "since": False,
-            "groups": spec.groups,
-            "needs": list(spec.needs),
-            "meaning": spec.meaning,
-            "options": {},
-            "columns": {},
-            "calls": _calls(spec),
-        }
-        for spec in RELATIONS.values()
-    ]
-    return result
+    return [*map(_facts_of, SIGNALS.values()), *map(_facts_of, RELATIONS.values())]
+
+
+def _facts_of(spec: Signal | Relation) -> dict[str, Any]:
+    signal = spec if isinstance(spec, Signal) else None
+    return {
+        "name": spec.name,
+        "kind": "signal" if signal else "relation",
+        "args": list(spec.arities),
+        "dimension": signal and signal.dimension,
+        "units": list(DIMENSIONS[signal.dimension]) if signal else [],
+        "since": bool(signal and signal.since),
+        "groups": spec.groups,
+        "needs": list(spec.needs),
+        "meaning": spec.meaning,
+        "options": {option.name: option.meaning for option in signal.options} if signal else {},
+        "columns": dict(signal.columns) if signal else {},
+        "calls": [f"{spec.name}({', '.join(spec.args[:count])})" for count in spec.arities],
+    }
 
 
 def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
@@ -224,17 +209,6 @@ def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
     ]
     head = ("name", "value", "needs", "meaning")
     return "\n".join(text_lines(Table("", head, rows, len(head)))) + "\n"
-
-
-def _calls(spec: Signal | Relation) -> list[str]:
-    """How it may be called, with the names of its arguments."""
-    return [f"{spec.name}({', '.join(spec.args[:count])})" for count in spec.arities]
-
-
-def _units(dimension: str) -> list[str]:
-    from safestage_eval.units import DIMENSIONS
-
-    return list(DIMENSIONS[dimension])
 
 
 def _scope(rule: ast.Scoped, params: ast.Params) -> str:

@@ -169,8 +169,8 @@ def _draw(axes: Any, again: Again, panel: Panel) -> None:
     axes.plot(t, np.where(least, np.nan, values), color=INK, lw=1.3)
     axes.plot(t, np.where(least, values, np.nan), color="0.45", lw=1.2, ls=":", label="at least")
     bounds = list(dict.fromkeys((b.value, b.bad, b.param) for b, _ in panel.limits))
-    known = [*values[np.isfinite(values)], *(shown(value) for value, _, _ in bounds)] or [0.0, 1.0]
-    low, high = float(min(known)), float(max(known))
+    drawn = [*values[np.isfinite(values)], *(shown(value) for value, _, _ in bounds)] or [0.0, 1.0]
+    low, high = float(min(drawn)), float(max(drawn))
     pad = 0.08 * (high - low) or max(abs(high), 1.0) * 0.1
     axes.set_ylim(low - pad, high + pad)
     for value, bad, param in bounds:
@@ -180,9 +180,9 @@ def _draw(axes: Any, again: Again, panel: Panel) -> None:
         codes = sorted(
             {c for b, c in panel.limits if (b.value, b.bad, b.param) == (value, bad, param)}
         )
-        said = f"{', '.join(codes)}: {param or 'limit'} {format_quantity(value, dimension)}"
+        label = f"{', '.join(codes)}: {param or 'limit'} {format_quantity(value, dimension)}"
         axes.annotate(
-            said, (0.995, at), xycoords=("axes fraction", "data"), xytext=(0, 3 if bad == "above" else -3),
+            label, (0.995, at), xycoords=("axes fraction", "data"), xytext=(0, 3 if bad == "above" else -3),
             textcoords="offset points", ha="right", va="bottom" if bad == "above" else "top",
             color=BAD, fontsize=8, bbox={"facecolor": "white", "alpha": 0.75, "linewidth": 0, "pad": 1},
         )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
+from safestage_eval._text.plural import count
 from safestage_eval.metrics import METRICS, Rates
 from safestage_eval.metrics.rates import CONDITIONS
 
@@ -20,7 +21,7 @@ def coverage(cell: Rates, unreadable: int = 0) -> str:
 
     ``unreadable``: episodes that could not be read, or whose recording failed.
     """
-    parts = [f"Judged {cell.n} of {_episodes(cell.episodes + unreadable)}"]
+    parts = [f"Judged {cell.n} of {count(cell.episodes + unreadable, 'episode')}"]
     risk = cell.given["at risk"]
     if risk["N"] or risk["unknown"] < cell.n:
         unknown = f" (unknown of {risk['unknown']})" if risk["unknown"] else ""
@@ -30,7 +31,7 @@ def coverage(cell: Rates, unreadable: int = 0) -> str:
         "no rule assigned or loaded": cell.not_judged,
         "not readable": unreadable,
     }
-    return "; ".join([*parts, *(f"{name} {count}" for name, count in counts.items() if count)])
+    return "; ".join([*parts, *(f"{name} {number}" for name, number in counts.items() if number)])
 
 
 def judged(cells: Iterable[Rates]) -> dict[str, Callable[[Rates], str]]:
@@ -46,14 +47,14 @@ def summary(cell: Rates) -> Iterator[str]:
     if 0 < risk["N"] < cell.n:
         rates = ", ".join(f"{metric} {share(cell, metric, 'at risk')}" for metric in METRICS)
         yield f"Rates over those at risk, %: {rates}"
-    engaged = {stage: count for stage, count in cell.engagement.items() if stage and count}
+    engaged = {stage: n for stage, n in cell.engagement.items() if stage and n}
     if not engaged:
         return
-    known = sum(engaged.values())
+    total = sum(engaged.values())
     idle = engaged.get("idle", 0)
     if idle:
-        yield f"{idle} of {_episodes(known)} never reached {'its' if idle == 1 else 'their'} target"
-    stages = ", ".join(f"{stage} {count}" for stage, count in engaged.items())
+        yield f"{idle} of {count(total, 'episode')} never reached {'its' if idle == 1 else 'their'} target"
+    stages = ", ".join(f"{stage} {n}" for stage, n in engaged.items())
     unknown = f", unknown {cell.engagement[None]}" if cell.engagement[None] else ""
     yield f"Furthest stage reached (episodes): {stages}{unknown}"
     given = [
@@ -61,7 +62,3 @@ def summary(cell: Rates) -> Iterator[str]:
     ]
     if given:
         yield f"VR given that stage, %: {', '.join(given)}"
-
-
-def _episodes(count: int) -> str:
-    return f"{count} episode{'s' * (count != 1)}"

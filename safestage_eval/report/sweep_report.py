@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from safestage_eval._text.plural import count
 from safestage_eval.metrics import METRICS
 from safestage_eval.rules.syntax import amount
 from safestage_eval.version import __version__
@@ -59,20 +60,16 @@ def _table(sweep: Sweep, by: Sequence[str]) -> str:
 
 def _remarks(sweep: Sweep) -> list[str]:
     """Sentences on what was judged, and what was not."""
-    said = [
+    remarks = [
         f"{sweep.param} is {text_of(sweep.default)} by default and read by "
-        f"{', '.join(sweep.readers)}; {len(sweep.values)} values, {_count(sweep.count, 'episode')}."
+        f"{', '.join(sweep.readers)}; {len(sweep.values)} values, {count(sweep.count, 'episode')}."
     ]
     if sweep.unread:
-        said.append(
-            f"{_count(sweep.unread, 'episode')} left out: no rule assigned to them reads it."
+        remarks.append(
+            f"{count(sweep.unread, 'episode')} left out: no rule assigned to them reads it."
         )
-    said += sweep.remarks
-    return said + [f"problem: {problem.message}" for problem in sweep.problems]
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' * (number != 1)}"
+    remarks += sweep.remarks
+    return remarks + [f"problem: {problem.message}" for problem in sweep.problems]
 
 
 def _csv(sweep: Sweep, by: Sequence[str]) -> str:

@@ -17,23 +17,23 @@ def events(result: EpisodeResult, end: float) -> list[Event]:
         result: of an episode.
         end: s, time of its last frame.
     """
-    found = [event for verdict in result.verdicts for event in _of(verdict, end)]
-    return sorted(found, key=lambda event: event.time)
+    every = [event for verdict in result.verdicts for event in _of(verdict, end)]
+    return sorted(every, key=lambda event: event.time)
 
 
 def _of(v: Verdict, end: float) -> Iterator[Event]:
-    def said(time: float, text: str, level: str = "info") -> Event:
+    def event(time: float, text: str, level: str = "info") -> Event:
         return Event(time, f"{v.rule} {text}", level, v.rule)  # type: ignore[arg-type]
 
     if v.verdict == "violation":
         first = v.time if v.time is not None else end
         follows = f" (follows {v.consequence_of})" if v.consequence_of else ""
-        yield said(first, f"violation{follows}: {v.explanation or v.title}", "error")
+        yield event(first, f"violation{follows}: {v.explanation or v.title}", "error")
         worst = v.worst_time
         if worst is not None and worst > first and v.signal is not None:
-            yield said(worst, f"worst: {v.signal}", "error")
-        yield from (said(b, "violation is over") for _, b in v.intervals if b < end)
+            yield event(worst, f"worst: {v.signal}", "error")
+        yield from (event(b, "violation is over") for _, b in v.intervals if b < end)
     elif v.verdict == "inconclusive" and v.assigned:
-        yield said(end, f"inconclusive: {v.explanation or v.title}", "warning")
+        yield event(end, f"inconclusive: {v.explanation or v.title}", "warning")
     elif v.verdict == "pass" and v.assigned:
-        yield said(end, f"pass: {v.title}")
+        yield event(end, f"pass: {v.title}")

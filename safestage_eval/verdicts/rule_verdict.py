@@ -20,7 +20,6 @@ from .explain import Finding, inconclusive, passed, seconds, sentence, untouched
 from .flicker import breaches, raw_frames, too_brief
 from .instance import Instance
 from .instance_verdict import judge_instance, undersampled, violated_frames, witness_of
-from .obligations import OBLIGATIONS
 from .obligations.ordering import in_turn, is_ordering
 from .players import combinations
 from .undecided import UNNAMED, Cause, between_samples, cause_of

@@ -171,7 +171,7 @@ def test_nobody_plays_a_role() -> None:
     result = scored(pushed(0.3), roles={"target": ("t",), "protected": ()})
     (found,) = result.assigned
     assert (found.verdict, found.vacuity) == ("not_applicable", "no_player")
-    assert "vacuous: no body plays one of its roles" in explain(result)
+    assert "Not applicable: no body plays protected." in explain(result)
 
 
 @pytest.mark.parametrize(
