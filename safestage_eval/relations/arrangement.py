@@ -81,14 +81,14 @@ class Arrangement:
     def _geoms(self, pair: Pair) -> list[NDArray[np.int64]]:
         """On each side, of which geom each point is: (N,), or (1,) where the body has but one."""
         if pair not in self._sides:
-            found = self._sides[pair] = []
+            sides = self._sides[pair] = []
             for body, column in zip(pair, ("geom1", "geom2"), strict=True):
                 first, end = self._first_geom[body : body + 2]
                 if end - first == 1:
-                    found.append(np.array([first], np.int64))
+                    sides.append(np.array([first], np.int64))
                 else:
                     (geoms,) = self._episode.contacts.of_pair(pair, column)
-                    found.append(geoms[self._of(pair)].astype(np.int64))
+                    sides.append(geoms[self._of(pair)].astype(np.int64))
         return self._sides[pair]
 
     def touching(self, pair: Pair) -> Bool:

@@ -1,4 +1,4 @@
-"""What is jointed to what: parts of the world's furniture, of an object, or of the robot."""
+"""Bodies that joints connect: parts of the world's furniture, of an object, or of the robot."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ class Assemblies:
 
     def hanging(self, body: int) -> set[int]:
         """The body and all that is jointed to it, directly or not: a cabinet and its drawers."""
-        found, todo = {body}, [body]
+        hanging, todo = {body}, [body]
         while todo:
-            more = self._children.get(todo.pop(), set()) - found
-            found |= more
+            more = self._children.get(todo.pop(), set()) - hanging
+            hanging |= more
             todo += more
-        return found
+        return hanging
 
     def on_robot(self, body: int) -> bool:
         """Jointed to the robot, though no part of it: a tool on its flange."""

@@ -50,7 +50,7 @@ def may_touch_between(relations: Support, a: str, b: str, where: Bool) -> Bool:
     return out
 
 
-def with_missed_peaks(relations: Support, bodies: Sequence[str], found: Series) -> Series:
+def with_missed_peaks(relations: Support, bodies: Sequence[str], recorded: Series) -> Series:
     """A peak force (T,), of any size where the recording may have missed one.
 
     That is between two samples further apart than frames are, and between any two if the peaks are
@@ -59,33 +59,35 @@ def with_missed_peaks(relations: Support, bodies: Sequence[str], found: Series) 
     Args:
         relations: of the episode.
         bodies: names of two bodies or unions.
-        found: as recorded.
+        recorded: as recorded.
     """
     episode = relations.episode
     if relations.blind or len(episode) < 2:
-        return found
+        return recorded
     where = np.ones(len(episode), np.bool_)
     if relations.signals.contact_sums.covers_frames:
         if episode.clock.uniform:
-            return found
+            return recorded
         where = episode.clock.spacing > ONE_STEP * episode.dt
     if episode.unseen is not None:  # nothing is known there anyway
         where &= ~episode.unseen
     where[-1] = False
     if not where.any():
-        return found
-    touching = found.upper > 0  # what stays in touch may be pressed harder without moving
+        return recorded
+    touching = recorded.upper > 0  # what stays in touch may be pressed harder without moving
     missed = may_touch_between(relations, bodies[0], bodies[1], where)
     missed |= where & (touching | np.append(touching[1:], False))
     if not missed.any():
-        return found
+        return recorded
     first = int(missed.argmax())
     note = (
         f"peak_force({', '.join(bodies)}) may have been greater between two samples, "
         f"{(episode.t[first + 1] - episode.t[first]) * 1e3:.0f} ms apart at {episode.t[first]:.2f} s"
     )
     missed[1:] |= missed[:-1]
-    return replace(found, upper=np.where(missed, np.inf, found.upper), notes=(*found.notes, note))
+    return replace(
+        recorded, upper=np.where(missed, np.inf, recorded.upper), notes=(*recorded.notes, note)
+    )
 
 
 def _near(relations: Support, a: str, b: str, where: Bool) -> Bool:

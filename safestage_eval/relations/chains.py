@@ -20,7 +20,7 @@ class Chains:
     def __init__(
         self, frames: int, assemblies: Assemblies, sums: ContactSums, arrangement: Arrangement
     ) -> None:
-        """Of one episode. Nothing is computed before it is asked for."""
+        """Prepare for one episode; nothing is computed yet."""
         self._frames = frames
         self._assemblies = assemblies
         self._sums = sums
@@ -33,15 +33,15 @@ class Chains:
     def cluster(self, body: int) -> list[Pair]:
         """Pairs with a free body that contacts among free bodies ever join to the given one."""
         if body not in self._clusters:
-            found, todo = {body}, [body]
+            members, todo = {body}, [body]
             while todo:
                 at = todo.pop()
                 near = self._assemblies.of(at).union(self._sums.beside(at))
-                near = near & self._assemblies.free - found
-                found |= near
+                near = near & self._assemblies.free - members
+                members |= near
                 todo += near
-            pairs = sorted({(min(b, o), max(b, o)) for b in found for o in self._sums.beside(b)})
-            self._clusters.update(dict.fromkeys(found, pairs))
+            pairs = sorted({(min(b, o), max(b, o)) for b in members for o in self._sums.beside(b)})
+            self._clusters.update(dict.fromkeys(members, pairs))
         return self._clusters[body]
 
     def joined(self, body: int) -> dict[int, Bool]:
@@ -73,13 +73,13 @@ class Chains:
         joined = self.joined(body)
         if on in self._assemblies.free:
             return joined.get(on, np.zeros(self._frames, np.bool_))
-        found = np.zeros(self._frames, np.bool_)
+        linked = np.zeros(self._frames, np.bool_)
         for gone in self._assemblies.hanging(on):
             for b, present in joined.items():
                 if gone in self._sums.beside(b):
                     pair = (min(b, gone), max(b, gone))
-                    found |= present & self._arrangement.touching(pair)
-        return found
+                    linked |= present & self._arrangement.touching(pair)
+        return linked
 
     def handled(self, body: int) -> Bool:
         """(T,) the robot touches what hangs together with a body."""

@@ -26,8 +26,8 @@ STANDS, FALLS, OPEN = 0, 1, -1
 
 
 @dataclass
-class Said:
-    """What is known so far of whether one body depends on another.
+class Answer:
+    """The answer so far to whether one body depends on another.
 
     Attributes:
         falls: (T,) it does.
@@ -77,7 +77,7 @@ class Dependence:
         self._chains = Chains(len(episode), graph.assemblies, sums, self._arrangement)
         self._gathering = Gathering(episode, graph.assemblies, self._arrangement)
         self._neighbours = Neighbours(episode, self._robot)
-        self._said: dict[tuple[int, int], Said] = {}
+        self._answers: dict[tuple[int, int], Answer] = {}
 
     def beside(self, body: int) -> set[str]:
         """Names of the free bodies that contacts among free bodies ever join to the given one."""
@@ -92,49 +92,49 @@ class Dependence:
         has moved by ``STAYS``, it does not change. Only the ``wanted`` frames (T,) of the answer
         mean anything; all of them if None.
         """
-        said = self._known(body, on)
-        asked = ~said.done if wanted is None else np.greater(wanted, said.done)
-        if asked.any():
-            self._find(body, on, said, asked)
-        return said.falls, said.open
+        answer = self._answer_of(body, on)
+        missing = ~answer.done if wanted is None else np.greater(wanted, answer.done)
+        if missing.any():
+            self._find(body, on, answer, missing)
+        return answer.falls, answer.open
 
     def told(self, body: int, on: int) -> Bool:
         """(T,) where it is known already whether ``body`` falls when ``on`` is removed."""
-        return self._known(body, on).done
+        return self._answer_of(body, on).done
 
-    def _known(self, body: int, on: int) -> Said:
-        if (body, on) not in self._said:
+    def _answer_of(self, body: int, on: int) -> Answer:
+        if (body, on) not in self._answers:
             never = np.zeros(len(self._episode), np.bool_)
             nowhere = np.full(len(never), -1, np.int32)
             if body not in self._free or on in self._robot or body == on:
-                said = Said(never, never, ~never, nowhere, nowhere.astype(np.intp))
+                answer = Answer(never, never, ~never, nowhere, nowhere.astype(np.intp))
             elif body in self._removed(on):
-                said = Said(~never, never, ~never, nowhere, nowhere.astype(np.intp))
+                answer = Answer(~never, never, ~never, nowhere, nowhere.astype(np.intp))
             else:
-                said = Said(never, never, never, *self._alike(body, on))
-                said.done = said.part < 0
-            self._said[body, on] = said
-        return self._said[body, on]
+                answer = Answer(never, never, never, *self._alike(body, on))
+                answer.done = answer.part < 0
+            self._answers[body, on] = answer
+        return self._answers[body, on]
 
-    def _find(self, body: int, on: int, said: Said, asked: Bool) -> None:
+    def _find(self, body: int, on: int, answer: Answer, missing: Bool) -> None:
         """Judge the frames that are to be looked at for those that are asked for (T,)."""
-        cut = np.flatnonzero(asked & (said.look < 0))
+        cut = np.flatnonzero(missing & (answer.look < 0))
         if len(cut):
-            last = np.full(said.part.max() + 1, -1)
-            last[said.part[cut]] = cut
-            frames = np.flatnonzero(said.part >= 0)
-            frames = frames[frames <= last[said.part[frames]]]
-            said.look[frames] = self._arrangement.stretches(
-                self._chains.cluster(body), frames, said.part[frames]
+            last = np.full(answer.part.max() + 1, -1)
+            last[answer.part[cut]] = cut
+            frames = np.flatnonzero(answer.part >= 0)
+            frames = frames[frames <= last[answer.part[frames]]]
+            answer.look[frames] = self._arrangement.stretches(
+                self._chains.cluster(body), frames, answer.part[frames]
             )
-        looked = np.unique(said.look[asked])
-        found = self._judge(body, on, looked)
-        alike = np.isin(said.look, looked)
+        looked = np.unique(answer.look[missing])
+        outcome = self._judge(body, on, looked)
+        alike = np.isin(answer.look, looked)
         truth = np.full(len(alike), STANDS, np.int8)
-        truth[alike] = found[looked.searchsorted(said.look[alike])]
-        said.falls = said.falls | (truth == FALLS)
-        said.open = said.open | (truth == OPEN)
-        said.done = said.done | alike
+        truth[alike] = outcome[looked.searchsorted(answer.look[alike])]
+        answer.falls = answer.falls | (truth == FALLS)
+        answer.open = answer.open | (truth == OPEN)
+        answer.done = answer.done | alike
 
     def _removed(self, body: int) -> set[int]:
         return set(self._parts(body)) if body in self._free else set(self._hanging(body))
@@ -188,7 +188,7 @@ class Dependence:
 
         ``beside`` (F, N, N): bodies about which it is asked what is near, and what may be.
         """
-        found: Contacts = {}
+        contacts: Contacts = {}
         beside |= beside.swapaxes(1, 2)
         for i, j in np.argwhere(np.triu(beside.any(axis=0))).tolist():
             if self._removed(on).isdisjoint((i, j)) and i not in self._parts(j):
@@ -197,13 +197,13 @@ class Dependence:
                 many = np.zeros(len(frames), np.int64)
                 many[at] = count
                 if len(patch.normal):
-                    found[i, j] = patch, many
-        clusters = {body, *(b for pair in found for b in pair)} & self._free
+                    contacts[i, j] = patch, many
+        clusters = {body, *(b for pair in contacts for b in pair)} & self._free
         pairs = dict.fromkeys(pair for b in clusters for pair in self._chains.cluster(b))
         for pair, touching in self._gathering.contacts(frames, pairs).items():
-            both = found.get(pair)
-            found[pair] = self._gathering.together(touching, both) if both else touching
-        return found
+            both = contacts.get(pair)
+            contacts[pair] = self._gathering.together(touching, both) if both else touching
+        return contacts
 
     # ------------------------------------------------------------------ over time
 
@@ -231,14 +231,14 @@ class Dependence:
             first = int(joins[at])
             if quiet[first]:
                 begin, cursor = self._arrangement.stay(hanging, loose, first, cursor)
-                known = begin + np.flatnonzero(measured[begin:cursor])
-                known = known if len(known) else np.arange(begin, cursor)
-                kinds = signature[known]
+                usable = begin + np.flatnonzero(measured[begin:cursor])
+                usable = usable if len(usable) else np.arange(begin, cursor)
+                kinds = signature[usable]
                 at = 0  # as it is most often, where it is measured
                 if (kinds != kinds[0]).any():
                     _, place, many = np.unique(kinds, return_index=True, return_counts=True)
                     at = int(place[many.argmax()])
-                look[begin:cursor] = known[at]
+                look[begin:cursor] = usable[at]
                 part[begin:cursor] = parts
                 parts += 1
             else:

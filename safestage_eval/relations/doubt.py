@@ -28,7 +28,7 @@ Doubt = tuple[Bool, str]
 
 
 def may_be_caught(relations: Relations, body: str, on: str, wanted: Bool | None) -> Doubt | None:
-    """What is within a hair's breadth and carries nothing yet may hold the body up, or may not."""
+    """Doubt where bodies within a hair's breadth, which carry nothing yet, may hold the body up or not."""
     if relations.lacking("depends_on", (body, on)):
         return None
     open_ = relations.caught(body, on, wanted)
@@ -83,7 +83,7 @@ def _may_hang_on(relations: Relations, body: int, on: int) -> Bool:
 
 
 def may_be_in_the_grip(relations: Relations, name: str, bodies: Sequence[str]) -> Doubt | None:
-    """What was put down is perhaps still held as long as the hand stays with it."""
+    """Doubt where the hand stays with a body that was put down, and perhaps still holds it."""
     truth = relations.get(name, bodies)
     may_be = relations.may_be_grasped if name == "held" else relations.may_be_held
     most = relations.decide(name, list(bodies), held=may_be)
@@ -100,7 +100,7 @@ def may_be_in_the_grip(relations: Relations, name: str, bodies: Sequence[str]) -
 
 
 def may_hang_from_the_grip(relations: Relations, name: str, bodies: Sequence[str]) -> Doubt | None:
-    """What a hand may hold may hang from it, however near it is to what it seems to rest on."""
+    """Doubt where a hand may hold a body, which then may hang from it instead of resting on something."""
     truth = relations.get(name, bodies)
     if truth is None or not truth.any():
         return None
@@ -171,7 +171,7 @@ def may_have_been_touched(relations: Relations, body: str) -> Doubt | None:
 
 
 def may_be_borne(relations: Relations, body: str, container: str) -> Doubt | None:
-    """What looks over the rim is inside if the container bears it, of which nothing is known."""
+    """Doubt where a body looks over the rim: it is inside if the container bears it, which is unknown."""
     truth = relations.get("inside", (body, container))
     sure = relations.lies_inside(body, container, np.zeros(len(relations.episode), np.bool_))
     if truth is None or sure is None or not (truth & ~sure).any():

@@ -14,7 +14,7 @@ from safestage_eval.episode import Episode
 from safestage_eval.geometry.certified_distance import clearance_series, motion_bound
 from safestage_eval.geometry.pose import angle
 
-from .gripper_frame import gripper_frame
+from .held import gripper_frame
 from .proximity import TOUCH
 
 if TYPE_CHECKING:
@@ -184,10 +184,10 @@ class Causes:
     def _beside(self, body: int) -> list[int]:
         """The bodies that certainly touch it at some time."""
         relations = self._relations
-        found = relations.touches.beside(body)
+        beside = relations.touches.beside(body)
         if self._unseen_hand == body:
-            found = sorted({*found, *(i for i in self._movable(body) if relations.held(i).any())})
-        return found
+            beside = sorted({*beside, *(i for i in self._movable(body) if relations.held(i).any())})
+        return beside
 
     def _touching(self, i: int, j: int) -> Bool:
         """(T,) the two touch at the frame, or did since the one before."""

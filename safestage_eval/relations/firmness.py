@@ -131,12 +131,12 @@ class Loads:
         np.add.at(wanted, at, -1)
         return np.flatnonzero(np.cumsum(wanted)[:-1] > 0)
 
-    def _last(self, known: I64, at: I64) -> I64:
+    def _last(self, usable: I64, at: I64) -> I64:
         """(N,) the last of some frames within ``KEPT`` before each; −1 if there is none."""
-        if not len(known):
+        if not len(usable):
             return np.full(len(at), -1, np.int64)
-        place = np.searchsorted(known, at) - 1
-        last = np.where(place >= 0, known[np.maximum(place, 0)], -1)
+        place = np.searchsorted(usable, at) - 1
+        last = np.where(place >= 0, usable[np.maximum(place, 0)], -1)
         late = self._episode.t[at] - self._episode.t[np.maximum(last, 0)] > KEPT + 1e-9
         return np.where(late, -1, last)
 
@@ -238,7 +238,7 @@ class Loads:
         return own
 
     def _pressed(self, under: int, by: int, at: I64) -> tuple[F64, F64]:
-        """What one body presses down on another: in kg (N,), and where that acts (N, 3) m."""
+        """The load of one body on another: in kg (N,), and where it acts (N, 3) m."""
         frames = len(self._episode)
         pair = (min(under, by), max(under, by))
         frame, position, force = self._episode.contacts.of_pair(

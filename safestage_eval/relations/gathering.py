@@ -46,7 +46,7 @@ class Gathering:
 
     def contacts(self, frames: Frames, pairs: Iterable[Pair]) -> Contacts:
         """Those that exchange a force; only of pairs that have some."""
-        found = {}
+        contacts = {}
         for pair in pairs:
             starts = self._arrangement.starts(pair)
             first = starts[frames]
@@ -54,8 +54,8 @@ class Gathering:
             stop = np.cumsum(many)
             if stop[-1]:
                 at = np.arange(stop[-1]) + np.repeat(first - stop + many, many)
-                found[pair] = self._arrangement.points(pair, at), many
-        return found
+                contacts[pair] = self._arrangement.points(pair, at), many
+        return contacts
 
     @staticmethod
     def together(one: Touching, other: Touching) -> Touching:

@@ -146,8 +146,8 @@ class SupportGraph:
         if self.assemblies.on_robot(body):
             return np.ones(self._frames, np.bool_)
         hands = [r for r in self._bearing.beside(body) if r in self._robot]
-        known = np.zeros(self._frames, np.bool_) if held is None else held
-        return self._bearing.lifted(body, hands, known)
+        gripped = np.zeros(self._frames, np.bool_) if held is None else held
+        return self._bearing.lifted(body, hands, gripped)
 
     def rests_on(self, body: int, on: int, held: Callable[[int], Bool]) -> Bool:
         """(T,) true where a path of edges leads from one to the other, past no held body."""
@@ -212,14 +212,14 @@ class SupportGraph:
 
         The parts of one object bear each other through their joints.
         """
-        found: dict[int, dict[int, Bool]] = {}
+        below: dict[int, dict[int, Bool]] = {}
         todo = [body]
         while todo:
             i = todo.pop()
-            if i not in found:
-                found[i] = {**self.bearers(i), **self.jointed(i)}
-                todo += found[i]
-        return found
+            if i not in below:
+                below[i] = {**self.bearers(i), **self.jointed(i)}
+                todo += below[i]
+        return below
 
     def _spread(
         self, below: Mapping[int, Mapping[int, Bool]], sources: Mapping[int, Bool]

@@ -1,4 +1,4 @@
-"""Whether a gripper holds a body: by forces, by shapes, or by how the two move together."""
+"""Decide whether a gripper holds a body: by forces, by shapes, or by how the two move together."""
 
 from __future__ import annotations
 
@@ -101,16 +101,16 @@ def _grippers(
     episode: Episode, body: int, beside: Iterable[int]
 ) -> dict[str, dict[str, list[int]]]:
     """Gripper → side → the fingers of that side that ever touch the body."""
-    found: dict[str, dict[str, list[int]]] = {}
+    grippers: dict[str, dict[str, list[int]]] = {}
     for other in beside:
         side = episode.header.bodies[other].finger
         if side is not None and other != body:
-            found.setdefault(gripper_of(episode, other), {}).setdefault(side, []).append(other)
-    return found
+            grippers.setdefault(gripper_of(episode, other), {}).setdefault(side, []).append(other)
+    return grippers
 
 
 def gripper_of(episode: Episode, finger: int) -> str:
-    """What tells the gripper that a finger belongs to from others.
+    """A name for the gripper that a finger belongs to.
 
     The last body of kind ``gripper`` up its chain of parents that is no finger, else what the finger
     is jointed to. Where no parent is told: the only gripper, or the name but for its side.
@@ -219,3 +219,29 @@ def falling(t: F64, height: NDArray[np.floating]) -> Bool:
     for now in np.flatnonzero(gained):
         out[np.searchsorted(t, t[now] - lag[now]) : now + 1] = True
     return out
+
+
+def gripper_frame(episode: Episode) -> str | None:
+    """The body that carries the tool centre point, or the nearest that bears both fingers.
+
+    Else the only body of the gripper, if there is just one.
+    """
+    bodies = episode.bodies
+    tools = [body.name for body in bodies.values() if body.tcp is not None]
+    if tools:
+        return tools[0] if len(tools) == 1 else None
+    lines = [_line(episode, body.name) for body in bodies.values() if body.finger is not None]
+    if not lines:
+        grippers = [b.name for b in bodies.values() if b.kind == "gripper" and b.movable]
+        return grippers[0] if len(grippers) == 1 else None
+    return next((name for name in lines[0] if all(name in line for line in lines)), None)
+
+
+def _line(episode: Episode, name: str) -> list[str]:
+    """A body and all that it hangs on, from near to far."""
+    line: list[str] = []
+    following: str | None = name
+    while following in episode.bodies and following not in line:
+        line.append(following)
+        following = episode.bodies[following].parent
+    return line

@@ -90,7 +90,7 @@ class Neighbours:
         self, first: int, second: int, frames: NDArray[np.intp]
     ) -> tuple[Patch, NDArray[np.int64]]:
         """The points in which the two touch or are within ``NEAR``, by frame, and how many (F,)."""
-        found = [NOTHING]
+        patches = [NOTHING]
         at = [np.zeros(0, np.intp)]
         for x, y in product(self._placed(first, frames), self._placed(second, frames)):
             meets = np.logical_and(x.low <= y.high + NEAR, y.low <= x.high + NEAR).all(axis=1)
@@ -106,9 +106,9 @@ class Neighbours:
             points, many = overlap(one, other, normal, play, NEAR / 5)
             rough = np.full(len(points), max(x.friction, y.friction))
             normals = np.repeat(normal, many, axis=0)
-            found.append(Patch(points, normals, rough, np.zeros_like(normals)))
+            patches.append(Patch(points, normals, rough, np.zeros_like(normals)))
             at.append(np.repeat(close, many))
-        return by_frame(found, np.concatenate(at), len(frames))
+        return by_frame(patches, np.concatenate(at), len(frames))
 
     def about(self, bodies: NDArray[np.intp], frames: NDArray[np.intp]) -> Bool:
         """(F, B, N) bodies whose shapes' boxes come within ``NEAR`` of those of some (B,)."""

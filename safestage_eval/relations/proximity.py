@@ -54,11 +54,11 @@ class Proximity:
     def bears(self, bearer: int, borne: int) -> Bool:
         """(T,) true where they touch, and raising the second by ``LIFT`` opens the gap."""
         if (bearer, borne) not in self._bears:
-            found = np.zeros(self._frames, np.bool_)
+            bears = np.zeros(self._frames, np.bool_)
             rows = np.flatnonzero(self.touching(bearer, borne))
             if len(rows):
-                found[rows] = self._opens(bearer, borne, rows)
-            self._bears[bearer, borne] = found
+                bears[rows] = self._opens(bearer, borne, rows)
+            self._bears[bearer, borne] = bears
         return self._bears[bearer, borne]
 
     def gap(self, i: int, j: int, rows: NDArray[np.intp]) -> Clearance:
@@ -67,12 +67,12 @@ class Proximity:
 
     def lifted(self, body: int, by: Iterable[int], held: Bool) -> Bool:
         """(T,) true where one of the others bears it, looked at only where it is not ``held``."""
-        found = np.zeros(self._frames, np.bool_)
+        lifted = np.zeros(self._frames, np.bool_)
         for other in by:
-            rows = np.flatnonzero(self.touching(other, body) & ~held & ~found)
+            rows = np.flatnonzero(self.touching(other, body) & ~held & ~lifted)
             if len(rows):
-                found[rows] = self._opens(other, body, rows)
-        return found
+                lifted[rows] = self._opens(other, body, rows)
+        return lifted
 
     def _ever(self, i: int, j: int) -> Bool | None:
         key = (min(i, j), max(i, j))
@@ -95,11 +95,11 @@ class Proximity:
         way = self._mover(left).at(rows).motion.centre - self._mover(right).at(rows).motion.centre
         long = np.linalg.norm(way, axis=1, keepdims=True)
         way /= np.where(long > 0, long, 1.0)
-        found = np.ones(len(rows), np.bool_)
+        between = np.ones(len(rows), np.bool_)
         for finger, outward in ((left, way), (right, -way)):
-            some = np.flatnonzero(found)
-            found[some] = self._presses(finger, body, rows[some], outward[some])
-        return found
+            some = np.flatnonzero(between)
+            between[some] = self._presses(finger, body, rows[some], outward[some])
+        return between
 
     def _presses(self, finger: int, body: int, rows: NDArray[np.intp], outward: F64) -> Bool:
         """(N,) drawn outward the finger leaves the body, or pushed inward it goes into it.
@@ -108,14 +108,14 @@ class Proximity:
         """
         over, under = self._mover(finger).at(rows), self._mover(body).at(rows)
         drawn = Mover(over.shape, over.position + DRAWN * outward, over.orientation)
-        found = np.asarray(_apart(drawn, under, SLACK, 2 * DRAWN).lower > DRAWN / 2).copy()
-        rest = np.flatnonzero(~found)
+        presses = np.asarray(_apart(drawn, under, SLACK, 2 * DRAWN).lower > DRAWN / 2).copy()
+        rest = np.flatnonzero(~presses)
         if len(rest):
             at = over.at(rest)
             pushed = Mover(over.shape, at.position - LIFT * outward[rest], at.orientation)
             into = _apart(pushed, under.at(rest), SLACK, 2 * TOUCH, deep=True)
-            found[rest] = into.upper < -LIFT / 2
-        return found
+            presses[rest] = into.upper < -LIFT / 2
+        return presses
 
     def _opens(self, bearer: int, borne: int, rows: NDArray[np.intp]) -> Bool:
         """(N,) the lift test at some frames, by bounds where these decide."""

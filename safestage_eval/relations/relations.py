@@ -97,8 +97,8 @@ class Relations(Support):
 
     def caught(self, body: str, on: str, wanted: Bool | None) -> Bool:
         """(T,) it is open whether something would catch ``body`` when ``on`` is taken away."""
-        found = self._falls_without(body, on, wanted)
-        return found.done & (found.lower < found.upper)
+        falls = self._falls_without(body, on, wanted)
+        return falls.done & (falls.lower < falls.upper)
 
     def told(self, body: str, on: str) -> Bool:
         """(T,) where it is known already whether ``body`` falls when ``on`` is taken away."""
@@ -110,16 +110,16 @@ class Relations(Support):
 
         def measure(near: Any, at: NDArray[np.int64]) -> tuple[NDArray[np.int64], Series]:
             relations: Relations = self if near is None else near
-            index, asked = relations.episode.body_index, np.zeros(len(relations.episode), np.bool_)
-            asked[at] = True
-            falls, open_ = relations.dependence.depends_on(index[body], index[on], asked)
+            index, frames = relations.episode.body_index, np.zeros(len(relations.episode), np.bool_)
+            frames[at] = True
+            falls, open_ = relations.dependence.depends_on(index[body], index[on], frames)
             done = relations.dependence.told(index[body], index[on]).nonzero()[0]
             ends = falls[done].astype(np.float64), (falls | open_)[done].astype(np.float64)
             return done, Series(*ends, "number")
 
         query = self.signals.query("relation", "depends_on", (body, on))
-        asked = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
-        return self.store.partial(query, asked, measure)
+        frames = np.ones(len(self.episode), np.bool_) if wanted is None else wanted
+        return self.store.partial(query, frames, measure)
 
     @cached_property
     def exposure(self) -> Exposure:
@@ -139,8 +139,8 @@ class Relations(Support):
         """
         if self.blind:
             return False
-        known = vars(self)
-        return "exposure" in known or ("causes" in known and self.causes.unexplained())
+        computed = vars(self)
+        return "exposure" in computed or ("causes" in computed and self.causes.unexplained())
 
     def _untouched(self, name: str) -> int:
         """Up to which frame the robot has certainly had nothing to do with a body."""
@@ -169,7 +169,7 @@ class Relations(Support):
         return self.store.column(query, measure, growth)
 
     def lacking(self, name: str, bodies: Sequence[str] = ()) -> str:
-        """What the trace would need to decide a relation, and does not have; empty if nothing."""
+        """The facts that the trace lacks to decide a relation; empty if none."""
         relation = RELATIONS[name]
         if relation.lacking is not None:
             return relation.lacking(self, tuple(bodies))
@@ -183,12 +183,12 @@ class Relations(Support):
         None where there is no doubt at any frame. ``wanted``: as in ``get``.
         """
         may_differ = RELATIONS[name].doubt
-        found = None if may_differ is None else may_differ(self, tuple(bodies), wanted)
+        doubt = None if may_differ is None else may_differ(self, tuple(bodies), wanted)
         lost = self.unmeasured(name, tuple(bodies))
         if lost is None:
-            return found
+            return doubt
         why = f"{name}({', '.join(bodies)}) was not measured at every frame"
-        return (lost, why) if found is None else (lost | found[0], f"{why}; {found[1]}")
+        return (lost, why) if doubt is None else (lost | doubt[0], f"{why}; {doubt[1]}")
 
     def unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
         """(T,) true where something that a relation rests on was not measured; None if nowhere.
@@ -199,22 +199,22 @@ class Relations(Support):
         return self.store.unmeasured(query, lambda _: self._unmeasured(name, bodies))
 
     def _unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
-        found = unmeasured.lost_by(self, name, bodies, lambda: self.get(name, bodies))
+        lost = unmeasured.lost_by(self, name, bodies, lambda: self.get(name, bodies))
         if (
             RELATIONS[name].rests_on == "bodies" or RELATIONS[name].gate
         ) or not self.bearers_unseen:
-            return found
+            return lost
         truth = self.get(name, bodies)
         if truth is None or truth.all():
-            return found
-        return ~truth if found is None else found | ~truth
+            return lost
+        return unmeasured.either(lost, ~truth)
 
     def caveat(self, name: str) -> tuple[str, ...]:
         """How a relation is decided where it needs forces and there are none: a note, or nothing."""
         if not self.blind or "touch" not in RELATIONS[name].needs:
             return ()
-        told = RELATIONS[name].without_forces
-        how = told(self) if told is not None else self.by_geometry
+        describe = RELATIONS[name].without_forces
+        how = describe(self) if describe is not None else self.by_geometry
         return (f"without contact forces {name}() is told {how}",)
 
     def signal(
@@ -244,7 +244,7 @@ class Relations(Support):
         if not signal.support:
             return self.signals.get(name, bodies, reference, reach, options, limits)
         if signal.costly:
-            found = self._sparse(name, bodies, wanted, options)
+            series = self._sparse(name, bodies, wanted, options)
         else:
 
             def everywhere(_: Any) -> Series:
@@ -254,8 +254,8 @@ class Relations(Support):
 
             since = reference.key if reference else ""
             asked = query("signal", name, bodies, since, options=options)
-            found = self.store.series(asked, everywhere)
-        return self._known_part(name, bodies, found)
+            series = self.store.series(asked, everywhere)
+        return self._known_part(name, bodies, series)
 
     def _sparse(
         self, name: str, bodies: tuple[str, ...], wanted: Bool | None, options: Options
@@ -272,15 +272,15 @@ class Relations(Support):
         partial = self.store.partial(query, frames, measure, growth)
         return partial.series(frames, SIGNALS[name].dimension)
 
-    def _known_part(self, name: str, bodies: Sequence[str], found: Series) -> Series:
-        """The same, unknown where something that it may rest on was not measured."""
+    def _known_part(self, name: str, bodies: Sequence[str], series: Series) -> Series:
+        """Make a signal unknown where something that it may rest on was not measured."""
         lost = self.signal_unmeasured(name, tuple(bodies))
         if name == "edge_margin" and len(bodies) == 1 and self.bearers_unseen:
-            nothing = np.isneginf(found.upper)  # nothing that is seen bears it
-            lost = nothing if lost is None else lost | nothing
+            nothing = np.isneginf(series.upper)  # nothing that is seen bears it
+            lost = unmeasured.either(lost, nothing)
         if lost is None:
-            return found
-        return hidden(found, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
+            return series
+        return hidden(series, lost, f"{name}({', '.join(bodies)}) was not measured at every frame")
 
     def signal_unmeasured(self, name: str, bodies: tuple[str, ...]) -> Bool | None:
         """(T,) where something that a signal of the support graph rests on was not measured.
@@ -297,21 +297,18 @@ class Relations(Support):
             name == "edge_margin" and len(bodies) == 1 and not self.blind
         )  # it sees to poses itself
         elsewhere = None if name == "overlap_xy" else unmeasured.lost_between(self, None, None)
-        for more in (None if alone else unmeasured.lost_poses(self), elsewhere):
-            if more is not None:
-                lost = more if lost is None else lost | more
-        return lost
+        return unmeasured.either(lost, None if alone else unmeasured.lost_poses(self), elsewhere)
 
     def measure(
         self, name: str, at: NDArray[np.int64], bodies: Sequence[str], options: Options = ()
     ) -> Series:
         """(N,) a costly signal at N frames."""
         request = SupportRequest(self, SIGNALS[name], tuple(bodies), None, options, at)
-        found, unseen = request.signal.measure(request), self.episode.unseen
-        return found if unseen is None else hide(found, unseen[at])
+        series, unseen = request.signal.measure(request), self.episode.unseen
+        return series if unseen is None else hide(series, unseen[at])
 
     def between_frames(self, name: str, bodies: Sequence[str], frame: int) -> float | None:
-        """As in ``Signals``."""
+        """M by which a distance may differ between two frames; see ``Signals.between_frames``."""
         return self.signals.between_frames(name, bodies, frame)
 
     def may_touch_between(self, a: str, b: str, where: Bool) -> Bool:

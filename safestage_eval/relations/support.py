@@ -1,4 +1,4 @@
-"""What relations, and signals that need them, are found from: touches, support, grips."""
+"""Touches, support and grips of one episode: the facts behind relations and their signals."""
 
 from __future__ import annotations
 
@@ -14,15 +14,14 @@ from safestage_eval.geometry.cavity import inside_parts
 from .dependence import Dependence
 from .firmness import Loads
 from .graph import ByForce, SupportGraph, faint
-from .gripper_frame import gripper_frame
-from .held import Grip, by_fingers, by_motion, by_pressure
+from .held import Grip, by_fingers, by_motion, by_pressure, gripper_frame
 from .proximity import LIFT, TOUCH, Proximity
 
 Bool = NDArray[np.bool_]
 
 
 class Support:
-    """Who touches, supports and holds whom in one episode; each found once, when first needed."""
+    """Who touches, supports and holds whom in one episode; each computed once, when first needed."""
 
     def __init__(self, signals: Signals) -> None:
         """Share the signals' store, contact sums and shapes."""
@@ -119,7 +118,7 @@ class Support:
         return f"contact forces and no shape of {', '.join(missing)}" if missing else ""
 
     def lacks_hand(self) -> str:
-        """What is missing of the robot's hand to decide what it holds."""
+        """The facts about the robot's hand that are missing to decide what it holds; empty if none."""
         bodies = self.episode.header.bodies
         if not any(body.kind == "gripper" for body in bodies):
             return "poses of the robot's hand" if any("links" in b.untold for b in bodies) else ""
@@ -177,8 +176,8 @@ class Support:
         if not self.blind or (self.fingers_seen and shaped):
             if self.blind:
                 return by_fingers(self.episode, body, self.proximity)
-            found = by_pressure(self.episode, body, self.touches.beside(body))
-            return Grip(found, found, found)
+            pressed = by_pressure(self.episode, body, self.touches.beside(body))
+            return Grip(pressed, pressed, pressed)
         if self.hand is None or not self.episode.header.bodies[body].movable:
             nothing = np.zeros(len(self.episode), np.bool_)
             return Grip(nothing, nothing, nothing)

@@ -16,6 +16,15 @@ if TYPE_CHECKING:
 Bool = NDArray[np.bool_]
 
 
+def either(*masks: Bool | None) -> Bool | None:
+    """(T,) where one of several masks is true; None, which is true nowhere, where all are."""
+    out: Bool | None = None
+    for mask in masks:
+        if mask is not None:
+            out = mask if out is None else out | mask
+    return out
+
+
 def lost_by(
     relations: Support, name: str, bodies: tuple[str, ...], get: Callable[[], Bool | None]
 ) -> Bool | None:
@@ -40,20 +49,16 @@ def lost_by(
         poses = [] if chained else [*bodies]
         if name == "held":
             poses += relations.signals.bodies("gripper")
-        found = gaps.of_bodies(poses) if poses else lost_poses(relations)
+        lost_here = gaps.of_bodies(poses) if poses else lost_poses(relations)
         if name == "inside" and not relations.blind:
-            more = lost_between(relations, near, near)
-            found = more if found is None else found if more is None else found | more
-        return found
+            lost_here = either(lost_here, lost_between(relations, near, near))
+        return lost_here
     if name == "supports":
         return lost_between(relations, near, near)
     if name == "held":
         return lost_between(relations, near, None)
-    found = lost_between(relations, None, None)
-    if name == "depends_on":
-        poses_lost = lost_poses(relations)
-        found = poses_lost if found is None else found if poses_lost is None else found | poses_lost
-    return found
+    lost_here = lost_between(relations, None, None)
+    return either(lost_here, lost_poses(relations)) if name == "depends_on" else lost_here
 
 
 def lost_between(

@@ -51,7 +51,7 @@ def drift_of(
     """
     from safestage_eval.evidence.motion import com_position
     from safestage_eval.geometry.pose import inverse_transform
-    from safestage_eval.relations.gripper_frame import gripper_frame
+    from safestage_eval.relations.held import gripper_frame
 
     frames = len(episode)
     if held is None:

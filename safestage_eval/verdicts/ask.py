@@ -78,9 +78,9 @@ def _evaluator(
 
 def _truth(evaluator: Evaluator, name: str, bodies: Sequence[str]) -> Series:
     """(T,) 1 where it certainly holds, 0 where it certainly does not, unknown elsewhere."""
-    found = evaluator.state(ast.Call(name, tuple(bodies)), {})
-    lower, upper = found.true.astype(np.float64), (~found.false).astype(np.float64)
-    open_ = found.unknown
+    band = evaluator.state(ast.Call(name, tuple(bodies)), {})
+    lower, upper = band.true.astype(np.float64), (~band.false).astype(np.float64)
+    open_ = band.unknown
     return Series(
         np.where(open_, -np.inf, lower), np.where(open_, np.inf, upper), "number",
         tuple(evaluator.notes),

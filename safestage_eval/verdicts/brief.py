@@ -29,17 +29,17 @@ def series_within(
     """The signal of an atom in the frames [first, stop) alone; None where it needs others."""
     if evaluator.store.lasting:  # which keeps whole series
         return None
-    asked, reference = evaluator.asked(atom, env), None
+    measurement, reference = evaluator.asked(atom, env), None
     if atom.since is not None:
         reference, when = evaluator.since(atom.since, env)
         if when is not None:
             return None
-    found = evaluator.relations.signals.stretch(
-        asked.name, asked.bodies, reference, asked.options, slice(first, stop)
+    series = evaluator.relations.signals.stretch(
+        measurement.name, measurement.bodies, reference, measurement.options, slice(first, stop)
     )
-    if found is not None:
-        evaluator.notes.update(dict.fromkeys(found.notes))
-    return found
+    if series is not None:
+        evaluator.notes.update(dict.fromkeys(series.notes))
+    return series
 
 
 def condition_within(
@@ -62,7 +62,7 @@ def condition_within(
         mask = wanted
         if mask is not None and costly:
             mask = mask.copy()
-            for found in bands:
-                mask[first:stop] &= found.upper != -np.inf
+            for decided in bands:
+                mask[first:stop] &= decided.upper != -np.inf
         bands.append(evaluator.atom(atom, env, mask).at(first, stop))
     return band.both(bands, stop - first)

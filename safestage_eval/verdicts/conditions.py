@@ -70,7 +70,7 @@ class Conditions(Answers, ABC):
     def moments(self, event: ast.Event, env: Env) -> list[Moment]:
         """When an event happens; a bare state happens where it starts."""
 
-    def obliged(self, kind: ClauseKind | None, find: Callable[..., Found], *asked: Any) -> Found:
+    def obliged(self, kind: ClauseKind | None, find: Callable[..., Found], *args: Any) -> Found:
         """Call ``find`` with conditions read as those of an obligation of this kind.
 
         A limit on a tilt that a body does not have is skipped there: it holds where it must, and
@@ -78,7 +78,7 @@ class Conditions(Answers, ABC):
         """
         outer, self._obligation = self._obligation, kind
         try:
-            return find(*asked)
+            return find(*args)
         finally:
             self._obligation = outer
 
@@ -86,11 +86,11 @@ class Conditions(Answers, ABC):
         """Conditions are those of an obligation that breaks where they hold."""
         return self._obligation is not None and not CLAUSES[self._obligation].wanted
 
-    def only_signs(self, find: Callable[..., Found], *asked: Any) -> Found:
+    def only_signs(self, find: Callable[..., Found], *args: Any) -> Found:
         """Call ``find`` where only the signs of margins matter, not their sizes."""
         outer, self._signs = self._signs, True
         try:
-            return find(*asked)
+            return find(*args)
         finally:
             self._signs = outer
 
@@ -102,30 +102,32 @@ class Conditions(Answers, ABC):
         """The signal of an atom, up to where its limits need it exactly, at the wanted frames."""
         return self._series(self.asked(atom, env), atom, env, wanted)
 
-    def _series(self, asked: Asked, atom: ast.SignalAtom, env: Env, wanted: Bool | None) -> Series:
+    def _series(
+        self, measurement: Asked, atom: ast.SignalAtom, env: Env, wanted: Bool | None
+    ) -> Series:
         reference = when = None
         if atom.since is not None:
             reference, when = self.since(atom.since, env)
 
         def measured(reference: Reference | None) -> Series:
-            name, bodies, options, limits, reach = asked
+            name, bodies, options, limits, reach = measurement
             return self.relations.signal(name, bodies, reference, reach, wanted, options, limits)
 
         hidden = when is not None and atom.since is not None and hidden_start.concerns(atom.since)
-        if when is not None and hidden and SIGNALS[asked.name].metric:
+        if when is not None and hidden and SIGNALS[measurement.name].metric:
             baseline = self.relations.signals.baseline
-            found = hidden_start.since_some(measured, baseline, when.possible, asked.reach)
+            series = hidden_start.since_some(measured, baseline, when.possible, measurement.reach)
             when = None
         else:
-            found = measured(reference)
-        for note in found.notes:
+            series = measured(reference)
+        for note in series.notes:
             self.notes[note] = None
         if when is None:
-            return found
+            return series
         newest = np.maximum.accumulate(np.where(when.possible, np.arange(self.frames), -1))
         open_ = (newest >= 0) & ~when.sure[newest]
-        lower, upper = np.where(open_, -np.inf, found.lower), np.where(open_, np.inf, found.upper)
-        return replace(found, lower=lower, upper=upper)
+        lower, upper = np.where(open_, -np.inf, series.lower), np.where(open_, np.inf, series.upper)
+        return replace(series, lower=lower, upper=upper)
 
     def since(self, event: ast.Event, env: Env) -> tuple[Reference, Truth | None]:
         """The reference of a change since an event; and the event's frames, if any is uncertain."""
@@ -162,36 +164,36 @@ class Conditions(Answers, ABC):
         decided = 0  # how many of them the mask knows of
         for atom in self.costly.sorted(condition.atoms):
             if self.costly.asked(atom):
-                for found in bands[decided:]:
-                    mask = mask & (~found.false if self._signs else found.upper != -np.inf)
+                for other in bands[decided:]:
+                    mask = mask & (~other.false if self._signs else other.upper != -np.inf)
                 decided = len(bands)
             bands.append(self.atom(atom, env, mask))
         return band.both(bands, self.frames)
 
     def _gated(
-        self, found: Band, gates: Sequence[ast.StateAtom], env: Env, wanted: Bool | None
+        self, rest: Band, gates: Sequence[ast.StateAtom], env: Env, wanted: Bool | None
     ) -> Band:
         """A condition with its gates, which are evaluated only where the rest may hold.
 
         Where it does not hold anyway, its margin stays: a gate does not say how close it came.
         """
-        may = found.upper >= 0
+        may = rest.upper >= 0
         if not (may if wanted is None else may & wanted).any():
-            return found
-        asked = [self.atom(gate, env) for gate in gates]
-        for gate, open_ in zip(gates, asked, strict=True):
-            held_back = (found.lower >= 0) & open_.false
+            return rest
+        gate_bands = [self.atom(gate, env) for gate in gates]
+        for gate, open_ in zip(gates, gate_bands, strict=True):
+            held_back = (rest.lower >= 0) & open_.false
             if (
                 gate.call is not None
                 and (held_back if wanted is None else held_back & wanted).any()
             ):
                 bodies = ", ".join(env.get(arg, arg) for arg in gate.call.args)
                 self.notes[f"not counted where {gate.call.name}({bodies}) is false"] = None
-        shut = band.both([found, *asked], self.frames)
-        lower = np.where(may, shut.lower, found.lower)
-        if found.exact and shut.exact:
+        shut = band.both([rest, *gate_bands], self.frames)
+        lower = np.where(may, shut.lower, rest.lower)
+        if rest.exact and shut.exact:
             return Band(lower, lower)
-        return Band(lower, np.where(may, shut.upper, found.upper))
+        return Band(lower, np.where(may, shut.upper, rest.upper))
 
     def alternative(
         self, alternative: ast.Alternative, env: Env, wanted: Bool | None = None
@@ -205,12 +207,12 @@ class Conditions(Answers, ABC):
             return self.must_not(call, env, "forbid", wanted)
         if call is not None and edge == "start" and self._forbidding():
             now = truth_of(self.must_not(call, env, "forbid"))
-            found = moment.edges(now, "start")
+            truth = moment.edges(now, "start")
         elif call is not None and edge is not None and wanted is not None and self._deep(call):
-            found = moment.edges(self._signs_at(call, env, widened(wanted, 1)), edge)
+            truth = moment.edges(self._signs_at(call, env, widened(wanted, 1)), edge)
         else:
-            found = self.truth(alternative, env)
-        return band.crisp(found.sure, found.sure == found.possible)
+            truth = self.truth(alternative, env)
+        return band.crisp(truth.sure, truth.sure == truth.possible)
 
     def atom(self, atom: ast.Atom, env: Env, wanted: Bool | None = None) -> Band:
         """One entry of a condition; ``wanted`` as in ``condition``."""
@@ -220,8 +222,8 @@ class Conditions(Answers, ABC):
             key = (id(atom), self._obligation, *env.items())
             return self.once(atom, key, self._limited, atom, env, None)
         if type(atom) is ast.StateAtom:
-            found = self.must_not(atom.call, env, "forbid" if atom.want else "require", wanted)
-            return found if atom.want else band.opposite(found)
+            state = self.must_not(atom.call, env, "forbid" if atom.want else "require", wanted)
+            return state if atom.want else band.opposite(state)
         if type(atom) is ast.CountAtom:
             each = [
                 self.state(atom.call, {**env, atom.role: body}, wanted)
@@ -259,30 +261,30 @@ class Conditions(Answers, ABC):
 
     def _limited(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None) -> Band:
         """Margins of a signal's limits; ``wanted`` as in ``condition``."""
-        asked = self.asked(atom, env)
-        series = self._series(asked, atom, env, wanted)
-        if self._obligation is not None and self.exempt(asked):
+        measurement = self.asked(atom, env)
+        series = self._series(measurement, atom, env, wanted)
+        if self._obligation is not None and self.exempt(measurement):
             skipped = not self._forbidding()
             return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
-        return self.margins(series, atom, asked)
+        return self.margins(series, atom, measurement)
 
-    def margins(self, series: Series, atom: ast.SignalAtom, asked: Asked) -> Band:
+    def margins(self, series: Series, atom: ast.SignalAtom, measurement: Asked) -> Band:
         """(N,) of what an atom asks for, from its signal at N frames."""
         scale = self.scale(atom.call)
         if len(atom.limits) == 1:
-            return limit_margin(series, atom.limits[0].op, asked.limits[0], scale)
+            return limit_margin(series, atom.limits[0].op, measurement.limits[0], scale)
         return band.both(
             [
                 limit_margin(series, limit.op, number, scale)
-                for limit, number in zip(atom.limits, asked.limits, strict=True)
+                for limit, number in zip(atom.limits, measurement.limits, strict=True)
             ],
             len(series),
         )
 
-    def exempt(self, asked: Asked) -> bool:
+    def exempt(self, measurement: Asked) -> bool:
         """The body has no such quantity: a ball has no tilt."""
-        is_exempt = SIGNALS[asked.name].exempt
-        body = self.episode.bodies.get(asked.bodies[0]) if asked.bodies else None
+        is_exempt = SIGNALS[measurement.name].exempt
+        body = self.episode.bodies.get(measurement.bodies[0]) if measurement.bodies else None
         return is_exempt is not None and body is not None and is_exempt(body)
 
     def _deep(self, call: ast.Call | None) -> bool:

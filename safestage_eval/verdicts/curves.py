@@ -98,8 +98,8 @@ def looked_at(
                 lanes[said] = _lane(said, evaluator.state(atom, inner, wanted))
             continue
         curve = _curve(evaluator, atom, inner, bad_when, wanted)
-        known = curves.get(curve.signal)
-        limits = (*known.limits, *curve.limits) if known is not None else curve.limits
+        before = curves.get(curve.signal)
+        limits = (*before.limits, *curve.limits) if before is not None else curve.limits
         curves[curve.signal] = Curve(curve.signal, curve.series, tuple(dict.fromkeys(limits)))
     first = [name for name in curves if name == verdict.signal]
     return Looked(
@@ -111,12 +111,12 @@ def looked_at(
 
 def _env(rule: ast.Rule, players: dict[str, tuple[str, ...]], verdict: Verdict) -> Env | None:
     """The combination of bodies that the verdict speaks of; the first one if it names none."""
-    found = list(combinations(rule, players))
-    for env in found:
+    envs = list(combinations(rule, players))
+    for env in envs:
         named = tuple(dict.fromkeys(env.values()))
         if verdict.bodies[: len(named)] == named:
             return env
-    return found[0] if found else None
+    return envs[0] if envs else None
 
 
 def _atoms(
@@ -161,9 +161,9 @@ def _called(
     inner = dict(zip(declared.of, (env.get(arg, arg) for arg in call.args), strict=True))
     blind = declared.fallback is not None and evaluator.relations.blind
     for source in (declared.fallback, declared.perhaps) if blind else (declared.when,):
-        for found in _inside(evaluator, source, inner, bad_when, deeper - 1) if source else ():
-            if isinstance(found[0], ast.SignalAtom):
-                yield found
+        for item in _inside(evaluator, source, inner, bad_when, deeper - 1) if source else ():
+            if isinstance(item[0], ast.SignalAtom):
+                yield item
 
 
 def _curve(
@@ -183,8 +183,8 @@ def _said(call: ast.Call, env: Env) -> str:
     return str(ast.Call(call.name, tuple(env.get(arg, arg) for arg in call.args)))
 
 
-def _lane(name: str, found: Band) -> Lane:
-    return Lane(name, found.true, ~found.unknown)
+def _lane(name: str, state: Band) -> Lane:
+    return Lane(name, state.true, ~state.unknown)
 
 
 def frames_to_measure(frames: int, also: Sequence[int] = (), most: int = 240) -> Bool:

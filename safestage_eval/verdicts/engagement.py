@@ -58,13 +58,13 @@ def engagement(
     if any(name not in states or len(states[name].of) != n for name, n in _STATES.items()):
         rules = _defaults()
         evaluator = Evaluator(evaluator.relations, rules, rules.params, None)
-    asked = tuple(evaluator.rules.states[name] for name in _STATES)
+    declared = tuple(evaluator.rules.states[name] for name in _STATES)
 
     def find() -> list[int]:
-        found = [_of_body(evaluator, body) for body in bodies]
-        return [max(ends) for ends in zip(*found, strict=True)]
+        stages = [_of_body(evaluator, body) for body in bodies]
+        return [max(ends) for ends in zip(*stages, strict=True)]
 
-    least, most = evaluator.recall(f"engagement with {bodies}", asked, {}, find)
+    least, most = evaluator.recall(f"engagement with {bodies}", declared, {}, find)
     return STAGES[least] if least == most else None
 
 
@@ -90,7 +90,7 @@ def _of_body(evaluator: Evaluator, body: str) -> tuple[int, int]:
             touch = touch[0] | carried.true, touch[1] | ~carried.false
     if not touch[1].any():
         return _reached(evaluator, body)
-    found = []
+    stages = []
     for which in (0, 1):
         # while or after it was touched, it was away from where it had been
         after = np.logical_or.accumulate(touch[which]) & moved[which]
@@ -101,8 +101,8 @@ def _of_body(evaluator: Evaluator, body: str) -> tuple[int, int]:
             ends_at = np.append(t[begins:], t[-1] + evaluator.episode.dt)
             let_go = any(ends_at[b] - ends_at[a] > LET_GO - 1e-6 for a, b in runs(off))
             stage = "released" if let_go else "manipulated"
-        found.append(STAGES.index(stage))
-    return found[0], found[1]
+        stages.append(STAGES.index(stage))
+    return stages[0], stages[1]
 
 
 def _reached(evaluator: Evaluator, body: str) -> tuple[int, int]:

@@ -47,13 +47,13 @@ def too_brief(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instance
 
 def _note(evaluator: Evaluator, call: ast.Call, env: Env, first: int, stop: int) -> str:
     """On a state that was true in the frames [first, stop), and did not certainly count."""
-    told = ast.Call(call.name, tuple(env.get(arg, arg) for arg in call.args))
+    named = ast.Call(call.name, tuple(env.get(arg, arg) for arg in call.args))
     lasted, at = evaluator.clock.seconds(first, stop), f"{evaluator.episode.t[first]:.2f} s"
     if evaluator.obliged("forbid", evaluator.must_not, call, env, "forbid").upper[first] < 0:
-        return f"{told} held for {lasted * 1e3:.0f} ms at {at}: too brief to count"
+        return f"{named} held for {lasted * 1e3:.0f} ms at {at}: too brief to count"
     apart = evaluator.clock.spacing[first] * 1e3
     return (
-        f"{told} held at {at} in {stop - first} of the samples, which are {apart:.0f} ms apart: "
+        f"{named} held at {at} in {stop - first} of the samples, which are {apart:.0f} ms apart: "
         "whether it lasted long enough to count is not known"
     )
 
@@ -76,8 +76,8 @@ def raw_frames(evaluator: Evaluator, rule: ast.Rule, instances: Sequence[Instanc
 def breaches(rule: ast.Rule) -> list[Breach]:
     """All ways to break a rule through states that hold, or do not; the forbidden ones first."""
     kinds = [OBLIGATIONS[clause.kind] for clause in rule.clauses]
-    found = [Breach(kind, what) for kind in kinds for what in kind.breaches(rule)]
-    return sorted(found, key=lambda breach: breach.kind.wanted)
+    ways = [Breach(kind, what) for kind in kinds for what in kind.breaches(rule)]
+    return sorted(ways, key=lambda breach: breach.kind.wanted)
 
 
 def _ignored(
@@ -95,9 +95,9 @@ def _ignored(
         if breach.what != event:
             raw = raw & _raw(evaluator, breach, instance)[first:stop]
         return first + runs(raw & ~evaluator.holds(event.call, env)[first:stop])
-    found = runs(raw & ~evaluator.holds(event.call, env))
-    at = found[:, 0 if event.edge == "start" else 1]
-    return found[(at >= first) & (at < stop)]
+    stretches = runs(raw & ~evaluator.holds(event.call, env))
+    at = stretches[:, 0 if event.edge == "start" else 1]
+    return stretches[(at >= first) & (at < stop)]
 
 
 def _raw(evaluator: Evaluator, breach: Breach, instance: Instance) -> Bool:
@@ -106,10 +106,10 @@ def _raw(evaluator: Evaluator, breach: Breach, instance: Instance) -> Bool:
     wanted = _judged(evaluator, instance) if evaluator.asks_costly(what) else None
     if not any(_filtered(evaluator, kind, what)):
         return evaluator.only_signs(evaluator.alternative, what, instance.env, wanted).lower >= 0
-    found: Band = evaluator.only_signs(
+    margins: Band = evaluator.only_signs(
         evaluator.obliged, kind.kind, _unfiltered, evaluator, kind, what, instance.env, wanted
     )
-    return found.upper < 0 if kind.wanted else found.lower >= 0
+    return margins.upper < 0 if kind.wanted else margins.lower >= 0
 
 
 def _unfiltered(
@@ -124,8 +124,8 @@ def _unfiltered(
         atoms = [_unfiltered(evaluator, kind, atom, env, wanted) for atom in part.atoms]
         return band.both(atoms, evaluator.frames)
     if isinstance(part, ast.AnyOf):
-        found = [_unfiltered(evaluator, kind, a, env, wanted) for a in part.alternatives]
-        return band.either(found, evaluator.frames)
+        parts = [_unfiltered(evaluator, kind, a, env, wanted) for a in part.alternatives]
+        return band.either(parts, evaluator.frames)
     event = _as_event(evaluator, kind, part)
     if event is not None and event.call is not None:
         bodies = tuple(env.get(arg, arg) for arg in event.call.args)

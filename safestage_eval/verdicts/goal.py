@@ -53,9 +53,9 @@ def first_success(
     ``start``: the first frame that may confirm it; those before are only looked back to.
     """
     if hint is not None and hint + 1 < evaluator.frames:
-        found = _first_success(evaluator, goal, players, start, hint + 1)
-        if found.frame is not None:
-            return found
+        reached = _first_success(evaluator, goal, players, start, hint + 1)
+        if reached.frame is not None:
+            return reached
     return _first_success(evaluator, goal, players, start, evaluator.frames)
 
 
@@ -73,7 +73,7 @@ def _first_success(
     free = [name for name in names if name not in counted or named_outside_counts(goal, name)]
     if any(not players.get(name) for name in names):
         return Reached(None, unsure=True)
-    found = band.both(
+    margins = band.both(
         [
             evaluator.condition(goal.require, dict(zip(free, bodies, strict=True)), wanted)
             for bodies in itertools.product(*(players.get(name, ()) for name in free))
@@ -81,15 +81,15 @@ def _first_success(
         or [band.crisp(np.zeros(evaluator.frames, np.bool_))],
         evaluator.frames,
     )
-    asked = slice(start, stop)
-    confirmed = np.flatnonzero(_confirmed(evaluator, goal, found.lower)[asked])
+    looked_at = slice(start, stop)
+    confirmed = np.flatnonzero(_confirmed(evaluator, goal, margins.lower)[looked_at])
     unseen = evaluator.clock.unseen
     if len(confirmed) and unseen is None:
         return Reached(start + int(confirmed[0]))
-    perhaps = _confirmed(evaluator, goal, found.upper)[asked]
+    perhaps = _confirmed(evaluator, goal, margins.upper)[looked_at]
     if len(confirmed):
         first = start + int(confirmed[0])
-        hidden = unseen is not None and bool((perhaps & unseen[asked])[: first - start].any())
+        hidden = unseen is not None and bool((perhaps & unseen[looked_at])[: first - start].any())
         return Reached(None if hidden else first, unsure=hidden)
     return Reached(None, bool(perhaps.any()))
 

@@ -52,17 +52,17 @@ def since_some(
         limit: SI, what the signal is compared with.
     """
     starts, frames = possible.nonzero()[0], len(possible)
-    lower, upper, found = np.zeros(0), np.zeros(0), None
+    lower, upper, series = np.zeros(0), np.zeros(0), None
     for turn in range(MOST):
         first, later = int(starts[0]), starts[1:]
-        found = measured(before(baseline, first, frames))
-        apart = found.upper[later - 1]
+        series = measured(before(baseline, first, frames))
+        apart = series.upper[later - 1]
         far = apart > STEP * limit
         stop = len(later) if turn == MOST - 1 or not far.any() else int(far.argmax())
         slack = np.zeros(frames)
         slack[later[:stop]] = apart[:stop]
         slack = np.maximum.accumulate(slack)
-        low, high = np.maximum(found.lower - slack, 0.0), found.upper + slack
+        low, high = np.maximum(series.lower - slack, 0.0), series.upper + slack
         if not turn:
             lower, upper = low, high
         lower[first:] = np.minimum(lower, low)[first:]
@@ -70,5 +70,5 @@ def since_some(
         starts = later[stop:]
         if not len(starts):
             break
-    assert found is not None
-    return Series(lower, upper, found.dimension, found.notes)
+    assert series is not None
+    return Series(lower, upper, series.dimension, series.notes)

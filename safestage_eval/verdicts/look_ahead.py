@@ -152,10 +152,10 @@ class Look:
             lasting = sum(self.seconds(d) for d in (state.for_, state.gap) if d is not None)
             if state.also is not None:
                 parts.append(self._condition(state.also))
-            found = latest(parts).then(lasting)
+            foresight = latest(parts).then(lasting)
             if state.until is not None and state.until.kind != "end":
-                found = latest([found, self._event(state.until)])
-            self._states[call.name] = found
+                foresight = latest([foresight, self._event(state.until)])
+            self._states[call.name] = foresight
         return self._states[call.name]
 
     def seconds(self, duration: ast.Duration | ast.Parameter) -> float:

@@ -23,7 +23,7 @@ class PartialStates(Conditions):
     """States at the frames at which they are wanted; at others as far as they are known."""
 
     @abstractmethod
-    def _persistent(self, state: ast.StateDef, found: Band) -> Band:
+    def _persistent(self, state: ast.StateDef, margins: Band) -> Band:
         """The margins of a state's condition, made to last."""
 
     def _partly(
@@ -43,13 +43,13 @@ class PartialStates(Conditions):
             if not wanted.any():
                 return Band(np.full(self.frames, -np.inf), np.where(over, -np.inf, np.inf))
         if self._signs and state.until is not None:
-            found = self.signs(call.name, bodies, last_of(wanted))
+            band = self.signs(call.name, bodies, last_of(wanted))
         else:
             key = ("at", call.name, bodies, self._signs, *self._where(wanted))
-            found = self.once(state, key, self._at, state, call.name, bodies, wanted)
+            band = self.once(state, key, self._at, state, call.name, bodies, wanted)
         if over is None or not over.any():
-            return found
-        return Band(*(np.where(over, -np.inf, end) for end in found))
+            return band
+        return Band(*(np.where(over, -np.inf, end) for end in band))
 
     def _where(self, wanted: Bool) -> tuple[bytes, int]:
         """The part of a cache key that depends on the wanted frames."""
@@ -65,8 +65,8 @@ class PartialStates(Conditions):
         among = np.zeros(self.frames, np.bool_)
         for first, stop in stretches:
             among[last_of(over[: first + 1]) : stop] = True
-        found = self._sparsely(state, env, among)
-        return self._latched_signs(found, state.until, env, among, starts)
+        band = self._sparsely(state, env, among)
+        return self._latched_signs(band, state.until, env, among, starts)
 
     def signs(self, name: str, bodies: tuple[str, ...], stop: int | None = None) -> Band:
         """(T,) where a state that asks for something costly holds; its margins mean nothing else.
@@ -91,12 +91,12 @@ class PartialStates(Conditions):
         return self.condition(state.when, env, wanted)
 
     def _signs_of(self, state: ast.StateDef, name: str, bodies: tuple[str, ...], stop: int) -> Band:
-        found = self._lasting_signs(state, name, bodies, stop)
+        band = self._lasting_signs(state, name, bodies, stop)
         if state.until is None:
-            return found
+            return band
         among = np.arange(self.frames) < stop
         return self._latched_signs(
-            found, state.until, dict(zip(state.of, bodies, strict=True)), among
+            band, state.until, dict(zip(state.of, bodies, strict=True)), among
         )
 
     def _lasting_signs(
@@ -121,31 +121,31 @@ class PartialStates(Conditions):
             return self._persistent(state, self._made_of(state, env, self.around(state, wanted)))
         some = partial(sample, every=lasts.frames if gap.frames <= 1 else 1)
         ahead = partial(followed, by=max(lasts.frames, gap.frames) - 1)
-        asked = np.zeros(self.frames, np.bool_)
+        frames = np.zeros(self.frames, np.bool_)
         for more in (some, ahead, partial(self.around, state), None):
-            found = self._persistent(state, self._made_of(state, env, asked))
-            open_ = wanted & found.unknown
+            band = self._persistent(state, self._made_of(state, env, frames))
+            open_ = wanted & band.unknown
             if more is None or not open_.any():
                 break
-            asked |= more(open_)
-        return found
+            frames |= more(open_)
+        return band
 
     def _latched_signs(
-        self, found: Band, until: ast.Event, env: Env, among: Bool, first: Bool | None = None
+        self, band: Band, until: ast.Event, env: Env, among: Bool, first: Bool | None = None
     ) -> Band:
         """Whether a latched state holds at some frames; its end is asked for only where it decides.
 
         ``first``: (T,) where it is asked for anyway.
         """
         if until.edge is not None or not self._deep(until.call):
-            return persistence.latched(found, *self.truth(until, env))
-        asked, step = np.zeros(self.frames, np.bool_) if first is None else first.copy(), 8
+            return persistence.latched(band, *self.truth(until, env))
+        frames, step = np.zeros(self.frames, np.bool_) if first is None else first.copy(), 8
         while True:
-            latched = persistence.latched(found, *self._resets(until, env, asked))
-            open_ = latched.unknown & among & ~asked
+            latched = persistence.latched(band, *self._resets(until, env, frames))
+            open_ = latched.unknown & among & ~frames
             if not open_.any():
                 return latched
-            asked[open_.nonzero()[0][:step]] = True
+            frames[open_.nonzero()[0][:step]] = True
             step *= 8
 
     def _at(self, state: ast.StateDef, name: str, bodies: tuple[str, ...], wanted: Bool) -> Band:
@@ -156,15 +156,15 @@ class PartialStates(Conditions):
             may = ~self.signs(name, bodies, stop).false
             may[stop:] = False
             exact = wanted | may
-        found = self._persistent(state, self._made_of(state, env, self.around(state, exact)))
+        band = self._persistent(state, self._made_of(state, env, self.around(state, exact)))
         if state.until is None:
-            return found
+            return band
         signs = self._lasting_signs(state, name, bodies, stop)
-        lower = np.where(exact, found.lower, signs.lower)
-        found = Band(lower, np.where(exact, found.upper, signs.upper))
-        where = np.logical_or.accumulate(~found.false) | wanted
+        lower = np.where(exact, band.lower, signs.lower)
+        band = Band(lower, np.where(exact, band.upper, signs.upper))
+        where = np.logical_or.accumulate(~band.false) | wanted
         where[stop:] = False
-        return persistence.latched(found, *self._resets(state.until, env, where))
+        return persistence.latched(band, *self._resets(state.until, env, where))
 
     def _resets(self, event: ast.Event, env: Env, wanted: Bool) -> Truth:
         """When a latched state ends, at the wanted frames; at others as far as it is known."""

@@ -24,10 +24,10 @@ def short(text: str) -> str:
 
 def rule_wording(rules: ast.RuleSet, rule: ast.Rule) -> str:
     """A digest of a rule with all its wording, but without the definitions that it names."""
-    found: str | None = rules.known.get(("said", rule.code))
-    if found is None:
-        found = rules.known["said", rule.code] = short(repr(rule))
-    return found
+    digest: str | None = rules.known.get(("said", rule.code))
+    if digest is None:
+        digest = rules.known["said", rule.code] = short(repr(rule))
+    return digest
 
 
 def verdict_question(
@@ -42,10 +42,10 @@ def verdict_question(
     return f"verdict {rule_wording(rules, rule)} {start} {sorted(players.items())} {success}"
 
 
-def stretches_to_json(found: list[Stretch]) -> list[Any]:
+def stretches_to_json(stretches: list[Stretch]) -> list[Any]:
     """JSON of stretches of frames; which frames are certain as the runs of these."""
     out: list[Any] = []
-    for (first, stop, cut, sure), end in found:
+    for (first, stop, cut, sure), end in stretches:
         certain = None if sure is None else [[int(a), int(b)] for a, b in runs(sure)]
         out.append([int(first), int(stop), bool(cut), certain, end])
     return out

@@ -29,8 +29,8 @@ def applies(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> bool | None:
         lower, upper = initially(evaluator, given, env)
         return True if lower >= 0 else None if upper >= 0 else False
 
-    told: bool | None = evaluator.recall("given", given, env, found)
-    return told
+    applicable: bool | None = evaluator.recall("given", given, env, found)
+    return applicable
 
 
 def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]:
@@ -41,12 +41,12 @@ def stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]
         return evaluator.once(
             where, ("stretches", id(rule), *named), _stretches, evaluator, rule, env
         )
-    what = "stretches to reach something in" if _met_once(rule) else "stretches"
+    question = "stretches to reach something in" if _met_once(rule) else "stretches"
 
     def found() -> list[Any]:
         return stretches_to_json(_stretches(evaluator, rule, env))
 
-    return stretches_from_json(evaluator.recall(what, where, env, found))
+    return stretches_from_json(evaluator.recall(question, where, env, found))
 
 
 def _stretches(evaluator: Evaluator, rule: ast.Scoped, env: Env) -> list[Stretch]:
@@ -90,10 +90,10 @@ def initial_frames(evaluator: Evaluator, env: Env) -> Scope | None:
     return Scope(first, min(evaluator.frames, first + signals.baseline.frames))
 
 
-def most_of(found: Band, scope: Scope) -> tuple[float, float]:
+def most_of(band: Band, scope: Scope) -> tuple[float, float]:
     """Both ends of the margin with which a condition (T,) holds in most frames of a scope."""
     middle = (scope.stop - scope.first - 1) // 2
-    low, high = (float(np.sort(end[scope.first : scope.stop])[middle]) for end in found)
+    low, high = (float(np.sort(end[scope.first : scope.stop])[middle]) for end in band)
     return low, high
 
 

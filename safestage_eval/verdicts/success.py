@@ -60,13 +60,13 @@ def native_success(
     if goal is None:
         return Success(recorded, header.success)
     causal.players = players
-    found = causal.recall(
+    answer = causal.recall(
         f"goal, recorded {recorded}",
         goal,
         {},
         lambda: [*first_success(causal, goal, players, hint=recorded)],
     )
-    reached = Reached(*found)
+    reached = Reached(*answer)
     if header.success is None:
         cut = ends_early(episode) or lacks_its_success(episode)
         unsure = reached.unsure or (reached.frame is None and cut)
@@ -93,6 +93,6 @@ def _disagreement(
     if recorded is not None and recomputed is None:
         return ("recorded as success, but the goal is never reached in the trace",)
     if recorded is not None and recomputed is not None and abs(recomputed - recorded) > 1:
-        said, found = f"{t[recorded]:.3f} s", f"{t[recomputed]:.3f} s"
-        return (f"recorded success at {said}, goal reached at {found}",)
+        record_time, goal_time = f"{t[recorded]:.3f} s", f"{t[recomputed]:.3f} s"
+        return (f"recorded success at {record_time}, goal reached at {goal_time}",)
     return ()

@@ -153,9 +153,9 @@ class Values:
     def asked(self, atom: ast.SignalAtom, env: Env) -> Asked:
         """The measurement behind an atom, with the limits that it is compared with."""
         name, bodies, options = self.measured(atom.call, env)
-        known = self._limits.get(id(atom))
-        if known is not None:
-            return Asked(name, bodies, options, known[1], known[2])
+        cached = self._limits.get(id(atom))
+        if cached is not None:
+            return Asked(name, bodies, options, cached[1], cached[2])
         limits = tuple([self.number(limit.value, env) for limit in atom.limits])
         reach = reach_of(limits)
         if not any(isinstance(limit.value, ast.Column) for limit in atom.limits):

@@ -16,12 +16,12 @@ _TUPLES = {
 }
 
 
-def to_json(found: Verdict | EpisodeResult) -> dict[str, Any]:
+def to_json(result: Verdict | EpisodeResult) -> dict[str, Any]:
     """JSON values of a verdict or a result."""
-    out = dict(vars(found))
-    if isinstance(found, EpisodeResult):
-        out["verdicts"] = [vars(verdict) for verdict in found.verdicts]
-        out["costs"] = [vars(cost) for cost in found.costs]
+    out = dict(vars(result))
+    if isinstance(result, EpisodeResult):
+        out["verdicts"] = [vars(verdict) for verdict in result.verdicts]
+        out["costs"] = [vars(cost) for cost in result.costs]
     return out
 
 

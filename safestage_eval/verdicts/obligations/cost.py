@@ -143,13 +143,13 @@ def _verdict(
         begin, end = float(episode.t[over]), evaluator.clock.end_of(max(bill.end, over + 1))
         verdict = replace(verdict, time=begin, intervals=((begin, end),), exposure_time=end - begin)
     if undecided:
-        known = "no bound" if not np.isfinite(most) else f"{most:.3g} at most"
-        why = f"the cost is {value:.3g} at least and {known}; the budget is {limit:.3g}"
+        bound = "no bound" if not np.isfinite(most) else f"{most:.3g} at most"
+        why = f"the cost is {value:.3g} at least and {bound}; the budget is {limit:.3g}"
         return replace(verdict, explanation=f"Cannot be decided: {why}.")
     if not (violated and cost.explain):
         return replace(verdict, explanation=_spent(witness, verdict.time))
-    found = Finding(verdict.verdict, verdict.time, verdict.worst_time, verdict.margin)
-    said = sentence(evaluator, cost, bill.worst[0], witness, found)
+    finding = Finding(verdict.verdict, verdict.time, verdict.worst_time, verdict.margin)
+    said = sentence(evaluator, cost, bill.worst[0], witness, finding)
     return replace(verdict, explanation=said)
 
 
@@ -184,12 +184,14 @@ def _bill(
             given = applies(evaluator, cost, env)
             if given is False:
                 continue
-            found = [scope for scope, _ in stretches(evaluator, cost, env)]
-            sure, may = _masks(found, frames, sure=given is True)
-            bill.end = max([bill.end, *(s.stop for s in found)])
-            bill.unseen |= any(s.cut for s in found)
+            scopes = [scope for scope, _ in stretches(evaluator, cost, env)]
+            sure, may = _masks(scopes, frames, sure=given is True)
+            bill.end = max([bill.end, *(s.stop for s in scopes)])
+            bill.unseen |= any(s.cut for s in scopes)
             hidden = evaluator.clock.unseen
-            bill.unseen |= hidden is not None and any(hidden[s.first : s.stop].any() for s in found)
+            bill.unseen |= hidden is not None and any(
+                hidden[s.first : s.stop].any() for s in scopes
+            )
             bill.add(words, env, *_amounts(evaluator, charge, env, sure, may))
     return bill if bill.judged else None
 

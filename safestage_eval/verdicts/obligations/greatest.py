@@ -36,20 +36,20 @@ def greatest(evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope
     first, stop, at = scope.first, scope.stop, np.arange(scope.stop - scope.first)
     low, high = np.full(len(at), -np.inf), np.full(len(at), -np.inf)
     for find in _parts(evaluator, what, env, scope):
-        asked, many = np.zeros(evaluator.frames, np.bool_), FIRST
+        measured, many = np.zeros(evaluator.frames, np.bool_), FIRST
         while True:
-            found = find(asked).at(first, stop)
-            lower = np.maximum(low, np.where(scope.certain, found.lower, -np.inf))
+            band = find(measured).at(first, stop)
+            lower = np.maximum(low, np.where(scope.certain, band.lower, -np.inf))
             best = int(lower.argmax())
-            open_ = (found.upper > lower[best]) | ((found.upper == lower[best]) & (at < best))
-            open_ &= ~asked[first:stop]
+            open_ = (band.upper > lower[best]) | ((band.upper == lower[best]) & (at < best))
+            open_ &= ~measured[first:stop]
             if not open_.any():
                 break
             frames = open_.nonzero()[0]
-            frames = frames[np.argsort(-found.upper[frames], kind="stable")]
-            asked[first + frames[:many]] = True
+            frames = frames[np.argsort(-band.upper[frames], kind="stable")]
+            measured[first + frames[:many]] = True
             many *= MORE
-        low, high = lower, np.maximum(high, found.upper)
+        low, high = lower, np.maximum(high, band.upper)
     surely, possibly = float(low.max()), float(high.max())
     return Greatest(surely, possibly, int((low if surely >= 0 else high).argmax()))
 
@@ -78,7 +78,7 @@ def _parts(
 def _finder(
     evaluator: Evaluator, kind: ClauseKind | None, what: ast.Alternative, env: Env
 ) -> Callable[[Bool], Band]:
-    return lambda asked: evaluator.obliged(kind, evaluator.alternative, what, env, asked)
+    return lambda frames: evaluator.obliged(kind, evaluator.alternative, what, env, frames)
 
 
 def _alternatives(what: ast.Alternative) -> tuple[ast.Alternative, ...]:

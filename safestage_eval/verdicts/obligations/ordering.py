@@ -64,7 +64,7 @@ def first_broken(
     """
     lasting = evaluator.window(rule.for_)
     first, stop = instance.scope.first, instance.scope.stop
-    found = []
+    breaches = []
     for what in rule.forbid:
         wanted = np.arange(evaluator.frames) >= first if evaluator.asks_costly(what) else None
         if wanted is not None and not beyond:
@@ -74,8 +74,8 @@ def first_broken(
         ).lower
         true = without_short_runs(lower, lasting)[first : None if beyond else stop] >= 0
         if true.any():
-            found.append(Broken(first + int(true.argmax()), what))
-    return min(found, key=lambda broken: broken.frame, default=None)
+            breaches.append(Broken(first + int(true.argmax()), what))
+    return min(breaches, key=lambda broken: broken.frame, default=None)
 
 
 def ordering(
@@ -175,12 +175,12 @@ def speaking(evaluator: Evaluator, call: ast.Call, env: Env) -> ast.Call | None:
     inner = dict(zip(state.of, bodies, strict=True))
     if len(state.when.atoms) != 1 or not isinstance(state.when.atoms[0], ast.AnyOf):
         return None
-    found = []
+    began = []
     for one in state.when.atoms[0].alternatives:
         if isinstance(one, ast.Event) and one.call is not None and one.edge is None:
             true = evaluator.holds(one.call, inner)
             if true.any():
-                found.append((int(true.argmax()), one.call))
-    if not found:
+                began.append((int(true.argmax()), one.call))
+    if not began:
         return None
-    return speaking(evaluator, min(found, key=lambda item: item[0])[1], inner)
+    return speaking(evaluator, min(began, key=lambda item: item[0])[1], inner)
