@@ -97,8 +97,6 @@ class Signal:
         exempt: whether a body has no such quantity, and is not judged by it.
         refine: widens the measured series by what relations tell: ``(relations, bodies, series)`` →
             the series.
-        stretch: measures a few neighbouring frames alone: ``(facts, body, reference, frames)`` →
-            (N,) SI, or None where the signal needs other frames.
     """
 
     name: str
@@ -128,7 +126,6 @@ class Signal:
     costly: bool = False
     exempt: Callable[[Body], bool] | None = None
     refine: Callable[[Any, tuple[str, ...], Series], Series] | None = None
-    stretch: Callable[..., Any] | None = None
 
     @property
     def arities(self) -> tuple[int, ...]:

@@ -19,7 +19,6 @@ from . import motion
 from .contact_sums import ContactSums
 from .declare import Options, OptionValue, Signal
 from .gaps import Gaps
-from .motion import ALL
 from .reference import Baseline, Reference
 from .series import Series, exact, unknown
 from .settling import settled
@@ -101,9 +100,9 @@ class Facts:
         """Forces summed per pair of bodies."""
         return ContactSums(self.episode, self.gaps, self.store)
 
-    def com_position(self, name: str, frames: slice = ALL) -> F64:
-        """(T, 3) m, centre of mass of a body, world; or at some frames alone."""
-        return motion.com_position(self.episode, name, frames)
+    def com_position(self, name: str) -> F64:
+        """(T, 3) m, centre of mass of a body, world."""
+        return motion.com_position(self.episode, name)
 
     def com_velocity(self, name: str) -> tuple[F64, tuple[str, ...]]:
         """(T, 3) m/s, velocity of the centre of mass, world; and a note if it had to be derived."""
@@ -122,15 +121,6 @@ class Facts:
                 found = settled(self.episode, name, found, self.untouched)
             self._baselines[name] = found
         return self._baselines[name]
-
-    def since_frame(self, body: str, reference: Reference | None, frames: slice) -> int | None:
-        """The one frame that neighbouring frames measure a change from; −1 for the baseline.
-
-        None where they look back to different frames, or the body settles first.
-        """
-        if self.baseline_of(body).notes:
-            return None
-        return -1 if reference is None else reference.among(frames)
 
     def bodies(self, name: str) -> list[str]:
         """The bodies a name stands for: itself, or those of the union ``robot`` or ``gripper``.

@@ -15,7 +15,7 @@ from .declare import SIGNALS, Options, Signal
 from .facts import Facts, Request
 from .query import Growth, Kind, Query
 from .reference import Reference
-from .series import Series, exact, hidden, unknown
+from .series import Series, hidden, unknown
 from .store import Store
 from .unseen import gap_of, mask_unseen
 
@@ -89,32 +89,6 @@ class Signals(Facts):
         if slack and any(self._loose(found, cap).leaves_open(x) for x in limits):
             found = self.measured(name, tuple(bodies), reference, cap, deep, 0.0, options)
         return found
-
-    def stretch(
-        self,
-        name: str,
-        bodies: tuple[str, ...],
-        reference: Reference | None,
-        options: Options,
-        frames: slice,
-    ) -> Series | None:
-        """(N,) as ``get``, of some neighbouring frames, measured at these alone.
-
-        None where the signal needs others, or depends on how a body is made.
-        """
-        measure = SIGNALS[name].stretch
-        if measure is None or options or bodies[0] not in self.episode.bodies:
-            return None
-        if self.gaps.of_bodies(bodies[:1]) is not None:
-            return None
-        since = reference.key if reference else ""
-        known = self.store.known(self.query("signal", name, bodies, since))
-        if known is not None:
-            lower = known.lower[frames]
-            upper = lower if known.upper is known.lower else known.upper[frames]
-            return Series(lower, upper, known.dimension, known.notes)
-        found = measure(self, bodies[0], reference, frames)
-        return None if found is None else exact(found, SIGNALS[name].dimension)
 
     def _loose(self, found: Series, cap: float) -> Clearance:
         if id(found) not in self._slack:

@@ -15,16 +15,13 @@ F64 = NDArray[np.float64]
 Numbers = NDArray[np.floating[Any]]
 
 
-ALL = slice(None)
-
-
-def com_position(episode: Episode, name: str, frames: slice = ALL) -> F64:
-    """(T, 3) m, centre of mass, world; or at some frames alone."""
+def com_position(episode: Episode, name: str) -> F64:
+    """(T, 3) m, centre of mass, world."""
     track = episode.track(name)
     offset = np.asarray(episode.bodies[name].com, np.float64)
     if offset.any():
-        return transform(track.position[frames], track.orientation[frames], offset)
-    return track.position[frames].astype(np.float64)
+        return transform(track.position, track.orientation, offset)
+    return track.position.astype(np.float64)
 
 
 def com_velocity(episode: Episode, name: str) -> tuple[F64, tuple[str, ...]]:

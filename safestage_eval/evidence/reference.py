@@ -74,16 +74,6 @@ class Reference:
         picked[: min(start, first)] = values[: min(start, first)]
         return picked
 
-    def among(self, frames: slice) -> int | None:
-        """The one frame that a stretch of frames looks back to; −1 for the baseline.
-
-        None where some of them look back to another.
-        """
-        if self.since is None or not len(self.since):
-            return -1
-        first, last = int(self.since[frames.start]), int(self.since[frames.stop - 1])
-        return first if first == last else None
-
 
 def latest(instants: NDArray[np.int64], frames: int) -> NDArray[np.int64]:
     """(T,) frame of the latest instant at or before each frame, −1 where there is none yet."""

@@ -42,10 +42,6 @@ class Store:
         self.sparse_count = 0
         self._known: dict[Query, Any] = {}
 
-    def known(self, query: Query) -> Series | None:
-        """The series that answers a query if it was measured already."""
-        return cast("Series | None", self._known.get(query))
-
     def series(
         self, query: Query, measure: Callable[[Any], Series], growth: Growth = Growth.WHOLE
     ) -> Series:

@@ -11,8 +11,7 @@ from safestage_eval.evidence.declare import Option, signal
 from safestage_eval.evidence.series import Series, hide
 
 if TYPE_CHECKING:
-    from safestage_eval.evidence.facts import Facts, Request
-    from safestage_eval.evidence.reference import Reference
+    from safestage_eval.evidence.facts import Request
 
 F64 = NDArray[np.float64]
 
@@ -22,27 +21,6 @@ NORM = Option(
     "How the coordinates add up: l2 (the distance), l1 (the sum) or max (the largest).",
     choices=("l2", "l1", "max"),
 )
-
-
-def _stretch(
-    facts: Facts, body: str, reference: Reference | None, frames: slice, axes: int = 3
-) -> F64 | None:
-    """(N,) m at some neighbouring frames; None where they look back to different moments."""
-    from safestage_eval.geometry.lengths import distances
-
-    since = facts.since_frame(body, reference, frames)
-    if since is None:
-        return None
-    now = facts.com_position(body, frames)
-    if since < 0:
-        there = facts.baseline.position(facts.com_position(body, facts.baseline.stretch))
-    else:
-        there = facts.com_position(body, slice(since, since + 1))[0]
-    return distances(now, there[None], axes)
-
-
-def _stretch_xy(facts: Facts, body: str, reference: Reference | None, frames: slice) -> F64 | None:
-    return _stretch(facts, body, reference, frames, axes=2)
 
 
 def _displacement(request: Request, axes: int) -> Series:
@@ -61,7 +39,7 @@ def _displacement(request: Request, axes: int) -> Series:
 
 @signal(
     "displacement", "length", args=("a",), needs=("poses",), since=True, from_start=True,
-    options=(NORM,), reads="com", metric=True, stretch=_stretch,
+    options=(NORM,), reads="com", metric=True,
 )  # fmt: skip
 def displacement(request: Request) -> Series:
     """Distance of the centre of mass from where it was at the reference."""
@@ -70,7 +48,7 @@ def displacement(request: Request) -> Series:
 
 @signal(
     "displacement_xy", "length", args=("a",), needs=("poses",), since=True, from_start=True,
-    options=(NORM,), reads="com", metric=True, stretch=_stretch_xy,
+    options=(NORM,), reads="com", metric=True,
 )  # fmt: skip
 def displacement_xy(request: Request) -> Series:
     """Horizontal distance of the centre of mass from where it was at the reference."""

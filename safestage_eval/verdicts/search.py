@@ -11,7 +11,6 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import Band, Bool
 
 from . import hidden_start
-from .brief import condition_within, series_within
 from .evaluate import Evaluator
 from .values import Env, limit_margin
 from .witness import Witness
@@ -34,13 +33,11 @@ class Search(NamedTuple):
         evaluator: that computed the margin.
         upper: which end of the band is followed.
         sign: +1 where the atom should hold, −1 where it should not.
-        brief: signals were measured in a brief scope alone, and are looked up frame by frame.
     """
 
     evaluator: Evaluator
     upper: bool
     sign: int = 1
-    brief: bool = False
 
     def end(self, band: Band, frame: int) -> float:
         """The margin that is followed, at one frame."""
@@ -57,7 +54,7 @@ class Search(NamedTuple):
         return mask
 
     def _opposite(self) -> Search:
-        return Search(self.evaluator, not self.upper, -self.sign, self.brief)
+        return Search(self.evaluator, not self.upper, -self.sign)
 
     def alternative(self, node: ast.Alternative, env: Env, frame: int) -> Witness:
         """Witness of a condition or event at a frame."""
@@ -89,10 +86,6 @@ class Search(NamedTuple):
 
     def _margin(self, atom: ast.Atom, env: Env, frame: int, here: Bool) -> float:
         """The end that is followed, of an atom; ``here``: (T,) true at the frame alone."""
-        if self.brief and type(atom) is ast.SignalAtom:
-            alone = ast.Condition((atom,))
-            found = condition_within(self.evaluator, alone, env, frame, frame + 1, here)
-            return self.end(found, 0)
         return self.end(self.evaluator.atom(atom, env, here), frame)
 
     def atom(self, atom: ast.Atom, env: Env, frame: int) -> Witness:
@@ -167,11 +160,7 @@ class Search(NamedTuple):
         return frame
 
     def _signal(self, atom: ast.SignalAtom, env: Env, frame: int) -> Witness:
-        evaluator, series = self.evaluator, None
-        if self.brief:
-            series = series_within(evaluator, atom, env, frame, frame + 1)
-        if series is None:
-            series = evaluator.series(atom, env, self._only(frame)).at(frame)
+        series = self.evaluator.series(atom, env, self._only(frame)).at(frame)
         return self.of_signal(atom, env, series, frame)
 
     def of_signal(self, atom: ast.SignalAtom, env: Env, series: Series, frame: int) -> Witness:

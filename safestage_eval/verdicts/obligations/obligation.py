@@ -14,7 +14,6 @@ from safestage_eval.rules.clauses import CLAUSES, ClauseKind
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.persistence import held_from
 from safestage_eval.states.scope import Scope, mask_of
-from safestage_eval.verdicts.brief import is_brief
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.instance import Instance
 from safestage_eval.verdicts.look_ahead import Foresight, Look
@@ -110,8 +109,7 @@ class Obligation(ABC):
         violated: bool,
     ) -> Witness:
         """The measurement behind the margin of ``what`` at a frame."""
-        alone = is_brief(evaluator, instance.scope)
-        search = Search(evaluator, violated == self.wanted, 1 if self.wanted else -1, alone)
+        search = Search(evaluator, violated == self.wanted, 1 if self.wanted else -1)
         return evaluator.obliged(self.kind, search.alternative, what, instance.env, frame)
 
     def breaches(self, rule: ast.Rule) -> Sequence[ast.Alternative]:  # noqa: ARG002

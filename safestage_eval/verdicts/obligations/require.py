@@ -9,11 +9,7 @@ import numpy as np
 from safestage_eval.episode import Window
 from safestage_eval.rules import syntax as ast
 from safestage_eval.states.band import Band, Bool
-from safestage_eval.states.scope import Scope, mask_of
-from safestage_eval.verdicts.brief import condition_within, is_brief
-from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.look_ahead import Foresight, Look
-from safestage_eval.verdicts.values import Env
 
 from .obligation import Margin, Obligation
 
@@ -23,15 +19,6 @@ class Require(Obligation):
 
     kind = "require"
     kept = "Held from {begin} to {end}: {what}."
-
-    def band(self, evaluator: Evaluator, what: ast.Alternative, env: Env, scope: Scope) -> Band:
-        """As in the base class; in a brief scope its frames are measured alone."""
-        if not (isinstance(what, ast.Condition) and is_brief(evaluator, scope)):
-            return super().band(evaluator, what, env, scope)
-        wanted = mask_of([scope], evaluator.frames) if evaluator.asks_costly(what) else None
-        return evaluator.obliged(
-            self.kind, condition_within, evaluator, what, env, scope.first, scope.stop, wanted
-        )
 
     def margin_of(self, found: Band, sure: Bool | None, lasting: Window) -> Margin:  # noqa: ARG002
         """As in the base class."""
