@@ -44,18 +44,6 @@ class RuleFile:
         """Line and column of each key and value."""
         return _locations(self.text)
 
-    def line_of(self, kind: str, index: int) -> int:
-        """Line (from 1) of the ``index``-th ``[[kind]]``.
-
-        Where every such header stands on a line of its own, and no string runs over lines, the
-        file need not be read again for it.
-        """
-        several = '"""' in self.text or "'''" in self.text
-        headers = () if several else _headers(self.text, kind)
-        if len(headers) == len(self.table[kind]):
-            return headers[index]
-        return self.locations.key((kind, index)).line
-
     def diagnostic(
         self, code: str, keys: Keys, what: str, allowed: str = "", fix: str = "", *, key: bool
     ) -> Diagnostic:
@@ -80,13 +68,6 @@ def _parse(text: str) -> dict[str, Any]:
 @lru_cache(_FILES)
 def _locations(text: str) -> Locations:
     return Locations(text)
-
-
-@lru_cache(2 * _FILES)
-def _headers(text: str, kind: str) -> tuple[int, ...]:
-    """Lines (from 1) that hold nothing but ``[[kind]]`` and perhaps a comment."""
-    header = re.compile(rf"^[ \t]*\[\[[ \t]*{kind}[ \t]*\]\][ \t]*(?:#.*)?\r?$", re.MULTILINE)
-    return tuple([text.count("\n", 0, match.start()) + 1 for match in header.finditer(text)])
 
 
 def builtin_folder() -> Path:

@@ -71,12 +71,12 @@ def merge(files: Sequence[RuleFile]) -> ast.RuleSet:
     builder = build.Builder(frozenset(tables["phase"]))
     named = [file for file in files if file.asked]
     rules = [
-        builder.rule(table, file.path, file.line_of("rule", index))
+        builder.rule(table, file.path, file.locations.key(("rule", index)).line)
         for file in named
         for index, table in enumerate(file.table.get("rule", ()))
     ]
     costs = [
-        builder.cost(table, file.path, file.line_of("cost", index))
+        builder.cost(table, file.path, file.locations.key(("cost", index)).line)
         for file in named
         for index, table in enumerate(file.table.get("cost", ()))
     ]

@@ -11,7 +11,6 @@ from typing import Any
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import RuleSet, load_bind, load_rules, parse_overrides
 from safestage_eval.rules.bind_file import BindFile
-from safestage_eval.verdicts.problem import Problem
 
 from .again import Again
 from .cause import cause_of
@@ -61,13 +60,12 @@ def diff(
         overrides=dict(overrides or {}),
         binds=(None, None) if bind is None else (load_bind(bind, old), load_bind(bind, new)),
     )
-    items = each_episode(refs, work, jobs=jobs, progress=progress)
-    judged = [item for item in items if isinstance(item, Judged)]
+    judged, problems = each_episode(refs, work, jobs=jobs, progress=progress)
     return difference(
         (row for item in judged for row in item.before),
         (row for item in judged for row in item.after),
         {(flip.episode_id, flip.rule): flip for item in judged for flip in item.flips},
-        [item.message for item in items if isinstance(item, Problem)],
+        [problem.message for problem in problems],
     )
 
 

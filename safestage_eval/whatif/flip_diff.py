@@ -10,9 +10,8 @@ from typing import Any
 import polars as pl
 
 from safestage_eval.rules import load_bind, load_rules, parse_overrides
-from safestage_eval.verdicts.problem import Problem
 
-from .diff import Judged, diff_episode
+from .diff import diff_episode
 from .flip_query import verdicts_under
 from .flip_table import COLUMNS, FlipTable
 from .many import each_episode
@@ -49,18 +48,13 @@ def diff_table(
         diff_episode, before=rules, after=rules, usual=dict(judging.overrides),
         overrides={**judging.overrides, **settings}, binds=(bind, bind),
     )  # fmt: skip
-    judged, problems = list[Judged](), list[str]()
     refs = table.traces_of(open_ids)
-    if refs:
-        for item in each_episode(refs, work, jobs=jobs, progress=progress):
-            if isinstance(item, Problem):
-                problems.append(item.message)
-            else:
-                judged.append(item)
+    judged, failed = each_episode(refs, work, jobs=jobs, progress=progress)
     again = {str(row["episode_id"]) for item in judged for row in item.after}
     left = sorted(set(open_ids) - again)
-    problems += [
-        f"{name}: not decided by the what-if table, and its trace not found" for name in left
+    problems = [
+        *(problem.message for problem in failed),
+        *(f"{name}: not decided by the what-if table, and its trace not found" for name in left),
     ]
     kept = rows.filter(~pl.col("episode_id").is_in(list(again)))
     old = [*_rows(kept, "verdict"), *(_assigned(row) for item in judged for row in item.before)]

@@ -64,9 +64,9 @@ def sweep_table(
             overrides=dict(table.judging.overrides),
             bind=None if bind is None else load_bind(bind, rules),
         )  # fmt: skip
-        items = each_episode(table.traces_of(open_ids), work, jobs=jobs, progress=progress)
-        problems = [item for item in items if isinstance(item, Problem)]
-        judged = dict(item for item in items if not isinstance(item, Problem))
+        refs = table.traces_of(open_ids)
+        swept, problems = each_episode(refs, work, jobs=jobs, progress=progress)
+        judged = dict(swept)
         anew = segment_frame([row for rows in judged.values() for row in rows])
         again = anew["episode_id"].n_unique()
         kept = segments.filter(~pl.col("episode_id").is_in(list(judged)))

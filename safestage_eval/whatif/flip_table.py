@@ -112,10 +112,9 @@ def write_table(
         bind=None if judging.bind is None else load_bind(judging.bind, rules),
         params=None if params is None else frozenset(params),
     )
-    items = each_episode(refs, work, jobs=jobs, progress=progress)
-    rows = [row for item in items if not isinstance(item, Problem) for row in item]
-    save(output, rows, judging)
-    return [item for item in items if isinstance(item, Problem)]
+    per_episode, problems = each_episode(refs, work, jobs=jobs, progress=progress)
+    save(output, (row for rows in per_episode for row in rows), judging)
+    return problems
 
 
 def save(output: Path, rows: Iterable[Row], judging: Judging) -> None:

@@ -8,12 +8,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from safestage_eval._process.spawned import WORTH_A_POOL
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts.problem import Problem
+
+Result = TypeVar("Result")
 
 Progress = Callable[[int, int], None]
 """Called with (done, total)."""
@@ -21,16 +23,18 @@ Progress = Callable[[int, int], None]
 
 def each_episode(
     refs: Sequence[EpisodeRef],
-    work: Callable[[EpisodeRef], Any],
+    work: Callable[[EpisodeRef], Result],
     *,
     jobs: int | None = None,
     progress: Progress | None = None,
-) -> list[Any]:
-    """Call ``work`` on each episode, in order; a ``Problem`` stands for one that cannot be judged.
+) -> tuple[list[Result], list[Problem]]:
+    """Call ``work`` on each episode; returns the results in order, and the episodes that failed.
 
     Arguments and errors are those of ``each``.
     """
-    return each(refs, partial(_guarded, work), jobs=jobs, progress=progress)
+    items = each(refs, partial(_guarded, work), jobs=jobs, progress=progress)
+    problems = [item for item in items if isinstance(item, Problem)]
+    return [item for item in items if not isinstance(item, Problem)], problems
 
 
 def each(

@@ -232,9 +232,8 @@ def sweep(
         overrides=dict(overrides or {}),
         bind=None if bind is None else load_bind(bind, rules),
     )
-    items = each_episode(refs, work, jobs=jobs, progress=progress)
-    problems = tuple(item for item in items if isinstance(item, Problem))
-    judged = dict(reversed([item for item in items if not isinstance(item, Problem)]))
+    swept, problems = each_episode(refs, work, jobs=jobs, progress=progress)
+    judged = dict(reversed(swept))
     rows = [row for segments in reversed(judged.values()) for row in segments]
     if not rows and not problems:
         raise InputError(
@@ -250,7 +249,7 @@ def sweep(
         rules.params[param],
         tuple(code for code in readers if code in used),
         sum(not one for one in judged.values()),
-        problems,
+        tuple(problems),
         segments,
     )
 

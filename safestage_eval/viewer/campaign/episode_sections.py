@@ -94,13 +94,12 @@ def sections(
         overrides=dict(overrides or {}),
         bind=None if bind is None else load_bind(bind, rules),
     )
-    items = each_episode(refs, work, jobs=jobs, progress=progress)
-    drawn = [item for item in items if isinstance(item, Drawn)]
+    drawn, problems = each_episode(refs, work, jobs=jobs, progress=progress)
     return Sections(
         {item.episode_id: item.html for item in drawn},
         _sweeps(rules, visited, drawn),
         {item.episode_id: item.differences for item in drawn if item.differences},
-        tuple(item for item in items if isinstance(item, Problem)),
+        tuple(problems),
     )
 
 
