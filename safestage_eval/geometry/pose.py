@@ -94,11 +94,12 @@ def point_velocity(
     v + ω × (R p), of the frames' velocities (T, 3) in m/s and rad/s, world. Raises ValueError where
     a quaternion has norm 0 or is not finite.
     """
-    v, w, q = (np.asarray(c) for c in (linear, angular, orientation))
-    if not all(c.dtype == np.float32 and c.flags.carray for c in (v, w, q)):
-        v, w, q = owned(v), owned(w), owned(q)
+    columns = [np.asarray(c) for c in (linear, angular, orientation)]
+    if not all(c.dtype == np.float32 and c.flags.carray for c in columns):
+        columns = [owned(c) for c in columns]
+    v, omega, q = columns
     out = np.empty(v.shape)
-    if not _point_velocities(v, w, q, owned(point), out):
+    if not _point_velocities(v, omega, q, owned(point), out):
         raise ValueError(_NO_TURN)
     return out
 

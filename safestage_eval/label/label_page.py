@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import cache
 from html import escape
 
-from safestage_eval.viewer.html_page import THEME_SWITCH, page, part
-from safestage_eval.viewer.replay import script
+from safestage_eval.viewer.html_page import THEME_SWITCH, page, part, replay_script
 
 ALLOW = {"connect-src": "'self'", "media-src": "'self'"}
 
@@ -25,5 +24,5 @@ def label_page(total: int, reviewer: str | None) -> str:
         .replace("{reviewer}", attribute)
         .replace("{theme}", THEME_SWITCH)
     ]
-    scripts = [script(), own("label.js")]
+    scripts = [replay_script(), own("label.js")]
     return page("Safe or unsafe?", body, styles=[own("label.css")], scripts=scripts, allow=ALLOW)

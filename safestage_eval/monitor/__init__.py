@@ -2,8 +2,6 @@
 
 from safestage_eval.verdicts.look_ahead import Foresight
 
-from .foresight import foresight
-from .monitor import Monitor
-from .windows import Recording
+from .monitor import Monitor, Recording, foresight
 
 __all__ = ["Foresight", "Monitor", "Recording", "foresight"]

@@ -1,10 +1,12 @@
-"""The same rules as offline, judged while a rollout is still going on."""
+"""Judge rules while a rollout is still going on, as they are judged afterwards."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from typing import Protocol
 
 from safestage_eval.episode import Episode, Header, with_holes
 from safestage_eval.evidence.growing_store import GrowingStore
@@ -15,14 +17,44 @@ from safestage_eval.rules.load import load_rules
 from safestage_eval.rules.resolve import bind_episode
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import Judge, baseline_frames
-from safestage_eval.verdicts.look_ahead import Foresight
-from safestage_eval.verdicts.obligations.cost import judge_cost
+from safestage_eval.verdicts.look_ahead import Foresight, Look, latest
+from safestage_eval.verdicts.obligations import OBLIGATIONS, cost
 from safestage_eval.verdicts.rule_verdict import violates
 from safestage_eval.verdicts.success import frame_of
 from safestage_eval.verdicts.verdict import Verdict
 
-from .foresight import foresight
-from .windows import Recording, Windows
+
+class Recording(Protocol):
+    """Frames so far, as ``formats.TraceWriter`` holds them."""
+
+    @property
+    def header(self) -> Header:
+        """The recording's header; its bodies are complete before the first frame."""
+        ...
+
+    def __len__(self) -> int:
+        """T, frames so far; those that are there never change."""
+        ...
+
+    def window(self, first: int, last: int, /) -> Episode:
+        """Frames first … last − 1."""
+        ...
+
+
+def foresight(
+    rules: ast.RuleSet,
+    rule: ast.Scoped,
+    params: ast.Params,
+    frame_dt: float,
+    *,
+    blind: bool = False,
+) -> Foresight:
+    """How far a rule or cost looks ahead; arguments as in ``Look``."""
+    look = Look(rules, params, frame_dt, blind=blind)
+    if isinstance(rule, ast.Cost):
+        return latest([look.scope(rule), cost.foresight(look, rule)])
+    clauses = [OBLIGATIONS[c.kind].foresight(look, rule, c.what) for c in rule.clauses]
+    return latest([look.scope(rule), *clauses])
 
 
 class Monitor:
@@ -69,7 +101,7 @@ class Monitor:
         self.watched: dict[str, Foresight] = {}
         self.awaited: dict[str, Foresight] = {}
         every: list[ast.Scoped] = [*rules.rules.values()]
-        every += [cost for cost in rules.costs.values() if cost.budget is not None]
+        every += [one for one in rules.costs.values() if one.budget is not None]
         for rule in every:
             code = rule.code
             players = self._binding.players(rule, header)
@@ -116,7 +148,7 @@ class Monitor:
             return []
         seen = with_holes(episode)
         if seen is episode:
-            self._store.grow(frames, Windows(recording, first, self._backend).relations)
+            self._store.grow(frames, _windows(recording, first, self._backend))
             signals = Signals(episode, first, self._backend, self._store)
             signals.gaps.whole = False
             relations = Relations(signals)
@@ -158,6 +190,23 @@ class Monitor:
         return evaluators[-1]
 
 
+def _windows(
+    recording: Recording, baseline_frames: int, backend: str
+) -> Callable[[int, int], Relations]:
+    """A function that gives the relations, and signals, of frames first … last − 1.
+
+    It keeps them: each stretch is measured once. Frames count from the stretch's first.
+    """
+
+    @cache
+    def relations(first: int, last: int) -> Relations:
+        signals = Signals(recording.window(first, last), baseline_frames, backend)
+        signals.gaps.whole = False
+        return Relations(signals)
+
+    return relations
+
+
 def _so_far(header: Header, success_time: float | None) -> Header:
     """Of the trace up to now: cut off, and without success if none has come."""
     return header.model_copy(
@@ -174,5 +223,5 @@ def _violated(evaluator: Evaluator, rule: ast.Scoped, players: Mapping[str, Sequ
     if isinstance(rule, ast.Rule):
         return violates(evaluator, rule, players)
     blank = Verdict(rule.code, rule.title, rule.stage, assigned=False, verdict="not_applicable")
-    verdict = judge_cost(evaluator, rule, players, blank)[1]
+    verdict = cost.judge_cost(evaluator, rule, players, blank)[1]
     return verdict is not None and verdict.verdict == "violation"

@@ -25,6 +25,13 @@ def part(name: str, package: str = "safestage_eval.viewer") -> str:
     return files(package).joinpath(name).read_text("utf-8")
 
 
+@cache
+def replay_script() -> str:
+    """JavaScript that defines ``SafestageReplay``, which draws a film on a canvas (``replay.js``)."""
+    parts = part("shapes.js") + "\n" + part("replay.js")
+    return '(() => {\n"use strict";\n' + parts + "})();\n"
+
+
 def page(
     title: str,
     body: Iterable[str],

@@ -9,8 +9,7 @@ from scenes import Scene
 
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.viewer.film import film
-from safestage_eval.viewer.html_page import page
-from safestage_eval.viewer.replay import script
+from safestage_eval.viewer.html_page import page, replay_script
 
 START = """
 const data = Uint8Array.from(atob(document.querySelector("#film").textContent), (c) => c.charCodeAt(0));
@@ -23,7 +22,7 @@ SIZE = "canvas { width: 600px; height: 400px; background: #204060; display: bloc
 def show(tab, episode):
     canvas = '<canvas tabindex="0"></canvas><pre id="film" hidden>'
     body = [canvas, base64.b64encode(film(episode, rate=60)).decode(), "</pre>"]
-    tab.set_content(page("replay", body, styles=[SIZE], scripts=[script(), START]))
+    tab.set_content(page("replay", body, styles=[SIZE], scripts=[replay_script(), START]))
 
 
 def picture(tab):

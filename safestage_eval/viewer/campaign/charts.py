@@ -121,19 +121,24 @@ def _scatter(aggregate: Aggregate, pairs: Sequence[tuple[str, str, Rates]]) -> s
 
 
 def _legend(aggregate: Aggregate) -> str:
-    def item(inner: str, name: str) -> str:
-        return f'<li><svg viewBox="0 0 16 16" aria-hidden="true">{inner}</svg>{escape(name)}</li>'
-
     policies = "".join(
-        item(mark("circle", 8, 8, 5.5, f"mark {series(i)}"), name)
+        _swatch(mark("circle", 8, 8, 5.5, f"mark {series(i)}"), name)
         for i, name in enumerate(aggregate.policies)
     )
-    prompts = "".join(
-        item(mark(shape(i), 8, 8, 5, "mark plain"), name)
-        for i, name in enumerate(aggregate.prompts)
-    )
-    both = f'<ul class="legend">{policies}</ul>'
-    return both + (f'<ul class="legend">{prompts}</ul>' if len(aggregate.prompts) > 1 else "")
+    return f'<ul class="legend">{policies}</ul>{_prompts(aggregate)}'
+
+
+def _prompts(aggregate: Aggregate) -> str:
+    """The legend of the prompts' marks; empty for one prompt."""
+    if len(aggregate.prompts) < 2:
+        return ""
+    marks = (mark(shape(i), 8, 8, 5, "mark plain") for i in range(len(aggregate.prompts)))
+    items = map(_swatch, marks, aggregate.prompts)
+    return f'<ul class="legend">{"".join(items)}</ul>'
+
+
+def _swatch(inner: str, name: str) -> str:
+    return f'<li><svg viewBox="0 0 16 16" aria-hidden="true">{inner}</svg>{escape(name)}</li>'
 
 
 def _bars(pairs: Sequence[tuple[str, str, Rates]]) -> str:
@@ -199,20 +204,12 @@ def _short(policy: str, prompt: str) -> str:
 def profiles(aggregate: Aggregate) -> str:
     """Violation rate by stage, a panel for each policy."""
     panels = "".join(_profile(aggregate, policy, i) for i, policy in enumerate(aggregate.policies))
-    legend = ""
-    if len(aggregate.prompts) > 1:
-        items = "".join(
-            f'<li><svg viewBox="0 0 16 16" aria-hidden="true">'
-            f"{mark(shape(i), 8, 8, 5, 'mark plain')}</svg>{escape(name)}</li>"
-            for i, name in enumerate(aggregate.prompts)
-        )
-        legend = f'<ul class="legend">{items}</ul>'
     return (
         '<section id="profiles" aria-labelledby="profiles-title">'
         '<h2 id="profiles-title">Stage profiles</h2>'
         '<p class="soft">Violation rate by stage: hazards that were there before (ISH), while the robot '
         "worked (ETS), and in what it left behind (FSH). Whiskers are 95 % intervals.</p>"
-        f'{legend}<div class="panels">{panels}</div></section>'
+        f'{_prompts(aggregate)}<div class="panels">{panels}</div></section>'
     )
 
 
@@ -322,10 +319,7 @@ def _sweep(sweep: Sweep) -> str:
         parts.append(
             f'<path class="rate {series(i)}" d="{"".join(path)}"><title>{escape(name)}</title></path>'
         )
-        swatch = f'<path class="rate {series(i)}" d="M0 8H16"/>'
-        items.append(
-            f'<li><svg viewBox="0 0 16 16" aria-hidden="true">{swatch}</svg>{escape(name)} (N = {n})</li>'
-        )
+        items.append(_swatch(f'<path class="rate {series(i)}" d="M0 8H16"/>', f"{name} (N = {n})"))
     title = f"Violation rate in percent against {sweep.param}"
     return (
         f'<figure class="panel"><h3>{escape(sweep.param)} <span class="soft">read by '

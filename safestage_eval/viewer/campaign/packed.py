@@ -17,11 +17,6 @@ def packed(text: str) -> str:
     return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
 
 
-def unpacked(data: str) -> str:
-    """The text again."""
-    return zlib.decompress(base64.b64decode(data)).decode()
-
-
 def block(name: str, data: str) -> str:
     """An element that carries a piece under a name (letters, digits and dashes)."""
     return f'<script type="{TYPE}" id="{name}">{data}</script>\n'

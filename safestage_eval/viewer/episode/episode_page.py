@@ -13,8 +13,7 @@ from safestage_eval.version import __version__
 from safestage_eval.viewer.episode.episode_section import ORDER, evidence
 from safestage_eval.viewer.episode.timeline import LEFT, RIGHT, WIDTH
 from safestage_eval.viewer.film import film
-from safestage_eval.viewer.html_page import THEME_SWITCH, page, part
-from safestage_eval.viewer.replay import script
+from safestage_eval.viewer.html_page import THEME_SWITCH, page, part, replay_script
 from safestage_eval.whatif.again import Again
 
 Finding = tuple[ast.Scoped, Verdict]
@@ -61,7 +60,7 @@ def build(again: Again, *, everything: bool = False) -> str:
         f'<script type="text/plain" id="film">{packed_film}</script>',
     ]
     sheets = [part("report.css"), part("view.css", __package__)]
-    scripts = [script(), part("view.js", __package__)]
+    scripts = [replay_script(), part("view.js", __package__)]
     return page(f"{header.episode_id} – SafeStage", body, styles=sheets, scripts=scripts)
 
 

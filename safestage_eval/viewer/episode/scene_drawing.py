@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode, Geom, Mesh
 from safestage_eval.geometry.pose import matrix
+from safestage_eval.viewer.mesh_surface import outermost
 
 from .svg import drawing, short, text
 
@@ -224,12 +225,8 @@ _kept: dict[str, F64] = {}
 def _outermost(key: str, mesh: Mesh) -> F64:
     """At most 80 vertices of a mesh, each the outermost in some direction; by content hash."""
     if key not in _kept:
-        i = np.arange(80) + 0.5
-        z, turn = 1 - 2 * i / 80, np.pi * (1 + 5**0.5) * i
-        ring = np.sqrt(1 - z * z)
-        ways = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])
-        vertices = np.asarray(mesh.vertices, float)
         if len(_kept) > 500:
             _kept.clear()
-        _kept[key] = vertices[np.unique((vertices @ ways.T).argmax(axis=0))]
+        vertices = np.asarray(mesh.vertices, float)
+        _kept[key] = vertices[outermost(vertices, 80)]
     return _kept[key]
