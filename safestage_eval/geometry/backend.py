@@ -32,7 +32,7 @@ NO_DEPTH = -1e3
 
 
 class Library(Protocol):
-    """What a foreign library is asked for."""
+    """Distances of another library."""
 
     def solid(self, shape: BodyShape, index: int) -> Any:
         """Geom number ``index`` of a body, about its own centre; None if it cannot be used."""

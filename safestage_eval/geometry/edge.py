@@ -306,7 +306,7 @@ def _nearest_free(
 
 
 def _pieces(outline: F64, owner: I64, piece: float) -> tuple[F64, I64]:
-    """The same outline cut into pieces no longer than so many m."""
+    """Cut an outline into pieces no longer than so many m; with the face that each belongs to."""
     share = np.sqrt(((outline[:, 1] - outline[:, 0]) ** 2).sum(1)) / piece
     many = np.maximum(np.ceil(share - 1e-6), 1).astype(np.int64)
     which = np.repeat(np.arange(len(outline)), many)

@@ -1,4 +1,4 @@
-"""What bodies cover when seen from above. Round geoms are right to 0.1 mm, the rest to rounding."""
+"""Footprints: the areas that bodies cover when seen from above. Round geoms are right to 0.1 mm, the rest to rounding."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from safestage_eval._process.compiled import kernel
 
 from .arrays import owned
 from .mover import Mover
-from .polygon import COINCIDENT, bounds, convex_hull
+from .polygon import COINCIDENT, bounds, convex_hull, holds_point, insert_span
 from .polytope import Polytope
 from .pose import matrix, transform
 from .shape import BodyShape
@@ -66,7 +66,7 @@ class Ground(NamedTuple):
 
 
 class Surface(NamedTuple):
-    """What can be reached from a standing place without a step down, and where that ends.
+    """Faces that can be reached from a standing place without a step down, and where they end.
 
     Attributes:
         ground: its faces, and the strips between those that only nearly meet.
@@ -402,11 +402,7 @@ def _border(
                             strips[between, c, 1] = ay + s * dy - u * dx
                         beside[between] = i
                         between += 1
-                    at = spans
-                    while at > 0 and covered[at - 1, 0] > span[0]:
-                        covered[at, 0], covered[at, 1] = covered[at - 1, 0], covered[at - 1, 1]
-                        at -= 1
-                    covered[at, 0], covered[at, 1] = span[0], span[1]
+                    insert_span(covered, spans, span[0], span[1])
                     spans += 1
             so_far = 0.0
             for c in range(spans + 1):
@@ -431,14 +427,6 @@ def _covers(
         for i in range(first.shape[0]):
             if plane[i, 0] + plane[i, 1] * x + plane[i, 2] * y < floor[p]:
                 continue
-            within = True
-            for k in range(count[i]):
-                a, b = first[i] + k, first[i] + (k + 1) % count[i]
-                dx, dy = corners[b, 0] - corners[a, 0], corners[b, 1] - corners[a, 1]
-                side = (x - corners[a, 0]) * dy - (y - corners[a, 1]) * dx
-                if side > COINCIDENT * math.sqrt(dx * dx + dy * dy):
-                    within = False
-                    break
-            if within:
+            if holds_point(corners, first[i], count[i], x, y):
                 under[p] = True
                 break

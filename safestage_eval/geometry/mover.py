@@ -76,7 +76,7 @@ class Mover:
 
     @cached_property
     def motion(self) -> Motion:
-        """What the kernels need; computed on first use and kept.
+        """Poses as the kernels read them; computed on first use and kept.
 
         Raises ValueError where an orientation is no rotation (norm 0 or not finite).
         """
@@ -108,7 +108,7 @@ class Mover:
         return np.asarray(way + turn)
 
     def at(self, frames: NDArray[np.integer] | slice) -> Mover:
-        """The same shape at some of its frames; a body that never moves stays as it is."""
+        """Select some frames; a body that never moves stays as it is."""
         if len(self) == 1:
             return self
         return Mover(self.shape, self.position[frames], self.orientation[frames])

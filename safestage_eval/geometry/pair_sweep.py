@@ -55,7 +55,7 @@ class Query(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What a sweep writes to; G and H are the numbers of geoms of the two bodies.
+    """Scratch memory of a sweep; G and H are the numbers of geoms of the two bodies.
 
     Attributes:
         RA, RB: (3, 3) the bodies' rotations.

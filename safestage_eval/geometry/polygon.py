@@ -232,6 +232,16 @@ def bounds(corners: F64, first: I64, count: I64, box: F64) -> None:
 
 
 @kernel
+def insert_span(spans: F64, count: int, low: float, high: float) -> None:
+    """Add a span to ``count`` spans (S, 2) that are ordered by where they begin."""
+    at = count
+    while at > 0 and spans[at - 1, 0] > low:
+        spans[at, 0], spans[at, 1] = spans[at - 1, 0], spans[at - 1, 1]
+        at -= 1
+    spans[at, 0], spans[at, 1] = low, high
+
+
+@kernel
 def covers(
     corners: F64, first: I64, count: I64, box: F64, i: int, ax: float, ay: float, dx: float,
     dy: float, covered: F64,
@@ -274,11 +284,7 @@ def covers(
             if high <= low:
                 break
         if high > low:
-            at = spans  # insert by where the cover begins
-            while at > 0 and covered[at - 1, 0] > low:
-                covered[at, 0], covered[at, 1] = covered[at - 1, 0], covered[at - 1, 1]
-                at -= 1
-            covered[at, 0], covered[at, 1] = low, high
+            insert_span(covered, spans, low, high)
             spans += 1
     return spans
 
@@ -308,20 +314,22 @@ def _outline(corners: F64, first: I64, count: I64, box: F64, covered: F64, out: 
 
 
 @kernel
+def holds_point(corners: F64, first: int, count: int, x: float, y: float) -> bool:
+    """Whether a point lies in the polygon of ``count`` corners from ``first`` on, or on its boundary."""
+    for k in range(count):
+        a, b = first + k, first + (k + 1) % count
+        dx, dy = corners[b, 0] - corners[a, 0], corners[b, 1] - corners[a, 1]
+        beyond = (x - corners[a, 0]) * dy - (y - corners[a, 1]) * dx
+        if beyond > COINCIDENT * math.sqrt(dx * dx + dy * dy):
+            return False
+    return True
+
+
+@kernel
 def _contains(polygon: F64, points: F64, inside: Bool) -> None:
-    n = polygon.shape[0]
     for i in range(points.shape[0]):
-        within = not inside[i]
-        for k in range(n if within else 0):
-            ax, ay, after = polygon[k, 0], polygon[k, 1], (k + 1) % n
-            dx, dy = polygon[after, 0] - ax, polygon[after, 1] - ay
-            length = math.sqrt(dx * dx + dy * dy)
-            nx, ny = dy / length, -dx / length
-            if not (points[i, 0] - ax) * nx + (points[i, 1] - ay) * ny <= COINCIDENT:
-                within = False
-                break
-        if within:
-            inside[i] = True
+        if not inside[i]:
+            inside[i] = holds_point(polygon, 0, polygon.shape[0], points[i, 0], points[i, 1])
 
 
 @kernel
