@@ -14,7 +14,7 @@ from pydantic import Field
 
 from simulate.policy import Observation
 
-from .dialect import F64, Asked, Dialect, closed, decided, vector
+from .dialect import F64, Asked, Dialect, decided, read_state, sent_state
 from .images import composite, resize_with_pad
 
 SIZE = (360, 640)
@@ -42,9 +42,7 @@ class Cosmos3(Dialect):
         )
         return {
             "observation/image": composite(wrist, left, right),
-            "observation/joint_position": observation.joint_position.astype(np.float32),
-            "observation/gripper_position": closed(observation),
-            "prompt": observation.instruction,
+            **sent_state(observation),
             "session_id": session,
         }
 
@@ -58,20 +56,13 @@ class Cosmos3(Dialect):
         """The observation and the session of a request."""
         image = np.asarray(request["observation/image"])
         high, wide = image.shape[0] * 2 // 3, image.shape[1] // 2
-        return Asked(
-            Observation(
-                time=float("nan"),
-                joint_position=vector(request["observation/joint_position"], 7),
-                gripper_opening=1.0 - float(vector(request["observation/gripper_position"], 1)[0]),
-                instruction=str(request["prompt"]),
-                images={
-                    "wrist": image[:high],
-                    "exterior_left": image[high:, :wide],
-                    "exterior_right": image[high:, wide:],
-                },
-            ),
-            session=None if request.get("session_id") is None else str(request["session_id"]),
-        )
+        views = {
+            "wrist": image[:high],
+            "exterior_left": image[high:, :wide],
+            "exterior_right": image[high:, wide:],
+        }
+        session = request.get("session_id")
+        return Asked(read_state(request, views), None if session is None else str(session))
 
     def answer(self, actions: F64, observation: Observation) -> dict[str, Any]:  # noqa: ARG002
         """A map with ``action``."""

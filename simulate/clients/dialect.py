@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from simulate.cameras.lookback import Images
 from simulate.policy import Observation
 
 from .message_arrays import Style
@@ -128,6 +129,45 @@ def decided(actions: Any) -> F64:
     grip = out[:, 7]
     out[:, 7] = np.where(np.isnan(grip), grip, grip > THRESHOLD)
     return out
+
+
+def sent_state(observation: Observation) -> dict[str, Any]:
+    """Joints, gripper and prompt under openpi's keys."""
+    return {
+        "observation/joint_position": observation.joint_position.astype(np.float32),
+        "observation/gripper_position": closed(observation),
+        "prompt": observation.instruction,
+    }
+
+
+def received(
+    joints: Any, gripper: Any, prompt: Any, views: Images, *, moments: bool = False
+) -> Observation:
+    """An observation as a server reads it: seven joints (rad), how far the gripper is closed, images.
+
+    With ``moments`` each view is (T, H, W, 3), the last picture the present one.
+
+    Raises ValueError for another number of joints.
+    """
+    past: tuple[Images, ...] = ()
+    if moments:
+        many = len(views["wrist"])
+        past = tuple({name: view[i] for name, view in views.items()} for i in range(many - 1))
+        views = {name: view[-1] for name, view in views.items()}
+    return Observation(
+        time=float("nan"),
+        joint_position=vector(joints, 7),
+        gripper_opening=1.0 - float(vector(gripper, 1)[0]),
+        instruction=str(prompt),
+        images=dict(views),
+        past=past,
+    )
+
+
+def read_state(request: dict[str, Any], views: Images, *, moments: bool = False) -> Observation:
+    """As ``received``, from openpi's keys."""
+    joints, gripper = (request[f"observation/{key}_position"] for key in ("joint", "gripper"))
+    return received(joints, gripper, request["prompt"], views, moments=moments)
 
 
 def vector(thing: Any, length: int) -> F64:

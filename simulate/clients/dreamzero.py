@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from simulate.cameras.lookback import Images
 from simulate.policy import Observation
 
-from .dialect import CAMERA, F64, Asked, Dialect, closed, decided, vector
+from .dialect import CAMERA, F64, Asked, Dialect, decided, read_state, sent_state
 from .images import Image, resize_with_pad
 
 SIZE = (180, 320)
@@ -77,10 +77,8 @@ class Dreamzero(Dialect):
             "observation/exterior_image_0_left": images[self.camera],
             "observation/exterior_image_1_left": images[self.second],
             "observation/wrist_image_left": images["wrist"],
-            "observation/joint_position": observation.joint_position.astype(np.float32),
+            **sent_state(observation),
             "observation/cartesian_position": cartesian(observation).astype(np.float32),
-            "observation/gripper_position": closed(observation),
-            "prompt": observation.instruction,
             "session_id": session,
             "endpoint": "infer",
         }
@@ -102,20 +100,7 @@ class Dreamzero(Dialect):
                 raise ValueError(
                     f"pictures of shape {view.shape}, not (4, {SIZE[0]}, {SIZE[1]}, 3)"
                 )
-        return Asked(
-            Observation(
-                time=float("nan"),
-                joint_position=vector(request["observation/joint_position"], 7),
-                gripper_opening=1.0 - float(vector(request["observation/gripper_position"], 1)[0]),
-                instruction=str(request["prompt"]),
-                images={name: view[-1] for name, view in views.items()},
-                past=tuple(
-                    {name: view[i] for name, view in views.items()}
-                    for i in range(len(views["wrist"]) - 1)
-                ),
-            ),
-            session=str(request["session_id"]),
-        )
+        return Asked(read_state(request, views, moments=True), str(request["session_id"]))
 
     def answer(self, actions: F64, observation: Observation) -> Any:  # noqa: ARG002
         """The bare array."""
@@ -143,5 +128,5 @@ def cartesian(observation: Observation) -> F64:
 
 def _frames(moments: Sequence[Images], camera: str) -> Image:
     """(H, W, 3) of one moment, (T, H, W, 3) of several."""
-    found = [resize_with_pad(images[camera], *SIZE) for images in moments]
-    return found[0] if len(found) == 1 else np.stack(found)
+    pictures = [resize_with_pad(images[camera], *SIZE) for images in moments]
+    return pictures[0] if len(pictures) == 1 else np.stack(pictures)

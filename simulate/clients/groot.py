@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 from simulate.cameras.lookback import Images
 from simulate.policy import Observation
 
-from .dialect import CAMERA, F64, Asked, Dialect, closed, joined, vector
+from .dialect import CAMERA, F64, Asked, Dialect, closed, joined, received
 from .images import Image, resize_with_pad
 from .message_arrays import Style
 
@@ -160,18 +160,8 @@ class Groot(Dialect):
         for view in views.values():
             if view.shape != (moments, *SIZE, 3):
                 raise ValueError(f"video of shape {view.shape}, not {(moments, *SIZE, 3)}")
-        return Asked(
-            Observation(
-                time=float("nan"),
-                joint_position=vector(sent["state.joint_position"], 7),
-                gripper_opening=1.0 - float(vector(sent["state.gripper_position"], 1)[0]),
-                instruction=str(prompt),
-                images={name: view[-1] for name, view in views.items()},
-                past=tuple(
-                    {name: view[i] for name, view in views.items()} for i in range(moments - 1)
-                ),
-            )
-        )
+        joints, gripper = sent["state.joint_position"], sent["state.gripper_position"]
+        return Asked(received(joints, gripper, prompt, views, moments=True))
 
     def answer(self, actions: F64, observation: Observation) -> list[Any]:  # noqa: ARG002
         """Actions with a batch of one, and nothing about them."""

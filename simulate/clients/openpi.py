@@ -15,7 +15,7 @@ from pydantic import Field
 
 from simulate.policy import Observation
 
-from .dialect import CAMERA, F64, Asked, Dialect, closed, decided, vector
+from .dialect import CAMERA, F64, Asked, Dialect, decided, read_state, sent_state
 from .images import resize_with_pad
 
 SIDE = 224
@@ -48,9 +48,7 @@ class Openpi(Dialect):
         return {
             "observation/exterior_image_1_left": resize_with_pad(images[self.camera], SIDE, SIDE),
             "observation/wrist_image_left": resize_with_pad(images["wrist"], SIDE, SIDE),
-            "observation/joint_position": observation.joint_position.astype(np.float32),
-            "observation/gripper_position": closed(observation),
-            "prompt": observation.instruction,
+            **sent_state(observation),
         }
 
     def actions(self, answer: Any, observation: Observation) -> F64:
@@ -63,18 +61,11 @@ class Openpi(Dialect):
 
     def asked(self, request: dict[str, Any]) -> Asked:
         """The observation of a request."""
-        return Asked(
-            Observation(
-                time=float("nan"),
-                joint_position=vector(request["observation/joint_position"], 7),
-                gripper_opening=1.0 - float(vector(request["observation/gripper_position"], 1)[0]),
-                instruction=str(request["prompt"]),
-                images={
-                    self.camera: request["observation/exterior_image_1_left"],
-                    "wrist": request["observation/wrist_image_left"],
-                },
-            )
-        )
+        views = {
+            self.camera: request["observation/exterior_image_1_left"],
+            "wrist": request["observation/wrist_image_left"],
+        }
+        return Asked(read_state(request, views))
 
     def answer(self, actions: F64, observation: Observation) -> dict[str, Any]:
         """A map with ``actions``."""

@@ -50,29 +50,27 @@ class Remote:
             self._asked(self._sealed(setting), max(self.address.common.wait, 1.0))
         if self.address.common.keep is not None:
             self._line = Kept(self._line, _free(self.address.common.keep, task))
-        opening = self._dialect.opening(self._session)
-        if opening is not None:
-            try:
+        try:
+            opening = self._dialect.opening(self._session)
+            if opening is not None:
                 self._asked(self._sealed(opening), max(self.address.common.wait, 1.0), opening=True)
-            except PolicyError:
-                self.close()
-                raise
-        self._dialect = self.address.dialect
-        question = self._dialect.question()
-        if question is not None:
-            try:
+            self._dialect = self.address.dialect
+            question = self._dialect.question()
+            if question is not None:
                 self._learn(question)
-            except PolicyError:
-                self.close()
-                raise
+        except PolicyError:
+            self.close()
+            raise
 
     def _learn(self, question: dict[str, Any]) -> None:
         answer = self._asked(self._sealed(question), max(self.address.common.wait, 1.0))
         try:
             self._dialect = self._dialect.learned(answer)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            what = f"its answer to {question.get('endpoint')!r} is not understood: {error}."
-            raise PolicyError(self.address.url, what, fix="say ?history=0, or what it is") from None
+            message = f"its answer to {question.get('endpoint')!r} is not understood: {error}."
+            raise PolicyError(
+                self.address.url, message, fix="say ?history=0, or what it is"
+            ) from None
 
     def act(self, observation: Observation) -> F64:
         """(N, 8) the actions to be played before the next request. Raises PolicyError."""
@@ -84,16 +82,13 @@ class Remote:
                 raise PolicyError(
                     lost.where, f"{lost.what} What the server remembered of the episode is lost."
                 ) from None
-            self._hang_up()
+            self.close()
             self._line = self._connected()
             answer = self._asked(message, self._patience)
         return self._understood(answer, observation)
 
     def close(self) -> None:
         """Hang up."""
-        self._hang_up()
-
-    def _hang_up(self) -> None:
         if self._line is not None:
             self._line.close()
             self._line = None
