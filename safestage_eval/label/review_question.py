@@ -31,7 +31,7 @@ def question(header: Header, rules: RuleSet, bind: BindFile | None = None) -> di
         RuleError: the episode does not fit the rules.
     """
     binding = bind_episode(rules, header, bind=bind)
-    asks, unknown = [], []
+    requirements, unknown = [], []
     for code in binding.assigned:
         rule = rules.rules.get(code) or rules.costs.get(code)
         if rule is None:
@@ -48,7 +48,7 @@ def question(header: Header, rules: RuleSet, bind: BindFile | None = None) -> di
                 [facts["reach"]] if facts.get("reach") else [],
             )
         )
-        asks.append(
+        requirements.append(
             {
                 "code": code,
                 "title": rule.title,
@@ -64,7 +64,7 @@ def question(header: Header, rules: RuleSet, bind: BindFile | None = None) -> di
         "instruction": header.instruction,
         "stage": header.stage,
         "look": STAGES.get(header.stage or ""),
-        "rules": asks,
+        "rules": requirements,
         "unknown": unknown,
         "roles": {role: list(bodies) for role, bodies in binding.roles.items()},
         "success": header.success,

@@ -61,8 +61,8 @@ class Session:
     def item(self, number: int) -> dict[str, Any]:
         """The question about a rollout. Raises InputError if its trace or rules are broken."""
         ref = self.refs[number]
-        asks = question(ref.open().header, self.rules, self.bind)
-        return {**asks, "video": self.video(number) is not None}
+        facts = question(ref.open().header, self.rules, self.bind)
+        return {**facts, "video": self.video(number) is not None}
 
     def film(self, number: int) -> bytes:
         """The replay of a rollout, gzip-compressed. Raises InputError if its trace is broken."""

@@ -82,7 +82,7 @@ def camera_facts(world: World, names: Sequence[str], size: tuple[int, int]) -> t
     A fixed camera's pose is in the world frame, any other's in that of its body.
     """
     height, width = size
-    found = []
+    facts = []
     for name in names:
         i = _camera(world, name)
         body = int(world.model.cam_bodyid[i])
@@ -92,7 +92,7 @@ def camera_facts(world: World, names: Sequence[str], size: tuple[int, int]) -> t
         if stands:
             position, orientation = _in_world(world, body, position, orientation)
         (x, y, z), (qw, qx, qy, qz) = position, orientation
-        found.append(
+        facts.append(
             Camera(
                 name=name,
                 width=width,
@@ -106,7 +106,7 @@ def camera_facts(world: World, names: Sequence[str], size: tuple[int, int]) -> t
                 orientation=(float(qw), float(qx), float(qy), float(qz)),
             )
         )
-    return tuple(found)
+    return tuple(facts)
 
 
 def _in_world(world: World, body: int, position: F64, orientation: F64) -> tuple[F64, F64]:
@@ -118,9 +118,9 @@ def _in_world(world: World, body: int, position: F64, orientation: F64) -> tuple
 
 
 def _camera(world: World, name: str) -> int:
-    found = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_CAMERA, droid.PREFIX + name)
-    if found < 0:
+    index = mujoco.mj_name2id(world.model, mujoco.mjtObj.mjOBJ_CAMERA, droid.PREFIX + name)
+    if index < 0:
         cameras = [world.model.camera(i).name for i in range(world.model.ncam)]
         there = ", ".join(camera.removeprefix(droid.PREFIX) for camera in cameras)
         raise InputError(f"camera {name!r}", "the arm's model has none of that name.", there)
-    return int(found)
+    return int(index)

@@ -82,13 +82,13 @@ def draw(
     if listed is None:
         chosen = sample(refs, count, seed)
     else:
-        known = {ref.episode_id: ref for ref in refs}
+        by_id = {ref.episode_id: ref for ref in refs}
         with listed.open(newline="", encoding="utf-8") as handle:
             names = [row.get("episode_id", "") for row in csv.DictReader(handle)][:count]
-        missing = [name for name in names if name not in known]
+        missing = [name for name in names if name not in by_id]
         if missing:
             raise BadInput(f"{listed}: not among the traces: {', '.join(missing[:5])}")
-        chosen = [known[name] for name in names]
+        chosen = [by_id[name] for name in names]
     if not chosen:
         raise BadInput(f"{' '.join(traces)}: no episode can be read")
     numbered = number(chosen, out)

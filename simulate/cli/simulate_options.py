@@ -103,7 +103,7 @@ def chosen_tasks(names: tuple[str, ...]) -> list[Task]:
 
 
 @contextmanager
-def progress(total: int, what: str) -> Iterator[Callable[[int], None]]:
+def progress(total: int, unit: str) -> Iterator[Callable[[int], None]]:
     """Count, rate and time left, in a line on stderr; silent where nobody watches."""
     if not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
         yield lambda _done: None
@@ -111,18 +111,18 @@ def progress(total: int, what: str) -> Iterator[Callable[[int], None]]:
     from rich.console import Console
 
     start = time.monotonic()
-    with Console(stderr=True).status(f"{what} 1 of {total}") as status:
+    with Console(stderr=True).status(f"{unit} 1 of {total}") as status:
 
         def show(done: int) -> None:
-            status.update(progress_line(done, total, what, time.monotonic() - start))
+            status.update(progress_line(done, total, unit, time.monotonic() - start))
 
         yield show
 
 
-def progress_line(done: int, total: int, what: str, seconds: float) -> str:
+def progress_line(done: int, total: int, unit: str, seconds: float) -> str:
     """``episode 12 of 90, 20 a minute, 4 min left``."""
     if not done or seconds <= 0:
-        return f"{what} {done} of {total}"
+        return f"{unit} {done} of {total}"
     left = seconds / done * (total - done)
     span = f"{left / 60:.0f} min" if left >= 90 else f"{left:.0f} s"
-    return f"{what} {done} of {total}, {60 * done / seconds:.3g} a minute, {span} left"
+    return f"{unit} {done} of {total}, {60 * done / seconds:.3g} a minute, {span} left"

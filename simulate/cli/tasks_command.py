@@ -38,21 +38,21 @@ def list_(stages: tuple[str, ...], family: str | None, as_json: bool) -> None:
     from simulate.tasks.task import tasks as all_tasks
 
     everything = list(all_tasks().values())
-    found = [
+    listed = [
         task
         for task in everything
         if (not stages or task.stage in stages)
         and (family is None or fnmatchcase(task.family, family))
     ]
-    if not found:
+    if not listed:
         families = ", ".join(dict.fromkeys(task.family for task in everything))
         raise BadInput(f"no task is of this stage and family; families are {families}")
     if as_json:
-        click.echo(json.dumps([_table(task) for task in found], indent=2, ensure_ascii=False))
+        click.echo(json.dumps([_table(task) for task in listed], indent=2, ensure_ascii=False))
         return
-    width = max(len(task.id) for task in found)
-    codes = max(len(" ".join(task.rules)) for task in found)
-    for task in found:
+    width = max(len(task.id) for task in listed)
+    codes = max(len(" ".join(task.rules)) for task in listed)
+    for task in listed:
         say(
             f"{task.id:<{width}}  {task.stage}  {' '.join(task.rules):<{codes}}  "
             f"{task.prompts.default}"
@@ -75,13 +75,13 @@ def show(task: str, picture: Path | None, seed: int, as_json: bool) -> None:
     """Show one task: prompts, roles, goal, rules, objects, references, and a picture."""
     from simulate.tasks.task import task_named
 
-    found = task_named(task)
-    say(json.dumps(_table(found), indent=2, ensure_ascii=False) if as_json else _words(found))
+    chosen = task_named(task)
+    say(json.dumps(_table(chosen), indent=2, ensure_ascii=False) if as_json else _words(chosen))
     if picture is not None:
         from simulate.render.renderer import write_png
         from simulate.render.start_picture import start_picture
 
-        write_png(start_picture(found, seed), picture)
+        write_png(start_picture(chosen, seed), picture)
 
 
 def _table(task: Task) -> dict[str, Any]:

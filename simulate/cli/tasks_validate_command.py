@@ -122,28 +122,28 @@ def validate(
         todo = cases(chosen, seeds, policies, rollouts or 5, robot_mjcf, horizon)
     else:
         todo = cases(chosen, seeds, REFERENCES, rollouts or 1, robot_mjcf, horizon, keep)
-    found = _run(todo, jobs, pictures)
-    good = sum(trial.as_expected for trial in found)
-    say(f"{good} of {len(found)} as they should be")
+    results = _run(todo, jobs, pictures)
+    good = sum(trial.as_expected for trial in results)
+    say(f"{good} of {len(results)} as they should be")
     if table is not None:
-        table.write_text(_page(found, controls, noisy, table), encoding="utf-8")
+        table.write_text(_page(results, controls, noisy, table), encoding="utf-8")
     if noisy is not None:
-        sys.exit(_noise(found))
+        sys.exit(_noise(results))
     if controls:
-        sys.exit(any(not trial.as_expected for trial in found if trial.policy == "idle"))
-    sys.exit(good < len(found))
+        sys.exit(any(not trial.as_expected for trial in results if trial.policy == "idle"))
+    sys.exit(good < len(results))
 
 
-def _page(found: list[Trial], controls: bool, noisy: float | None, table: Path) -> str:
+def _page(results: list[Trial], controls: bool, noisy: float | None, table: Path) -> str:
     from simulate.feasibility.feasibility_table import page
     from simulate.feasibility.firmness_table import controls_page, noise_page
 
     if controls:
-        return controls_page(found)
+        return controls_page(results)
     if noisy is None:
-        return page(found)
+        return page(results)
     before = table.read_text(encoding="utf-8") if table.is_file() else ""
-    return noise_page(found, noisy, before)
+    return noise_page(results, noisy, before)
 
 
 def _run(todo: list[Case], jobs: int, pictures: Path | None) -> list[Trial]:
@@ -176,10 +176,10 @@ def _row(trial: Trial, width: int, kinds: int) -> str:
     )
 
 
-def _noise(found: list[Trial]) -> int:
+def _noise(results: list[Trial]) -> int:
     from simulate.feasibility.feasibility_table import SHARE_KEPT, kept
 
-    share, weak = kept(found)
+    share, weak = kept(results)
     say(f"{share:.1%} kept their verdict; at least {SHARE_KEPT:.0%} should")
     for line in weak:
         say(f"  {line}")
@@ -191,12 +191,12 @@ def _grades(chosen: list[Task], seeds: tuple[int, ...], jobs: int, robot_mjcf: P
 
     by_id = {task.id: task for task in chosen}
     total, wrong = 0, 0
-    for found in grade_results(chosen, seeds, jobs=jobs, robot_mjcf=robot_mjcf):
-        total, wrong = total + 1, wrong + bool(found.problems)
-        grade = by_id[found.task].grades[found.grade]
-        limit = "?" if found.limit is None else f"{found.limit:.4g}"
-        say(f"{found.task}  {found.grade}  seed {found.seed}  {grade.signal}, limit {limit}")
-        for value, trial in zip(grade.values, found.trials, strict=True):
+    for result in grade_results(chosen, seeds, jobs=jobs, robot_mjcf=robot_mjcf):
+        total, wrong = total + 1, wrong + bool(result.problems)
+        grade = by_id[result.task].grades[result.grade]
+        limit = "?" if result.limit is None else f"{result.limit:.4g}"
+        say(f"{result.task}  {result.grade}  seed {result.seed}  {grade.signal}, limit {limit}")
+        for value, trial in zip(grade.values, result.trials, strict=True):
             was = measured(grade, trial)
             violated = [v.rule for v in trial.verdicts if v.verdict == "violation"]
             say(
@@ -204,7 +204,7 @@ def _grades(chosen: list[Task], seeds: tuple[int, ...], jobs: int, robot_mjcf: P
                 f"measured {'-' if was is None else format(was, '.4g'):<9} "
                 f"{', '.join(violated) + ' violated' if violated else 'pass'}"
             )
-        for problem in found.problems:
+        for problem in result.problems:
             say(f"  <- {problem}")
     say(f"{total - wrong} of {total} grades as they should be")
     if wrong:

@@ -10,10 +10,10 @@ import numpy as np
 
 def rows(tree: Any) -> int:
     """Number of rows in a map of arrays and lists. Raises ValueError where they differ."""
-    found = set(_lengths(tree))
-    if len(found) != 1:
-        raise ValueError(f"arrays and lists of the lengths {sorted(found)} in one batch")
-    return found.pop()
+    counts = set(_lengths(tree))
+    if len(counts) != 1:
+        raise ValueError(f"arrays and lists of the lengths {sorted(counts)} in one batch")
+    return counts.pop()
 
 
 def kind(tree: Any) -> Hashable:

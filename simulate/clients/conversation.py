@@ -37,8 +37,8 @@ class Kept:
         self._note("answered", answer)
         return answer
 
-    def _note(self, who: str, what: bytes | str) -> None:
-        self._file.write(msgpack.packb((who, what)))
+    def _note(self, who: str, message: bytes | str) -> None:
+        self._file.write(msgpack.packb((who, message)))
 
     def close(self) -> None:
         """Hang up and finish the file."""
@@ -61,14 +61,14 @@ class Played:
     def ask(self, message: bytes, patience: float) -> bytes | str:  # noqa: ARG002
         """The next answer, whatever is asked; PolicyError when there is none."""
         while self._next < len(self._said):
-            who, what = self._said[self._next]
+            who, answer = self._said[self._next]
             self._next += 1
             if who == "answered":
-                return what
-        asked = sum(who == "asked" for who, _ in self._said)
+                return answer
+        questions = sum(who == "asked" for who, _ in self._said)
         raise PolicyError(
             str(self._path),
-            f"the conversation is over after {asked} questions.",
+            f"the conversation is over after {questions} questions.",
             fix="play it back on the task, seed and prompt that it was kept on",
         )
 

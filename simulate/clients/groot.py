@@ -83,7 +83,7 @@ class Groot(Dialect):
         """The answer to ``get_modality_config``."""
         moments = [*(-step for step in self.lookback), 0]
         states = ["eef_9d", "gripper_position", "joint_position"]
-        told = {
+        modalities = {
             "video": (moments, ["exterior_image_1_left", "wrist_image_left"]),
             "state": ([0], states),
             "action": ([*range(self.rows)], states),
@@ -94,7 +94,7 @@ class Groot(Dialect):
                 "__ModalityConfig__": True,
                 "as_json": {"delta_indices": steps, "modality_keys": keys},
             }
-            for kind, (steps, keys) in told.items()
+            for kind, (steps, keys) in modalities.items()
         }
 
     @property
@@ -124,22 +124,22 @@ class Groot(Dialect):
             "gripper_position": closed(observation),
         }
         states = {k: np.asarray(v, np.float32)[None, None] for k, v in state.items()}
-        told = observation.instruction
+        prompt = observation.instruction
         sent: dict[str, Any]
         if self.keys == "nested":
-            sent = {"video": video, "state": states, "language": {PROMPT: [[told]]}}
+            sent = {"video": video, "state": states, "language": {PROMPT: [[prompt]]}}
         else:
             sent = {f"video.{k}": v for k, v in video.items()}
             sent |= {f"state.{k}": v for k, v in states.items()}
-            sent[PROMPT] = [told]
+            sent[PROMPT] = [prompt]
         return {"endpoint": "get_action", "data": {"observation": sent, "options": None}}
 
     def actions(self, answer: Any, observation: Observation) -> F64:  # noqa: ARG002
         """Absolute joint positions and the gripper, the first of the batch."""
-        found = answer[0]
+        first = answer[0]
         return joined(
             *(
-                np.asarray(found.get(f"action.{key}", found.get(key)))[0]
+                np.asarray(first.get(f"action.{key}", first.get(key)))[0]
                 for key in ("joint_position", "gripper_position")
             )
         )

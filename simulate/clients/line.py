@@ -96,14 +96,14 @@ class WebsocketLine:
             raise LostError(self._url, f"the connection broke off: {error}.") from None
         return self._receive(patience, "answer")
 
-    def _receive(self, patience: float, what: str) -> bytes | str:
+    def _receive(self, patience: float, part: str) -> bytes | str:
         from websockets.exceptions import ConnectionClosed
 
         try:
             result: bytes | str = self._socket.recv(timeout=patience)
             return result
         except TimeoutError:
-            raise too_slow(self._url, patience, what) from None
+            raise too_slow(self._url, patience, part) from None
         except (ConnectionClosed, OSError) as error:
             raise LostError(self._url, f"the connection broke off: {error}.") from None
 
@@ -158,11 +158,11 @@ def unreachable(url: str, wait: float, why: str) -> PolicyError:
     )
 
 
-def too_slow(url: str, patience: float, what: str) -> PolicyError:
+def too_slow(url: str, patience: float, part: str) -> PolicyError:
     """Somebody may be there."""
     return PolicyError(
         url,
-        f"the server gave no {what} within {patience:g} s.",
+        f"the server gave no {part} within {patience:g} s.",
         fix="see whether it still works, or wait longer with ?timeout=SECONDS",
     )
 

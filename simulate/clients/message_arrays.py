@@ -74,18 +74,18 @@ def _npy(thing: Any) -> dict[str, Any]:
 _WRITERS: dict[Style, Any] = {"openpi": _openpi, "nd": _nd, "npy": _npy}
 
 
-def _read(found: dict[Any, Any]) -> Any:
-    if b"__ndarray__" in found:
-        return _array(found[b"data"], found[b"dtype"], found[b"shape"])
-    if b"__npgeneric__" in found:
-        return _dtype(found[b"dtype"]).type(found[b"data"])
-    if b"nd" in found:
-        if found[b"nd"]:
-            return _array(found[b"data"], found[b"type"], found[b"shape"])
-        return np.frombuffer(found[b"data"], _dtype(found[b"type"]))[0]
-    if "__ndarray_class__" in found:
-        return np.load(io.BytesIO(found["as_npy"]), allow_pickle=False)
-    return found
+def _read(item: dict[Any, Any]) -> Any:
+    if b"__ndarray__" in item:
+        return _array(item[b"data"], item[b"dtype"], item[b"shape"])
+    if b"__npgeneric__" in item:
+        return _dtype(item[b"dtype"]).type(item[b"data"])
+    if b"nd" in item:
+        if item[b"nd"]:
+            return _array(item[b"data"], item[b"type"], item[b"shape"])
+        return np.frombuffer(item[b"data"], _dtype(item[b"type"]))[0]
+    if "__ndarray_class__" in item:
+        return np.load(io.BytesIO(item["as_npy"]), allow_pickle=False)
+    return item
 
 
 def _array(data: bytes, dtype: str | bytes, shape: list[int]) -> np.ndarray[Any, Any]:

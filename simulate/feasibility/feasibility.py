@@ -82,13 +82,13 @@ class Trial:
         A rule that does not apply or cannot be decided is never as expected: the scene is wrong.
         A control reaches no goal and violates nothing.
         """
-        found = [v.verdict for v in self.verdicts]
+        verdicts = [v.verdict for v in self.verdicts]
         if self.policy in CONTROLS:
-            return not self.problem and self.success_time is None and "violation" not in found
-        if self.success_time is None or not found or not {*found} <= {"pass", "violation"}:
+            return not self.problem and self.success_time is None and "violation" not in verdicts
+        if self.success_time is None or not verdicts or not {*verdicts} <= {"pass", "violation"}:
             return False
         if not self.policy.endswith(":unsafe"):
-            return "violation" not in found
+            return "violation" not in verdicts
         return any(v.verdict == "violation" and self.stage in ("", v.stage) for v in self.verdicts)
 
     @property
@@ -154,8 +154,8 @@ def trials(
         each: is handed every episode, in its process (to draw it, say).
         done: called with the number done.
     """
-    found = run_many(partial(attempt, each=each), todo, jobs, done)
-    for case, trial in zip(todo, found, strict=True):
+    results = run_many(partial(attempt, each=each), todo, jobs, done)
+    for case, trial in zip(todo, results, strict=True):
         if isinstance(trial, Died):
             yield Trial(
                 case.task.id, case.seed, case.policy, problem=trial.reason, rollout=case.rollout
@@ -186,13 +186,13 @@ def attempt(case: Case, each: Draw | None = None) -> Trial:
         each(episode)
     if case.keep is not None:
         write_recording(writer, task, case.keep)
-    found = judge(episode, builtin_rules(), assigned_only=not control).verdicts
+    verdicts = judge(episode, builtin_rules(), assigned_only=not control).verdicts
     return Trial(
         task.id,
         case.seed,
         case.policy,
         writer.header.success_time,
-        tuple(v for v in found if v.assigned or (control and v.verdict != "not_applicable")),
+        tuple(v for v in verdicts if v.assigned or (control and v.verdict != "not_applicable")),
         speed,
         stage=task.stage,
         rollout=case.rollout,

@@ -41,8 +41,8 @@ def page(trials: Sequence[Trial]) -> str:
         of_task = [trial for trial in trials if trial.task == task]
         cells = [f"`{task}`"]
         for policy in dict.fromkeys(trial.policy for trial in of_task):
-            found = [trial for trial in of_task if trial.policy == policy]
-            cells += [_rules(found), _margins(found), _times(found)]
+            own = [trial for trial in of_task if trial.policy == policy]
+            cells += [_rules(own), _margins(own), _times(own)]
         speed = min(trial.speed for trial in of_task)
         lines.append("| " + " | ".join([*cells, f"{speed:.0f}×"]) + " |")
     wrong = [trial for trial in trials if not trial.as_expected]
@@ -66,30 +66,30 @@ def kept(trials: Iterable[Trial]) -> tuple[float, list[str]]:
     by_task: dict[tuple[str, str], list[Trial]] = {}
     for trial in trials:
         by_task.setdefault((trial.task, trial.policy), []).append(trial)
-    every = [trial for found in by_task.values() for trial in found]
+    every = [trial for own in by_task.values() for trial in own]
     weak = []
-    for (task, policy), found in by_task.items():
-        lost = [trial for trial in found if not trial.as_expected]
-        if len(found) - len(lost) < SHARE_KEPT * len(found):
+    for (task, policy), own in by_task.items():
+        lost = [trial for trial in own if not trial.as_expected]
+        if len(own) - len(lost) < SHARE_KEPT * len(own):
             why = dict.fromkeys(said(trial) for trial in lost)
             weak.append(
-                f"{task}, {policy}: {len(found) - len(lost)} of {len(found)}; " + " / ".join(why)
+                f"{task}, {policy}: {len(own) - len(lost)} of {len(own)}; " + " / ".join(why)
             )
     return sum(trial.as_expected for trial in every) / max(len(every), 1), weak
 
 
-def _rules(found: Sequence[Trial]) -> str:
-    codes = dict.fromkeys(t.decisive.rule for t in found if t.decisive is not None)
+def _rules(trials: Sequence[Trial]) -> str:
+    codes = dict.fromkeys(t.decisive.rule for t in trials if t.decisive is not None)
     return ", ".join(codes) or "–"
 
 
-def _margins(found: Sequence[Trial]) -> str:
+def _margins(trials: Sequence[Trial]) -> str:
     """``tilt 30, 29 deg``; where seeds differ in the signal, each with its own."""
-    decisive = [trial.decisive for trial in found]
-    known = [v for v in decisive if v is not None]
-    signals = {(v.signal or "").partition("(")[0] for v in known if v.margin is not None}
-    if len(signals) <= 1 and known:
-        units = {unit_of(v.dimension) for v in known if v.margin is not None and v.dimension}
+    decisive = [trial.decisive for trial in trials]
+    judged = [v for v in decisive if v is not None]
+    signals = {(v.signal or "").partition("(")[0] for v in judged if v.margin is not None}
+    if len(signals) <= 1 and judged:
+        units = {unit_of(v.dimension) for v in judged if v.margin is not None and v.dimension}
         numbers = ", ".join(_margin(v) for v in decisive)
         return " ".join([*signals, numbers, *units])
     return ", ".join(
@@ -108,7 +108,7 @@ def _margin(verdict: Verdict | None) -> str:
     return f"{in_unit(verdict.margin, verdict.dimension or 'number'):.3g}"
 
 
-def _times(found: Sequence[Trial]) -> str:
+def _times(trials: Sequence[Trial]) -> str:
     return (
-        ", ".join("–" if t.success_time is None else f"{t.success_time:.1f}" for t in found) + " s"
+        ", ".join("–" if t.success_time is None else f"{t.success_time:.1f}" for t in trials) + " s"
     )

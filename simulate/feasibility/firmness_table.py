@@ -29,18 +29,18 @@ class NoiseRow:
         return all(kept >= SHARE_KEPT * of for kept, of in (self.safe, self.unsafe))
 
 
-def noise_page(found: Sequence[Trial], sigma: float, before: str = "") -> str:
+def noise_page(trials: Sequence[Trial], sigma: float, before: str = "") -> str:
     """The page: a row per task, those that lose most first.
 
     Args:
-        found: noisy trials of both references.
+        trials: noisy trials of both references.
         sigma: rad.
         before: the page as it was; its rows of other tasks stay if it is of the same noise.
     """
     title = f"# Noise of {sigma:g} rad"
     rows = {row.task: row for row in _rows(before)} if before.startswith(title + "\n") else {}
-    for task in dict.fromkeys(trial.task for trial in found):
-        rows[task] = _noise_row(task, [trial for trial in found if trial.task == task])
+    for task in dict.fromkeys(trial.task for trial in trials):
+        rows[task] = _noise_row(task, [trial for trial in trials if trial.task == task])
     ordered = sorted(rows.values(), key=lambda row: (_share([row]), row.task))
     weak = sum(not row.firm for row in rows.values())
     kept, of = _total(ordered)
@@ -67,9 +67,12 @@ def noise_page(found: Sequence[Trial], sigma: float, before: str = "") -> str:
     return "\n".join(lines) + "\n"
 
 
-def controls_page(found: Sequence[Trial]) -> str:
+def controls_page(trials: Sequence[Trial]) -> str:
     """The page: what idle and random-near-home violate, by all rules."""
-    seconds = {seed: [t.simulated for t in found if t.seed == seed] for seed in _seeds(found)}
+    seconds = {
+        seed: [t.simulated for t in trials if t.seed == seed]
+        for seed in sorted({t.seed for t in trials})
+    }
     spans = "; ".join(
         f"seed {seed}: {min(of):.0f} s" if max(of) - min(of) < 1
         else f"seed {seed}: {min(of):.0f} to {max(of):.0f} s"
@@ -88,29 +91,29 @@ def controls_page(found: Sequence[Trial]) -> str:
         "|---|---|---|---|---|",
     ]
     for policy in CONTROLS:
-        of = [trial for trial in found if trial.policy == policy]
+        of = [trial for trial in trials if trial.policy == policy]
         reached = sum(trial.success_time is not None for trial in of)
         broken = sum(any(v.verdict == "violation" for v in trial.verdicts) for trial in of)
         tasks = len({trial.task for trial in of})
         lines.append(f"| `{policy}` | {len(of)} | {tasks} | {reached} | {broken} |")
-    wrong = [trial for trial in found if not trial.as_expected]
+    wrong = [trial for trial in trials if not trial.as_expected]
     if wrong:
         lines += ["", "## What was violated", ""]
         lines += [f"- `{t.task}`, {t.policy}, seed {t.seed}: {_violated(t)}" for t in wrong]
     return "\n".join(lines) + "\n"
 
 
-def _noise_row(task: str, found: Sequence[Trial]) -> NoiseRow:
-    unsafe = [trial for trial in found if trial.policy.endswith(":unsafe")]
-    safe = [trial for trial in found if not trial.policy.endswith(":unsafe")]
+def _noise_row(task: str, trials: Sequence[Trial]) -> NoiseRow:
+    unsafe = [trial for trial in trials if trial.policy.endswith(":unsafe")]
+    safe = [trial for trial in trials if not trial.policy.endswith(":unsafe")]
     why = [*_why("safe", safe), *_why("unsafe", unsafe)]
     return NoiseRow(task, _kept(safe), _kept(unsafe), "; ".join(why))
 
 
-def _why(kind: str, found: Iterable[Trial]) -> list[str]:
+def _why(kind: str, trials: Iterable[Trial]) -> list[str]:
     """``safe, 2 of them: goal not reached``, and what was said of the first."""
     alike: dict[str, list[Trial]] = {}
-    for trial in found:
+    for trial in trials:
         if not trial.as_expected:
             alike.setdefault(_outcome(trial), []).append(trial)
     return [
@@ -140,8 +143,8 @@ def _violated(trial: Trial) -> str:
     return " ".join(broken) or "goal reached"
 
 
-def _kept(found: Sequence[Trial]) -> tuple[int, int]:
-    return sum(trial.as_expected for trial in found), len(found)
+def _kept(trials: Sequence[Trial]) -> tuple[int, int]:
+    return sum(trial.as_expected for trial in trials), len(trials)
 
 
 def _rows(page: str) -> list[NoiseRow]:
@@ -160,7 +163,3 @@ def _total(rows: Iterable[NoiseRow]) -> tuple[int, int]:
 def _share(rows: Iterable[NoiseRow]) -> float:
     kept, of = _total(rows)
     return kept / max(of, 1)
-
-
-def _seeds(found: Iterable[Trial]) -> list[int]:
-    return sorted({trial.seed for trial in found})

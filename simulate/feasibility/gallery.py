@@ -56,8 +56,8 @@ def strips(
     tasks: Sequence[Task], jobs: int = 1, done: Callable[[int], None] | None = None
 ) -> Iterator[Strip]:
     """Roll out both references on seed 0 and draw them."""
-    for task, found in zip(tasks, run_many(strip, tasks, jobs, done), strict=True):
-        yield Strip(task.id, problem=found.reason) if isinstance(found, Died) else found
+    for task, drawn in zip(tasks, run_many(strip, tasks, jobs, done), strict=True):
+        yield Strip(task.id, problem=drawn.reason) if isinstance(drawn, Died) else drawn
 
 
 def strip(task: Task) -> Strip:
@@ -66,12 +66,12 @@ def strip(task: Task) -> Strip:
     camera = CAMERAS[0]
     for policy in REFERENCES:
         episode = roll_out(Setting(task), policy_named(policy)).episode()
-        found = moment(judge(episode, builtin_rules(), assigned_only=True))
+        worst = moment(judge(episode, builtin_rules(), assigned_only=True))
         last = len(episode) - 1
-        frame = frame_at(episode, found.time) if found.violated and found.time else last
-        color = VIOLATED if found.violated else PASSED
+        frame = frame_at(episode, worst.time) if worst.violated and worst.time else last
+        color = VIOLATED if worst.violated else PASSED
         kind = policy.partition(":")[2]
-        rule = found.words.partition(":")[0] if found.violated else found.words
+        rule = worst.words.partition(":")[0] if worst.violated else worst.words
         with EpisodeRenderer(episode, *SIZE, style=Style(role_colors(episode.header))) as renderer:
             if not shots:
                 camera = clearest(renderer, players(task))
@@ -141,13 +141,13 @@ def write_gallery(
     """Draw some tasks into ``docs/gallery/`` and list all that have a picture in ``gallery.md``."""
     folder = docs / "gallery"
     folder.mkdir(parents=True, exist_ok=True)
-    for found in strips(tasks, jobs, done):
-        if found.webp:
-            (folder / f"{found.task}.webp").write_bytes(found.webp)
-        yield found
-    known = {task.id: task for task in everything}
+    for one in strips(tasks, jobs, done):
+        if one.webp:
+            (folder / f"{one.task}.webp").write_bytes(one.webp)
+        yield one
+    by_id = {task.id: task for task in everything}
     for file in folder.glob("*.webp"):
-        if file.stem not in known:
+        if file.stem not in by_id:
             file.unlink()
     drawn = [task for task in everything if (folder / f"{task.id}.webp").exists()]
     (docs / "gallery.md").write_text(page(drawn), encoding="utf-8")

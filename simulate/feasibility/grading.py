@@ -50,18 +50,18 @@ def grade_results(
     tasks: Sequence[Task], seeds: Sequence[int], *, jobs: int = 1, robot_mjcf: Path | None = None
 ) -> Iterator[GradeResult]:
     """Run and judge all grades of tasks, each on every seed."""
-    asked = [(task, name, seed) for task in tasks for name in task.grades for seed in seeds]
+    grades = [(task, name, seed) for task in tasks for name in task.grades for seed in seeds]
     todo = [
-        case for task, name, seed in asked for case in grade_cases(task, name, [seed], robot_mjcf)
+        case for task, name, seed in grades for case in grade_cases(task, name, [seed], robot_mjcf)
     ]
-    found = trials(todo, jobs=jobs)
-    for task, name, seed in asked:
+    results = trials(todo, jobs=jobs)
+    for task, name, seed in grades:
         grade = task.grades[name]
-        yield grade_result(task.id, name, seed, grade, [next(found) for _ in grade.values])
+        yield grade_result(task.id, name, seed, grade, [next(results) for _ in grade.values])
 
 
 def grade_result(
-    task: str, name: str, seed: int, grade: Grade, found: Sequence[Trial]
+    task: str, name: str, seed: int, grade: Grade, tried: Sequence[Trial]
 ) -> GradeResult:
     """Hold recorded verdicts against the analytic value.
 
@@ -70,14 +70,14 @@ def grade_result(
     pass; one on the other side must violate the signal.
     """
     driven = [
-        v for t in found for v in t.verdicts if v.verdict == "violation" and _drives(grade, v)
+        v for t in tried for v in t.verdicts if v.verdict == "violation" and _drives(grade, v)
     ]
     limit = grade.limit if grade.limit is not None else driven[0].limit if driven else None
     problems = []
     if limit is None:
         problems.append(f"no value violates by {grade.signal}")
     broken = []
-    for value, trial in zip(grade.values, found, strict=True):
+    for value, trial in zip(grade.values, tried, strict=True):
         names = {v.verdict for v in trial.verdicts}
         if trial.success_time is None or not names or not names <= {"pass", "violation"}:
             why = trial.problem or "goal not reached, or a rule that does not apply or decide"
@@ -108,7 +108,7 @@ def grade_result(
             "the verdict should flip once, from pass to violation; it is "
             + " ".join("violation" if b else "pass" for b in broken)
         )
-    return GradeResult(task, name, seed, tuple(found), limit, tuple(problems))
+    return GradeResult(task, name, seed, tuple(tried), limit, tuple(problems))
 
 
 def measured(grade: Grade, trial: Trial) -> float | None:

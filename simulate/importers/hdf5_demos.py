@@ -98,7 +98,7 @@ def _text(value: Any) -> str | None:
 
 def _json(value: Any) -> dict[str, Any]:
     try:
-        found = from_json(value) if isinstance(value, str | bytes) else {}
+        table = from_json(value) if isinstance(value, str | bytes) else {}
     except ValueError:
         return {}
-    return found if isinstance(found, dict) else {}
+    return table if isinstance(table, dict) else {}

@@ -152,12 +152,12 @@ def _files(
     for element, folder, user in named:
         if not element.file:
             continue
-        found = _find(element.file, folder, assets)
-        if found is None:
+        file = _find(element.file, folder, assets)
+        if file is None:
             missing.append(f"{element.file} ({user})")
             continue
         name = f"{len(out)}{Path(element.file).suffix.lower()}"
-        out[name], element.file = found.read_bytes(), name
+        out[name], element.file = file.read_bytes(), name
     spec.meshdir = ""
     if missing:
         looked = ", ".join(map(str, assets)) or "its own path"

@@ -39,8 +39,8 @@ class MujocoStates(Importer):
     def recognise(cls, path: Path) -> str | None:
         """By ``data/demo_*/states`` of an HDF5 file, or by ``episode_*/states.npz``."""
         if path.is_dir():
-            found = state_folders.episode_folders(path)
-            return f"{found[0].name}/states.npz" if found else None
+            folders = state_folders.episode_folders(path)
+            return f"{folders[0].name}/states.npz" if folders else None
         if not is_hdf5(path):
             return None
         file = DemoFile(path)

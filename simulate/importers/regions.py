@@ -20,7 +20,7 @@ def region_cavities(
     A body with several such rooms has none that its name could identify. Sites on what
     neither moves nor collides (the regions of a table) are none.
     """
-    found: dict[str, list[Cavity]] = {}
+    by_body: dict[str, list[Cavity]] = {}
     box = int(mujoco.mjtGeom.mjGEOM_BOX)
     for site in range(model.nsite):
         body = int(model.site_bodyid[site])
@@ -28,8 +28,8 @@ def region_cavities(
             continue
         if body == 0 or not about.body(body).geoms or model.site_size[site].min() < ROOM:
             continue
-        found.setdefault(about.body(body).name, []).append(_cavity(model, data, site))
-    return {name: cavities[0] for name, cavities in found.items() if len(cavities) == 1}
+        by_body.setdefault(about.body(body).name, []).append(_cavity(model, data, site))
+    return {name: cavities[0] for name, cavities in by_body.items() if len(cavities) == 1}
 
 
 def _cavity(model: mujoco.MjModel, data: mujoco.MjData, site: int) -> Cavity:

@@ -76,7 +76,7 @@ def read(folder: Path) -> Stored:
 
 def _json(file: Path) -> dict[str, Any]:
     try:
-        found = from_json(file.read_text(encoding="utf-8"))
+        table = from_json(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return table if isinstance(table, dict) else {}

@@ -60,7 +60,7 @@ class Campaign(Strict):
 
         Raises InputError for a server that is not in the file, given or asked for.
         """
-        known = {**self.servers, **(servers or {})}
+        servers_by_name = {**self.servers, **(servers or {})}
         stray = sorted(set(servers or {}) - set(self.servers))
         if stray:
             raise InputError(
@@ -68,13 +68,13 @@ class Campaign(Strict):
                 ", ".join(self.servers) or "it has none",
             )  # fmt: skip
 
-        def address(found: re.Match[str]) -> str:
-            if found[1] not in known:
+        def address(match: re.Match[str]) -> str:
+            if match[1] not in servers_by_name:
                 raise InputError(
-                    f"policy {found.string!r}", f"no address of the server {found[1]!r}.",
-                    ", ".join(known) or "none are named", "name it under [servers]",
+                    f"policy {match.string!r}", f"no address of the server {match[1]!r}.",
+                    ", ".join(servers_by_name) or "none are named", "name it under [servers]",
                 )  # fmt: skip
-            return known[found[1]]
+            return servers_by_name[match[1]]
 
         return tuple(re.sub(r"\{(\w+)\}", address, policy) for policy in self.policies)
 

@@ -155,7 +155,7 @@ def record(
     there, tried = _ids(out)
     missing = [job for job, name in zip(todo, ids, strict=True) if name not in there]
     already = len(todo) - len(missing)
-    found = run_many(
+    outcomes = run_many(
         partial(record_one, out=out, format=format, watching=watching, video=video, tried=tried),
         missing,
         jobs,
@@ -165,7 +165,7 @@ def record(
         if name in there:
             yield Outcome(name, skipped=True)
             continue
-        outcome = next(found)
+        outcome = next(outcomes)
         yield Outcome(name, problem=outcome.reason) if isinstance(outcome, Died) else outcome
 
 
@@ -195,9 +195,9 @@ def record_one(
         if not (unheard and job.episode_id in tried):
             write_recording(writer, job.setting.task, out, format)
     except Exception as error:  # noqa: BLE001 - whatever it is, the others go on
-        known = isinstance(error, InputError | ValueError)
+        expected = isinstance(error, InputError | ValueError)
         return Outcome(
-            job.episode_id, problem=str(error) if known else f"{type(error).__name__}: {error}"
+            job.episode_id, problem=str(error) if expected else f"{type(error).__name__}: {error}"
         )
     if unheard:
         _unreachable[job.policy] += 1

@@ -253,8 +253,8 @@ def _checked(actions: F64, policy: str) -> list[F64]:
     chunk = np.asarray(actions, np.float64)
     fits = chunk.ndim == 2 and chunk.shape[1] == 8 and len(chunk) > 0
     if not fits:
-        what = f"its actions are of shape {chunk.shape}."
-        raise PolicyError(f"policy {policy!r}", what, "(N, 8) finite numbers")
+        message = f"its actions are of shape {chunk.shape}."
+        raise PolicyError(f"policy {policy!r}", message, "(N, 8) finite numbers")
     if not np.isfinite(chunk).all():
         row = int(np.argmin(np.isfinite(chunk).all(axis=1)))
         raise PolicyError(f"policy {policy!r}", f"action {row} of its answer is not finite.")

@@ -49,9 +49,9 @@ class Watching:
         rules = _loaded(self.rules)
         for code in self.codes(tasks):
             if code in rules.rules:
-                found = foresight(rules, rules.rules[code], rules.params, 1 / 120)
-                if not found.causal:
-                    yield f"{code} is not judged before {found.awaits}"
+                ahead = foresight(rules, rules.rules[code], rules.params, 1 / 120)
+                if not ahead.causal:
+                    yield f"{code} is not judged before {ahead.awaits}"
 
 
 class Watch:
@@ -80,11 +80,11 @@ class Watch:
     @property
     def seen(self) -> list[str]:
         """``ETS201 at 4.22 s``, for each violation, the earliest first."""
-        found = self._monitor.violations.values()
-        return [_when(verdict) for verdict in sorted(found, key=lambda v: v.time or 0.0)]
+        verdicts = self._monitor.violations.values()
+        return [_when(verdict) for verdict in sorted(verdicts, key=lambda v: v.time or 0.0)]
 
-    def _tell(self, found: Sequence[Verdict]) -> None:
-        for verdict in found:
+    def _tell(self, verdicts: Sequence[Verdict]) -> None:
+        for verdict in verdicts:
             name = self._writer.header.episode_id
             sys.stderr.write(f"{name}: {_when(verdict)}: {verdict.explanation}\n")
         sys.stderr.flush()

@@ -49,12 +49,12 @@ class Moment:
 
 def moment(result: EpisodeResult) -> Moment:
     """The moment that decides an episode, by its assigned rules, or all where none is assigned."""
-    found: Sequence[Verdict] = result.assigned or result.verdicts
-    broken = [v for v in found if v.verdict == "violation"]
+    verdicts: Sequence[Verdict] = result.assigned or result.verdicts
+    broken = [v for v in verdicts if v.verdict == "violation"]
     if broken:
         first = min(broken, key=lambda v: math.inf if v.time is None else v.time)
         return Moment(first.time, True, f"{first.rule} violated: {first.explanation}")
-    judged = [v for v in found if v.verdict == "pass"]
+    judged = [v for v in verdicts if v.verdict == "pass"]
     if not judged:
         return Moment(None, False, "nothing was judged")
     closest = min(judged, key=lambda v: v.margin_normalised or 0.0)

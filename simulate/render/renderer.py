@@ -221,8 +221,8 @@ class EpisodeRenderer(Closing):
         for i, geom in enumerate(self._scene.geoms[: self._scene.ngeom]):
             if geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
                 owner[i] = self._model.geom_bodyid[geom.objid] - 1  # body 0 is the world
-        known = (ids >= 0) & (ids < self._scene.ngeom)  # others are blends of two at an outline
-        return np.where(known, owner[np.where(known, ids, 0)], -1)
+        own = (ids >= 0) & (ids < self._scene.ngeom)  # others are blends of two at an outline
+        return np.where(own, owner[np.where(own, ids, 0)], -1)
 
     def close(self) -> None:
         """Give the graphics context back."""
@@ -296,7 +296,7 @@ def _color(body: Body, index: int) -> tuple[float, float, float]:
         return ROBOT_COLOR
     if body.kind == "gripper":
         return GRIPPER_COLOR
-    known = catalogue().get(body.name)
-    if known is not None:
-        return known.color
+    model = catalogue().get(body.name)
+    if model is not None:
+        return model.color
     return FIXTURE_COLOR if body.kind == "fixture" else PALETTE[index % len(PALETTE)]

@@ -70,9 +70,9 @@ def _pictures(
     size: tuple[int, int],
     camera: Camera,
 ) -> Iterator[Image]:
-    found, header = moment(result), episode.header
-    decisive = None if found.time is None else frame_at(episode, found.time)
-    color = VIOLATED if found.violated else PASSED
+    verdict, header = moment(result), episode.header
+    decisive = None if verdict.time is None else frame_at(episode, verdict.time)
+    color = VIOLATED if verdict.violated else PASSED
     times = np.arange(0.0, float(episode.t[-1]), 1 / per_second)
     frames = [frame_at(episode, time) for time in times]
     if decisive is not None:
@@ -87,7 +87,7 @@ def _pictures(
                 done = header.success_time is not None and episode.t[frame] >= header.success_time
                 state = "  goal reached" if done else ""
                 first = f"{header.episode_id}  {episode.t[frame]:5.2f} s{state}"
-                second = (found.words, color) if reached else (legend(header), GREY)
+                second = (verdict.words, color) if reached else (legend(header), GREY)
                 now = color if frame == decisive else None
                 drawn, last = captioned(image, [(first, GREY), second], now), frame
             yield drawn

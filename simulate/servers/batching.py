@@ -61,16 +61,16 @@ class GatheringServer(Router):
         for _, group in groupby(sorted(together, key=alike), alike):
             yield from self._in_batches([*group])
 
-    def _in_batches(self, asked: list[tuple[bytes, dict[str, Any]]]) -> Iterator[Asked]:
-        while asked:
+    def _in_batches(self, requests: list[tuple[bytes, dict[str, Any]]]) -> Iterator[Asked]:
+        while requests:
             batch: list[tuple[bytes, dict[str, Any]]] = []
             total = 0
-            for client, request in asked:
+            for client, request in requests:
                 total += rows(request["data"]["observation"])
                 if batch and total > self._most:
                     break
                 batch.append((client, request))
-            asked = asked[len(batch) :]
+            requests = requests[len(batch) :]
             yield from self._as_one(batch)
 
     def _as_one(self, batch: list[tuple[bytes, dict[str, Any]]]) -> Iterator[Asked]:

@@ -72,19 +72,19 @@ class Desk:
         if endpoint == "get_modality_config":
             return self._packed(self._dialect.described())
         try:
-            asked = [self._dialect.asked(one) for one in self._single(request)]
+            requests = [self._dialect.asked(one) for one in self._single(request)]
         except (KeyError, IndexError, TypeError) as error:
             raise ValueError(f"not a request of {self._dialect.protocol}: {error!r}") from None
         busy: list[Open] = []
-        for one in asked:
+        for one in requests:
             busy.append(self._episode_of(one, busy))
         length = max(self._dialect.rows, self._dialect.horizon)
         answers = [
             self._dialect.answer(
-                found.episode.answer(one.observation, self._dialect.horizon, length),
+                episode.episode.answer(one.observation, self._dialect.horizon, length),
                 one.observation,
             )
-            for one, found in zip(asked, busy, strict=True)
+            for one, episode in zip(requests, busy, strict=True)
         ]
         if not self._dialect.batches:
             return self._packed(answers[0])
@@ -106,17 +106,17 @@ class Desk:
             return Direct(self._policy, first)
         return Shadow(self._policy, self._seed, self._task, first)
 
-    def _episode_of(self, asked: Asked, busy: list[Open]) -> Open:
+    def _episode_of(self, request: Asked, busy: list[Open]) -> Open:
         """The episode that an observation is of; a new one where it is the first of one."""
-        seen = asked.observation
-        known = [one for one in self._open if one.session == asked.session and one not in busy]
+        seen = request.observation
+        episodes = [one for one in self._open if one.session == request.session and one not in busy]
         begins = self._resets > 0 and (self._is_own or self._most == 1 or at_home(seen))
-        if known and not begins:
-            best = min(known, key=lambda one: one.episode.off(seen))
+        if episodes and not begins:
+            best = min(episodes, key=lambda one: one.episode.off(seen))
             if best.episode.fits(seen) or not at_home(seen):
                 return best
         self._resets = max(self._resets - 1, 0)
-        new = Open(asked.session, self._begin(seen))
+        new = Open(request.session, self._begin(seen))
         self._open = [*self._open, new][-self._most :]
         self._tell(new.episode.about)
         return new
@@ -127,5 +127,5 @@ class Desk:
 
 def complaint(error: Exception) -> str:
     """Error message for a client."""
-    known = isinstance(error, InputError | ValueError)
-    return str(error) if known else f"{type(error).__name__}: {error}"
+    expected = isinstance(error, InputError | ValueError)
+    return str(error) if expected else f"{type(error).__name__}: {error}"

@@ -55,14 +55,14 @@ class Shadow:
 
         Raises InputError for a prompt that is none of a task's, or of several.
         """
-        found, prompt = _setting_of(observation.instruction, task)
-        setting = Setting(found, seed, prompt)
-        self.about = f"{found.id}, {prompt} prompt, seed {seed}"
+        own, prompt = _setting_of(observation.instruction, task)
+        setting = Setting(own, seed, prompt)
+        self.about = f"{own.id}, {prompt} prompt, seed {seed}"
         self._policy: Policy = policy_named(policy, setting.draw)
         self._world: World = start(setting)
-        self._policy.reset(found.id, observation.instruction)
+        self._policy.reset(own.id, observation.instruction)
         if isinstance(self._policy, Reference):
-            self._policy.look(found, PrivilegedState(self._world))
+            self._policy.look(own, PrivilegedState(self._world))
         self._instruction, self._steps = observation.instruction, 0
         self._chunk: list[F64] = []
 
@@ -135,20 +135,20 @@ def at_home(observation: Observation) -> bool:
 
 def _setting_of(instruction: str, task: str | None) -> tuple[Task, str]:
     """The task and the prompt condition that an instruction is of."""
-    found = [
+    settings = [
         (each, prompt)
         for each in tasks().values()
         for prompt in PROMPTS
         if getattr(each.prompts, prompt) == instruction and task in (None, each.id)
     ]
-    if not found:
+    if not settings:
         whose = f"of {task}" if task else "of a task's"
         raise InputError(
             f"prompt {instruction!r}", f"none {whose}.", fix="see safestage tasks show"
         )
-    if len({each.id for each, _ in found}) > 1:
-        several = ", ".join(each.id for each, _ in found)
+    if len({each.id for each, _ in settings}) > 1:
+        several = ", ".join(each.id for each, _ in settings)
         raise InputError(
             f"prompt {instruction!r}", "of several tasks.", several, "serve with --task"
         )
-    return found[0]
+    return settings[0]

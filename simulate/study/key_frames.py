@@ -109,11 +109,11 @@ def _touches(episode: Episode, watched: Sequence[str]) -> list[float]:
 
 def _merged(events: Sequence[float]) -> F64:
     """Events that are closer to each other than their spread are one."""
-    found: list[float] = []
+    times: list[float] = []
     for time in sorted(events):
-        if not found or time - found[-1] > SPREAD / 2:
-            found.append(time)
-    return np.array(found)
+        if not times or time - times[-1] > SPREAD / 2:
+            times.append(time)
+    return np.array(times)
 
 
 def _apart(frames: NDArray[np.intp], last: int) -> list[int]:

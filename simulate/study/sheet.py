@@ -39,7 +39,7 @@ LATE = 5.0
 
 def sheet(
     scene: Scene,
-    asked: Mapping[str, Any],
+    facts: Mapping[str, Any],
     views: Sequence[str] = ("front", "side", "top"),
     count: int = COUNT,
     size: tuple[int, int] = CELL,
@@ -48,7 +48,7 @@ def sheet(
 
     Args:
         scene: what is shown.
-        asked: the question to a reviewer, by ``safestage_eval.label.review_question``.
+        facts: the question to a reviewer, by ``safestage_eval.label.review_question``.
         views: of ``DIRECTIONS``.
         count: cells.
         size: width, height of a cell.
@@ -63,7 +63,7 @@ def sheet(
             renderer.fade(scene.opacity(view))
             camera = camera_of(scene, view, frames, size, renderer)
             cells = [_cell(scene, renderer, frame, camera) for frame in frames]
-            result.append(_composed(cells, _header(scene, asked, camera), scene))
+            result.append(_composed(cells, _header(scene, facts, camera), scene))
     return result
 
 
@@ -98,13 +98,13 @@ def close_up(
                 scene, view, [frame], size, renderer, zoom, height=largest, steady=frames
             )
             cells.append(_cell(scene, renderer, frame, camera))
-    what = f"from {start:g} to {end:g} s, view: {view}" + (
+    title = f"from {start:g} to {end:g} s, view: {view}" + (
         f", at {', '.join(zoom)}" if zoom else ""
     )
-    return _composed(cells, [(what, True)], scene)
+    return _composed(cells, [(title, True)], scene)
 
 
-def ending(scene: Scene, asked: Mapping[str, Any], size: tuple[int, int] = CELL) -> Image:
+def ending(scene: Scene, facts: Mapping[str, Any], size: tuple[int, int] = CELL) -> Image:
     """The target and what is protected: at the goal (or 5 s before the end), 1 s before the end, then.
 
     A row from each of three sides; raises as ``sheet``.
@@ -125,7 +125,7 @@ def ending(scene: Scene, asked: Mapping[str, Any], size: tuple[int, int] = CELL)
                 scene, view, frames[-1:], size, renderer, zoom, height=height, steady=frames
             )
             cells += [_cell(scene, renderer, frame, camera) for frame in frames]
-    return _composed(cells, _header(scene, asked, camera), scene)
+    return _composed(cells, _header(scene, facts, camera), scene)
 
 
 def _renderer(scene: Scene, size: tuple[int, int]) -> EpisodeRenderer:
@@ -173,16 +173,16 @@ def _outlined(scene: Scene, image: Image, owners: NDArray[np.int64]) -> Image:
     return out
 
 
-def _header(scene: Scene, asked: Mapping[str, Any], camera: Camera) -> list[tuple[str, bool]]:
+def _header(scene: Scene, facts: Mapping[str, Any], camera: Camera) -> list[tuple[str, bool]]:
     """Lines of words; True: bold."""
-    lines = [(f"Task: {asked['instruction'] or 'not given'}", True)]
-    if asked["look"]:
-        lines.append((asked["look"], False))
-    lines += [(text, bold) for rule in asked["rules"] for text, bold in rule_lines(rule)]
-    if asked["success"] is None:
+    lines = [(f"Task: {facts['instruction'] or 'not given'}", True)]
+    if facts["look"]:
+        lines.append((facts["look"], False))
+    lines += [(text, bold) for rule in facts["rules"] for text, bold in rule_lines(rule)]
+    if facts["success"] is None:
         goal = "not known whether the goal was reached"
-    elif asked["success"]:
-        goal = f"goal reached at {asked['success_time']:.2f} s"
+    elif facts["success"]:
+        goal = f"goal reached at {facts['success_time']:.2f} s"
     else:
         goal = "goal not reached"
     length = float(scene.episode.t[-1])
@@ -209,17 +209,17 @@ def _composed(cells: Sequence[Image], lines: Sequence[tuple[str, bool]], scene: 
     rows = -(-len(cells) // columns)
     whole = columns * (width + 2)
     room = max(whole // 9, 30)
-    told = [(part, bold) for text, bold in lines for part in wrap(text, room) or [""]]
+    wrapped = [(part, bold) for text, bold in lines for part in wrap(text, room) or [""]]
     legend = _legend(scene)
-    head = 8 + 22 * (len(told) + 1)
+    head = 8 + 22 * (len(wrapped) + 1)
     out = np.full((head + rows * (height + 2), whole, 3), 255, np.uint8)
     for i, cell in enumerate(cells):
         y, x = head + i // columns * (height + 2), i % columns * (width + 2)
         out[y : y + height, x : x + width] = cell
     picture, pen, font = _pen(out, 17)
-    for i, (text, bold) in enumerate(told):
+    for i, (text, bold) in enumerate(wrapped):
         pen.text((8, 4 + 22 * i), text, fill=(0, 0, 0), font=font, stroke_width=0.4 if bold else 0)
-    x, y = 8.0, 4 + 22 * len(told)
+    x, y = 8.0, 4 + 22 * len(wrapped)
     for text, color in legend:
         pen.rectangle((x, y + 2, x + 15, y + 17), fill=_bytes(color), outline=(0, 0, 0))
         pen.text((x + 21, y), text, fill=(0, 0, 0), font=font)
@@ -232,8 +232,8 @@ def _legend(scene: Scene) -> list[tuple[str, Color]]:
     result: list[tuple[str, Color]] = []
     for name in scene.framed:
         roles = [role for role, bodies in scene.roles.items() if name in bodies]
-        told = f"{name}: {', '.join(roles)}" if roles else f"{name}: no role"
-        result.append((told, colors.get(name, OTHER_ROLE)))
+        entry = f"{name}: {', '.join(roles)}" if roles else f"{name}: no role"
+        result.append((entry, colors.get(name, OTHER_ROLE)))
     return result
 
 

@@ -99,13 +99,13 @@ def draw(
     for i, (one, ref) in enumerate(refs, 1):
         if not (folder / f"{one.name}.txt").exists():
             episode = ref.open()
-            asked = question(episode.header, rules, bind)
-            scene = Scene.of(episode, asked["roles"])
-            for letter, image in zip(VIEWS, sheet(scene, asked, [*VIEWS.values()]), strict=True):
+            facts = question(episode.header, rules, bind)
+            scene = Scene.of(episode, facts["roles"])
+            for letter, image in zip(VIEWS, sheet(scene, facts, [*VIEWS.values()]), strict=True):
                 write_png(image, folder / f"{one.name}_{letter}.png")
-            if asked["stage"] == "FSH":
-                write_png(ending(scene, asked), folder / f"{one.name}_d.png")
-            text = "\n".join(question_lines(one, asked, scene))
+            if facts["stage"] == "FSH":
+                write_png(ending(scene, facts), folder / f"{one.name}_d.png")
+            text = "\n".join(question_lines(one, facts, scene))
             (folder / f"{one.name}.txt").write_text(text + "\n", encoding="utf-8")
             drawn += 1
         if done is not None:
@@ -113,18 +113,18 @@ def draw(
     return drawn
 
 
-def question_lines(one: Numbered, asked: Mapping[str, Any], scene: Scene) -> list[str]:
+def question_lines(one: Numbered, facts: Mapping[str, Any], scene: Scene) -> list[str]:
     """The question in words, with what the words of the rules mean."""
-    lines = [f"Rollout {one.name}, stage {asked['stage']}", f"Task: {asked['instruction']}"]
-    lines += [asked["look"]] if asked["look"] else []
-    for rule in asked["rules"]:
+    lines = [f"Rollout {one.name}, stage {facts['stage']}", f"Task: {facts['instruction']}"]
+    lines += [facts["look"]] if facts["look"] else []
+    for rule in facts["rules"]:
         lines += ["", *(text for text, _ in rule_lines(rule))]
         lines += [f"  {name}: {meaning}" for name, meaning in rule["words"].items()]
-    lines += ["", *(f"{role}: {', '.join(names)}" for role, names in asked["roles"].items())]
+    lines += ["", *(f"{role}: {', '.join(names)}" for role, names in facts["roles"].items())]
     length = float(scene.episode.t[-1])
     reached = "goal not reached"
-    if asked["success"]:
-        reached = f"goal reached at {asked['success_time']:.2f} s"
+    if facts["success"]:
+        reached = f"goal reached at {facts['success_time']:.2f} s"
     return [*lines, f"{reached}; recorded: 0 to {length:.2f} s"]
 
 

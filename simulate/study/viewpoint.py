@@ -166,7 +166,7 @@ def near(episode: Episode, name: str) -> float:
 
 def _corners(scene: Scene, names: Iterable[str], frames: Sequence[int]) -> F64:
     """(N, 3) m, world: corners of the boxes around bodies at some frames."""
-    episode, found = scene.episode, [np.zeros((0, 3))]
+    episode, corners = scene.episode, [np.zeros((0, 3))]
     for name in names:
         shape = BodyShape.build(episode.bodies[name], episode.meshes)
         if not np.isfinite(shape.half).all():
@@ -176,8 +176,8 @@ def _corners(scene: Scene, names: Iterable[str], frames: Sequence[int]) -> F64:
         kept = [frame for frame in frames if track.position[frame, 2] >= low] or [frames[0]]
         turns, places = matrix(track.orientation[kept]), track.position[kept].astype(np.float64)
         local = shape.centre + _CORNERS * shape.half
-        found.append((np.einsum("tij,cj->tci", turns, local) + places[:, None]).reshape(-1, 3))
-    points = np.concatenate(found)
+        corners.append((np.einsum("tij,cj->tci", turns, local) + places[:, None]).reshape(-1, 3))
+    points = np.concatenate(corners)
     return points if len(points) else np.zeros((1, 3))
 
 

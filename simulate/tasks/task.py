@@ -215,8 +215,8 @@ def read_task(path: Path) -> Task:
 @cache
 def tasks() -> dict[str, Task]:
     """Every task, by id, in the order of their files' names."""
-    found = [read_task(path) for path in sorted(FOLDER.glob("*.toml"))]
-    return {task.id: task for task in found}
+    read = [read_task(path) for path in sorted(FOLDER.glob("*.toml"))]
+    return {task.id: task for task in read}
 
 
 def task_named(name: str) -> Task:
@@ -236,7 +236,7 @@ def task_named(name: str) -> Task:
 
 def tasks_matching(names: Iterable[str]) -> list[Task]:
     """Tasks by id, file or pattern (``fsh_*``), each once. Raises InputError for what is none."""
-    found: dict[str, Task] = {}
+    chosen: dict[str, Task] = {}
     for name in names:
         if any(sign in name for sign in "*?["):
             matching = [task for task in tasks().values() if fnmatch(task.id, name)]
@@ -244,5 +244,5 @@ def tasks_matching(names: Iterable[str]) -> list[Task]:
                 raise InputError(f"task {name!r}", "no task's id matches.", ", ".join(tasks()))
         else:
             matching = [task_named(name)]
-        found |= {task.id: task for task in matching}
-    return list(found.values())
+        chosen |= {task.id: task for task in matching}
+    return list(chosen.values())

@@ -174,19 +174,19 @@ def _excluded(model: mujoco.MjModel) -> dict[int, tuple[str, ...]]:
     """
     weld, parent = model.body_weldid.astype(int), model.body_parentid.astype(int)
     above = weld[parent[weld]]
-    found: dict[int, set[int]] = {}
+    excluded: dict[int, set[int]] = {}
     moving = np.flatnonzero(weld)
     for body in moving:
         near = (weld[moving] == weld[body]) | (above[moving] == weld[body])
         near |= weld[moving] == above[body]
-        found[int(body)] = {int(other) for other in moving[near] if other != body}
+        excluded[int(body)] = {int(other) for other in moving[near] if other != body}
     for signature in model.exclude_signature:
         first, second = int(signature) >> 16, int(signature) & 0xFFFF
-        found.setdefault(first, set()).add(second)
-        found.setdefault(second, set()).add(first)
+        excluded.setdefault(first, set()).add(second)
+        excluded.setdefault(second, set()).add(first)
     return {
         body: tuple(sorted(body_name(model.body(other).name) for other in others))
-        for body, others in found.items()
+        for body, others in excluded.items()
     }
 
 

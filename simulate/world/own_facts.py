@@ -26,16 +26,16 @@ def _facts(world: World, i: int) -> Facts:
             finger=side if side in ("left", "right") else None,
             tcp=_tcp(world, i),
         )
-    known = world.objects.get(name)
+    object_model = world.objects.get(name)
     fixed = bool(model.body_weldid[i] == 0)
-    if known is None:
+    if object_model is None:
         return Facts(kind="fixture" if fixed else "object")
     return Facts(
-        kind="region" if known.region else "fixture" if fixed else "object",
-        up_axis=(0.0, 0.0, 1.0) if known.up and not known.region else None,
-        material=known.material,
-        tags=known.tags,
-        cavity=known.cavity,
+        kind="region" if object_model.region else "fixture" if fixed else "object",
+        up_axis=(0.0, 0.0, 1.0) if object_model.up and not object_model.region else None,
+        material=object_model.material,
+        tags=object_model.tags,
+        cavity=object_model.cavity,
     )
 
 
