@@ -90,7 +90,7 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
     from safestage_eval._process.memory_limit import limit as most
     from safestage_eval.importers import Settings, import_all, load_map
     from safestage_eval.importers.bind_headers import load_bound
-    from safestage_eval.importers.import_limits import Limits
+    from safestage_eval.importers.read_source import Limits
 
     limits = Limits(timeout, None if memory is None else most(memory))
     settings = Settings(

@@ -5,7 +5,6 @@ from .import_source import Outcome, import_all
 from .importer import Importer, Settings
 from .map_file import load_map
 from .map_tables import MapFile
-from .registry import importers, recognised
 
 __all__ = [
     "Account",
@@ -14,7 +13,5 @@ __all__ = [
     "Outcome",
     "Settings",
     "import_all",
-    "importers",
     "load_map",
-    "recognised",
 ]

@@ -8,27 +8,27 @@ from safestage_eval.episode import Remark
 
 
 class Account:
-    """Collects the remarks on one episode; saying the same twice counts once."""
+    """Collects the remarks on one episode; equal remarks count once."""
 
     def __init__(self) -> None:
-        """Nothing to say yet."""
+        """Start without remarks."""
         self._remarks: dict[Remark, None] = {}
 
     def missing(self, what: str, how: str = "", *, cost: str = "", remedy: str = "") -> None:
-        """The source does not have it. ``cost``: what that leaves open; ``remedy``: what supplies it."""
+        """Remark on data that the source lacks. ``cost``: the consequences; ``remedy``: how to supply it."""
         self._add(Remark(kind="missing", what=what, how=how, cost=cost, remedy=remedy))
 
     def recomputed(self, what: str, how: str = "", *, cost: str = "", remedy: str = "") -> None:
-        """Derived from what the source has, in the way that ``how`` says."""
+        """Remark on data derived from the source; ``how``: by which method."""
         self._add(Remark(kind="recomputed", what=what, how=how, cost=cost, remedy=remedy))
 
     def guessed(self, what: str, how: str = "", *, cost: str = "", remedy: str = "") -> None:
-        """Assumed, with nothing in the source that says so."""
+        """Remark on an assumption that nothing in the source supports."""
         self._add(Remark(kind="guessed", what=what, how=how, cost=cost, remedy=remedy))
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """All of them: what is missing first, then what was recomputed, then what was guessed."""
+        """All remarks: missing data first, then recomputed, then guessed."""
         order = ("missing", "recomputed", "guessed")
         return tuple(sorted(self._remarks, key=lambda remark: order.index(remark.kind)))
 
@@ -37,7 +37,7 @@ class Account:
 
 
 def summed(accounts: Iterable[tuple[Remark, ...]]) -> list[tuple[Remark, int]]:
-    """Each remark once, with the number of episodes that have it; the most frequent first."""
+    """Count the episodes with each remark; the most frequent first."""
     counts: dict[Remark, int] = {}
     for account in accounts:
         for remark in account:

@@ -30,7 +30,7 @@ class Bound:
     bodies: Mapping[str, BodyFacts] = field(default_factory=dict)
 
     def onto(self, header: Header, name: str) -> Header:
-        """The header with what is bound for its task, and for itself by id or name in the source."""
+        """Return the header with the entries for its task, and for the episode by id or name in the source."""
         tables = (
             self.every,
             self.task.get(header.task or "", {}),

@@ -32,8 +32,8 @@ class Fit:
     spread: float
 
 
-def metres(corners_mm: NDArray[np.integer]) -> F64:
-    """(T, 8, 3) m, from whole millimetres that were cut off toward zero.
+def to_metres(corners_mm: NDArray[np.integer]) -> F64:
+    """Return (T, 8, 3) m from integer millimetres that were rounded toward zero.
 
     A number n ≠ 0 stands for n to n ± 1, so its middle is half a millimetre further out.
     """
@@ -42,7 +42,7 @@ def metres(corners_mm: NDArray[np.integer]) -> F64:
 
 
 def fit(corners: F64, position: F64, orientation: F64) -> Fit | None:
-    """The box whose corners these are; None if it has no volume.
+    """Fit a box to its corners; None if it has no volume.
 
     Args:
         corners: (T, 8, 3) m, world; corner i has the upper bound in x, y, z where bit 0, 1, 2 of i

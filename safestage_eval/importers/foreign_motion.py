@@ -17,8 +17,8 @@ NORM = 1e-2
 """A quaternion whose norm is further from 1 than this is none."""
 
 
-def wxyz(quaternions: F64, order: QuaternionOrder, where: str) -> F64:
-    """(T, 4) in our order and of unit norm.
+def to_wxyz(quaternions: F64, order: QuaternionOrder, where: str) -> F64:
+    """Return (T, 4) wxyz of unit norm.
 
     Raises:
         TraceError: they are not finite, or far from unit norm.
@@ -35,8 +35,8 @@ def wxyz(quaternions: F64, order: QuaternionOrder, where: str) -> F64:
     return unit if order == "wxyz" else unit[:, [3, 0, 1, 2]]
 
 
-def track(position: F64, orientation: F64, linear: F64 | None, angular: F64 | None) -> Track:
-    """(T, 3) m, (T, 4) wxyz, (T, 3) m/s of the body frame's origin, (T, 3) rad/s; all world.
+def make_track(position: F64, orientation: F64, linear: F64 | None, angular: F64 | None) -> Track:
+    """Make a track of (T, 3) m, (T, 4) wxyz, (T, 3) m/s of the body frame's origin, (T, 3) rad/s; all world.
 
     Without velocities zeros are stored, and rules derive them from the poses.
     """
@@ -50,7 +50,7 @@ def track(position: F64, orientation: F64, linear: F64 | None, angular: F64 | No
 
 
 def at_origin(linear: F64, angular: F64, orientation: F64, com: tuple[float, ...]) -> F64:
-    """(T, 3) m/s of the body frame's origin, from that of the centre of mass.
+    """Return the (T, 3) velocity in m/s of the body frame's origin, from that of the centre of mass.
 
     v_o = v_c − ω × (R c); ``com`` (3,) m in the body frame. (Rigid body kinematics.)
     """
@@ -58,14 +58,14 @@ def at_origin(linear: F64, angular: F64, orientation: F64, com: tuple[float, ...
     return linear - np.cross(angular, rotate(orientation, offset)) if offset.any() else linear
 
 
-def fixed_if_still(body: Body, found: Track) -> tuple[Body, Track]:
-    """A fixture or a robot's base that never moves, to the bit, as a fixed body with a single row."""
-    still = (found.position == found.position[:1]).all() and (
-        found.orientation == found.orientation[:1]
+def fixed_if_still(body: Body, motion: Track) -> tuple[Body, Track]:
+    """Return body and track; a fixture or robot that never moves, to the bit, as a fixed body with a single row."""
+    still = (motion.position == motion.position[:1]).all() and (
+        motion.orientation == motion.orientation[:1]
     ).all()
     if body.kind not in ("fixture", "robot") or not still or not body.movable:
-        return body, found
+        return body, motion
     none = np.zeros((1, 3), np.float32)
     return body.model_copy(update={"movable": False}), Track(
-        found.position[:1], found.orientation[:1], none, none
+        motion.position[:1], motion.orientation[:1], none, none
     )

@@ -16,7 +16,7 @@ UNREAD = ("arrows", "lines", "texts", "models", "axes")
 def scene_geoms(
     entities: Iterable[Any], meshes: dict[str, Mesh]
 ) -> tuple[dict[str, tuple[Geom, ...]], list[str]]:
-    """Frame → the geoms of its entities; and what had to be left out, in words.
+    """Return frame → the geoms of its entities, and descriptions of shapes that were left out.
 
     Meshes of triangles are added to ``meshes``.
     """
@@ -27,11 +27,11 @@ def scene_geoms(
         mine += _cubes(entity)
         mine += _spheres(entity)
         for cylinder in getattr(entity, "cylinders", ()):
-            found = _cylinder(cylinder)
-            if found is None:
+            geom = _cylinder(cylinder)
+            if geom is None:
                 left_out.append(f"a cone or oval cylinder of {entity.id}")
             else:
-                mine.append(found)
+                mine.append(geom)
         for triangles in getattr(entity, "triangles", ()):
             mesh = _mesh(triangles)
             if mesh is None:
@@ -40,7 +40,7 @@ def scene_geoms(
             meshes[mesh.key] = mesh
             mine.append(Geom(kind="mesh", mesh=mesh.key, **_place(triangles.pose)))
         left_out += [f"{kind} of {entity.id}" for kind in UNREAD if len(getattr(entity, kind, ()))]
-    return {frame: tuple(found) for frame, found in geoms.items() if found}, left_out
+    return {frame: tuple(own) for frame, own in geoms.items() if own}, left_out
 
 
 def _cubes(entity: Any) -> Iterator[Geom]:

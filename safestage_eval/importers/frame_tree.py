@@ -63,11 +63,11 @@ class Edge:
 
     @property
     def moves(self) -> bool:
-        """Whether any two samples differ."""
+        """True if any two samples differ."""
         return bool(np.ptp(self.position, axis=0).any() or np.ptp(self.orientation, axis=0).any())
 
     def at(self, t: F64) -> Pose:
-        """(T, 3) m and (T, 4) wxyz at times: linear in position, slerp in orientation.
+        """Interpolate (T, 3) m and (T, 4) wxyz at times (T,) s: linear in position, slerp in orientation.
 
         Before the first and after the last sample it stays where it was then.
         """
@@ -85,7 +85,7 @@ class Edge:
 
 
 def slerp(a: F64, b: F64, share: F64) -> F64:
-    """(T, 4) wxyz between unit quaternions along the shorter arc (Shoemake, SIGGRAPH 1985)."""
+    """Return the (T, 4) wxyz between unit quaternions along the shorter arc (Shoemake, SIGGRAPH 1985)."""
     dot = np.sum(a * b, axis=1, keepdims=True)
     b = np.where(dot < 0, -b, b)
     angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
@@ -105,41 +105,41 @@ class FrameTree:
 
     def __init__(self, samples: dict[str, Samples], where: str) -> None:
         """Raises TraceError for a loop, or for what ``Edge`` refuses."""
-        origin = min(min(found.time) for found in samples.values())
-        self.edges = {name: Edge(name, found, where, origin) for name, found in samples.items()}
+        origin = min(min(stream.time) for stream in samples.values())
+        self.edges = {name: Edge(name, stream, where, origin) for name, stream in samples.items()}
         self.where = where
         for name in self.edges:
             self.chain(name)
 
     @property
     def roots(self) -> list[str]:
-        """Frames that nothing places: the world, and whatever has lost its way to it."""
+        """Frames without a parent: the world, and frames that are not connected to it."""
         parents = dict.fromkeys(edge.parent for edge in self.edges.values())
         return [name for name in parents if name not in self.edges]
 
     def chain(self, name: str) -> list[str]:
-        """The frame, its parent, …, down to the one below a root."""
-        found: dict[str, None] = {}
+        """Return the frame, its parent, …, down to the one below a root."""
+        links: dict[str, None] = {}
         while name in self.edges:
-            if name in found:
+            if name in links:
                 raise TraceError(self.where, f"frame {name!r} is its own ancestor.", "a tree")
-            if len(found) == DEEPEST:
+            if len(links) == DEEPEST:
                 raise TraceError(self.where, f"more than {DEEPEST} frames below one another.")
-            found[name] = None
+            links[name] = None
             name = self.edges[name].parent
-        return list(found)
+        return list(links)
 
     def root(self, name: str) -> str:
-        """Where the chain of a frame ends."""
+        """Return the root of a frame."""
         chain = self.chain(name)
         return self.edges[chain[-1]].parent if chain else name
 
     def moves(self, name: str) -> bool:
-        """Whether any transform between it and its root changes."""
+        """True if any transform between a frame and its root changes."""
         return any(self.edges[link].moves for link in self.chain(name))
 
     def pose(self, name: str, t: F64) -> Pose:
-        """(T, 3) m and (T, 4) wxyz of the frame in its root, at times."""
+        """Return (T, 3) m and (T, 4) wxyz of the frame in its root, at times (T,) s."""
         position, orientation = np.zeros((len(t), 3)), np.tile([1.0, 0, 0, 0], (len(t), 1))
         for link in reversed(self.chain(name)):
             step = self.edges[link].at(t)

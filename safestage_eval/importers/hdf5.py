@@ -24,7 +24,7 @@ MAGIC = b"\x89HDF\r\n\x1a\n"
 
 
 def is_hdf5(path: Path) -> bool:
-    """Whether a file begins with the HDF5 signature."""
+    """True if a file begins with the HDF5 signature."""
     try:
         with path.open("rb") as stream:
             return stream.read(8) == MAGIC
@@ -33,7 +33,7 @@ def is_hdf5(path: Path) -> bool:
 
 
 def open_hdf5(path: Path) -> Any:
-    """The file as h5py gives it, for reading.
+    """Open a file with h5py for reading, after checks for links out of it and endless heaps.
 
     Raises:
         SourceError: h5py is not installed, or the file is damaged.
@@ -46,11 +46,11 @@ def open_hdf5(path: Path) -> Any:
         ) from None
     try:
         stat = path.stat()
-        known = (path, stat.st_mtime_ns, stat.st_size) in _LOOKED_AT
-        if not known:
+        checked = (path, stat.st_mtime_ns, stat.st_size) in _LOOKED_AT
+        if not checked:
             check_heaps(path)
         file = h5py.File(path, "r")
-        if not known:
+        if not checked:
             check_links(file, str(path))
             _LOOKED_AT.add((path, stat.st_mtime_ns, stat.st_size))
         return file
@@ -62,17 +62,17 @@ def open_hdf5(path: Path) -> Any:
 
 
 def rows(group: Any, key: str, where: str, width: int | None = None) -> NDArray[np.float64]:
-    """(T, k) float64 of one dataset; (T,) becomes (T, 1).
+    """Return (T, k) float64 of one dataset; (T,) becomes (T, 1).
 
     Raises:
         TraceError: it is not there, no numbers, or not ``width`` wide.
     """
-    found = group.get(key)
-    if found is None or not hasattr(found, "shape"):
+    data = group.get(key)
+    if data is None or not hasattr(data, "shape"):
         inside = ", ".join(sorted(group)) or "nothing"
         raise TraceError(where, f"{key!r} is missing.", f"there are {inside}")
     try:
-        values = np.asarray(found[()], np.float64)
+        values = np.asarray(data[()], np.float64)
     except (ValueError, TypeError, OSError) as error:
         raise TraceError(f"{where}/{key}", f"cannot be read: {error}.") from None
     if not values.ndim or not values.size:
@@ -87,7 +87,7 @@ def rows(group: Any, key: str, where: str, width: int | None = None) -> NDArray[
 
 @contextmanager
 def layout(where: str) -> Iterator[None]:
-    """Raises TraceError where the block finds a group for numbers, or what cannot be read."""
+    """Raise TraceError where the block reads an unexpected layout or damaged data."""
     try:
         yield
     except InputError:
@@ -100,7 +100,7 @@ def layout(where: str) -> Iterator[None]:
 
 
 def fingerprint(group: Any) -> str:
-    """Digest of a group: names, shapes and types of all datasets below, and the ends of each."""
+    """Return a digest of a group: names, shapes and types of all datasets below, and the ends of each."""
     digest = sha256()
     with layout(str(group.name)):
         for name, data in datasets(group):
@@ -112,7 +112,7 @@ def fingerprint(group: Any) -> str:
 
 
 def datasets(group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """(path below the group, dataset) of every dataset, by name."""
+    """Yield (path below the group, dataset) of every dataset, by name."""
     for name in sorted(group):
         item = group[name]
         if hasattr(item, "shape"):
@@ -122,7 +122,7 @@ def datasets(group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def numbered(names: Any) -> list[str]:
-    """``demo_10`` after ``demo_9``: names by the number at their end."""
+    """Sort names by the number at their end: ``demo_10`` after ``demo_9``."""
 
     def key(name: str) -> tuple[str, int, str]:
         stem = name.rstrip("0123456789")

@@ -43,22 +43,22 @@ def check_heaps(path: Path) -> None:
                 )
 
 
-def _places(stream: BinaryIO, what: bytes) -> Iterator[int]:
+def _places(stream: BinaryIO, pattern: bytes) -> Iterator[int]:
     """Position and size of some bytes in a file."""
     stream.seek(0)
     begin, kept = 0, b""
     while block := stream.read(_BLOCK):
         data = kept + block
-        found = data.find(what)
-        while found >= 0:
-            yield begin + found
-            found = data.find(what, found + 1)
-        kept = data[max(0, len(data) - len(what) + 1) :]
+        place = data.find(pattern)
+        while place >= 0:
+            yield begin + place
+            place = data.find(pattern, place + 1)
+        kept = data[max(0, len(data) - len(pattern) + 1) :]
         begin += len(data) - len(kept)
 
 
 def _pointed_to(stream: BinaryIO, begin: int, offsets: int) -> bool:
-    """Whether a value can be an object's id: the address of its collection, and its number in it.
+    """True if a value can be an object's id: the address of its collection, and its number in it.
 
     What is written anew leaves an old collection behind, whose bytes mean nothing any more.
     """
@@ -72,7 +72,7 @@ def _pointed_to(stream: BinaryIO, begin: int, offsets: int) -> bool:
 
 
 def _endless(stream: BinaryIO, begin: int, lengths: int) -> bool:
-    """Whether an object of the collection leads to no later one within it."""
+    """True if an object of the collection leads to no later one within it."""
     header = _whole(8 + lengths)
     stream.seek(begin)
     head = stream.read(header)

@@ -18,7 +18,7 @@ MOST_WAYS = 10_000
 """To things that are there once and linked again; hardly any file has one."""
 
 MOST_BYTES = 1 << 33
-"""That one dataset may unpack to."""
+"""Bytes that one dataset may unpack to."""
 
 
 def check_links(file: Any, where: str) -> None:
@@ -29,15 +29,15 @@ def check_links(file: Any, where: str) -> None:
             memory.
     """
     try:
-        known: dict[Any, Unfolded] = {}
-        ways, _ = _group(file, where, (_key(file),), known)
-        there = len(file) + sum(own for _, _, own in known.values())
+        unfolded: dict[Any, Unfolded] = {}
+        ways, _ = _group(file, where, (_key(file),), unfolded)
+        there = len(file) + sum(own for _, _, own in unfolded.values())
         if ways > there + MOST_WAYS:
             raise _refused(where, "its links", f"{ways:,} ways to {there:,} things")
     except (RuntimeError, KeyError, OSError, ValueError) as error:
-        told = str(error).strip("'\"").splitlines() or [type(error).__name__]
+        lines = str(error).strip("'\"").splitlines() or [type(error).__name__]
         raise SourceError(
-            where, f"a damaged HDF5 file: {told[0]}.", fix="download it again"
+            where, f"a damaged HDF5 file: {lines[0]}.", fix="download it again"
         ) from None
 
 
@@ -46,7 +46,7 @@ Unfolded = tuple[int, int, int]
 
 
 def _group(
-    group: Any, where: str, trail: tuple[Any, ...], known: dict[Any, Unfolded]
+    group: Any, where: str, trail: tuple[Any, ...], unfolded: dict[Any, Unfolded]
 ) -> tuple[int, int]:
     import h5py
 
@@ -63,11 +63,11 @@ def _group(
             key = _key(item)
             if key in trail:
                 raise _refused(where, f"{group.name}/{name}", "a group inside itself")
-            if key not in known:
+            if key not in unfolded:
                 if len(trail) == DEEPEST:
                     raise _too_deep(where, item.name)
-                known[key] = (*_group(item, where, (*trail, key), known), len(item))
-            inside, below, _ = known[key]
+                unfolded[key] = (*_group(item, where, (*trail, key), unfolded), len(item))
+            inside, below, _ = unfolded[key]
             entries, height = entries + inside, max(height, below + 1)
         elif isinstance(item, h5py.Dataset):
             _dataset(item, where)
@@ -77,11 +77,11 @@ def _group(
 
 
 def _key(item: Any) -> tuple[int, Any]:
-    """Of a group, whatever the way that led to it."""
+    """Return an identity of a group that does not depend on the links to it."""
     import h5py
 
-    told = h5py.h5o.get_info(item.id)
-    return told.fileno, told.addr
+    info = h5py.h5o.get_info(item.id)
+    return info.fileno, info.addr
 
 
 def _too_deep(where: str, name: str) -> SourceError:
@@ -97,10 +97,10 @@ def _dataset(data: Any, where: str) -> None:
         raise _refused(where, data.name, f"{data.size:,} values")
 
 
-def _refused(where: str, name: str, what: str) -> SourceError:
+def _refused(where: str, name: str, problem: str) -> SourceError:
     return SourceError(
         where,
-        f"{name}: {what}.",
+        f"{name}: {problem}.",
         "files that hold their own numbers",
         "do not trust this file, or copy it with h5repack",
     )

@@ -120,7 +120,7 @@ def _stamped(
 
 
 def fingerprint_of(source: Importer, name: str, target: Target) -> str:
-    """Digest of the data, and of the settings that they were read with."""
+    """Return the digest of the data, and of the settings that they were read with."""
     settings = target.settings
     with_ = f"{settings.map.digest} {settings.quaternion} {settings.dt}"
     return sha256(f"{source.fingerprint(name)} {with_}".encode()).hexdigest()[:16]

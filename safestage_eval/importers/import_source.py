@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,11 +11,8 @@ from safestage_eval.formats import EpisodeRef, discover
 
 from .bind_headers import Bound
 from .import_episode import Failed, Imported, Target, Task
-from .import_limits import Limits
 from .importer import Settings, SourceError
-from .open_source import Fingerprint, Look, Names, Unknown
-from .read_in_child import Apart, Here, Reading
-from .registry import walk
+from .read_source import Apart, Here, Limits, Reading
 
 
 @dataclass(frozen=True)
@@ -107,34 +104,50 @@ def _tasks(
     formats: dict[str, tuple[str, str]] = {}
     root = source.resolve().parent
 
-    def claim(path: Path) -> tuple[str, str] | InputError | None:
-        try:
-            result: tuple[str, str] | None = reading.ask(Look(path, only), path)
-        except InputError as error:
-            return error
-        return result
-
-    result: list[tuple[Path, tuple[str, str] | InputError]] = list(walk(source, claim, to))
-    if not result:
-        reading.ask(Unknown(source, only), source)
-    for path, whose in result:
+    if not source.exists():
+        raise SourceError(str(source), "no such file or folder", fix="check the spelling")
+    recognised = list(_recognised(source, to.resolve(), reading, only))
+    if not recognised:
+        reading.ask("unrecognised", source, only)
+    for path, kind in recognised:
         place = readable(path.resolve().relative_to(root).as_posix())
         try:
-            if isinstance(whose, InputError):
-                raise whose
-            formats[str(path)] = whose
-            kind, _ = whose
-            names: list[str] = reading.ask(Names(kind, path), path)
+            if isinstance(kind, InputError):
+                raise kind
+            formats[str(path)] = kind
+            names: list[str] = reading.ask("episodes", path, kind[0])
         except InputError as error:
-            if len(result) == 1:
+            if len(recognised) == 1:
                 raise
             failed.append(Failed(place, str(error)))
             continue
         stem = place.removesuffix(readable(path.suffix)) if path.is_file() else place
         tasks += [
-            Task(kind, path, name, f"{prefix}{stem}/{name}", f"{place}:{name}") for name in names
+            Task(kind[0], path, name, f"{prefix}{stem}/{name}", f"{place}:{name}") for name in names
         ]
     return tasks, failed, formats
+
+
+def _recognised(
+    source: Path, but: Path, reading: Reading, only: str | None
+) -> Iterator[tuple[Path, tuple[str, str] | InputError]]:
+    """Yield each file or folder of a known format, and nothing below it; skip the folder ``but``.
+
+    Yields:
+        (path, (format, reason)), or the error of one that cannot be examined.
+    """
+    if source.resolve() == but:
+        return
+    try:
+        kind: tuple[str, str] | InputError | None = reading.ask("format", source, only)
+    except InputError as error:
+        kind = error
+    if kind is not None:
+        yield source, kind
+    elif not source.is_file():
+        for path in sorted(source.iterdir()):
+            if not path.name.startswith("."):
+                yield from _recognised(path, but, reading, only)
 
 
 def _episodes_exist(settings: Settings, names: set[str]) -> None:
@@ -161,7 +174,7 @@ def _kept(task: Task, target: Target, ref: EpisodeRef, reading: Reading) -> Impo
         InputError: it is another one.
     """
     there = ref.open().header
-    if there.source.fingerprint != reading.ask(Fingerprint(task), task.path):
+    if there.source.fingerprint != reading.ask("fingerprint", task.path, task):
         raise InputError(
             str(target.folder),
             f"holds another episode {task.episode_id!r}, from other data or imported with "

@@ -44,7 +44,7 @@ class Format(ABC):
     @classmethod
     @abstractmethod
     def recognise(cls, path: Path) -> str | None:
-        """Why this format matches a file or folder; None if it does not.
+        """Return why this format matches a file or folder; None if it does not.
 
         Looks at content, never at names alone, and is quick.
 
@@ -59,7 +59,7 @@ class Refused(Format):
     @classmethod
     @abstractmethod
     def refusal(cls, path: Path) -> SourceError:
-        """Say what the source lacks, and what to ask its publisher for."""
+        """Return the error with what the source lacks, and what to ask its publisher for."""
 
 
 class Importer(Format):
@@ -69,9 +69,9 @@ class Importer(Format):
     """
 
     name: ClassVar[str]
-    """As ``--from`` says it."""
+    """Name for ``--from``."""
     title: ClassVar[str]
-    """As messages say it."""
+    """Name in messages."""
 
     def __init__(self, path: Path, settings: Settings) -> None:
         """Open the source.
@@ -83,15 +83,15 @@ class Importer(Format):
 
     @abstractmethod
     def episodes(self) -> Sequence[str]:
-        """Names of the source's episodes in order, found without reading their data."""
+        """Return the names of the source's episodes in order, without reading their data."""
 
     @abstractmethod
     def fingerprint(self, name: str) -> str:
-        """A short text that changes with the episode's data, found without reading all of it."""
+        """Return a short text that changes with the episode's data, without reading all of it."""
 
     @abstractmethod
     def read(self, name: str, account: Account) -> Episode:
-        """The episode, with everything that it lacks said to ``account``.
+        """Read an episode; remark on everything that it lacks in ``account``.
 
         The header's ``episode_id`` and ``source.episode``, ``.fingerprint``, ``.account`` and
         ``.recorder`` are filled in by the caller, as are the map file's ``[every]`` and

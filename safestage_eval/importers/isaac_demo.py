@@ -14,13 +14,13 @@ from safestage_eval.errors import TraceError
 
 from . import hdf5
 from .account import Account
-from .boxes import Fit, fit, metres
-from .foreign_motion import at_origin, fixed_if_still, track, wxyz
+from .boxes import Fit, fit, to_metres
+from .foreign_motion import at_origin, fixed_if_still, make_track, to_wxyz
 from .importer import SourceError
 from .isaac_file import IsaacFile
-from .isaac_robot import RobotColumns, rows_with_first
+from .isaac_robot import robot_columns, rows_with_first
 from .missing_data import say_bodies, say_contacts, say_links, say_success
-from .scene_bodies import added, dressed, need_shapes
+from .scene_bodies import apply_map, fixed_from_map, need_shapes
 
 F64 = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ class Demo:
 
     def __init__(self, source: IsaacFile, name: str, account: Account) -> None:
         self.source, self.name, self.account = source, name, account
-        self.group = source.demo(name)
+        self.group = source.data[name]
         self.map = source.settings.map
         self.where = f"{source.path}: data/{name}"
         self.result = source.sidecars.result(source.path, name)
@@ -45,7 +45,7 @@ class Demo:
         self.meshes: dict[str, Any] = {}
 
     def episode(self) -> Episode:
-        """All of it. Raises InputError when it lacks what no trace can do without."""
+        """Read the episode. Raises InputError when it lacks what no trace can do without."""
         states = self.group.get("states")
         if states is None or not any(k in states for k in ("rigid_object", "articulation")):
             raise SourceError(
@@ -63,10 +63,9 @@ class Demo:
             self.account.missing(
                 f"deformable object {name}", cost="nothing is known of what it touches"
             )
-        columns = RobotColumns(self.group, self.length, self.where, self.account)
-        frames, joints = columns.read(states, self.first)
-        more, still = added({body.name for body in self.bodies}, self.map, self.meshes)
-        self._told()
+        frames, joints = robot_columns(self.group, self.length, self.where, self.account)
+        more, still = fixed_from_map({body.name for body in self.bodies}, self.map, self.meshes)
+        self._remark()
         need_shapes(self.bodies, self.where, among="RoboLab's bbox group is missing")
         header = self._header((*self.bodies, *more), joints)
         t = np.arange(self.length, dtype=np.float64) * self.dt
@@ -75,10 +74,10 @@ class Demo:
     # ---- rates
 
     def _rates(self) -> tuple[float, float]:
-        settings, said, beside = self.source.settings, self.map.source, self.source.sidecars
-        physics = said.physics_dt or beside.physics_dt
-        given = self.result.get("dt")
-        dt = settings.dt or said.dt or beside.dt or (float(given) if given else None)
+        settings, from_map, beside = self.source.settings, self.map.source, self.source.sidecars
+        physics = from_map.physics_dt or beside.physics_dt
+        reported = self.result.get("dt")
+        dt = settings.dt or from_map.dt or beside.dt or (float(reported) if reported else None)
         for problem in beside.problems:
             self.account.missing(problem, remedy="mend the file")
         if dt is None:
@@ -104,7 +103,7 @@ class Demo:
         pose = rows_with_first(group, first, "root_pose", where, 7)
         twist = rows_with_first(group, first, "root_velocity", where, 6)
         self._same_length(len(pose), where)
-        return pose[:, :3], wxyz(pose[:, 3:], self.order, where), twist[:, :3], twist[:, 3:]
+        return pose[:, :3], to_wxyz(pose[:, 3:], self.order, where), twist[:, :3], twist[:, 3:]
 
     def _same_length(self, rows: int, where: str) -> None:
         self.length = getattr(self, "length", rows)
@@ -144,18 +143,18 @@ class Demo:
             com=box.geom.position if box is not None else (0, 0, 0),
             untold=("up_axis", "cavity"),
         )  # fmt: skip
-        body = dressed(raw, self.map, self.meshes)
+        body = apply_map(raw, self.map, self.meshes)
         if kind == "fixture" and body.kind == "fixture":
             self.account.guessed(
                 f"{name} is a fixture", "by its name, which RoboLab's scenes share",
                 remedy=f'[body.{name}] kind = "object" in the map file',
             )  # fmt: skip
-        found = track(
+        motion = make_track(
             position, orientation, at_origin(linear, angular, orientation, body.com), angular
         )
-        body, found = fixed_if_still(body, found)
+        body, motion = fixed_if_still(body, motion)
         self.bodies.append(body)
-        self.tracks[name] = found
+        self.tracks[name] = motion
 
     def _box(self, name: str, position: F64, orientation: F64) -> Fit | None:
         data = self.group.get(f"bbox/bbox_mm/{name}")
@@ -166,7 +165,7 @@ class Demo:
             raise TraceError(
                 f"{self.where}/bbox/bbox_mm/{name}", f"shape {raw.shape}.", "(T, 8, 3) numbers"
             )
-        corners = metres(raw) if np.issubdtype(raw.dtype, np.integer) else raw.astype(np.float64)
+        corners = to_metres(raw) if np.issubdtype(raw.dtype, np.integer) else raw.astype(np.float64)
         late = len(position) - len(corners)  # there are none of the initial state
         if corners.shape[1:] != (8, 3) or late not in (0, 1):
             raise TraceError(
@@ -196,10 +195,10 @@ class Demo:
         position, orientation, linear, angular = self._motion(group, first, name)
         own = f"{name}_base" if name in ("robot", "gripper") else name
         raw = Body(name=own, kind="robot" if "robot" in name else "fixture", untold=("links",))
-        body = dressed(raw, self.map, self.meshes)
-        body, found = fixed_if_still(body, track(position, orientation, linear, angular))
+        body = apply_map(raw, self.map, self.meshes)
+        body, motion = fixed_if_still(body, make_track(position, orientation, linear, angular))
         self.bodies.append(body)
-        self.tracks[own] = found
+        self.tracks[own] = motion
         say_links(self.account, name)
 
     def _hand(self) -> None:
@@ -209,7 +208,7 @@ class Demo:
             return
         where = f"{self.where}/ee_pose"
         position = hdf5.rows(group, "position", where, 3)
-        turn = wxyz(hdf5.rows(group, "orientation", where, 4), self.order, where)
+        turn = to_wxyz(hdf5.rows(group, "orientation", where, 4), self.order, where)
         twist = [
             hdf5.rows(group, key, where, 3) if key in group else None
             for key in ("linear_velocity", "angular_velocity")
@@ -222,9 +221,9 @@ class Demo:
             )
         self._same_length(len(position), where)
         raw = Body(name="gripper_base", kind="gripper")
-        body = dressed(raw, self.map, self.meshes)
+        body = apply_map(raw, self.map, self.meshes)
         self.bodies.append(body)
-        self.tracks["gripper_base"] = track(position, turn, *twist)
+        self.tracks["gripper_base"] = make_track(position, turn, *twist)
         if not body.geoms:
             self.account.missing(
                 "shapes of the gripper", "what goes along with its base counts as held",
@@ -234,9 +233,9 @@ class Demo:
 
     # ---- the header and the account
 
-    def _told(self) -> None:
-        said = {name for name in self.tracks if (b := self.map.of_body(name)) and b.shapes}
-        boxed = [b.name for b in self.bodies if b.geoms and b.name not in said]
+    def _remark(self) -> None:
+        mapped = {name for name in self.tracks if (b := self.map.of_body(name)) and b.shapes}
+        boxed = [b.name for b in self.bodies if b.geoms and b.name not in mapped]
         if boxed:
             self.account.guessed(
                 f"shapes of {', '.join(boxed)}",
@@ -254,8 +253,8 @@ class Demo:
 
     def _roles(self, names: set[str]) -> dict[str, tuple[str, ...]]:
         """From the success condition, as far as it names bodies of the recording."""
-        said = self.source.sidecars.roles
-        roles = {role: tuple(n for n in players if n in names) for role, players in said.items()}
+        stated = self.source.sidecars.roles
+        roles = {role: tuple(n for n in players if n in names) for role, players in stated.items()}
         roles = {role: players for role, players in roles.items() if players}
         if roles:
             self.account.recomputed(

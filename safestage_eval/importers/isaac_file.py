@@ -29,24 +29,20 @@ class IsaacFile:
         """Close the file."""
         self._file.close()
 
-    def demo(self, name: str) -> Any:
-        """The group of a demo."""
-        return self.data[name]
-
     def attribute(self, name: str) -> Any:
-        """An attribute of ``data``, as text or number; None if it is not there."""
+        """Return an attribute of ``data`` as text or number; None if it is missing."""
         value = self.data.attrs.get(name)
         return value.decode() if isinstance(value, bytes) else value
 
     def order(self) -> QuaternionOrder:
-        """The order of the file's quaternions.
+        """Return the order of the file's quaternions.
 
         Raises:
             SourceError: neither the file nor the user tells.
         """
-        said = self.settings.quaternion or self.settings.map.source.quaternion
-        if said is not None:
-            return said
+        stated = self.settings.quaternion or self.settings.map.source.quaternion
+        if stated is not None:
+            return stated
         version = self.attribute("isaaclab_version")
         order = order_of(str(version)) if version is not None else None
         if order is not None:
@@ -63,7 +59,7 @@ class IsaacFile:
 
 
 def order_of(version: str) -> QuaternionOrder | None:
-    """The quaternion order of a version of the package ``isaaclab``; None if it is not clear.
+    """Return the quaternion order of a version of the package ``isaaclab``; None if it is not clear.
 
     Installed from source the package has the core extension's number, which was 0.x until the order
     changed and 1.0.0 (30 January 2026) when it did; the wheels are 2.0 to 2.3, then 3.0.

@@ -57,7 +57,7 @@ class IsaacLab(Importer):
         return hdf5.numbered(self._source.data)
 
     def fingerprint(self, name: str) -> str:
-        """Digest of its datasets."""
+        """Return a digest of its datasets."""
         return hdf5.fingerprint(self._source.data[name])
 
     def close(self) -> None:
@@ -65,7 +65,7 @@ class IsaacLab(Importer):
         self._source.close()
 
     def read(self, name: str, account: Account) -> Episode:
-        """One demo."""
+        """Read one demo."""
         with hdf5.layout(f"{self.path}: {name}"):
             return Demo(self._source, name, account).episode()
 

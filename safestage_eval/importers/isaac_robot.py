@@ -19,86 +19,84 @@ CLOSED = np.pi / 4
 """rad, RoboLab's finger joint when the gripper is closed (robolab/robots/droid.py)."""
 
 
-class RobotColumns:
-    """The robot's recorded columns besides the poses of its bodies."""
+def robot_columns(
+    group: Any, length: int, where: str, account: Account
+) -> tuple[RobotFrames, tuple[Joint, ...]]:
+    """Read columns and joints of all articulations of a demo, by name.
 
-    def __init__(self, group: Any, length: int, where: str, account: Account) -> None:
-        """``group``: of the demo; ``length``: its frames; ``where``: for messages."""
-        self._group, self._length = group, length
-        self._where, self._account = where, account
+    Args:
+        group: of the demo, with ``states`` and perhaps ``initial_state``.
+        length: T, frames of its bodies.
+        where: for messages.
+        account: for remarks.
 
-    def read(self, states: Any, first: Any) -> tuple[RobotFrames, tuple[Joint, ...]]:
-        """Columns and joints of all articulations, by name.
+    Raises:
+        TraceError: an articulation has other frames than the bodies.
+    """
+    states, first = group["states"], group.get("initial_state")
+    columns: dict[str, list[F64]] = {"joint_position": [], "joint_velocity": []}
+    joints: list[Joint] = []
+    for name in sorted(states.get("articulation", ())):
+        before = None if first is None else first.get(f"articulation/{name}")
+        for key, parts in columns.items():
+            place = f"{where}/{name}"
+            values = rows_with_first(states["articulation"][name], before, key, place)
+            if len(values) != length:
+                raise TraceError(
+                    f"{place}/{key}", f"{len(values)} frames, the bodies have {length}"
+                )
+            parts.append(values)
+        own = f"{name}_base" if name in ("robot", "gripper") else name
+        joints += [
+            Joint(name=f"{name}_{i}", kind="revolute", body=own)
+            for i in range(columns["joint_position"][-1].shape[1])
+        ]
+    none = np.zeros((length, 0))
+    position = np.hstack([none, *columns["joint_position"]])
+    parts = [position, np.hstack([none, *columns["joint_velocity"]]), none]
+    rows = length - (0 if first is None else 1)
+    parts += [
+        _actions(group, length, rows, where, account),
+        _opening(group, position, where, account),
+    ]
+    return RobotFrames(*(part.astype(np.float32) for part in parts)), tuple(joints)
 
-        Args:
-            states: the group of that name.
-            first: the group ``initial_state``, None if there is none.
 
-        Raises:
-            TraceError: an articulation has other frames than the bodies.
-        """
-        columns: dict[str, list[F64]] = {"joint_position": [], "joint_velocity": []}
-        joints: list[Joint] = []
-        for name in sorted(states.get("articulation", ())):
-            before = None if first is None else first.get(f"articulation/{name}")
-            for key, parts in columns.items():
-                where = f"{self._where}/{name}"
-                values = rows_with_first(states["articulation"][name], before, key, where)
-                if len(values) != self._length:
-                    raise TraceError(
-                        f"{where}/{key}", f"{len(values)} frames, the bodies have {self._length}"
-                    )
-                parts.append(values)
-            own = f"{name}_base" if name in ("robot", "gripper") else name
-            joints += [
-                Joint(name=f"{name}_{i}", kind="revolute", body=own)
-                for i in range(columns["joint_position"][-1].shape[1])
-            ]
-        none = np.zeros((self._length, 0))
-        position = np.hstack([none, *columns["joint_position"]])
-        frames = RobotFrames(
-            position.astype(np.float32),
-            np.hstack([none, *columns["joint_velocity"]]).astype(np.float32),
-            none.astype(np.float32),
-            self._actions(self._length - (0 if first is None else 1)).astype(np.float32),
-            self._opening(position).astype(np.float32),
+def _actions(group: Any, length: int, states: int, where: str, account: Account) -> F64:
+    """Return (T, A): row i is in force from frame i on; the last one is kept."""
+    if "actions" not in group:
+        return np.zeros((length, 0))
+    actions = hdf5.rows(group, "actions", where)
+    if len(actions) != states:
+        account.guessed(
+            "time of the actions",
+            f"{len(actions)} rows for {states} states: taken from the first on",
         )
-        return frames, tuple(joints)
+    index = np.minimum(np.arange(length), max(0, len(actions) - 1))
+    return actions[index] if len(actions) else np.zeros((length, 0))
 
-    def _actions(self, states: int) -> F64:
-        """(T, A): row i is in force from frame i on; the last one is kept."""
-        if "actions" not in self._group:
-            return np.zeros((self._length, 0))
-        found = hdf5.rows(self._group, "actions", self._where)
-        if len(found) != states:
-            self._account.guessed(
-                "time of the actions",
-                f"{len(found)} rows for {states} states: taken from the first on",
-            )
-        index = np.minimum(np.arange(self._length), max(0, len(found) - 1))
-        return found[index] if len(found) else np.zeros((self._length, 0))
 
-    def _opening(self, joints: F64) -> F64:
-        """(T, 1) 0 closed … 1 open, from the joint that RoboLab's noisy ``gripper_pos`` follows."""
-        seen = self._group.get("obs/gripper_pos")
-        if seen is None or not joints.shape[1]:
-            return np.zeros((self._length, 0))
-        noisy = hdf5.rows(self._group["obs"], "gripper_pos", f"{self._where}/obs")[:, 0]
-        rows = min(len(noisy), self._length)
-        closed = np.clip(joints[:rows] / CLOSED, 0, 1)
-        off = np.abs(closed - noisy[:rows, None]).mean(axis=0)
-        best = int(np.argmin(off))
-        if off[best] > 0.1:  # its noise has a standard deviation of 0.05
-            return np.zeros((self._length, 0))
-        self._account.recomputed(
-            "opening of the gripper",
-            f"from joint {best}, which the noisy observation gripper_pos follows",
-        )
-        return 1 - np.clip(joints[:, best : best + 1] / CLOSED, 0, 1)
+def _opening(group: Any, joints: F64, where: str, account: Account) -> F64:
+    """Return (T, 1) 0 closed … 1 open, from the joint that RoboLab's noisy ``gripper_pos`` follows."""
+    none = np.zeros((len(joints), 0))
+    if group.get("obs/gripper_pos") is None or not joints.shape[1]:
+        return none
+    noisy = hdf5.rows(group["obs"], "gripper_pos", f"{where}/obs")[:, 0]
+    rows = min(len(noisy), len(joints))
+    closed = np.clip(joints[:rows] / CLOSED, 0, 1)
+    off = np.abs(closed - noisy[:rows, None]).mean(axis=0)
+    best = int(np.argmin(off))
+    if off[best] > 0.1:  # its noise has a standard deviation of 0.05
+        return none
+    account.recomputed(
+        "opening of the gripper",
+        f"from joint {best}, which the noisy observation gripper_pos follows",
+    )
+    return 1 - np.clip(joints[:, best : best + 1] / CLOSED, 0, 1)
 
 
 def rows_with_first(group: Any, first: Any, key: str, where: str, width: int | None = None) -> F64:
-    """(T, k) of a dataset, after its row in the initial state where there is one."""
+    """Return (T, k) of a dataset, after its row in the initial state where there is one."""
     values = hdf5.rows(group, key, where, width)
     if first is None:
         return values

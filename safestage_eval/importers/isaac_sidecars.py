@@ -32,28 +32,28 @@ class Sidecars:
 
     @property
     def physics_dt(self) -> float | None:
-        """s, integration step (``sim.dt``)."""
+        """Integration step in s (``sim.dt``)."""
         return _positive(_inside(self.config, "sim", "dt"))
 
     @property
     def dt(self) -> float | None:
-        """S between recorded rows: ``sim.dt`` × ``decimation``."""
+        """Time in s between recorded rows: ``sim.dt`` × ``decimation``."""
         steps = _positive(self.config.get("decimation"))
         return None if self.physics_dt is None or steps is None else self.physics_dt * steps
 
     @property
     def gravity(self) -> tuple[float, float, float] | None:
-        """m/s²."""
-        found = _inside(self.config, "sim", "gravity")
-        if not isinstance(found, list) or len(found) != 3:
+        """Gravity in m/s², world."""
+        value = _inside(self.config, "sim", "gravity")
+        if not isinstance(value, list) or len(value) != 3:
             return None
-        return float(found[0]), float(found[1]), float(found[2])
+        return float(value[0]), float(value[1]), float(value[2])
 
     @property
     def roles(self) -> dict[str, tuple[str, ...]]:
         """Roles from the success condition: what it moves (``target``), and where to (``destination``)."""
         terms = self.config.get("terminations")
-        found: dict[str, dict[str, None]] = {"target": {}, "destination": {}}
+        players: dict[str, dict[str, None]] = {"target": {}, "destination": {}}
         for term in terms.values() if isinstance(terms, dict) else ():
             params = _inside(term, "params")
             if not isinstance(params, dict) or _inside(term, "time_out"):
@@ -62,27 +62,29 @@ class Sidecars:
             keys = {"object": "target", "objects": "target", "reference_object": "destination"}
             keys["surface" if away else "container"] = "destination"
             for key, role in keys.items():
-                said = params.get(key)
-                names = [said] if isinstance(said, str) else said if isinstance(said, list) else []
-                found[role].update(dict.fromkeys(name for name in names if isinstance(name, str)))
-        return {role: tuple(names) for role, names in found.items() if names}
+                value = params.get(key)
+                names = (
+                    [value] if isinstance(value, str) else value if isinstance(value, list) else []
+                )
+                players[role].update(dict.fromkeys(name for name in names if isinstance(name, str)))
+        return {role: tuple(names) for role, names in players.items() if names}
 
     @property
     def rotations_speak_for(self) -> str | None:
-        """The quaternion order in which the configuration's rotations would be rotations by little.
+        """The quaternion order in which most of the configuration's rotations are near the identity.
 
         A hint for a message: most assets are spawned unturned, (1, 0, 0, 0) or (0, 0, 0, 1).
         """
         scene = self.config.get("scene")
         assets = scene.values() if isinstance(scene, dict) else ()
-        found = [_inside(a, "init_state", "rot") for a in assets if isinstance(a, dict)]
-        turns = [r for r in found if isinstance(r, list) and len(r) == 4]
+        rotations = [_inside(a, "init_state", "rot") for a in assets if isinstance(a, dict)]
+        turns = [r for r in rotations if isinstance(r, list) and len(r) == 4]
         first = sum(abs(r[0]) > 0.99 for r in turns)
         last = sum(abs(r[3]) > 0.99 for r in turns)
         return "wxyz" if first > last else "xyzw" if last > first else None
 
     def result(self, file: Path, demo: str) -> dict[str, Any]:
-        """The line about one episode, ``run_2.hdf5`` ``demo_5`` being run 2, environment 5."""
+        """Return the result of one episode; ``run_2.hdf5`` ``demo_5`` is run 2, environment 5."""
         run = re.search(r"run_(\d+)$", file.stem)
         env = re.search(r"(\d+)$", demo)
         for line in self.results:
@@ -122,8 +124,8 @@ def _names(config: Any) -> set[str]:
 
 def _lines(path: Path, problems: list[str]) -> list[Any]:
     if path.suffix == ".json":
-        found = _json(path, problems)
-        return found if isinstance(found, list) else []
+        entries = _json(path, problems)
+        return entries if isinstance(entries, list) else []
     try:
         text = path.read_text("utf-8")
         return [from_json(line) for line in text.splitlines() if line.strip()]

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Track, still_track
 
 from .account import Account
-from .foreign_motion import track, wxyz
+from .foreign_motion import make_track, to_wxyz
 from .importer import Importer, QuaternionOrder, Settings, SourceError
 from .lerobot_tables import OWN, Tables, column_of, described, part_of
 from .map_tables import ColumnsTable
 from .missing_data import say_bodies, say_contacts, say_success
-from .scene_bodies import added, dressed, need_shapes
+from .scene_bodies import apply_map, fixed_from_map, need_shapes
 from .stateless import ask_for
 
 F64 = NDArray[np.float64]
@@ -82,7 +82,7 @@ class LeRobot(Importer):
 
     def fingerprint(self, name: str) -> str:
         """Digest of the episode's rows in the mapped columns."""
-        table = self._tables.read(_number(name), self._wanted(), self._said_in)
+        table = self._tables.read(_number(name), self._wanted(), self._map_path)
         digest = sha256()
         for column in table:
             values = np.ascontiguousarray(table[column])
@@ -90,9 +90,9 @@ class LeRobot(Importer):
         return digest.hexdigest()
 
     def read(self, name: str, account: Account) -> Episode:
-        """One episode."""
+        """Read one episode."""
         where = f"{self.path}: {name}"
-        columns = self._tables.read(_number(name), self._wanted(), self._said_in)
+        columns = self._tables.read(_number(name), self._wanted(), self._map_path)
         order = self._order(where)
         bodies: list[Body] = []
         tracks: dict[str, Track] = {}
@@ -107,10 +107,10 @@ class LeRobot(Importer):
                 )
                 if getattr(spec, part) is not None
             }  # fmt: skip
-            turn = wxyz(parts["orientation"], order, f"{where}: {body_name}")
+            turn = to_wxyz(parts["orientation"], order, f"{where}: {body_name}")
             raw = Body(name=body_name, kind="object", untold=("up_axis", "cavity"))
-            bodies.append(dressed(raw, self.settings.map, meshes))
-            tracks[body_name] = track(
+            bodies.append(apply_map(raw, self.settings.map, meshes))
+            tracks[body_name] = make_track(
                 parts["position"], turn, parts.get("linear_velocity"),
                 parts.get("angular_velocity"),
             )  # fmt: skip
@@ -119,27 +119,27 @@ class LeRobot(Importer):
             base = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
             bodies.append(base)
             tracks[base.name] = still_track((0, 0, 0), (1, 0, 0, 0))
-        more, still = added(set(tracks), self.settings.map, meshes)
+        more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
         t = self._time(columns, where)
         frames, joints = self._robot(columns, len(t), where, account)
-        self._told(bodies, account)
+        self._remark(bodies, account)
         header = self._header(columns, t, _number(name), (*bodies, *more), joints, account)
         return Episode(header, t, {**tracks, **still}, None, frames, meshes=meshes)
 
     @property
-    def _said_in(self) -> str:
+    def _map_path(self) -> str:
         return self.settings.map.path or str(self.path)
 
     def _wanted(self) -> list[str]:
         """Names of the mapped columns."""
         spec = self._columns
-        said = [
+        texts = [
             text
             for body in spec.body.values()
             for text in body.model_dump(exclude_none=True).values()
         ]
-        said += [v for k, v in spec.model_dump(exclude_none=True).items() if k != "body"]
-        return list(dict.fromkeys([column_of(text) for text in said]))
+        texts += [v for k, v in spec.model_dump(exclude_none=True).items() if k != "body"]
+        return list(dict.fromkeys([column_of(text) for text in texts]))
 
     def _order(self, where: str) -> QuaternionOrder:
         order = self.settings.quaternion or self.settings.map.source.quaternion
@@ -170,16 +170,16 @@ class LeRobot(Importer):
     def _robot(
         self, columns: dict[str, F64], rows: int, where: str, account: Account
     ) -> tuple[RobotFrames, tuple[Joint, ...]]:
-        found = []
+        parts = []
         for part in ("joint_position", "joint_velocity", "joint_torque", "action", "gripper"):
             spec = getattr(self._columns, part)
             values = np.zeros((rows, 0)) if spec is None else part_of(columns, spec, None, where)
-            found.append(values.astype(np.float32))
-        count = max(column.shape[1] for column in found[:3])
+            parts.append(values.astype(np.float32))
+        count = max(column.shape[1] for column in parts[:3])
         if count:
             account.guessed("names and kinds of joints", "numbered, revolute")
         joints = tuple(Joint(name=f"joint_{i}", kind="revolute") for i in range(count))
-        return RobotFrames(*found), joints
+        return RobotFrames(*parts), joints
 
     # ---- the header and the account
 
@@ -207,11 +207,11 @@ class LeRobot(Importer):
         hold = None if moment is None else float(t[-1] - moment)
         say_success(account, known=success is not None, hold=hold, how="the robot went on")
         task = columns.get("task_index")
-        said = None if task is None else self._tables.tasks.get(int(task[0, 0]))
+        instruction = None if task is None else self._tables.tasks.get(int(task[0, 0]))
         return Header(
             episode_id="",
-            task=said,
-            instruction=said,
+            task=instruction,
+            instruction=instruction,
             rollout=number,
             physics_dt=physics or dt,
             frame_dt=dt,
@@ -223,7 +223,7 @@ class LeRobot(Importer):
             joints=joints,
         )
 
-    def _told(self, bodies: list[Body], account: Account) -> None:
+    def _remark(self, bodies: list[Body], account: Account) -> None:
         account.missing(
             "bodies that no column is mapped to",
             cost="the robot's distances, contacts and grasps: inconclusive",

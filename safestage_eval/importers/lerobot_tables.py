@@ -32,7 +32,7 @@ class Tables:
     """The tables of one dataset folder."""
 
     def __init__(self, path: Path) -> None:
-        """Nothing is read before it is asked for."""
+        """Nothing is read yet."""
         self._path = path
 
     @cached_property
@@ -54,13 +54,13 @@ class Tables:
                 result[int(number)] = file
         return result
 
-    def read(self, number: int, wanted: Sequence[str], said_in: str) -> dict[str, F64]:
-        """(T, k) of the wanted columns of an episode, and of timestamp and task_index.
+    def read(self, number: int, wanted: Sequence[str], map_path: str) -> dict[str, F64]:
+        """Read (T, k) of the wanted columns of an episode, and of timestamp and task_index.
 
         Args:
             number: of the episode.
             wanted: names of columns.
-            said_in: the map file that names them, for messages.
+            map_path: the map file that names them, for messages.
 
         Raises:
             SourceError: there is no such column.
@@ -76,7 +76,7 @@ class Tables:
         missing = [column for column in wanted if column not in schema.names]
         if missing:
             raise SourceError(
-                said_in,
+                map_path,
                 f"[columns] names {missing[0]!r}, which is no column of {file.name}.",
                 ", ".join(n for n in schema.names if n not in OWN),
             )
@@ -120,12 +120,12 @@ def _reading(file: Path) -> Iterator[None]:
 
 
 def described(path: Path) -> dict[str, Any] | None:
-    """``meta/info.json`` of a folder, None if it has none that can be read."""
+    """Read ``meta/info.json`` of a folder; None if it has none that can be read."""
     try:
-        found = from_json((path / "meta" / "info.json").read_text("utf-8"))
+        info = from_json((path / "meta" / "info.json").read_text("utf-8"))
     except (OSError, ValueError):
         return None
-    return found if isinstance(found, dict) else None
+    return info if isinstance(info, dict) else None
 
 
 def column_of(text: str) -> str:
@@ -134,7 +134,7 @@ def column_of(text: str) -> str:
 
 
 def part_of(columns: dict[str, F64], text: str, width: int | None, where: str) -> F64:
-    """(T, k) of a column or a part of it. Raises TraceError when it is not ``width`` wide."""
+    """Return (T, k) of a column or a part of it. Raises TraceError when it is not ``width`` wide."""
     name, part = _split(text)
     values = columns[name][:, part]
     if width is not None and values.shape[1] != width:

@@ -25,10 +25,10 @@ from safestage_eval.errors import TraceError
 
 from . import hdf5
 from .account import Account
-from .foreign_motion import at_origin, fixed_if_still, track, wxyz
+from .foreign_motion import at_origin, fixed_if_still, make_track, to_wxyz
 from .importer import Importer, Settings, SourceError
 from .missing_data import say_bodies, say_contacts, say_links, say_success
-from .scene_bodies import added, dressed, need_shapes
+from .scene_bodies import apply_map, fixed_from_map, need_shapes
 
 F64 = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class ManiSkill(Importer):
         return [name for name in hdf5.numbered(self._file) if name.startswith("traj_")]
 
     def fingerprint(self, name: str) -> str:
-        """Of its datasets."""
+        """Return a digest of its datasets."""
         return hdf5.fingerprint(self._file[name])
 
     def close(self) -> None:
@@ -74,7 +74,7 @@ class ManiSkill(Importer):
         self._file.close()
 
     def read(self, name: str, account: Account) -> Episode:
-        """One trajectory."""
+        """Read one trajectory."""
         where = f"{self.path}: {name}"
         with hdf5.layout(where):
             return self._trajectory(name, where, account)
@@ -83,7 +83,7 @@ class ManiSkill(Importer):
         group = self._file[name]
         states = group.get("env_states")
         if states is None or not hasattr(states, "keys") or not states.get("actors"):
-            what = (
+            problem = (
                 "has no env_states: objects were not recorded."
                 if states is None
                 else "has one flat array of states, in which nothing tells where an object begins."
@@ -91,7 +91,7 @@ class ManiSkill(Importer):
                 else "has no actors: there are no objects to judge."
             )
             raise SourceError(
-                where, what,
+                where, problem,
                 fix="replay it with ManiSkill's replay_trajectory and --use-env-states, which "
                 "writes env_states as a dictionary of actors",
             )  # fmt: skip
@@ -100,13 +100,13 @@ class ManiSkill(Importer):
         tracks: dict[str, Track] = {}
         meshes: dict[str, Any] = {}
         for actor in sorted(states["actors"]):
-            body, found = self._actor(actor, states["actors"], where, meshes)
+            body, motion = self._actor(actor, states["actors"], where, meshes)
             bodies.append(body)
-            tracks[body.name] = found
+            tracks[body.name] = motion
         frames, joints = self._robots(states, group, where, bodies, tracks, account, meshes)
         need_shapes(bodies, where, among="ManiSkill records none")
-        more, still = added(set(tracks), self.settings.map, meshes)
-        self._told(bodies, account)
+        more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
+        self._remark(bodies, account)
         t = np.arange(len(frames.action), dtype=np.float64) * dt
         header = self._header(name, group, dt, t, (*bodies, *more), joints, account)
         return Episode(header, t, {**tracks, **still}, None, frames, meshes=meshes)
@@ -114,8 +114,8 @@ class ManiSkill(Importer):
     def _dt(self, account: Account) -> float:
         kwargs = _inside(self._about, "env_info", "env_kwargs") or {}
         rate = _inside(kwargs, "sim_config", "control_freq")
-        said = self.settings.dt or self.settings.map.source.dt
-        dt = said or (1 / rate if isinstance(rate, int | float) and rate > 0 else None)
+        stated = self.settings.dt or self.settings.map.source.dt
+        dt = stated or (1 / rate if isinstance(rate, int | float) and rate > 0 else None)
         if dt is None:
             raise SourceError(
                 str(self.path),
@@ -144,7 +144,7 @@ class ManiSkill(Importer):
             kind="region" if marker else "fixture" if "table" in name else "object",
             untold=("up_axis", "cavity"),
         )
-        body = dressed(raw, self.settings.map, meshes)
+        body = apply_map(raw, self.settings.map, meshes)
         return fixed_if_still(body, _motion(values, body, f"{where}/{name}"))
 
     def _robots(
@@ -160,11 +160,11 @@ class ManiSkill(Importer):
         length = len(states["actors"][next(iter(states["actors"]))])
         position, velocity, joints = np.zeros((length, 0)), np.zeros((length, 0)), []
         inside = f"{where}/env_states/articulations"
-        found = states.get("articulations", {})
-        if not hasattr(found, "keys"):
+        articulations = states.get("articulations", {})
+        if not hasattr(articulations, "keys"):
             raise TraceError(inside, "is no group.", "a dataset for each articulation")
-        for name in sorted(found):
-            values = hdf5.rows(states["articulations"], name, inside)
+        for name in sorted(articulations):
+            values = hdf5.rows(articulations, name, inside)
             count, odd = divmod(values.shape[1] - ROOT, 2)
             if count < 0 or odd or len(values) != length:
                 raise TraceError(
@@ -175,12 +175,12 @@ class ManiSkill(Importer):
                 _inside(self._about, "env_info", "env_kwargs", "robot_uids") or name
             )
             raw = Body(name=own, kind="robot" if robot else "fixture", untold=("links",))
-            body, found = fixed_if_still(
-                dressed(raw, self.settings.map, meshes),
+            body, motion = fixed_if_still(
+                apply_map(raw, self.settings.map, meshes),
                 _motion(values[:, :ROOT], raw, f"{inside}/{name}"),
             )
             bodies.append(body)
-            tracks[own] = found
+            tracks[own] = motion
             position = np.hstack([position, values[:, ROOT : ROOT + count]])
             velocity = np.hstack([velocity, values[:, ROOT + count :]])
             joints += [Joint(name=f"{name}_{i}", kind="revolute", body=own) for i in range(count)]
@@ -234,7 +234,7 @@ class ManiSkill(Importer):
             joints=joints,
         )
 
-    def _told(self, bodies: list[Body], account: Account) -> None:
+    def _remark(self, bodies: list[Body], account: Account) -> None:
         say_bodies(account, bodies, self.settings.map, "the bodies' origins")
         say_contacts(account)
         kinds = [f"{b.name} is a {b.kind}" for b in bodies if b.kind in ("region", "fixture")]
@@ -247,29 +247,29 @@ class ManiSkill(Importer):
 
 def _motion(values: F64, body: Body, where: str) -> Track:
     """(T, 13) as SAPIEN has them."""
-    turn = wxyz(values[:, 3:7], "wxyz", where)
+    turn = to_wxyz(values[:, 3:7], "wxyz", where)
     linear = at_origin(values[:, 7:10], values[:, 10:13], turn, body.com)
-    return track(values[:, :3], turn, linear, values[:, 10:13])
+    return make_track(values[:, :3], turn, linear, values[:, 10:13])
 
 
 def _success(group: Any, about: dict[str, Any], t: F64) -> tuple[bool | None, float | None]:
-    """Whether the task succeeded, and when it first said so (row i is frame i + 1)."""
+    """Return success and the time in s of its first row (row i is frame i + 1); None where not recorded."""
     if "success" in group:
         rows = np.asarray(group["success"][()], bool).ravel()
         first = int(np.argmax(rows)) if rows.any() else None
         return bool(rows.any()), None if first is None else float(t[min(first + 1, len(t) - 1)])
-    said = about.get("success", _inside(about, "info", "success"))
-    return (bool(said), None) if isinstance(said, bool | int) else (None, None)
+    stated = about.get("success", _inside(about, "info", "success"))
+    return (bool(stated), None) if isinstance(stated, bool | int) else (None, None)
 
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        found = from_json(path.read_text("utf-8"))
+        table = from_json(path.read_text("utf-8"))
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
         raise SourceError(str(path), f"cannot be read: {error}.") from None
-    return found if isinstance(found, dict) else {}
+    return table if isinstance(table, dict) else {}
 
 
 def _inside(table: Any, *keys: str) -> Any:

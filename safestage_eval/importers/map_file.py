@@ -59,7 +59,7 @@ class MapErrors(InputError):  # noqa: N818 — it holds many
     """A map file that cannot be used, with everything that is wrong with it."""
 
     def __init__(self, diagnostics: list[Diagnostic]) -> None:
-        """Collect; they are sorted."""
+        """Sort the diagnostics."""
         self.diagnostics = sorted(diagnostics)
         count = len(diagnostics)
         super().__init__(
@@ -95,31 +95,39 @@ def load_map(path: str | Path) -> MapFile:
         return MapFile.model_validate({**tables, "path": shown})
     except ValidationError as error:
         where = Locations(text)
-        raise MapErrors([_told(problem, shown, where) for problem in error.errors()]) from None
+        raise MapErrors(
+            [_to_diagnostic(problem, shown, where) for problem in error.errors()]
+        ) from None
 
 
-def _told(problem: Any, path: str, where: Locations) -> Diagnostic:
-    """A problem that pydantic found, at its place in the file."""
+def _to_diagnostic(problem: Any, path: str, where: Locations) -> Diagnostic:
+    """Locate a problem of pydantic's in the file."""
     keys = tuple(part for part in problem["loc"] if isinstance(part, str | int))
     unknown = problem["type"] == "extra_forbidden"
     spot = where.key(keys) if unknown else where.value(keys)
     if unknown:
         allowed = _allowed(keys[:-1])
         table = ".".join(map(str, keys[:-1])) or "a map file"
-        what = f'"{str(keys[-1]).strip()}" is no entry of {table}'
+        message = f'"{str(keys[-1]).strip()}" is no entry of {table}'
         fix = nearest(str(keys[-1]), allowed)
-        return _diagnostic(path, where, spot, "M201", what, ", ".join(allowed), fix)
-    what = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
-    if what != problem["msg"] and not problem["msg"].startswith("Value error"):
-        what = f"should be {what}"
-    return _diagnostic(path, where, spot, "M202", f"{keys[-1]}: {what}")
+        return _diagnostic(path, where, spot, "M201", message, ", ".join(allowed), fix)
+    message = problem["msg"].removeprefix("Value error, ").removeprefix("Input should be ")
+    if message != problem["msg"] and not problem["msg"].startswith("Value error"):
+        message = f"should be {message}"
+    return _diagnostic(path, where, spot, "M202", f"{keys[-1]}: {message}")
 
 
 def _diagnostic(
-    path: str, where: Locations, spot: Any, code: str, what: str, allowed: str = "", fix: str = ""
+    path: str,
+    where: Locations,
+    spot: Any,
+    code: str,
+    message: str,
+    allowed: str = "",
+    fix: str = "",
 ) -> Diagnostic:
     line = where.line(spot.line)
-    return Diagnostic(path, spot.line, spot.column, code, what, allowed, fix, line, spot.length)
+    return Diagnostic(path, spot.line, spot.column, code, message, allowed, fix, line, spot.length)
 
 
 _TABLES: dict[str, type[BaseModel]] = {

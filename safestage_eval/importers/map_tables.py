@@ -82,15 +82,15 @@ class HeaderTable(_Table):
     licence: str | None = None
 
     def onto(self, header: Header) -> Header:
-        """The header with what is said here."""
-        said = self.model_dump(exclude_unset=True)
-        source = {k: said.pop(k) for k in tuple(said) if k not in Header.model_fields}
+        """Return the header with these entries."""
+        values = self.model_dump(exclude_unset=True)
+        source = {k: values.pop(k) for k in tuple(values) if k not in Header.model_fields}
         for merged in ("roles", "parameters"):
-            if merged in said:
-                said[merged] = {**getattr(header, merged), **said[merged]}
+            if merged in values:
+                values[merged] = {**getattr(header, merged), **values[merged]}
         if source:
-            said["source"] = header.source.model_copy(update=source)
-        return header.model_copy(update=said)
+            values["source"] = header.source.model_copy(update=source)
+        return header.model_copy(update=values)
 
 
 class ShapeTable(_Table):
@@ -181,18 +181,18 @@ class MapFile(_Table):
     """The map file's path; not a table in it."""
 
     def of_body(self, name: str) -> BodyTable | None:
-        """Its entry for a body: by patterns, in their order, then by name; None if there is none."""
-        said: dict[str, Any] = {}
-        found = False
+        """Return the entry for a body: by patterns, in their order, then by name; None if there is none."""
+        fields: dict[str, Any] = {}
+        matched = False
         for key in sorted(self.body, key=lambda key: key == name):  # stable: the name itself last
             if key == name or fnmatch.fnmatchcase(name, key):
                 table = self.body[key]
-                said |= {field: getattr(table, field) for field in table.model_fields_set}
-                found = True
-        return BodyTable.model_construct(**said) if found else None
+                fields |= {field: getattr(table, field) for field in table.model_fields_set}
+                matched = True
+        return BodyTable.model_construct(**fields) if matched else None
 
     def header(self, header: Header, episode: str) -> Header:
-        """The header with what is said of every episode, of its task and of itself (by source name)."""
+        """Return the header with the entries of every episode, of its task and of itself (by source name)."""
         header = self.every.onto(header)
         if header.task in self.task:
             header = self.task[header.task].onto(header)
@@ -200,6 +200,6 @@ class MapFile(_Table):
 
     @property
     def digest(self) -> str:
-        """SHA-256 (hex) of what it says, 12 characters; "" of an empty one."""
-        said = self.model_dump_json(exclude_unset=True)
-        return "" if said == "{}" else sha256(said.encode()).hexdigest()[:12]
+        """SHA-256 (hex) of the entries, 12 characters; "" without any."""
+        text = self.model_dump_json(exclude_unset=True)
+        return "" if text == "{}" else sha256(text.encode()).hexdigest()[:12]

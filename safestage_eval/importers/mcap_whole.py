@@ -20,7 +20,7 @@ FOOTER = 9 + 20
 
 
 def whole_messages(stream: BinaryIO) -> Iterator[tuple[Any, Any, Any]]:
-    """(schema, channel, message) of an open file, by their times.
+    """Yield (schema, channel, message) of an open file, by their times.
 
     Raises:
         ValueError: something is damaged, a chunk unpacks to more than it says, or messages are missing.
@@ -39,9 +39,9 @@ def whole_messages(stream: BinaryIO) -> Iterator[tuple[Any, Any, Any]]:
         stream.seek(0)
         reader = NonSeekingReader(stream, validate_crcs=True)
     count = 0
-    for found in reader.iter_messages():
+    for message in reader.iter_messages():
         count += 1
-        yield found
+        yield message
     statistics = None if summary is None else summary.statistics
     if statistics is not None and statistics.message_count != count:
         raise ValueError(
@@ -69,7 +69,7 @@ def check_summary(stream: BinaryIO) -> None:
 
 
 def _chunks(stream: BinaryIO, at: int = MAGIC) -> Iterator[int]:
-    """Where the chunks are from a place on, one record after the other."""
+    """Yield the positions of the chunks from a byte on, one record after the other."""
     size = stream.seek(0, 2)
     while at + 9 <= size:
         stream.seek(at)

@@ -12,7 +12,7 @@ from .map_tables import MapFile
 
 
 def say_contacts(account: Account) -> None:
-    """No contact was recorded."""
+    """Remark that no contact was recorded."""
     account.missing(
         "contacts and their forces",
         "contact and support are inferred from geometry",
@@ -37,7 +37,7 @@ def say_links(account: Account, robot: str) -> None:
 
 
 def say_unused(account: Account, names: Sequence[str], map_: MapFile) -> None:
-    """Entries of the map file that no body of the episode answers to; patterns need not."""
+    """Remark on entries of the map file that name no body of the episode; patterns need not."""
     unused = [name for name in map_.body if name not in names and not set(name) & set("*?[")]
     for name in unused:
         near = get_close_matches(name, names, 1)
@@ -73,8 +73,8 @@ def say_bodies(account: Account, bodies: Sequence[Body], map_: MapFile, com: str
             "insides of containers", cost="inside and containment_depth: inconclusive",
             remedy="[body.NAME] cavity in the map file; false for what has none",
         )  # fmt: skip
-    said = {b.name for b in objects if (t := map_.of_body(b.name)) and t.com is not None}
-    if any(body.name not in said for body in objects):
+    mapped = {b.name for b in objects if (t := map_.of_body(b.name)) and t.com is not None}
+    if any(body.name not in mapped for body in objects):
         account.guessed(
             "centres of mass",
             com,

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 from safestage_eval._process import simulator
 from safestage_eval.errors import TraceError
@@ -65,79 +63,35 @@ def importer(name: str) -> type[Importer]:
     return theirs
 
 
-Claim = tuple[type[Importer] | SourceError, str]
-"""The importer of a file or folder with its reason; or why it cannot be examined."""
+def recognise(path: Path, only: str | None = None) -> tuple[str, str] | None:
+    """Return the format of a file or folder and the reason; None if it has none that is known.
 
-
-def recognised(
-    source: Path, only: str | None = None, but: Path | None = None
-) -> list[tuple[Path, type[Importer] | SourceError, str]]:
-    """Each file or folder under a path that an importer takes.
-
-    ``only`` asks one importer alone; the folder ``but`` is left out.
+    Args:
+        path: the file or folder.
+        only: a format to take it for, instead of trying all.
 
     Raises:
-        SourceError: there is none, with what was looked for; or a format that cannot be used.
+        SourceError: it is damaged, of a format that cannot be imported, or ``only`` cannot be used.
     """
-    kinds = asked(only)
-    found = list(walk(source, lambda path: claimed(path, kinds), but))
-    if not found:
-        raise nothing_known(source, only)
-    return [(path, *claim) for path, claim in found]
-
-
-Found = TypeVar("Found")
-
-
-def walk(
-    source: Path, claim: Callable[[Path], Found | None], but: Path | None = None
-) -> Iterator[tuple[Path, Found]]:
-    """What ``claim`` says of each file or folder under a path; nothing below one that is claimed.
-
-    The folder ``but`` is left out. Raises SourceError when there is no such path.
-    """
-    if not source.exists():
-        raise SourceError(str(source), "no such file or folder", fix="check the spelling")
-    yield from _walk(source, claim, None if but is None else but.resolve())
-
-
-def _walk(
-    source: Path, claim: Callable[[Path], Found | None], but: Path | None
-) -> Iterator[tuple[Path, Found]]:
-    if source.resolve() == but:
-        return
-    found = claim(source)
-    if found is not None:
-        yield source, found
-        return
-    if source.is_file():
-        return
-    for path in sorted(source.iterdir()):
-        if not path.name.startswith("."):
-            yield from _walk(path, claim, but)
-
-
-def asked(only: str | None = None) -> list[type[Format]]:
-    """The formats that are known here, or one importer alone. Raises SourceError if it cannot be used."""
     if only is not None:
-        return [importer(only)]
-    return [*(kind for kind in importers().values() if not isinstance(kind, str)), *REFUSED]
-
-
-def claimed(path: Path, kinds: Sequence[type[Format]]) -> Claim | None:
-    """Which of the formats a file or folder has; None if none of them."""
+        formats: list[type[Format]] = [importer(only)]
+    else:
+        formats = [kind for kind in importers().values() if not isinstance(kind, str)]
+        formats += REFUSED
     problem = None
-    for kind in kinds:
+    for kind in formats:
         try:
             reason = kind.recognise(path)
-            if reason is not None and issubclass(kind, Refused):
-                return kind.refusal(path), reason
         except SourceError as error:
             problem = error
             continue
+        if reason is not None and issubclass(kind, Refused):
+            raise kind.refusal(path)
         if reason is not None and issubclass(kind, Importer):
-            return kind, reason
-    return None if problem is None else (problem, "")
+            return kind.name, reason
+    if problem is not None:
+        raise problem
+    return None
 
 
 def _is_trace(source: Path) -> bool:
@@ -147,8 +101,8 @@ def _is_trace(source: Path) -> bool:
         return False
 
 
-def nothing_known(source: Path, only: str | None = None) -> SourceError:
-    """That nothing under a path is of a known format, with what was looked for."""
+def unrecognised(source: Path, only: str | None) -> SourceError:
+    """Return the error for a path under which nothing has a known format."""
     if _is_trace(source):
         return SourceError(
             str(source), "it is a SafeStage trace, not someone else's.",

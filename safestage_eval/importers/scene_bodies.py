@@ -16,34 +16,36 @@ from .map_tables import BodyTable, MapFile, ShapeTable
 Meshes = dict[str, Mesh]
 
 
-def dressed(body: Body, map_: MapFile, meshes: Meshes) -> Body:
-    """The body with what the map says of it; meshes of its shapes are added to ``meshes``.
+def apply_map(body: Body, map_: MapFile, meshes: Meshes) -> Body:
+    """Return the body with the entries of the map; add meshes of its shapes to ``meshes``.
 
     Raises:
         InputError: a mesh file that cannot be read, an axis of no length.
     """
-    said = map_.of_body(body.name)
-    if said is None:
+    entry = map_.of_body(body.name)
+    if entry is None:
         return body
-    told = {"up_axis": "up", "cavity": "cavity"}
-    untold = tuple(f for f in body.untold if told.get(f) not in said.model_fields_set)
-    fields = _fields(body.name, said, map_, meshes)
+    entry_of = {"up_axis": "up", "cavity": "cavity"}
+    untold = tuple(f for f in body.untold if entry_of.get(f) not in entry.model_fields_set)
+    fields = _fields(body.name, entry, map_, meshes)
     return body.model_copy(update={**fields, "untold": untold})
 
 
-def added(names: set[str], map_: MapFile, meshes: Meshes) -> tuple[list[Body], dict[str, Track]]:
-    """Fixed bodies that only the map has: those with a position, whose name is not in ``names``.
+def fixed_from_map(
+    names: set[str], map_: MapFile, meshes: Meshes
+) -> tuple[list[Body], dict[str, Track]]:
+    """Return the fixed bodies that only the map has: those with a position, whose name is not in ``names``.
 
     Raises:
         InputError: as ``dressed``.
     """
     bodies, tracks = [], {}
-    for name, said in map_.body.items():
-        if name in names or said.position is None:
+    for name, entry in map_.body.items():
+        if name in names or entry.position is None:
             continue
-        fields = {"kind": "fixture", **_fields(name, said, map_, meshes), "movable": False}
+        fields = {"kind": "fixture", **_fields(name, entry, map_, meshes), "movable": False}
         bodies.append(Body(name=name, **fields))
-        tracks[name] = still_track(said.position, _unit(said.orientation, name))
+        tracks[name] = still_track(entry.position, _unit(entry.orientation, name))
     return bodies, tracks
 
 
@@ -67,24 +69,24 @@ def need_shapes(bodies: list[Body], where: str, *, among: str) -> None:
     )
 
 
-def _fields(name: str, said: BodyTable, map_: MapFile, meshes: Meshes) -> dict[str, Any]:
-    given = {field: getattr(said, field) for field in said.model_fields_set}
+def _fields(name: str, entry: BodyTable, map_: MapFile, meshes: Meshes) -> dict[str, Any]:
+    values = {field: getattr(entry, field) for field in entry.model_fields_set}
     out: dict[str, Any] = {
-        field: given[field]
+        field: values[field]
         for field in (
             "kind", "movable", "mass", "com", "inertia", "finger", "material", "tags", "parent",
             "excluded",
         )
-        if field in given
+        if field in values
     }  # fmt: skip
-    if "up" in given:
-        out["up_axis"] = _unit(given["up"], name) if given["up"] else None
-    if given.get("tcp") is not None:
-        out["tcp"] = Tcp(**given["tcp"].model_dump())
-    if given.get("cavity"):
-        out["cavity"] = Cavity(**given["cavity"].model_dump())
-    if given.get("shapes"):
-        out["geoms"] = tuple(_geom(name, shape, map_, meshes) for shape in given["shapes"])
+    if "up" in values:
+        out["up_axis"] = _unit(values["up"], name) if values["up"] else None
+    if values.get("tcp") is not None:
+        out["tcp"] = Tcp(**values["tcp"].model_dump())
+    if values.get("cavity"):
+        out["cavity"] = Cavity(**values["cavity"].model_dump())
+    if values.get("shapes"):
+        out["geoms"] = tuple(_geom(name, shape, map_, meshes) for shape in values["shapes"])
     return out
 
 

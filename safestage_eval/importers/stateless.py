@@ -12,7 +12,7 @@ from .importer import Refused, SourceError
 
 
 def ask_for(source: str) -> str:
-    """What would have to be there, by what a dataset is called."""
+    """Return what to ask the publisher of a dataset for, by its name."""
     name = source.lower()
     if "droid" in name:
         return (
@@ -60,7 +60,7 @@ class Stateless(Refused):
 
     @classmethod
     def refusal(cls, path: Path) -> SourceError:
-        """It has no poses, and who may have them."""
+        """Return the error that there are no poses, and who may have them."""
         seen = _seen(path)
         return SourceError(
             str(path),
@@ -111,7 +111,7 @@ def _features(spec: Any) -> dict[str, None]:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        found = from_json(path.read_text("utf-8"))
+        table = from_json(path.read_text("utf-8"))
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return table if isinstance(table, dict) else {}

@@ -54,7 +54,7 @@ class Found:
 
 
 def has_transforms(path: Path) -> bool:
-    """Whether the file is a complete foreign MCAP file with transforms; never raises."""
+    """True if the file is a complete foreign MCAP file with transforms; never raises."""
     from mcap.reader import make_reader
 
     try:
@@ -72,7 +72,7 @@ def has_transforms(path: Path) -> bool:
 
 
 def read_messages(paths: Iterable[Path]) -> Found:
-    """All transforms, scenes and descriptions of the files, which are parts of one recording.
+    """Read all transforms, scenes and descriptions of the files, which are parts of one recording.
 
     Raises:
         TraceError: a file is damaged.
@@ -99,7 +99,7 @@ def read_messages(paths: Iterable[Path]) -> Found:
 
 
 def error_line(error: Exception) -> str:
-    """One line on what is wrong with a message."""
+    """Describe an error of a message in one line."""
     if isinstance(error, AttributeError) and error.name is not None:
         return f"a message without {error.name!r}"
     lines = str(error).splitlines() or [""]
@@ -112,7 +112,7 @@ def _taker(schema: str, topic: str) -> Callable[[Found, Any, int], None] | None:
     if schema in SCENES:
         return _take_scene
     if schema == DESCRIPTION and topic.rstrip("/").endswith("robot_description"):
-        return lambda found, message, _: found.descriptions.append(message.data)
+        return lambda contents, message, _: contents.descriptions.append(message.data)
     return None
 
 
@@ -152,7 +152,7 @@ def _from_json(data: bytes) -> Any:
     return json.loads(data, object_hook=lambda d: SimpleNamespace(**d))
 
 
-def _take_transforms(found: Found, message: Any, log_time: int) -> None:
+def _take_transforms(contents: Found, message: Any, log_time: int) -> None:
     several = getattr(message, "transforms", None)
     for one in [message] if several is None else several:
         if hasattr(one, "header"):  # ROS: TransformStamped
@@ -162,9 +162,9 @@ def _take_transforms(found: Found, message: Any, log_time: int) -> None:
             stamp, parent, child = one.timestamp, one.parent_frame_id, one.child_frame_id
             moved, turned = one.translation, one.rotation
         parent, child = parent.strip("/"), child.strip("/")
-        samples = found.samples.setdefault(child, Samples(parent))
+        samples = contents.samples.setdefault(child, Samples(parent))
         if samples.parent != parent:
-            found.disagreeing.add(child)
+            contents.disagreeing.add(child)
             continue
         samples.time.append(_within(_nanoseconds(stamp) or log_time))
         samples.position.append((float(moved.x), float(moved.y), float(moved.z)))
@@ -187,6 +187,6 @@ def _within(time: int) -> int:
     return time
 
 
-def _take_scene(found: Found, message: Any, _: int) -> None:
+def _take_scene(contents: Found, message: Any, _: int) -> None:
     for entity in getattr(message, "entities", ()):
-        found.entities[entity.id] = entity
+        contents.entities[entity.id] = entity

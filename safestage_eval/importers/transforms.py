@@ -21,12 +21,12 @@ from safestage_eval.formats.discover import MCAP_MAGIC
 from safestage_eval.geometry.pose import relative
 
 from .account import Account
-from .foreign_motion import fixed_if_still, track
+from .foreign_motion import fixed_if_still, make_track
 from .foxglove_shapes import scene_geoms
 from .frame_tree import FrameTree
 from .importer import Importer, SourceError
 from .missing_data import say_bodies, say_contacts, say_success
-from .scene_bodies import added, dressed, need_shapes
+from .scene_bodies import apply_map, fixed_from_map, need_shapes
 from .tf_messages import Found, error_line, has_transforms, read_messages
 from .urdf_links import Link, urdf_links
 
@@ -67,7 +67,7 @@ class Transforms(Importer):
         return [self.path.stem]
 
     def fingerprint(self, name: str) -> str:  # noqa: ARG002 — there is one
-        """Sizes, beginnings and ends of the files."""
+        """Return a digest of sizes, beginnings and ends of the files."""
         digest = sha256()
         for path in self._parts():
             size = path.stat().st_size
@@ -78,33 +78,33 @@ class Transforms(Importer):
         return digest.hexdigest()[:16]
 
     def read(self, name: str, account: Account) -> Episode:  # noqa: ARG002 — there is one
-        """Bodies from frames, shapes from scene, robot description and map file."""
+        """Read bodies from frames; shapes from scene, robot description and map file."""
         where = str(self.path)
-        found = read_messages(self._parts())
-        if not found.samples:
+        contents = read_messages(self._parts())
+        if not contents.samples:
             raise SourceError(where, "holds no transform.", "transforms on /tf and /tf_static")
-        tree = FrameTree(found.samples, where)
+        tree = FrameTree(contents.samples, where)
         world = self._world(tree)
         meshes: dict[str, Mesh] = {}
         try:
-            scene, left_out = scene_geoms(found.entities.values(), meshes)
+            scene, left_out = scene_geoms(contents.entities.values(), meshes)
         except (ValueError, TypeError, AttributeError, OverflowError, IndexError) as error:
             raise TraceError(where, f"its scene cannot be read: {error_line(error)}.") from None
-        links = {k: v for text in found.descriptions for k, v in urdf_links(text, where).items()}
+        links = {k: v for text in contents.descriptions for k, v in urdf_links(text, where).items()}
         bodies = self._bodies(tree, world, scene, links, meshes, account)
         need_shapes(bodies, where, among=_NO_SHAPES)
         t, start = self._times(tree, [body.name for body in bodies], account)
         pairs = [fixed_if_still(b, _motion(tree, b.name, world, start + t)) for b in bodies]
-        more, still = added({body.name for body in bodies}, self.settings.map, meshes)
+        more, still = fixed_from_map({body.name for body in bodies}, self.settings.map, meshes)
         every = (*(body for body, _ in pairs), *more)
         tracks = {**{body.name: motion for body, motion in pairs}, **still}
-        self._told(found, left_out, links, every, account)
-        said, dt = self.settings.map.source, float(np.median(np.diff(t)))
+        self._remark(contents, left_out, links, every, account)
+        from_map, dt = self.settings.map.source, float(np.median(np.diff(t)))
         header = Header(
             episode_id="",
-            physics_dt=said.physics_dt or dt,
+            physics_dt=from_map.physics_dt or dt,
             frame_dt=dt,
-            control_dt=said.control_dt,
+            control_dt=from_map.control_dt,
             force_source="none",
             source=Source(simulator=None),
             bodies=every,
@@ -125,12 +125,14 @@ class Transforms(Importer):
         return parts
 
     def _world(self, tree: FrameTree) -> str:
-        said = self.settings.map.source.world
-        known = [*tree.roots, *tree.edges]
-        if said is not None:
-            if said not in known:
-                raise SourceError(str(self.path), f"no frame {said!r}.", ", ".join(sorted(known)))
-            return said
+        stated = self.settings.map.source.world
+        frames = [*tree.roots, *tree.edges]
+        if stated is not None:
+            if stated not in frames:
+                raise SourceError(
+                    str(self.path), f"no frame {stated!r}.", ", ".join(sorted(frames))
+                )
+            return stated
         if len(tree.roots) > 1:
             raise SourceError(
                 str(self.path),
@@ -151,8 +153,8 @@ class Transforms(Importer):
         map_, root = self.settings.map, tree.root(world)
         wanted, lost, bare = [], [], []
         for name in (*tree.edges, *(root for root in tree.roots if root in scene)):
-            known = name in scene or (name in links and links[name].geoms) or map_.of_body(name)
-            if not known:
+            placed = name in scene or (name in links and links[name].geoms) or map_.of_body(name)
+            if not placed:
                 bare.append(name)
             elif tree.root(name) != root:
                 lost.append(name)
@@ -197,7 +199,7 @@ class Transforms(Importer):
             geoms=link.geoms if link.robot and link.geoms else scene.get(name) or link.geoms,
             untold=("up_axis", "cavity"),
         )
-        return dressed(raw, self.settings.map, meshes)
+        return apply_map(raw, self.settings.map, meshes)
 
     def _times(self, tree: FrameTree, names: list[str], account: Account) -> tuple[F64, float]:
         """(T,) s from the start, and the start in the clock of the recording."""
@@ -245,9 +247,9 @@ class Transforms(Importer):
             )  # fmt: skip
         return times - times[0], float(times[0])
 
-    def _told(
+    def _remark(
         self,
-        found: Found,
+        contents: Found,
         left_out: list[str],
         links: dict[str, Link],
         bodies: Sequence[Body],
@@ -261,14 +263,14 @@ class Transforms(Importer):
                 cost="contacts and clearances there",
                 remedy="[body.NAME] shapes in the map file",
             )
-        if found.disagreeing:
+        if contents.disagreeing:
             account.guessed(
-                f"the parent of {', '.join(sorted(found.disagreeing))}",
+                f"the parent of {', '.join(sorted(contents.disagreeing))}",
                 "they came under two; the first is kept",
             )
-        if found.others:
+        if contents.others:
             account.missing(
-                f"topics {', '.join(sorted(found.others))}", "not taken over",
+                f"topics {', '.join(sorted(contents.others))}", "not taken over",
                 remedy="[every] and [episode.NAME] in the map file for what they say",
             )  # fmt: skip
         kinds = [
@@ -293,7 +295,7 @@ def _motion(tree: FrameTree, name: str, world: str, t: F64) -> Track:
     position, orientation = tree.pose(name, t)
     if world in tree.edges:
         position, orientation = relative(*tree.pose(world, t), position, orientation)
-    return track(position, orientation, None, None)
+    return make_track(position, orientation, None, None)
 
 
 IMPORTER = Transforms

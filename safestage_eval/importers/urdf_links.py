@@ -35,7 +35,7 @@ class Link:
 
 
 def urdf_links(text: str, where: str) -> dict[str, Link]:
-    """Link name → what the description says of it.
+    """Return link name → the link of the description.
 
     Raises:
         TraceError: not XML, numbers that are none, or a document with entities of its own.
@@ -65,15 +65,15 @@ def _joints(root: ET.Element) -> tuple[dict[str, str], Any]:
         if joint.get("type") in JOINTED:
             moving.add(child.get("link", ""))
 
-    known: dict[str, str] = {}
+    ends: dict[str, str] = {}
 
     def base(name: str) -> str:
         seen = set()
-        while name in parents and name not in seen and name not in known:
+        while name in parents and name not in seen and name not in ends:
             seen.add(name)
             name = parents[name]
-        end = known.get(name, name)
-        known.update(dict.fromkeys(seen, end))
+        end = ends.get(name, name)
+        ends.update(dict.fromkeys(seen, end))
         return end
 
     bases = {base(name) for name in moving}

@@ -14,7 +14,7 @@ from safestage_eval.episode import Body, Cavity, Episode, Header
 from safestage_eval.errors import InputError
 from safestage_eval.formats import TraceWriter
 from safestage_eval.importers import Account, MapFile
-from safestage_eval.importers.scene_bodies import added, dressed
+from safestage_eval.importers.scene_bodies import apply_map, fixed_from_map
 from simulate.world.contact_reader import ContactReader
 from simulate.world.describe import Description, body_name
 from simulate.world.motion_reader import MotionReader
@@ -95,7 +95,9 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
     openness = facts.openness()
     rooms = region_cavities(model, data, about)
     meshes = {mesh.key: mesh for mesh in about.meshes}
-    bodies = tuple(dressed(_plain(body, rows.loaded, rooms), map_, meshes) for body in about.bodies)
+    bodies = tuple(
+        apply_map(_plain(body, rows.loaded, rooms), map_, meshes) for body in about.bodies
+    )
     full = header.model_copy(
         update={
             "bodies": bodies,
@@ -106,7 +108,7 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
             "parameters": {**header.parameters, **light_contacts(model, about, account)},
         }
     )
-    more, places = added({body.name for body in bodies}, map_, meshes)
+    more, places = fixed_from_map({body.name for body in bodies}, map_, meshes)
     writer = TraceWriter(full, meshes=meshes, frames=len(rows.time))
     for i in about.fixed:
         writer.set_fixed(about.body(i).name, data.xpos[i].copy(), data.xquat[i].copy())

@@ -3,7 +3,7 @@
 import pytest
 
 from safestage_eval.importers import import_source
-from safestage_eval.importers.read_in_child import Here
+from safestage_eval.importers.read_source import Here
 
 
 @pytest.fixture(autouse=True)

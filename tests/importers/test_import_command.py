@@ -11,7 +11,7 @@ from toy_importer import Toy
 
 from safestage_eval.formats import discover, load, validate
 from safestage_eval.importers import importer, registry
-from safestage_eval.importers.read_in_child import Here
+from safestage_eval.importers.read_source import Here
 
 MAP = """
 [every]
@@ -37,7 +37,7 @@ shapes = [{ kind = "box", size = [0.5, 0.5, 0.02] }]
 @pytest.fixture(autouse=True)
 def toys(monkeypatch):
     monkeypatch.setattr(registry, "importer", lambda name: Toy)
-    monkeypatch.setattr("safestage_eval.importers.open_source.importer", lambda name: Toy)
+    monkeypatch.setattr("safestage_eval.importers.read_source.importer", lambda name: Toy)
     monkeypatch.setattr(  # no other process knows toys
         "safestage_eval.importers.import_source.Apart", lambda target, limits, jobs: Here(target)
     )

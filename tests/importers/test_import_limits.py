@@ -14,11 +14,11 @@ from safestage_eval._process import children, spawned
 from safestage_eval._process.children import Children, Ended, Question
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, validate
-from safestage_eval.importers import Settings, hdf5_heaps, read_in_child
+from safestage_eval.importers import Settings, hdf5_heaps, read_source
 from safestage_eval.importers.hdf5 import open_hdf5
 from safestage_eval.importers.import_episode import Target, Task
-from safestage_eval.importers.import_limits import AT_LEAST, Limits
 from safestage_eval.importers.importer import SourceError
+from safestage_eval.importers.read_source import AT_LEAST, Limits
 
 
 def with_texts(path, **options):
@@ -120,7 +120,7 @@ def test_large_sources_may_take_longer(tmp_path):
 
 
 def test_a_source_whose_episodes_all_hang_is_given_up(tmp_path, monkeypatch):
-    monkeypatch.setattr(read_in_child, "GIVEN_UP", 1)
+    monkeypatch.setattr(read_source, "GIVEN_UP", 1)
     tasks = [Task("toy", tmp_path / name, str(i), f"{name}/{i}", f"{name}:{i}") for name, i in
              (("a", 0), ("a", 1), ("b", 0), ("a", 2))]  # fmt: skip
 
@@ -129,7 +129,7 @@ def test_a_source_whose_episodes_all_hang_is_given_up(tmp_path, monkeypatch):
             bad = question.what.path.name == "a"
             yield question, Ended("took longer", bound=True) if bad else "fine"
 
-    apart = read_in_child.Apart(Target(tmp_path, False, Settings()), Limits(), 1)
+    apart = read_source.Apart(Target(tmp_path, False, Settings()), Limits(), 1)
     monkeypatch.setattr(apart._children, "run", run)
     found = {task.source: getattr(result, "message", result) for task, result in apart.run(tasks)}
     assert found["b:0"] == "fine"

@@ -241,7 +241,7 @@ def test_a_box_that_stands_askew_in_its_body():
     world = rotate(np.repeat(spin, 8, axis=0), np.tile(inner, (200, 1))).reshape(-1, 8, 3)
     place = np.linspace((0.3, -0.2, 0.4), (0.7, 0.5, 0.1), 200)
     found = boxes.fit(
-        boxes.metres(np.trunc((world + place[:, None]) * 1e3).astype("i2")), place, spin
+        boxes.to_metres(np.trunc((world + place[:, None]) * 1e3).astype("i2")), place, spin
     )
     assert found.geom.size == pytest.approx((0.05, 0.08, 0.11), abs=2e-4)
     assert found.geom.position == pytest.approx((0.01, 0.02, 0.03), abs=2e-4)

@@ -12,7 +12,7 @@ from safestage_eval.episode import Body, Episode, Header, Track
 from safestage_eval.errors import TraceError
 from safestage_eval.importers.account import Account
 from safestage_eval.importers.importer import Importer, Settings, SourceError
-from safestage_eval.importers.scene_bodies import added, dressed, need_shapes
+from safestage_eval.importers.scene_bodies import apply_map, fixed_from_map, need_shapes
 
 
 class Toy(Importer):
@@ -47,10 +47,10 @@ class Toy(Importer):
             z = np.asarray(heights, np.float32)
             zero = np.zeros((len(z), 3), np.float32)
             turn = np.tile(np.array([1, 0, 0, 0], np.float32), (len(z), 1))
-            bodies.append(dressed(Body(name=body, kind="object"), self.settings.map, meshes))
+            bodies.append(apply_map(Body(name=body, kind="object"), self.settings.map, meshes))
             tracks[body] = Track(np.column_stack([0 * z, 0 * z, z]), turn, zero, zero)
         need_shapes(bodies, str(self.path), among="toys have none")
-        more, still = added(set(tracks), self.settings.map, meshes)
+        more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
         header = Header(
             episode_id="", physics_dt=dt, frame_dt=dt, task="toy", bodies=(*bodies, *more)
         )

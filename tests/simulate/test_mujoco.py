@@ -16,9 +16,10 @@ from foreign_demos import ASSETS, FOREIGN, demo_file, imported, said, scene, set
 from safestage_eval.episode import check
 from safestage_eval.errors import InputError
 from safestage_eval.geometry.pose import rotate
-from safestage_eval.importers import MapFile, recognised
+from safestage_eval.importers import MapFile
 from safestage_eval.importers.importer import SourceError
 from safestage_eval.importers.map_tables import BodyTable
+from safestage_eval.importers.registry import recognise
 from simulate.importers.mujoco import MujocoStates
 
 pytestmark = pytest.mark.simulate
@@ -174,8 +175,8 @@ def test_robocasa_s_folders_give_what_the_hdf5_file_gives(tmp_path: Path) -> Non
     (folder.parent / "dataset_meta.json").write_text(json.dumps(about))
     (tmp_path / "meta").mkdir()  # the folder is a LeRobot dataset as well, without the objects
     (tmp_path / "meta" / "info.json").write_text('{"codebase_version": "v2.1", "features": {}}')
-    ((path, kind, _),) = recognised(tmp_path)
-    assert (path, kind) == (tmp_path, MujocoStates)
+    kind, _ = recognise(tmp_path)
+    assert kind == MujocoStates.name
     episode, _ = imported(tmp_path)
     header = episode.header
     assert (header.task, header.instruction, header.control_dt) == ("Lift", "lift the cube", 0.05)
