@@ -33,7 +33,7 @@ from machine import machine
 
 from safestage_eval.episode import Episode
 from safestage_eval.formats.parquet.arrow_tables import write_options
-from safestage_eval.formats.parquet.shard import writing_shard
+from safestage_eval.formats.parquet.dataset_writer import writing_shard
 
 STAGES = tuple(made.ROLES)
 SHARD = 50

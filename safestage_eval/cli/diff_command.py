@@ -111,13 +111,13 @@ def _of_rules(
     jobs: int | None,
 ) -> Any:
     from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.formats.episode_filter import Selection
     from safestage_eval.rules import builtin_names
     from safestage_eval.whatif.diff import diff
 
     before = list(rules) or builtin_names()
     overrides = pairs(settings, "--set")
-    refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
+    refs = [*Selection(discover(list(traces)), pairs(where, "--where"))]
     prepare_kernels()
     with progress("comparing") as tell:
         return diff(

@@ -124,11 +124,11 @@ def _episodes(
     """The episodes that can be opened and are asked for."""
     from safestage_eval.errors import InputError
     from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.formats.episode_filter import Selection
     from safestage_eval.metrics.read_rows import read_rows
 
     refs = []
-    for ref in Chosen(discover(list(traces)), pairs(where, "--where")):
+    for ref in Selection(discover(list(traces)), pairs(where, "--where")):
         if ref.problem is None:
             refs.append(ref)
         else:

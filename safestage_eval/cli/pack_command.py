@@ -64,7 +64,7 @@ def command(
         if ref.problem or all(str(ref.fields.get(k)) == v for k, v in wanted.items())
     ]
     with progress("packing") as tell:
-        result = pack(refs, out, by=fields, shard_episodes=shard_episodes, tell=tell)
+        result = pack(refs, out, by=fields, shard_episodes=shard_episodes, progress=tell)
     for name, problem in result.problems:
         say(f"problem: {name}: {problem}", err=True)
     if result.packed or result.there:

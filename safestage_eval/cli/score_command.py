@@ -268,7 +268,7 @@ def _write_what_if(
 ) -> None:
     """Write the what-if table beside the rows; what cannot be judged is listed with them."""
     from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.formats.episode_filter import Selection
     from safestage_eval.rules import builtin_names
     from safestage_eval.whatif.flip_table import Judging, path_beside, write_table
 
@@ -279,7 +279,7 @@ def _write_what_if(
     beside = path_beside(output)
     with progress("what-if") as tell:
         write_table(
-            beside, [*Chosen(discover(list(traces)), filters)], judging,
+            beside, [*Selection(discover(list(traces)), filters)], judging,
             params=None if names == ["all"] else names, jobs=jobs, progress=tell,
         )  # fmt: skip
     say(f"{beside}: what-if table", err=True)

@@ -94,7 +94,7 @@ def command(
     if param in overrides:
         raise click.UsageError(f"--set {param}: it is swept; leave one of the two out")
     from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.formats.episode_filter import Selection
     from safestage_eval.report import sweep_report
     from safestage_eval.report.figure import ready
     from safestage_eval.rules import builtin_names, load_rules
@@ -124,7 +124,7 @@ def command(
         if table is not None:
             curves = sweep_table(table, param, visited, jobs=jobs, progress=tell)
         else:
-            refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
+            refs = [*Selection(discover(list(traces)), pairs(where, "--where"))]
             prepare_kernels()
             curves = sweep(
                 refs,

@@ -14,7 +14,7 @@ PART = ".part"
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary path beside ``path`` that takes its place when the block ends well.
+    """Yield a temporary path beside ``path`` that takes its place when the block ends well.
 
     The bytes are on disk before the name changes; a block that raises leaves nothing behind, and
     one that is killed leaves only a ``.part`` file.
@@ -38,7 +38,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 
 def sync(path: Path) -> None:
-    """Bytes of a file, or names in a folder (where the system lets one ask), to the disk."""
+    """Flush the bytes of a file, or the names in a folder where the system can, to the disk."""
     if os.name == "nt" and path.is_dir():
         return
     handle = os.open(path, os.O_RDONLY)

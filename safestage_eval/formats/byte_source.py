@@ -50,12 +50,12 @@ class BlockSource(Source):
         first, last = at // BLOCK, (end - 1) // BLOCK
         if last - first >= KEPT:
             return self._fetch(at, end - at)
-        found: dict[int, bytes] = {}
+        blocks: dict[int, bytes] = {}
         block = first
         while block <= last:
             if block in self._blocks:
                 self._blocks.move_to_end(block)
-                found[block] = self._blocks[block]
+                blocks[block] = self._blocks[block]
                 block += 1
                 continue
             stop = block
@@ -65,11 +65,11 @@ class BlockSource(Source):
             data = self._fetch(begin, min(stop * BLOCK, self.size) - begin)
             for number in range(block, stop):
                 part = data[(number - block) * BLOCK : (number - block + 1) * BLOCK]
-                found[number] = self._blocks[number] = part
+                blocks[number] = self._blocks[number] = part
             block = stop
         while len(self._blocks) > KEPT:
             self._blocks.popitem(last=False)
-        joined = b"".join(found[number] for number in range(first, last + 1))
+        joined = b"".join(blocks[number] for number in range(first, last + 1))
         return joined[at - first * BLOCK : end - first * BLOCK]
 
 

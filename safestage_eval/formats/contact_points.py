@@ -32,11 +32,12 @@ all bodies in the header's order. The bodies follow from the geoms."""
 RAW = np.dtype((np.void, POINT.itemsize))
 """A point as bytes: moving whole points is several times faster than moving their fields."""
 
-_ITEMS = np.dtype([(name, f"V{POINT[name].itemsize}") for name in POINT.names or ()])
+_NAMES = POINT.names or ()
+_ITEMS = np.dtype([(name, f"V{POINT[name].itemsize}") for name in _NAMES])
 """POINT with every field as bytes: a vector is copied as one item."""
 
 Contacts = NDArray[Any] | Mapping[str, ArrayLike] | Sequence[Mapping[str, Any]]
-"""What a recorder may pass: a (C,) array of POINT, columns by name, or a list of rows."""
+"""Contacts as a recorder passes them: a (C,) array of POINT, columns by name, or a list of rows."""
 
 
 class GeomNames:
@@ -62,26 +63,26 @@ class GeomNames:
                 index += 1
 
     def index(self, body: str, geom: str | int | None) -> int:
-        """Index of a geom: by name within the body, by number over all bodies, or its first one.
+        """Return the index of a geom, by name within the body or by number over all bodies; without either, of its first one.
 
         Raises:
             TraceError: no such body, no such geom, or a body without geoms.
         """
         if isinstance(geom, int | np.integer):
             return int(geom)
-        found = self._first.get(body) if geom is None else self._named.get((body, geom))
-        if found is None:
-            what = "a body with geoms" if geom is None else f"a geom {geom!r}"
+        number = self._first.get(body) if geom is None else self._named.get((body, geom))
+        if number is None:
+            expected = "a body with geoms" if geom is None else f"a geom {geom!r}"
             raise TraceError(
                 self._where,
-                f"a contact names {body!r}, which is not {what}.",
+                f"a contact names {body!r}, which is not {expected}.",
                 ", ".join(self._first) or "no body has geoms",
                 "declare the body with its geoms before the first frame",
             )
-        return found
+        return number
 
     def bodies(self, points: NDArray[Any]) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-        """Body indices (C,), (C,) of points; raises TraceError for a geom that no body has."""
+        """Return the body indices (C,), (C,) of points. Raises TraceError for a geom that no body has."""
         for name in ("geom1", "geom2"):
             highest = int(points[name].max()) if len(points) else -1
             if highest >= len(self.owner):
@@ -93,8 +94,8 @@ class GeomNames:
         return self.owner[points["geom1"]], self.owner[points["geom2"]]
 
 
-def pack(contacts: Contacts, names: GeomNames) -> NDArray[Any]:
-    """Contacts of one frame as a (C,) array of POINT.
+def pack_contacts(contacts: Contacts, names: GeomNames) -> NDArray[Any]:
+    """Return the contacts of one frame as a (C,) array of POINT.
 
     Rows need ``position``, ``normal``, ``force`` and either ``geom1``/``geom2`` or
     ``body1``/``body2``; ``peak_force`` defaults to the pair's summed normal force at the frame,
@@ -115,9 +116,7 @@ def pack(contacts: Contacts, names: GeomNames) -> NDArray[Any]:
         columns = _columns(contacts, names)
     missing = [n for n in ("geom1", "geom2", "position", "normal", "force") if n not in columns]
     if missing:
-        raise TraceError(
-            "contacts", f"{', '.join(missing)} not given.", ", ".join(POINT.names or ())
-        )
+        raise TraceError("contacts", f"{', '.join(missing)} not given.", ", ".join(_NAMES))
     points = np.empty(len(np.asarray(columns["geom1"])), POINT)
     for name in ("geom1", "geom2", "position", "normal", "force"):
         points[name] = columns[name]
@@ -146,11 +145,11 @@ def _columns(rows: Sequence[Mapping[str, Any]], names: GeomNames) -> dict[str, A
         "geom2": [names.index(r.get("body2", ""), r.get("geom2")) for r in rows],
     }
     for name in ("position", "normal", "force", "peak_force", "depth"):
-        given = [row[name] for row in rows if name in row]
-        if given and len(given) < len(rows):
+        values = [row[name] for row in rows if name in row]
+        if values and len(values) < len(rows):
             raise TraceError("contacts", f"{name} is given for some rows only")
-        if given:
-            columns[name] = given
+        if values:
+            columns[name] = values
     if not rows:
         columns |= {name: np.zeros((0, 3)) for name in ("position", "normal", "force")}
     return columns
@@ -176,7 +175,7 @@ class PackedContacts(StoredColumns, ContactTable):
         values = []
         for column in columns:
             name, _, axis = column.partition(".")
-            if name in (self._points.dtype.names or ()):
+            if name in _NAMES:
                 values.append(
                     np.ascontiguousarray(points[name][:, "xyz".index(axis)])
                     if axis
@@ -193,7 +192,9 @@ def _column(points: NDArray[Any], name: str) -> NDArray[Any]:
     return items.view(POINT[name].base).reshape(len(points), *POINT[name].shape)
 
 
-def table(points: NDArray[Any], counts: NDArray[np.integer], names: GeomNames) -> ContactTable:
+def contact_table(
+    points: NDArray[Any], counts: NDArray[np.integer], names: GeomNames
+) -> ContactTable:
     """Make the canonical table of contacts.
 
     Points in the table's order are not copied; others are sorted.
@@ -210,7 +211,7 @@ def table(points: NDArray[Any], counts: NDArray[np.integer], names: GeomNames) -
     body1, body2 = names.bodies(points)
     if _is_canonical(frame, body1, body2, points["geom1"], points["geom2"]):
         return PackedContacts(points, {"frame": frame, "body1": body1, "body2": body2})
-    columns = {name: points[name] for name in POINT.names or ()}
+    columns = {name: points[name] for name in _NAMES}
     return ContactTable.build(frame=frame, body1=body1, body2=body2, **columns)
 
 
@@ -231,9 +232,9 @@ def _is_canonical(
     return not bool((behind & (frame[1:] == frame[:-1])).any())
 
 
-def packed(contacts: ContactTable) -> NDArray[Any]:
-    """(C,) POINT of the contacts of a table, in its order."""
+def table_points(contacts: ContactTable) -> NDArray[Any]:
+    """Return the (C,) POINT of the contacts of a table, in its order."""
     points = np.empty(len(contacts), POINT)
-    for name in POINT.names or ():
+    for name in _NAMES:
         points[name] = getattr(contacts, name)
     return points

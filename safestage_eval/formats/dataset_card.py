@@ -24,7 +24,7 @@ _ABOUT = {
 def dataset_card(
     dataset: Path, refs: Sequence[EpisodeRef], *, title: str, licence: str | None = None
 ) -> str:
-    """Markdown with the metadata that the Hugging Face hub reads: a config for each table.
+    """Return Markdown with the metadata that the Hugging Face hub reads: a config for each table.
 
     Args:
         dataset: the packed folder; it says which tables there are.

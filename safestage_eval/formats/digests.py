@@ -29,7 +29,7 @@ Digests = Mapping[str, Sequence[str]]
 
 
 def crc(values: NDArray[Any]) -> str:
-    """CRC-32 of numbers, whole ones as int32; 8 hexadecimal digits. Of anything else, none."""
+    """Return the CRC-32 of numbers, integers as int32, in 8 hexadecimal digits; "" for other types."""
     if values.dtype.kind not in "biuf":
         return ""
     if values.dtype.kind in "iu" and values.dtype.itemsize > 1:
@@ -37,32 +37,32 @@ def crc(values: NDArray[Any]) -> str:
     return f"{crc32(np.ascontiguousarray(values).view(np.uint8).reshape(-1)):08x}"
 
 
-def seal(content_hash: str, header: Header, told: object) -> str:
-    """SHA-256 (hex) that binds a content hash to the scene and to digests (JSON)."""
-    text = json.dumps([content_hash, scene_text(header), told], sort_keys=True)
+def seal(content_hash: str, header: Header, digests: object) -> str:
+    """Return the SHA-256 (hex) that binds a content hash to the scene and to digests (JSON)."""
+    text = json.dumps([content_hash, scene_text(header), digests], sort_keys=True)
     return sha256(text.encode()).hexdigest()
 
 
-def sealed(episode: Episode, told: object) -> str:
-    """The text that is stored: digests (JSON) and seal."""
-    found = {"crc32": told, "seal": seal(episode.content_hash, episode.header, told)}
-    return json.dumps(found, separators=(",", ":"))
+def sealed(episode: Episode, digests: object) -> str:
+    """Return the text that is stored: digests (JSON) and seal."""
+    text = {"crc32": digests, "seal": seal(episode.content_hash, episode.header, digests)}
+    return json.dumps(text, separators=(",", ":"))
 
 
 def computed(episode: Episode) -> str:
-    """Its content hash. Raises TraceError for the first invariant that it breaks."""
+    """Return the content hash. Raises TraceError for the first invariant that the episode breaks."""
     for error in check(episode):
         raise error
     return episode.content_hash
 
 
 class Seal:
-    """What a file states about its content, and whether that is so."""
+    """The content hash and digests that a file states, and their comparison with its content."""
 
     def __init__(
         self, stated: str | None, text: str | None, recompute: Callable[[], str], where: str
     ) -> None:
-        """As read, before anything is compared.
+        """Parse the digests; nothing is compared yet.
 
         Args:
             stated: the content hash.
@@ -71,54 +71,54 @@ class Seal:
             where: for messages.
         """
         self.stated, self._recompute, self._where = stated, recompute, where
-        self.told: Any = None
+        self.digests: Any = None
         self._seal = ""
         self._full: str | None = None
         if text is not None:
             try:
-                found = json.loads(text)
-                self.told, self._seal = found["crc32"], str(found["seal"])
+                record = json.loads(text)
+                self.digests, self._seal = record["crc32"], str(record["seal"])
             except (ValueError, TypeError, KeyError, RecursionError):
-                self.told = {}
+                self.digests = {}
 
     @property
     def open(self) -> bool:
-        """Columns are still to be compared with their digests."""
-        return self.told is not None and self._full is None
+        """True while columns are still to be compared with their digests."""
+        return self.digests is not None and self._full is None
 
     def check(self, header: Header) -> None:
-        """Raises TraceError where the content hash is not of this scene and these digests."""
-        if self.told is not None and seal(self.stated or "", header, self.told) != self._seal:
+        """Check the seal. Raises TraceError where the content hash is not of this scene and these digests."""
+        if self.digests is not None and seal(self.stated or "", header, self.digests) != self._seal:
             self.differs("content_hash")
 
-    def differs(self, what: str) -> None:
-        """What is not as its digest says: raises TraceError unless all is as the hash says."""
+    def differs(self, part: str) -> None:
+        """Recompute the content hash, because a part differs from its digest. Raises TraceError if the hash differs too."""
         if self._full is not None:
             return
-        found = self._recompute()
-        if found != self.stated:
-            raise self._differs(what, found)
-        self._full = found
+        computed_hash = self._recompute()
+        if computed_hash != self.stated:
+            raise self._differs(part, computed_hash)
+        self._full = computed_hash
 
-    def _differs(self, what: str, found: str) -> TraceError:
+    def _differs(self, part: str, computed_hash: str) -> TraceError:
         return TraceError(
             self._where,
-            f"{what} is not what was written with this header: the content hash is "
-            f"{found[:12]}…, stated is {(self.stated or 'none')[:12]}…",
+            f"{part} is not what was written with this header: the content hash is "
+            f"{computed_hash[:12]}…, stated is {(self.stated or 'none')[:12]}…",
             fix="restore the file, or record again",
         )
 
     def content_hash(self, episode: Episode) -> str:
-        """As stated and compared as far as columns were read, or computed in full.
+        """Return the content hash: as stated, compared as far as columns were read; or computed in full.
 
         ``episode``: as it was read, with every invariant checked, or to be checked as the rest of
         it is read. Raises TraceError where they differ.
         """
-        if self._full is None and self.told is None:
-            found = episode.content_hash
-            if self.stated is not None and found != self.stated:
-                raise self._differs("the content", found)
-            self._full = found
+        if self._full is None and self.digests is None:
+            computed_hash = episode.content_hash
+            if self.stated is not None and computed_hash != self.stated:
+                raise self._differs("the content", computed_hash)
+            self._full = computed_hash
         return self._full or self.stated or ""
 
 
@@ -128,10 +128,10 @@ def frame_digests(
     points: NDArray[Any],
     counts: NDArray[Any],
 ) -> dict[str, str]:
-    """Of what the messages of an MCAP file hold.
+    """Return the CRC-32 of each part of the messages of an MCAP file, by name.
 
     Packed fields, times, contacts (C,) as POINT, and how many each frame has (T,).
     """
-    found = {name: crc(values) for name, values in sorted(columns.items())}
+    digests = {name: crc(values) for name, values in sorted(columns.items())}
     raw = np.ascontiguousarray(points).view(np.uint8)
-    return found | {"time": crc(t), "contacts": crc(raw), "counts": crc(counts)}
+    return digests | {"time": crc(t), "contacts": crc(raw), "counts": crc(counts)}

@@ -15,7 +15,7 @@ from safestage_eval.errors import TraceError
 from .episode_ref import EpisodeRef
 from .parquet import dataset_layout as layout
 from .remote_path import RemotePath, as_path, forget, walk
-from .trace_files import regular
+from .trace_files import regular_status
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
 PARQUET_MAGIC = b"PAR1"
@@ -57,26 +57,26 @@ def load(
     Raises:
         TraceError: nothing there, several episodes and none chosen, or the chosen one is broken.
     """
-    found = discover([path])
+    refs = discover([path])
     if episode is not None:
-        found = [ref for ref in found if ref.episode_id == episode]
-    if len(found) != 1:
+        refs = [ref for ref in refs if ref.episode_id == episode]
+    if len(refs) != 1:
         some = ", ".join(ref.episode_id or ref.path.name for ref in discover([path])[:8])
         raise TraceError(
             str(path),
-            f"{len(found)} episodes are named {episode!r}."
+            f"{len(refs)} episodes are named {episode!r}."
             if episode is not None
-            else f"{len(found)} episodes are here.",
+            else f"{len(refs)} episodes are here.",
             some,
             "choose one: load(path, episode=…)",
         )
-    return found[0].open(recover=recover, checked=checked)
+    return refs[0].open(recover=recover, checked=checked)
 
 
 def discover(
     paths: str | Path | Iterable[str | Path], *, maybe_none: bool = False
 ) -> list[EpisodeRef]:
-    """Every episode under the paths, in the order of their names.
+    """Return every episode under the paths, in the order of their names.
 
     A file or row that cannot be read becomes a reference with a ``problem``, so that it does not
     stop the others. A rollout that ended in an error is left out where it was tried again: another
@@ -95,21 +95,21 @@ def discover(
 def find(
     paths: str | Path | Iterable[str | Path], *, maybe_none: bool = False
 ) -> Iterator[EpisodeRef]:
-    """The same one by one, each file of episodes opened when its turn comes.
+    """Yield every episode under the paths; each file is opened when its turn comes.
 
     That nothing is under one of several paths is noticed when its turn comes as well. Those that
     ended in an error are all there, also when they were tried again.
     """
-    given = [paths] if isinstance(paths, str | Path) else list(paths)
-    if not given:
+    places = [paths] if isinstance(paths, str | Path) else list(paths)
+    if not places:
         raise TraceError("traces", "no path given.", "MCAP files, datasets, folders")
     forget()
     seen: set[Path] = set()
-    for path in map(as_path, given):
+    for path in map(as_path, places):
         with _reached(path):
             if not path.exists():
                 raise TraceError(str(path), "no such file or folder", fix="check the spelling")
-    for path in map(as_path, given):
+    for path in map(as_path, places):
         empty = True
         with _reached(path):
             files = iter([refs_of_file(path)] if path.is_file() else _refs_of_folder(path))
@@ -134,7 +134,7 @@ def find(
 
 @contextmanager
 def _reached(path: Path) -> Iterator[None]:
-    """What goes wrong with a file system or a store while one looks for episodes, in words."""
+    """Turn an OSError of a file system or a store into a TraceError."""
     try:
         yield
     except OSError as error:
@@ -146,7 +146,7 @@ def _reached(path: Path) -> Iterator[None]:
 
 
 def _each_once(refs: list[EpisodeRef]) -> Iterable[EpisodeRef]:
-    """Of a file; rows with the same index would be the same episode."""
+    """Drop rows of a file with the index of an earlier one: they would be the same episode."""
     first: dict[int | None, EpisodeRef] = {}
     for ref in refs:
         first.setdefault(ref.episode_index, ref)
@@ -154,7 +154,7 @@ def _each_once(refs: list[EpisodeRef]) -> Iterable[EpisodeRef]:
 
 
 def _without_tried_again(refs: list[EpisodeRef]) -> list[EpisodeRef]:
-    """Of several episodes of one id those that ended in an error go, but never the last of them."""
+    """Drop episodes that ended in an error where another one has their id, but never the last of an id."""
     failed = [ref for ref in refs if aborted(ref)]
     if not failed:
         return refs
@@ -168,12 +168,12 @@ def _without_tried_again(refs: list[EpisodeRef]) -> list[EpisodeRef]:
 
 
 def aborted(ref: EpisodeRef) -> bool:
-    """The rollout ended in an error: what recorded it failed, and the policy was not seen to."""
+    """True if the rollout ended in an error: the recorder failed, which says nothing about the policy."""
     return ref.problem is None and ref.fields.get("termination") == "error"
 
 
 def refs_of_file(path: Path) -> list[EpisodeRef]:
-    """The episodes of one file: an MCAP, or a file of ``meta/episodes``.
+    """Return the episodes of one file: an MCAP, or a file of ``meta/episodes``.
 
     Raises:
         TraceError: the file is neither.
@@ -186,19 +186,19 @@ def refs_of_file(path: Path) -> list[EpisodeRef]:
         return [ref for refs in _refs_of_folder(path.parents[1]) for ref in refs]
     if path.parent.parts[-2:] == ("meta", "episodes") and path.suffix == ".parquet":
         return _dataset_refs(path)
-    what = "neither an MCAP nor a dataset's file"
+    problem = "neither an MCAP nor a dataset's file"
     if magic.startswith(PARQUET_MAGIC):
-        what = "a Parquet file, but not one of meta/episodes"
+        problem = "a Parquet file, but not one of meta/episodes"
     raise TraceError(
         str(path),
-        f"{what}.",
+        f"{problem}.",
         "an MCAP file, a file of meta/episodes, or the dataset's folder",
         "give the folder that has meta/info.json" if magic.startswith(PARQUET_MAGIC) else "",
     )
 
 
 def _refs_of_folder(folder: Path) -> Iterator[list[EpisodeRef]]:
-    """The episodes of each file."""
+    """Yield the episodes of each file."""
     for here, folders, files in walk(folder):
         folders[:] = sorted(name for name in folders if not name.startswith("."))
         if "meta" in folders and (layout.is_dataset(here) or _has_rows(here)):
@@ -212,7 +212,7 @@ def _refs_of_folder(folder: Path) -> Iterator[list[EpisodeRef]]:
 
 
 def _has_rows(folder: Path) -> bool:
-    """Whether episodes lie here as in a dataset; without ``meta/info.json`` they cannot be read."""
+    """True if a folder has rows of episodes as a dataset; without ``meta/info.json`` they cannot be read."""
     return any((folder / layout.EPISODES).glob("[!.]*.parquet"))
 
 
@@ -251,7 +251,7 @@ def _mcap_ref(path: Path) -> EpisodeRef:
     from .mcap.mcap_reader import read_header
 
     try:
-        regular(path)
+        regular_status(path)
         header, stated = read_header(path)
     except TraceError as problem:
         return EpisodeRef(path, "mcap", problem=problem)
@@ -262,18 +262,18 @@ def _mcap_ref(path: Path) -> EpisodeRef:
 
 
 def ref_fields(header: Header) -> dict[str, Any]:
-    """The fields of a reference, from a header that has been read."""
+    """Return the fields of a reference to an episode, from its header."""
     return {name: getattr(header, name) for name in REF_FIELDS}
 
 
 def _real(path: Path) -> Path:
-    """Without links, as far as they lead anywhere: Path.resolve fails for one that leads to itself."""
+    """Resolve links as far as possible; Path.resolve fails for one that leads to itself."""
     return path.resolve() if isinstance(path, RemotePath) else Path(os.path.realpath(path))
 
 
 def _is_mcap(path: Path) -> bool:
     try:
-        regular(path)
+        regular_status(path)
         with path.open("rb") as stream:
             return stream.read(8) == MCAP_MAGIC
     except (OSError, TraceError):

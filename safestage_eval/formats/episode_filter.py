@@ -1,4 +1,4 @@
-"""Which of the episodes that were found are meant."""
+"""Selection of episodes by the values of their header fields."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ HIDDEN = {"content_hash", "file"}
 """Fields that say where an episode is, not what it is."""
 
 
-class Chosen:
+class Selection:
     """Episodes whose header has the wanted values, one by one, and all that cannot be read.
 
     A rollout that ended in an error says nothing of its policy: it is left out, unless it is asked
@@ -34,7 +34,7 @@ class Chosen:
 
     def __iter__(self) -> Iterator[EpisodeRef]:
         """Raises InputError, after all have been met, for an unknown field and where nothing matched."""
-        count, readable, found, known = 0, 0, False, set[str]()
+        count, readable, matched, fields = 0, 0, False, set[str]()
         values: dict[str, dict[str, None]] = {name: {} for name in self._where}
         errors = self._where.get("termination", "").lower() == "error"
         for ref in self._refs:
@@ -42,28 +42,28 @@ class Chosen:
             if aborted(ref) and not errors:
                 self.aborted.append(ref.episode_id or ref.shown)
             elif ref.problem is not None or not self._where:
-                found = found or not self._where
+                matched = matched or not self._where
                 yield ref
             else:
                 readable += 1
-                known |= ref.fields.keys()
+                fields |= ref.fields.keys()
                 if readable == 1:  # a misspelt name is told before the others are looked at
-                    self._check({"episode_id", *known, *Header.model_fields} - HIDDEN, known)
+                    self._check({"episode_id", *fields, *Header.model_fields} - HIDDEN, fields)
                 if self._meant(ref, values):
-                    found = True
+                    matched = True
                     yield ref
         if count and len(self.aborted) == count:
             raise InputError(
                 f"{count} episodes", "every one of them ended in an error.",
                 fix="record them again, or judge them all the same with --where termination=error",
             )  # fmt: skip
-        if readable and not found:
-            self._check({"episode_id", *known} - HIDDEN, known)
-        if not found:
+        if readable and not matched:
+            self._check({"episode_id", *fields} - HIDDEN, fields)
+        if not matched:
             raise self._none(count, values)
 
     def _meant(self, ref: EpisodeRef, values: Mapping[str, dict[str, None]]) -> bool:
-        """Whether it has all values; collects those that there are."""
+        """True if an episode has all wanted values; collects the values that there are."""
         meant = True
         for name, wanted in self._where.items():
             here = ref.episode_id if name == "episode_id" else ref.fields.get(name)
@@ -89,13 +89,13 @@ class Chosen:
         wanted = " and ".join(f"{name}={value}" for name, value in self._where.items())
         allowed, near = [], []
         for name, there in values.items():
-            told = sorted(filter(None, there))
-            spelt = {text.lower(): text for text in told}
+            present = sorted(filter(None, there))
+            spelt = {text.lower(): text for text in present}
             similar = get_close_matches(self._where[name].lower(), spelt, 1)
             near += [f'"{name}={spelt[text]}"' for text in similar]
-            more = f", and {len(told) - SHOWN:,} more" if len(told) > SHOWN else ""
-            if told:
-                allowed.append(f"{name} {', '.join(told[:SHOWN])}{more}")
+            more = f", and {len(present) - SHOWN:,} more" if len(present) > SHOWN else ""
+            if present:
+                allowed.append(f"{name} {', '.join(present[:SHOWN])}{more}")
         return InputError(
             wanted,
             f"none of {count} episodes matches.",

@@ -1,4 +1,4 @@
-"""A stored episode that has been found and not yet opened."""
+"""References to stored episodes that are not opened yet."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class EpisodeRef:
 
     @property
     def shown(self) -> str:
-        """The path, as results and messages tell it."""
+        """The path as results and messages show it."""
         return readable(self.path)
 
     @property
@@ -46,7 +46,7 @@ class EpisodeRef:
         return self.fields.get("content_hash")
 
     def open(self, *, recover: bool = False, checked: bool = True) -> Episode:
-        """The episode; see ``load`` for the arguments. Raises TraceError when it is broken."""
+        """Open the episode; arguments as for ``load``. Raises TraceError when it is broken."""
         if self.problem is not None and not (recover and self.format == "mcap"):
             raise self.problem
         if self.format == "mcap":

@@ -50,7 +50,7 @@ class FrameBuffers:
         self.points: NDArray[Any] = np.empty(room, POINT)
 
     def make_room(self) -> int:
-        """Make sure that one more frame fits; returns its number."""
+        """Make room for one more frame; return its number."""
         if self.length == len(self.t):
             self.t, self.end = doubled(self.t), doubled(self.end)
             self.pose, self.twist = doubled(self.pose), doubled(self.twist)
@@ -59,7 +59,7 @@ class FrameBuffers:
         return self.length
 
     def finish_frame(self, t: float, points: NDArray[Any] | None) -> None:
-        """Time (s) and contacts of the frame that the other columns have been filled for."""
+        """Complete a frame whose other columns are filled with its time (s) and contacts."""
         n = self.length
         begin = end = int(self.end[n - 1]) if n else 0
         if points is not None:
@@ -72,7 +72,7 @@ class FrameBuffers:
         self.length = n + 1
 
     def contacts(self, first: int, last: int) -> tuple[NDArray[Any], NDArray[np.int64]]:
-        """Points of frames first … last − 1, and their number in each of these."""
+        """Return the (C,) points of frames first … last − 1, and their number (T,) in each."""
         begin = int(self.end[first - 1]) if first else 0
         counts = np.diff(self.end[first:last], prepend=begin)
         return self.points[begin : int(self.end[last - 1])], counts
@@ -94,7 +94,7 @@ def put(row: NDArray[np.float32], values: ArrayLike, name: str) -> None:
 
 
 def doubled(array: NDArray[Any]) -> NDArray[Any]:
-    """A copy with room for as many rows again."""
+    """Return a copy with room for as many rows again."""
     bigger = np.empty((2 * len(array), *array.shape[1:]), array.dtype)
     bigger[: len(array)] = array
     return bigger

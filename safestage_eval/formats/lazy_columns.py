@@ -1,4 +1,4 @@
-"""Parts of an episode that are read when somebody first looks at them."""
+"""Parts of an episode that are read on first use."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class StoredItems(Mapping[K, V]):
 
     @property
     def loaded(self) -> Mapping[K, V]:
-        """Those that were read so far."""
+        """The items that were read so far."""
         return self._loaded
 
     def __contains__(self, key: object) -> bool:

@@ -18,8 +18,7 @@ from .discover import discover
 from .episode_ref import EpisodeRef
 from .parquet import dataset_layout as layout
 from .parquet.dataset_reader import open_episode
-from .parquet.dataset_writer import highest_index
-from .parquet.shard import writing_shard
+from .parquet.dataset_writer import highest_index, writing_shard
 
 SHARD_EPISODES = 100
 """Episodes per shard: a task's rollouts of a policy under three seeds and prompts, as a rule."""
@@ -29,7 +28,7 @@ _ORDER = ("policy", "task", "prompt", "seed", "rollout")
 
 @dataclass
 class Packed:
-    """What became of the episodes.
+    """The result of packing.
 
     Attributes:
         packed: id → file of ``meta/episodes`` that holds it now.
@@ -48,7 +47,7 @@ def pack(
     *,
     by: Sequence[str] = ("policy", "task"),
     shard_episodes: int = SHARD_EPISODES,
-    tell: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Packed:
     """Copy episodes into shards of a dataset, one or more for each group of episodes.
 
@@ -61,20 +60,20 @@ def pack(
         out: an empty or new folder, or a dataset that was packed before.
         by: header fields that make a group; their values name its files.
         shard_episodes: most episodes in one shard.
-        tell: called with (done, all) after each episode.
+        progress: called with (done, all) after each episode.
 
     Raises:
         TraceError: the folder holds something else, or is being packed by another process.
     """
     result = Packed()
     with _alone_in(out):
-        known = _there(out)
+        hashes = _there(out)
         groups = _groups(refs, by)
         done, total = 0, len(refs)
         for name, group in groups.items():
             todo = []
             for ref in group:
-                if _is_new(ref, known, result):
+                if _is_new(ref, hashes, result):
                     todo.append(ref)
                 else:
                     done += 1
@@ -83,8 +82,8 @@ def pack(
                 file = _free_name(out, name)
                 for _ in _write_shard(part, out, file, result):
                     done += 1
-                    if tell is not None:
-                        tell(done, total)
+                    if progress is not None:
+                        progress(done, total)
     return result
 
 
@@ -113,7 +112,7 @@ def _write_shard(
 
 
 def _sound(ref: EpisodeRef) -> Episode:
-    """The episode, whole and equal to what its file says of it. Raises TraceError."""
+    """Open an episode and compare it with its stated hash. Raises TraceError where it is damaged."""
     episode = ref.open()
     problems = check(episode)
     if problems:
@@ -127,16 +126,16 @@ def _sound(ref: EpisodeRef) -> Episode:
     return episode
 
 
-def _is_new(ref: EpisodeRef, known: dict[str, str | None], result: Packed) -> bool:
-    """Not in the dataset yet; remembers it. A second content under one id is a problem."""
+def _is_new(ref: EpisodeRef, hashes: dict[str, str | None], result: Packed) -> bool:
+    """True if an episode is not in the dataset yet; notes it. A second content under one id is a problem."""
     name = ref.episode_id
     if ref.problem is not None:
         result.problems.append((name or ref.shown, str(ref.problem)))
         return False
-    if name not in known:
-        known[name] = ref.content_hash
+    if name not in hashes:
+        hashes[name] = ref.content_hash
         return True
-    if known[name] == ref.content_hash:
+    if hashes[name] == ref.content_hash:
         result.there.append(name)
     else:
         result.problems.append((name, f"{ref.shown}: another episode with this id is packed"))
@@ -179,13 +178,13 @@ def _there(out: Path) -> dict[str, str | None]:
 
 
 def _holds_files(folder: Path) -> bool:
-    """Other ones than what a run that was killed was about to write."""
+    """True if a folder holds files other than those that a killed run was writing."""
     return any(path.is_file() and not path.name.endswith(PART) for path in folder.rglob("*"))
 
 
 @contextmanager
 def _alone_in(out: Path) -> Iterator[None]:
-    """Nobody else packs into the folder meanwhile; the claim ends with the process."""
+    """Lock the folder against other processes that pack into it; the lock ends with the process."""
     if not layout.is_dataset(out) and _holds_files(out):
         raise TraceError(
             str(out), "holds something that is no dataset.", fix="give a new or an empty folder"
@@ -200,7 +199,7 @@ def _alone_in(out: Path) -> Iterator[None]:
 
 
 def _claimed(handle: int, path: Path) -> bool:
-    """Whether the open file is ours alone, and still the one of that name."""
+    """True if this process alone has locked the open file, and the file is still the one of that name."""
     if os.name == "nt":  # no such locks there
         return True
     import fcntl

@@ -24,7 +24,7 @@ end_header
 
 
 def to_ply(mesh: Mesh) -> bytes:
-    """Binary little-endian PLY: float32 vertices in m, triangles of int32 indices."""
+    """Return binary little-endian PLY: float32 vertices in m, triangles of int32 indices."""
     faces = np.empty(len(mesh.faces), _FACE)
     faces["count"], faces["vertex"] = 3, mesh.faces
     header = _HEADER.format(vertices=len(mesh.vertices), faces=len(faces))
@@ -32,7 +32,7 @@ def to_ply(mesh: Mesh) -> bytes:
 
 
 def from_ply(data: bytes, key: str, where: str) -> Mesh:
-    """The mesh that ``to_ply`` wrote.
+    """Restore the mesh that ``to_ply`` wrote.
 
     Raises:
         TraceError: another PLY layout, missing bytes, or a content that is not ``key``.
@@ -49,10 +49,10 @@ def from_ply(data: bytes, key: str, where: str) -> Mesh:
     end = len(header) + 12 * vertices
     if len(data) != end + _FACE.itemsize * faces:
         raise TraceError(where, f"the mesh is cut off at byte {len(data)}")
-    found = np.frombuffer(data, _FACE, faces, end)
+    records = np.frombuffer(data, _FACE, faces, end)
     mesh = Mesh(
         np.frombuffer(data, "<f4", 3 * vertices, len(header)).reshape(-1, 3),
-        np.ascontiguousarray(found["vertex"]),
+        np.ascontiguousarray(records["vertex"]),
     )
     if mesh.key != key:
         raise TraceError(
@@ -60,7 +60,7 @@ def from_ply(data: bytes, key: str, where: str) -> Mesh:
             f"the mesh has changed: its content is {mesh.key[:12]}…, expected {key[:12]}…",
             fix="restore the file or record again",
         )
-    _check(mesh, found["count"], where)
+    _check(mesh, records["count"], where)
     return mesh
 
 

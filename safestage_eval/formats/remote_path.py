@@ -41,14 +41,14 @@ _URI = re.compile(r"([a-z][a-z0-9+.-]+):/{1,2}(.*)", re.DOTALL)
 
 
 def as_path(place: str | Path) -> Path:
-    """A path from what a user gives: with ``scheme://`` it is in a store."""
+    """Return the path of a user's argument; with ``scheme://`` it is in a store."""
     if isinstance(place, str) and "://" in place:
         return RemotePath(place)
     return Path(place)
 
 
 def walk(folder: Path) -> Iterator[tuple[Path, list[str], list[str]]]:
-    """Each folder below one with the names of its folders and files, as ``os.walk``."""
+    """Yield each folder below one with the names of its folders and files, as ``os.walk``."""
     if not isinstance(folder, RemotePath):
         for root, folders, files in os.walk(folder):
             yield Path(root), folders, files
@@ -85,21 +85,21 @@ class RemotePath(PosixPath):
         return tried(lambda: filesystem(scheme).get_file_info(place))
 
     def exists(self, **_: Any) -> bool:
-        """Whether there is an object, or any below it."""
+        """True if there is an object, or any below it."""
         if self.parent.name == "assets":
             return self.name in _assets(self.parent)
         return bool(self._info().type.value >= _FILE)
 
     def is_file(self, **_: Any) -> bool:
-        """Whether there is an object."""
+        """True if there is an object."""
         return _held(self) is not None or bool(self._info().type.value == _FILE)
 
     def is_dir(self, **_: Any) -> bool:
-        """Whether there are objects below it."""
+        """True if there are objects below it."""
         return bool(self._info().type.value == _FOLDER)
 
     def stat(self, **_: Any) -> Any:
-        """Its size. Raises FileNotFoundError."""
+        """Return its size. Raises FileNotFoundError."""
         return SimpleNamespace(st_size=_opened(self).size)
 
     def resolve(self, strict: bool = False) -> RemotePath:  # noqa: ARG002
@@ -111,23 +111,23 @@ class RemotePath(PosixPath):
         return self
 
     def names(self) -> tuple[list[str], list[str]]:
-        """Names of the folders and of the files in it."""
+        """Return the names of the folders and of the files in it."""
         from pyarrow.fs import FileSelector
 
         scheme, place = self._split()
         deep = scheme == "gs"  # Arrow lists folders there only if somebody made objects for them
-        found = tried(lambda: filesystem(scheme).get_file_info(FileSelector(place, recursive=deep)))
-        folders = {info.base_name for info in found if info.type.value == _FOLDER}
-        files = {info.base_name for info in found if info.type.value == _FILE}
+        infos = tried(lambda: filesystem(scheme).get_file_info(FileSelector(place, recursive=deep)))
+        folders = {info.base_name for info in infos if info.type.value == _FOLDER}
+        files = {info.base_name for info in infos if info.type.value == _FILE}
         if deep:
-            inside = [info.path[len(place.rstrip("/")) + 1 :].rstrip("/") for info in found]
+            inside = [info.path[len(place.rstrip("/")) + 1 :].rstrip("/") for info in infos]
             folders = {path.partition("/")[0] for path in inside if "/" in path}
-            files = {path for path, info in zip(inside, found, strict=True)
+            files = {path for path, info in zip(inside, infos, strict=True)
                      if "/" not in path and info.type.value == _FILE}  # fmt: skip
         return sorted(folders), sorted(files)
 
     def glob(self, pattern: str, **_: Any) -> Generator[RemotePath, None, None]:
-        """Files in it, and not deeper, whose names match."""
+        """Yield the files in it, and not deeper, whose names match."""
         try:
             names = self.names()[1]
         except FileNotFoundError:
@@ -147,13 +147,13 @@ class RemotePath(PosixPath):
         return BlockSource(held.size, fetch, held.state)
 
     def open(self, mode: str = "r", *_: Any, **__: Any) -> IO[Any]:  # type: ignore[override]
-        """For reading bytes."""
+        """Open for reading bytes; raises InputError for any other mode."""
         if mode != "rb":
             raise InputError(str(self), "object stores are only read.", fix="give a local folder")
         return io.BufferedReader(SourceStream(self.source()), _STREAM)
 
     def read_bytes(self) -> bytes:
-        """All of it. What is named after its content is read once."""
+        """Read all of it; assets, named after their content, once per process."""
         return _asset(self) if self.parent.name == "assets" else self._whole()
 
     def _whole(self) -> bytes:
@@ -161,7 +161,7 @@ class RemotePath(PosixPath):
         return source.read(0, source.size)
 
     def read_text(self, encoding: str | None = None, *_: Any, **__: Any) -> str:
-        """All of it as text."""
+        """Read all of it as text."""
         return self._whole().decode(encoding or "utf-8")
 
 
@@ -190,29 +190,29 @@ _OBJECTS: dict[RemotePath, _Object] = {}
 
 
 def forget() -> None:
-    """Ask stores anew for all that may have another state by now."""
+    """Forget the states of objects, so that stores are asked again."""
     _OBJECTS.clear()
     _assets.cache_clear()
 
 
 def _held(path: RemotePath) -> _Object | None:
-    found = _OBJECTS.get(path)
-    return found if found is not None and time.monotonic() - found.since < FRESH else None
+    held = _OBJECTS.get(path)
+    return held if held is not None and time.monotonic() - held.since < FRESH else None
 
 
 def _opened(path: RemotePath) -> _Object:
     """Asked for once, unless that was long ago or many others were since. Raises OSError."""
-    found = _held(path)
-    if found is None:
+    held = _held(path)
+    if held is None:
         scheme, place = path._split()  # noqa: SLF001
         since = time.monotonic()
         file = tried(lambda: filesystem(scheme).open_input_file(place))
         size, tag = tried(file.size), (file.metadata() or {}).get("ETag")
         state = tag or path._info().mtime_ns  # noqa: SLF001
-        found = _OBJECTS[path] = _Object(file, size, (state, size), since)
+        held = _OBJECTS[path] = _Object(file, size, (state, size), since)
         while len(_OBJECTS) > _HELD:
             _OBJECTS.pop(next(iter(_OBJECTS)), None)
-    return found
+    return held
 
 
 @lru_cache(maxsize=128)
@@ -232,7 +232,7 @@ _GIVE_UP = timedelta(seconds=20)
 
 @lru_cache
 def filesystem(scheme: str) -> Any:
-    """The store that a scheme stands for. Raises InputError for one that cannot be reached."""
+    """Return the file system of a scheme. Raises InputError for one that is not supported here."""
     from pyarrow import fs
 
     if scheme == "s3":
@@ -263,7 +263,7 @@ def filesystem(scheme: str) -> Any:
 
 
 def tried(ask: Any) -> Any:
-    """What asking a store gives; asked again when it fails. Raises the last OSError.
+    """Call a function of a store, again when it fails. Raises the last OSError.
 
     TimeoutError is one, for a store that does not answer. Its client cannot be stopped and is left behind.
     """
@@ -280,21 +280,21 @@ def tried(ask: Any) -> Any:
 
 
 def _answered(ask: Any) -> Any:
-    """What asking gives, within the time. Raises what it raises, and TimeoutError."""
-    said: list[tuple[bool, Any]] = []
+    """Call a function within ``ANSWER`` s. Raises what it raises, and TimeoutError."""
+    answers: list[tuple[bool, Any]] = []
 
     def go() -> None:
         try:
-            said.append((True, ask()))
+            answers.append((True, ask()))
         except BaseException as error:  # noqa: BLE001 — raised again below
-            said.append((False, error))
+            answers.append((False, error))
 
     asking = threading.Thread(target=go, daemon=True)
     asking.start()
     asking.join(ANSWER)
-    if not said:
+    if not answers:
         raise TimeoutError(110, f"the store did not answer within {ANSWER:g} s")
-    well, answer = said[0]
+    well, answer = answers[0]
     if not well:
         raise answer
     return answer

@@ -55,6 +55,6 @@ def save(
 
 
 def mcap_name(episode_id: str) -> str:
-    """Name of an episode's MCAP file; what file names cannot hold everywhere becomes ``_``."""
+    """Return the name of an episode's MCAP file; characters that not every file system can hold become ``_``."""
     plain = re.sub(r"[^\w.+=@-]", "_", episode_id).lstrip(".")
     return f"{plain or '_'}.mcap"

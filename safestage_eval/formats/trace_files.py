@@ -12,28 +12,28 @@ from safestage_eval.errors import TraceError
 from .remote_path import RemotePath
 
 
-def regular(path: Path) -> os.stat_result:
-    """Size and times of a file that can be read to its end.
+def regular_status(path: Path) -> os.stat_result:
+    """Return size and times of a file that can be read to its end.
 
     Raises:
         OSError: it is not there, or a link to itself.
         TraceError: a folder, a pipe or a device, of which reading might never end.
     """
-    found = path.stat()
+    status = path.stat()
     if isinstance(path, RemotePath):
-        return found
-    if not stat.S_ISREG(found.st_mode):
+        return status
+    if not stat.S_ISREG(status.st_mode):
         raise TraceError(
             str(path),
-            f"{_kind(found.st_mode)}, not a file.",
+            f"{_kind(status.st_mode)}, not a file.",
             "regular files",
             "copy the data again",
         )
-    return found
+    return status
 
 
-def within(folder: Path, place: str, name: object, where: str) -> Path:
-    """The file that stored data names, in a folder below that of the dataset.
+def inside_dataset(folder: Path, place: str, name: object, where: str) -> Path:
+    """Return the path of a file that stored data names, in a folder of the dataset.
 
     Args:
         folder: of the dataset.
@@ -45,27 +45,29 @@ def within(folder: Path, place: str, name: object, where: str) -> Path:
         TraceError: the name leads elsewhere, or the file is a link to outside of the dataset.
     """
     path = folder / place / _plain(name, place, where)
-    stays(path, folder, where)
+    check_link(path, folder, where)
     return path
 
 
-def present(folder: Path, place: str, names: Iterable[str], where: str) -> list[str]:
-    """Those of the names that are there; each as ``within``, whose errors it raises.
+def existing(folder: Path, place: str, names: Iterable[str], where: str) -> list[str]:
+    """Return the names that exist; raises the errors of ``within``.
 
     Looks at each file once, and at the folders around them once.
     """
     inside = f"{folder / place}/"
     linked = isinstance(folder, RemotePath) or _is_link(inside[:-1]) or _is_link(str(folder))
-    found: list[str] = []
+    existing: list[str] = []
     for name in names:
         try:
             mode = 0 if linked else os.lstat(inside + _plain(name, place, where)).st_mode
         except (FileNotFoundError, NotADirectoryError):
             continue
-        if (linked or not stat.S_ISREG(mode)) and not within(folder, place, name, where).exists():
+        if (linked or not stat.S_ISREG(mode)) and not inside_dataset(
+            folder, place, name, where
+        ).exists():
             continue
-        found.append(name)
-    return found
+        existing.append(name)
+    return existing
 
 
 def _is_link(path: str) -> bool:
@@ -90,7 +92,7 @@ def _plain(name: object, place: str, where: str) -> str:
     return text
 
 
-def stays(path: Path, folder: Path, where: str) -> None:
+def check_link(path: Path, folder: Path, where: str) -> None:
     """Raise for a link to outside of the dataset, or of the hub's cache that the dataset is in."""
     if isinstance(path, RemotePath):
         return  # an object store has no links

@@ -13,7 +13,7 @@ from .parquet.arrow_tables import EPISODES, REQUIRED, TABLES, Column
 
 
 def schema_files() -> dict[str, str]:
-    """File name → text: the Parquet tables, the protobuf messages and the header."""
+    """Return file name → text: the Parquet tables, the protobuf messages and the header."""
     return {
         "trace.tables.json": _text(
             {

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from safestage_eval.episode import Body, Episode, Header, Joint, Mesh, RobotFrames, Track
 from safestage_eval.errors import TraceError
 
-from .contact_points import Contacts, GeomNames, pack, table
+from .contact_points import Contacts, GeomNames, contact_table, pack_contacts
 from .frame_buffers import ROBOT_COLUMNS, FrameBuffers, put
 
 if TYPE_CHECKING:
@@ -49,8 +49,8 @@ class TraceWriter:
         self.header = header
         self.path = None if path is None else Path(path)
         self.attachments = dict(attachments or {})
-        given = meshes.values() if isinstance(meshes, Mapping) else meshes
-        self.meshes = {mesh.key: mesh for mesh in given}
+        some = meshes.values() if isinstance(meshes, Mapping) else meshes
+        self.meshes = {mesh.key: mesh for mesh in some}
         self._fixed: dict[str, Track] = {}
         self._room = max(1, frames)
         self._closed = False
@@ -92,7 +92,7 @@ class TraceWriter:
     def set_fixed(
         self, name: str, position: ArrayLike, orientation: ArrayLike = (1.0, 0.0, 0.0, 0.0)
     ) -> None:
-        """The one pose (m; wxyz; body frame to world) of a body that does not move.
+        """Set the one pose (m; wxyz; body frame to world) of a body that does not move.
 
         Raises:
             TraceError: no such body, or one declared movable.
@@ -198,7 +198,9 @@ class TraceWriter:
             raise TraceError(
                 self._where, f"frame {n}: channel {extra[0]} was not there at frame 0."
             )
-        points = pack(contacts, self._names) if contacts is not None and len(contacts) else None
+        points = (
+            pack_contacts(contacts, self._names) if contacts is not None and len(contacts) else None
+        )
         if state is not None:
             self._states[n] = np.array(state, np.float64).ravel()
         buffers.finish_frame(t, points)
@@ -226,11 +228,11 @@ class TraceWriter:
     # ------------------------------------------------------------------ what there is so far
 
     def episode(self) -> Episode:
-        """All frames so far, as views of the writer's buffers. Raises TraceError without frames."""
+        """Return all frames so far, as views of the writer's buffers. Raises TraceError without frames."""
         return self.window(0, len(self))
 
     def window(self, first: int, last: int) -> Episode:
-        """Frames first … last − 1 as an episode, with their times as recorded.
+        """Return frames first … last − 1 as an episode, with their times as recorded.
 
         Raises:
             TraceError: the range is empty or not recorded yet, or a fixed body has no pose.
@@ -257,7 +259,7 @@ class TraceWriter:
             header=self.header,
             t=buffers.t[first:last],
             tracks=tracks,
-            _contacts=lambda: table(points, counts, names),
+            _contacts=lambda: contact_table(points, counts, names),
             _frames=RobotFrames(*(buffers.robot[name][first:last] for name in ROBOT_COLUMNS)),
             meshes=self.meshes,
             channels={key: column[first:last] for key, column in buffers.channels.items()},
@@ -302,9 +304,9 @@ class TraceWriter:
     def _where(self) -> str:
         return f"recording {self.header.episode_id!r}"
 
-    def _before_frames(self, what: str) -> None:
+    def _before_frames(self, item: str) -> None:
         if len(self):
-            raise TraceError(self._where, f"{what} cannot be added after the first frame")
+            raise TraceError(self._where, f"{item} cannot be added after the first frame")
 
     def _start(
         self,
@@ -347,9 +349,9 @@ class TraceWriter:
                 twist = self._buffers.twist[n, i]
                 twist[:3], twist[3:] = twists[name]
 
-    def _known(self, given: Mapping[str, Any], n: int) -> None:
+    def _known(self, by_name: Mapping[str, Any], n: int) -> None:
         names = [body.name for body in self.header.bodies]
-        for name in given:
+        for name in by_name:
             if name not in names:
                 raise TraceError(
                     self._where,

@@ -29,9 +29,9 @@ def validate(
         refs = discover(paths)
     except TraceError as error:
         return [error]
-    found = [error for ref in refs for error in validate_episode(ref, compare=compare)]
+    errors = [error for ref in refs for error in validate_episode(ref, compare=compare)]
     ids = Counter(ref.episode_id for ref in refs if ref.episode_id)
-    return found + [
+    return errors + [
         TraceError(name, f"{count} episodes have this id", fix="give each episode its own id")
         for name, count in ids.items()
         if count > 1
@@ -39,14 +39,14 @@ def validate(
 
 
 def validate_episode(ref: EpisodeRef, *, compare: bool = False) -> list[TraceError]:
-    """What is wrong with one stored episode; ``compare`` as in ``validate``."""
+    """List the problems of one stored episode; ``compare`` as in ``validate``."""
     try:
         episode = ref.open(checked=False)
-        found = check(episode)
-        if compare and not found:
-            found = [*contradictions(episode)]
-        if not found and ref.content_hash not in (None, episode.content_hash):
-            found.append(
+        errors = check(episode)
+        if compare and not errors:
+            errors = [*contradictions(episode)]
+        if not errors and ref.content_hash not in (None, episode.content_hash):
+            errors.append(
                 TraceError(
                     ref.shown,
                     f"the content of {ref.episode_id!r} has changed since it was written: its "
@@ -56,4 +56,4 @@ def validate_episode(ref: EpisodeRef, *, compare: bool = False) -> list[TraceErr
             )
     except TraceError as error:
         return [error]
-    return found
+    return errors

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from safestage_eval._process.precompile import compile_kernels
 from safestage_eval._process.spawned import WORTH_A_POOL
 from safestage_eval.formats import EpisodeRef, discover
-from safestage_eval.formats.episode_filter import Chosen
+from safestage_eval.formats.episode_filter import Selection
 from safestage_eval.verdicts.problem import Problem
 
 from .bind_checks import require_match
@@ -96,7 +96,7 @@ def score_paths(
 
     specs = list(rules) or builtin_names()
     settings = load_settings(specs, **asked)
-    chosen = Chosen(discover(list(traces)), where)
+    chosen = Selection(discover(list(traces)), where)
     found = score_many([*chosen], settings=settings, jobs=jobs, progress=progress)
     results, problems, copies = deduplicate(found)
     aborted = tuple(chosen.aborted)

@@ -19,7 +19,7 @@ from safestage_eval._process.precompile import is_compiled
 from safestage_eval._process.spawned import WORTH_A_POOL, prepare
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.discover import find
-from safestage_eval.formats.episode_filter import Chosen
+from safestage_eval.formats.episode_filter import Selection
 from safestage_eval.verdicts.problem import Problem
 
 from .bind_checks import require_match
@@ -96,8 +96,8 @@ def score_traces(
     """
     choice = choice or Choice()
     if settings.bind is not None:
-        require_match(settings.bind, Chosen(find(traces), choice.where))
-    chosen = Chosen(find(traces), choice.where)
+        require_match(settings.bind, Selection(find(traces), choice.where))
+    chosen = Selection(find(traces), choice.where)
     refs, told, starting = iter(chosen), "", starting or (lambda: None)
     if choice.sample is not None:
         picked = sample(refs, choice.sample, choice.seed)

@@ -70,7 +70,7 @@ def draw(
       safestage sheets draw rollout.mcap --out pictures
     """
     from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.formats.episode_filter import Selection
     from safestage_eval.label import sample
     from safestage_eval.rules import builtin_names, load_bind, load_rules
     from simulate.study.study import draw as drawn
@@ -78,7 +78,7 @@ def draw(
 
     loaded = load_rules(list(rules) or builtin_names())
     bound = None if bind is None else load_bind(bind, loaded)
-    refs = [r for r in Chosen(discover(list(traces)), pairs(where, "--where")) if not r.problem]
+    refs = [r for r in Selection(discover(list(traces)), pairs(where, "--where")) if not r.problem]
     if listed is None:
         chosen = sample(refs, count, seed)
     else:

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from safestage_eval.episode import Body, ContactTable, Geom, Header
 from safestage_eval.errors import TraceError
-from safestage_eval.formats.contact_points import POINT, GeomNames, PackedContacts, table
-from safestage_eval.formats.mcap.mcap_reader import contact_table
+from safestage_eval.formats.contact_points import POINT, GeomNames, PackedContacts, contact_table
+from safestage_eval.formats.mcap.mcap_reader import read_contacts
 
 BALL = Geom(kind="sphere", size=(0.1,))
 NAMES = GeomNames(
@@ -72,14 +72,14 @@ def same(given, expected):
 
 @given(clouds(ordered=True))
 def test_points_in_order_stay_packed(cloud):
-    contacts = table(*cloud, NAMES)
+    contacts = contact_table(*cloud, NAMES)
     assert isinstance(contacts, PackedContacts)
     same(contacts, built(*cloud))
 
 
 @given(clouds(ordered=False))
 def test_points_in_any_order_are_sorted(cloud):
-    same(table(*cloud, NAMES), built(*cloud))
+    same(contact_table(*cloud, NAMES), built(*cloud))
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_broken_points_are_refused(name, value, message):
     points["geom2"] = 2
     points[name][1] = value
     with pytest.raises(TraceError, match=message):
-        contact_table(points, np.array([1, 2]), NAMES, "x", checked=True)
+        read_contacts(points, np.array([1, 2]), NAMES, "x", checked=True)
 
 
 def test_a_geom_number_that_reads_as_no_number_is_no_broken_value():
@@ -111,5 +111,5 @@ def test_a_geom_number_that_reads_as_no_number_is_no_broken_value():
     points["geom1"] = 0
     with np.errstate(invalid="ignore"):
         assert not np.isfinite(points.view("<f4")).all()
-    contacts = contact_table(points, np.array([1]), names, "x", checked=True)
+    contacts = read_contacts(points, np.array([1]), names, "x", checked=True)
     assert contacts.geom2.tolist() == [0x7F80]

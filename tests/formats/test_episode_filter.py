@@ -6,7 +6,7 @@ import pytest
 
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.formats.episode_filter import SHOWN, Chosen
+from safestage_eval.formats.episode_filter import SHOWN, Selection
 
 
 def ref(number: int, problem: str = "", **fields: object) -> EpisodeRef:
@@ -34,7 +34,7 @@ HERE = [
     ],
 )
 def test_those_with_the_values_and_those_that_cannot_be_read(where, ids):
-    chosen = Chosen(HERE, where)
+    chosen = Selection(HERE, where)
     assert [found.episode_id for found in chosen] == ids
     assert chosen.aborted == ([] if "termination" in where else ["e4"])
 
@@ -50,14 +50,14 @@ def test_those_with_the_values_and_those_that_cannot_be_read(where, ids):
 )  # fmt: skip
 def test_where_none_is_meant_the_values_are_told(where, said):
     with pytest.raises(InputError) as caught:
-        list(Chosen(HERE, where))
+        list(Selection(HERE, where))
     assert said in str(caught.value)
 
 
 def test_of_many_values_some_are_told():
     many = [ref(n, task=f"t{n:03}") for n in range(SHOWN + 30)]
     with pytest.raises(InputError, match="and 30 more"):
-        list(Chosen(many, {"task": "zzz"}))
+        list(Selection(many, {"task": "zzz"}))
 
 
 def test_a_misspelt_field_is_told_before_the_others_are_found():
@@ -66,14 +66,14 @@ def test_a_misspelt_field_is_told_before_the_others_are_found():
         raise AssertionError("was asked for more")
 
     with pytest.raises(InputError, match="no field"):
-        list(Chosen(found(), {"tsak": "stack"}))
+        list(Selection(found(), {"tsak": "stack"}))
 
 
 def test_a_field_that_only_later_episodes_have():
     later = [ref(1, task="stack"), ref(2, task="stack", family="old")]
-    assert [found.episode_id for found in Chosen(later, {"family": "old"})] == ["e2"]
+    assert [found.episode_id for found in Selection(later, {"family": "old"})] == ["e2"]
 
 
 def test_where_all_ended_in_an_error():
     with pytest.raises(InputError, match="every one of them ended in an error"):
-        list(Chosen([ref(4, task="pour", termination="error")], {}))
+        list(Selection([ref(4, task="pour", termination="error")], {}))

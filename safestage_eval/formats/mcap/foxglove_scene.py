@@ -14,7 +14,7 @@ from .urdf import COLOURS, PLANE_SIZE, rotation_matrix
 
 
 def to_scene(episode: Episode, nanoseconds: int) -> SceneUpdate:
-    """One entity per body with its shapes, valid from the given log time on."""
+    """Return one entity per body with its shapes, valid from a log time (ns) on."""
     update = SceneUpdate()
     for body in episode.header.bodies:
         entity = update.entities.add(id=body.name, frame_id=body.name, frame_locked=True)

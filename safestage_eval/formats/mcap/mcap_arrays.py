@@ -24,18 +24,18 @@ LONGEST = 5
 
 _prefix = Struct("<BQ").unpack_from
 _start = Struct("<BQH").unpack_from
-"""The same and the number that messages begin with, where there are as many bytes."""
+"""Prefix, and the channel number that messages begin with, where there are as many bytes."""
 
 _START = 11
 
 
 def find_messages(
-    raw: NDArray[np.uint8], at: int, topics: Any, found: Any, counts: NDArray[np.int64]
+    raw: NDArray[np.uint8], at: int, topics: Any, out: Any, counts: NDArray[np.int64]
 ) -> int:
     """As the kernel of this name."""
-    data, size, room = raw.data, len(raw), found.shape[1]
-    told = topics.data
-    places = [found[k, :count].tolist() for k, count in enumerate(counts.tolist())]
+    data, size, room = raw.data, len(raw), out.shape[1]
+    topic_of = topics.data
+    places = [out[k, :count].tolist() for k, count in enumerate(counts.tolist())]
     while at < size:
         if size - at < PREFIX:
             return -1
@@ -49,7 +49,7 @@ def find_messages(
         if kind == MESSAGE:
             if length < 2:
                 return -1
-            topic = told[number]
+            topic = topic_of[number]
             if topic >= 0:
                 if len(places[topic]) == room:
                     break
@@ -57,7 +57,7 @@ def find_messages(
         at = end
     for k, own in enumerate(places):
         counts[k] = len(own)
-        found[k, : len(own)] = np.array(own, np.int64).reshape(-1, 2)
+        out[k, : len(own)] = np.array(own, np.int64).reshape(-1, 2)
     return at
 
 
@@ -67,15 +67,15 @@ def copy_frames(
     numbers: Any,
     tolerance: float,
 ) -> int:  # fmt: skip
-    """As the kernel of this name; of frames that are not sound it tells only that there are some."""
+    """As the kernel of this name, but returns 1 where any number of frames is not sound."""
     size = len(first)
     if (places[:, 1] - places[:, 0] != size).any():
         return -1
-    given = _bytes_at(raw, places[:, 0], size)
-    if (given[:, between] != first[between]).any():
+    messages = _bytes_at(raw, places[:, 0], size)
+    if (messages[:, between] != first[between]).any():
         return -1
     for offset, length, to in moves.tolist():
-        rows[:, to : to + length] = given[:, offset : offset + length]
+        rows[:, to : to + length] = messages[:, offset : offset + length]
     begin, end, turn, stop = parts.tolist()
     with np.errstate(all="ignore"):
         w, x, y, z = np.moveaxis(np.square(numbers[:, turn:stop]).reshape(-1, 4), 1, 0)
@@ -86,7 +86,7 @@ def copy_frames(
 
 
 def find_points(
-    raw: NDArray[np.uint8], places: NDArray[np.int64], fixed: Any, size: int, found: Any
+    raw: NDArray[np.uint8], places: NDArray[np.int64], fixed: Any, size: int, out: Any
 ) -> int:
     """As the kernel of this name."""
     at, end = places.T.copy()
@@ -105,7 +105,7 @@ def find_points(
         more &= digit > 0x7F
     if (more | (at + length != end) | (length % size != 0)).any():
         return -1
-    found[:, 0], found[:, 1] = at, end
+    out[:, 0], out[:, 1] = at, end
     return int(length.sum())
 
 

@@ -61,7 +61,7 @@ class Batch(NamedTuple):
         return len(self.places)
 
     def messages(self) -> list[bytes]:
-        """The data of each message."""
+        """Return the data of each message."""
         view = self.raw.data
         return [bytes(view[begin:end]) for begin, end in self.places.tolist()]
 
@@ -75,13 +75,13 @@ class Topics:
         """Number of a channel → place of its topic among the names; -1 for any other one."""
 
     def declare(self, number: int, topic: str) -> None:
-        """A channel record."""
+        """Note the number of a channel if its topic is wanted."""
         if topic in self.names:
             self.of[number] = self.names.index(topic)
 
 
 def find(block: Any, topics: Topics) -> dict[str, Batch]:
-    """The messages of a block, by topic.
+    """Return the messages of a block, by topic.
 
     Args:
         block: whole records, one after the other.
@@ -93,26 +93,26 @@ def find(block: Any, topics: Topics) -> dict[str, Batch]:
     raw = np.frombuffer(block, np.uint8)
     find_messages = functions().find_messages
     kinds, at = len(topics.names), 0
-    found, counts = np.empty((kinds, _ROOM, 2), np.int64), np.zeros(kinds, np.int64)
+    spans, counts = np.empty((kinds, _ROOM, 2), np.int64), np.zeros(kinds, np.int64)
     while at < len(raw):
-        at = find_messages(raw, at, topics.of, found, counts)
+        at = find_messages(raw, at, topics.of, spans, counts)
         if at < 0:
             raise ValueError("a record is longer than its chunk, or cut off")
         if at == len(raw):
             break
         if raw[at] == MESSAGE:
-            found = np.concatenate([found, np.empty_like(found)], 1)
+            spans = np.concatenate([spans, np.empty_like(spans)], 1)
             continue
         end = at + PREFIX + _length(raw.data, at + 1)[0]
         channel = raw[at + PREFIX : end].tobytes()
         topics.declare(_number(channel)[0], text(channel, 4)[0])
         at = end
-    told = zip(topics.names, found, counts.tolist(), strict=True)
-    return {name: Batch(raw, places[:count]) for name, places, count in told if count}
+    batches = zip(topics.names, spans, counts.tolist(), strict=True)
+    return {name: Batch(raw, places[:count]) for name, places, count in batches if count}
 
 
 def unpack(content: bytes) -> Any:
-    """The records inside a chunk as a buffer, decompressed and compared with their checksum.
+    """Return the records inside a chunk, decompressed and compared with their checksum.
 
     Raises:
         ValueError, RuntimeError, IndexError, struct.error: the chunk is damaged.
@@ -129,9 +129,9 @@ def unpack(content: bytes) -> Any:
         import zstandard
 
         try:
-            told = zstandard.frame_content_size(packed)
-            if told not in (-1, size):  # the frame's word would be taken for it
-                raise ValueError(f"a chunk of {size} bytes has {told}")
+            stated = zstandard.frame_content_size(packed)
+            if stated not in (-1, size):  # the frame's word would be taken for it
+                raise ValueError(f"a chunk of {size} bytes has {stated}")
             records = zstandard.decompress(packed, max_output_size=size)
         except zstandard.ZstdError as error:
             raise ValueError(str(error)) from None
@@ -168,7 +168,7 @@ def _lz4(packed: memoryview, size: int, *, sure: bool) -> Any:
 
 
 def text(data: bytes, at: int) -> tuple[str, int]:
-    """A text with its length before it, and the position after it."""
+    """Read a text with its length before it; return it and the position after it."""
     begin = at + 4
     end = begin + int.from_bytes(data[at:begin], "little")
     if end > len(data):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import ContactTable
 from safestage_eval.errors import TraceError
-from safestage_eval.formats.contact_points import POINT, RAW, packed
+from safestage_eval.formats.contact_points import POINT, RAW, table_points
 from safestage_eval.formats.frame_buffers import doubled
 
 from .mcap_chunks import Batch, functions
@@ -50,7 +50,7 @@ _LONGEST = 5
 
 
 def empty_cloud() -> PointCloud:
-    """A point cloud without time and data, whose points are laid out as POINT."""
+    """Return a point cloud without time and data, whose points are laid out as POINT."""
     cloud = PointCloud(frame_id="world", point_stride=POINT.itemsize)
     cloud.pose.orientation.w = 1
     offset = 0
@@ -65,7 +65,7 @@ def empty_cloud() -> PointCloud:
 def cloud_messages(contacts: ContactTable, times: list[int]) -> Iterator[bytes]:
     """Serialise point clouds, one per frame; ``times`` (T,) ns, their log times."""
     ends = np.searchsorted(contacts.frame, np.arange(len(times) + 1)) * POINT.itemsize
-    points, cloud = packed(contacts).tobytes(), empty_cloud()
+    points, cloud = table_points(contacts).tobytes(), empty_cloud()
     for time, begin, end in zip(times, ends[:-1].tolist(), ends[1:].tolist(), strict=True):
         cloud.timestamp.FromNanoseconds(time)
         cloud.data = points[begin:end]
@@ -73,7 +73,7 @@ def cloud_messages(contacts: ContactTable, times: list[int]) -> Iterator[bytes]:
 
 
 class CloudPoints:
-    """Takes the point clouds of all frames as they are read, and keeps their points.
+    """Collects the points of the point clouds of all frames as they are read.
 
     Attributes:
         count: messages taken.
@@ -91,7 +91,7 @@ class CloudPoints:
         self._problem: TraceError | None = None
 
     def take(self, batch: Batch) -> None:
-        """Some more messages. What is wrong with them is told by ``points``, if they count."""
+        """Keep the points of some more messages; ``points`` raises their errors, if they count."""
         if self._problem is None:
             places = np.empty_like(batch.places)
             size = functions().find_points(
@@ -115,7 +115,7 @@ class CloudPoints:
         return self._points[: int(counts.sum())], counts
 
     def _keep(self, raw: NDArray[np.uint8], places: NDArray[np.int64], count: int) -> None:
-        """So many points, of which ``places`` says where they are."""
+        """Copy ``count`` points, whose bytes are at ``places``."""
         begin, end = self._end, self._end + count
         while end > len(self._points):
             self._points = doubled(self._points)
@@ -124,7 +124,7 @@ class CloudPoints:
         self._end = end
 
     def _decode(self, batch: Batch) -> None:
-        """Message by message, for writers that lay points out in another way."""
+        """Decode message by message, for writers that lay points out in another way."""
         for n, message in enumerate(batch.messages(), self.count):
             try:
                 points = _decoded(message, f"the contacts of frame {n}", self._where)
@@ -135,16 +135,16 @@ class CloudPoints:
             self._keep(raw, np.array([[0, len(raw)]]), len(points))
 
 
-def _decoded(message: bytes, what: str, where: str) -> NDArray[Any]:
-    """(C,) points of one cloud as POINT."""
+def _decoded(message: bytes, name_: str, where: str) -> NDArray[Any]:
+    """Return the (C,) POINT of one cloud. Raises TraceError when it is no table of contacts."""
     try:
         cloud = PointCloud.FromString(message)
     except DecodeError as error:
-        raise TraceError(where, f"{what} are no point cloud: {error}") from None
+        raise TraceError(where, f"{name_} are no point cloud: {error}") from None
     names = [f.name for f in cloud.fields]
     missing = [name for name in FIELDS if name not in names]
     if missing:
-        raise TraceError(where, f"{what} lack the field {missing[0]!r}.", ", ".join(FIELDS))
+        raise TraceError(where, f"{name_} lack the field {missing[0]!r}.", ", ".join(FIELDS))
     try:
         layout = np.dtype(
             {
@@ -154,11 +154,11 @@ def _decoded(message: bytes, what: str, where: str) -> NDArray[Any]:
                 "itemsize": cloud.point_stride,
             }
         )
-        given = np.frombuffer(cloud.data, layout)
-        points = np.empty(len(given), POINT)
+        table = np.frombuffer(cloud.data, layout)
+        points = np.empty(len(table), POINT)
         for name, (column, place) in FIELDS.items():
             target = points[column] if place is None else points[column][:, place]
-            target[...] = given[name]
+            target[...] = table[name]
     except (TypeError, ValueError) as error:
-        raise TraceError(where, f"{what} are no table of points: {error}") from None
+        raise TraceError(where, f"{name_} are no table of points: {error}") from None
     return points

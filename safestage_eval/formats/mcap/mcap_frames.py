@@ -56,7 +56,7 @@ def _room(width: int) -> int:
 
 
 class FrameRows:
-    """Takes the messages of all frames as they are read, and makes columns of them.
+    """Collects the messages of all frames as they are read, and makes columns of them.
 
     Of messages that are laid out alike the numbers are copied as they stand; from the first on that
     is not, all are decoded one by one, which other writers may make necessary.
@@ -74,7 +74,7 @@ class FrameRows:
         self._other: list[bytes] | None = None
 
     def take(self, batch: Batch) -> None:
-        """Some more messages."""
+        """Keep the values of some more messages."""
         if not self.count:
             begin, end = batch.places[0].tolist()
             self._like = _Layout.of(batch.raw[begin:end])
@@ -99,7 +99,7 @@ class FrameRows:
     def columns(
         self, count: int, where: str
     ) -> tuple[dict[str, F32], NDArray[np.uint64], NDArray[np.float64]]:
-        """Of the first messages: name → (T, width) of every packed field, indices (T,), times (T,) s.
+        """Return name → (T, width) of every packed field, indices (T,) and times (T,) s of the first messages.
 
         Raises:
             TraceError: there is none, or one is no frame like the others.
@@ -139,7 +139,7 @@ class _Layout:
 
     @classmethod
     def of(cls, message: NDArray[np.uint8]) -> _Layout | None:
-        """None where the fields have to be decoded."""
+        """Return the layout of a message; None where its fields have to be decoded."""
         try:
             places = field_places(message.tobytes())
         except ValueError:
@@ -153,7 +153,7 @@ class _Layout:
         return cls(message, places)
 
     def copy(self, batch: Batch, values: NDArray[np.uint8]) -> int:
-        """The fields of messages, side by side, into (M, width).
+        """Copy the fields of messages, side by side, into (M, width).
 
         Returns how many are not sound for sure; -1 where one is laid out in another way.
         """
@@ -164,7 +164,7 @@ class _Layout:
         return bad
 
     def columns(self, values: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
-        """Name → (N, numbers), views of (N, width)."""
+        """Return name → (N, numbers), views of (N, width)."""
         kinds = {"fixed64": "<u8", "double": "<f8", "float*": "<f4"}
         return {
             name: values[:, to : to + length].view(kinds[_FIELDS[name].type])
@@ -172,7 +172,7 @@ class _Layout:
         }
 
     def messages(self, values: NDArray[np.uint8]) -> list[bytes]:
-        """The messages again."""
+        """Restore the messages from their values."""
         rows = np.tile(self._first, (len(values), 1))
         for offset, length, to in self._moves.values():
             rows[:, offset : offset + length] = values[:, to : to + length]
@@ -229,7 +229,7 @@ def _read_varint(data: bytes, at: int) -> tuple[int, int]:
 def _decoded(
     messages: list[bytes], where: str
 ) -> tuple[dict[str, F32], NDArray[np.uint64], NDArray[np.float64]]:
-    """The same, message by message."""
+    """Decode messages one by one; returns as ``FrameRows.columns``."""
     from google.protobuf.message import DecodeError
 
     frame = message_class("Frame")()

@@ -18,14 +18,14 @@ _NOT_FINITE = np.uint32(0x7F800000)
 
 
 @kernel
-def find_messages(raw: Any, at: Any, topics: Any, found: Any, counts: Any) -> Any:
-    """The messages of a block of records, up to the next one that declares a channel.
+def find_messages(raw: Any, at: Any, topics: Any, out: Any, counts: Any) -> Any:
+    """Find the messages of a block of records, up to the next one that declares a channel.
 
     Args:
         raw: (N,) uint8, whole records one after the other.
         at: where to begin.
         topics: (65536,) number of the topic of a channel; -1 for those that nobody wants.
-        found: (K, M, 2) int64 to be filled: where the data of a topic's messages begin and end.
+        out: (K, M, 2) int64 to be filled: where the data of a topic's messages begin and end.
         counts: (K,) how many of each topic's are filled; goes on from there.
 
     Returns:
@@ -51,9 +51,9 @@ def find_messages(raw: Any, at: Any, topics: Any, found: Any, counts: Any) -> An
             topic = topics[np.int64(raw[begin]) | np.int64(raw[begin + 1]) << 8]
             if topic >= 0:
                 count = counts[topic]
-                if count == found.shape[1]:
+                if count == out.shape[1]:
                     break
-                found[topic, count, 0], found[topic, count, 1] = min(begin + HEAD, end), end
+                out[topic, count, 0], out[topic, count, 1] = min(begin + HEAD, end), end
                 counts[topic] += 1
         at = end
     return at
@@ -64,7 +64,7 @@ def copy_frames(
     raw: Any, places: Any, first: Any, between: Any, moves: Any, parts: Any, rows: Any, words: Any,
     numbers: Any, tolerance: float,
 ) -> int:  # fmt: skip
-    """The fields of messages that are laid out like the first one, side by side.
+    """Copy the fields of messages that are laid out like the first one, side by side.
 
     Args:
         raw: (N,) uint8.
@@ -105,7 +105,7 @@ def copy_frames(
 
 @helper
 def _sound(words: Any, turns: Any, tolerance: Any) -> Any:
-    """Whether numbers (by their bits) are finite, and quaternions one after the other near unit."""
+    """True if numbers (by their bits) are finite, and quaternions one after the other near unit norm."""
     highest = np.uint32(0)
     for k in range(len(words)):
         highest = max(highest, words[k] & _NOT_FINITE)
@@ -118,15 +118,15 @@ def _sound(words: Any, turns: Any, tolerance: Any) -> Any:
 
 
 @kernel
-def find_points(raw: Any, places: Any, fixed: Any, size: int, found: Any) -> Any:
-    """Where the points of point clouds are that are laid out as this project writes them.
+def find_points(raw: Any, places: Any, fixed: Any, size: int, out: Any) -> Any:
+    """Find the points of point clouds that are laid out as this project writes them.
 
     Args:
         raw: (N,) uint8.
         places: (M, 2) where each message begins and ends.
         fixed: (K,) uint8, what follows a stamp and comes before the length of the points.
         size: bytes of a point.
-        found: (M, 2) to be filled: where the points of a message begin and end.
+        out: (M, 2) to be filled: where the points of a message begin and end.
 
     Returns:
         How many bytes of points there are; -1 where a message is laid out in another way.
@@ -158,7 +158,7 @@ def find_points(raw: Any, places: Any, fixed: Any, size: int, found: Any) -> Any
                 break
         if at + length != end or length % size:
             return -1
-        found[m, 0], found[m, 1] = at, end
+        out[m, 0], out[m, 1] = at, end
         total += length
     return total
 

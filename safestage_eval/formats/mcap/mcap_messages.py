@@ -18,7 +18,7 @@ EPOCH_NS = 946_684_800 * 10**9
 
 
 def log_time(t: float) -> int:
-    """ns, log time of an instant in s from the episode's start."""
+    """Return the log time in ns of an instant in s from the episode's start."""
     return EPOCH_NS + round(t * 1e9)
 
 
@@ -62,7 +62,7 @@ MESSAGES: dict[str, tuple[str, tuple[Field, ...]]] = {
 
 @cache
 def file_descriptor() -> descriptor_pb2.FileDescriptorProto:
-    """The descriptor of ``safestage/v1/trace.proto``."""
+    """Return the descriptor of ``safestage/v1/trace.proto``."""
     file = descriptor_pb2.FileDescriptorProto(
         name="safestage/v1/trace.proto", package="safestage.v1", syntax="proto3"
     )
@@ -89,19 +89,19 @@ def file_descriptor() -> descriptor_pb2.FileDescriptorProto:
 
 @cache
 def message_class(name: str) -> Any:
-    """The class of a message of this package, for writers that build them one by one."""
+    """Return the class of a message of this package by its name."""
     pool = descriptor_pool.DescriptorPool()
     pool.Add(file_descriptor())
     return message_factory.GetMessageClass(pool.FindMessageTypeByName(f"safestage.v1.{name}"))
 
 
 def schema_bytes() -> bytes:
-    """What an MCAP schema record of this package holds: a serialised FileDescriptorSet."""
+    """Return the content of an MCAP schema record of this package: a serialised FileDescriptorSet."""
     return descriptor_pb2.FileDescriptorSet(file=[file_descriptor()]).SerializeToString()
 
 
 def proto_text() -> str:
-    """The same as a ``.proto`` file."""
+    """Return the messages of this package as a ``.proto`` file."""
     lines = ['syntax = "proto3";', "", "package safestage.v1;"]
     for name, (meaning, fields) in MESSAGES.items():
         lines += ["", f"// {meaning}", f"message {name} {{"]

@@ -1,4 +1,4 @@
-"""The metadata record of an MCAP trace: what stands before its messages."""
+"""The metadata record of an MCAP trace, which stands before its messages."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pydantic import Field, Json
 
 from safestage_eval.episode import Episode, Header, Record
 from safestage_eval.errors import TraceError
-from safestage_eval.formats.contact_points import packed
+from safestage_eval.formats.contact_points import table_points
 from safestage_eval.formats.digests import frame_digests, sealed
 from safestage_eval.formats.parquet.arrow_tables import ROBOT_COLUMNS
 from safestage_eval.formats.parquet.dataset_layout import check_version
@@ -63,7 +63,7 @@ def from_texts(texts: Mapping[str, str], where: str) -> McapMetadata:
 
 
 def to_texts(episode: Episode, moving: list[str]) -> dict[str, str]:
-    """The record of an episode. Raises TraceError for numbers that are not finite."""
+    """Return the record of an episode. Raises TraceError for numbers that are not finite."""
     header, where = episode.header, episode.header.episode_id
     fixed = {
         name: np.concatenate([getattr(track, c)[0] for c in TRACK_COLUMNS]).tolist()
@@ -84,23 +84,23 @@ def to_texts(episode: Episode, moving: list[str]) -> dict[str, str]:
 
 
 def _digests(episode: Episode, moving: list[str]) -> dict[str, str]:
-    """Of what ``mcap_frames`` and ``mcap_clouds`` write."""
+    """Return the digests of what ``mcap_frames`` and ``mcap_clouds`` write."""
     frames = len(episode)
 
     def joined(columns: list[NDArray[np.float32]]) -> NDArray[np.float32]:
         return np.concatenate([np.zeros((frames, 0), np.float32), *columns], axis=1)
 
-    found = {
+    stored = {
         f"body_{name}": joined([getattr(episode.tracks[body], name) for body in moving])
         for name in TRACK_COLUMNS
     }
-    found |= {name: getattr(episode.frames, name) for name in ROBOT_COLUMNS}
-    found["channel"] = joined([values[:, None] for values in episode.channels.values()])
+    stored |= {name: getattr(episode.frames, name) for name in ROBOT_COLUMNS}
+    stored["channel"] = joined([values[:, None] for values in episode.channels.values()])
     counts = np.bincount(episode.contacts.frame, minlength=frames)
-    return frame_digests(found, episode.t, packed(episode.contacts), counts)
+    return frame_digests(stored, episode.t, table_points(episode.contacts), counts)
 
 
 def checksum(texts: Mapping[str, str]) -> str:
-    """SHA-256 (hex) of all texts but the checksum itself."""
-    told = sorted((name, text) for name, text in texts.items() if name != "checksum")
-    return sha256(json.dumps(told).encode()).hexdigest()
+    """Return the SHA-256 (hex) of all texts but the checksum itself."""
+    items = sorted((name, text) for name, text in texts.items() if name != "checksum")
+    return sha256(json.dumps(items).encode()).hexdigest()

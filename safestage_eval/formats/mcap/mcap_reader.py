@@ -25,7 +25,7 @@ from safestage_eval.episode import (
     check_track,
 )
 from safestage_eval.errors import TraceError
-from safestage_eval.formats.contact_points import GeomNames, PackedContacts, table
+from safestage_eval.formats.contact_points import GeomNames, PackedContacts, contact_table
 from safestage_eval.formats.digests import Seal, computed, frame_digests
 from safestage_eval.formats.lazy_columns import StoredTrack
 from safestage_eval.formats.parquet.episode_row import mesh_keys
@@ -53,7 +53,7 @@ _TRACK_FIELDS = {"position": 3, "orientation": 4, "linear_velocity": 3, "angular
 
 
 def read_header(path: Path) -> tuple[Header, dict[str, Any]]:
-    """The header, and length and content hash as stated; reads only the beginning of the file.
+    """Return the header, and length and content hash as stated; reads only the beginning of the file.
 
     Raises:
         TraceError: not a trace, cut off before the header ends, or of a newer major version.
@@ -81,9 +81,9 @@ def read_header(path: Path) -> tuple[Header, dict[str, Any]]:
                 except (IndexError, ValueError) as error:
                     raise damaged(where, at, error) from None
                 if name == PROFILE:
-                    found = from_texts(texts, where)
-                    stated = {"length": found.frames, "content_hash": found.content_hash}
-                    return found.header, stated
+                    metadata = from_texts(texts, where)
+                    stated = {"length": metadata.frames, "content_hash": metadata.content_hash}
+                    return metadata.header, stated
             elif not content:
                 stream.seek(size, 1)
     raise TraceError(
@@ -94,7 +94,7 @@ def read_header(path: Path) -> tuple[Header, dict[str, Any]]:
 
 
 def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Episode:
-    """The episode in an MCAP file, read in one go.
+    """Read the episode in an MCAP file at once.
 
     Args:
         path: the file.
@@ -142,15 +142,15 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
     names = GeomNames(metadata.header)
     episode = _episode(
         path, metadata, records, columns, t, full, checked,
-        lambda: contact_table(points, counts, names, where, checked=checked),
+        lambda: read_contacts(points, counts, names, where, checked=checked),
     )  # fmt: skip
     if checked:
         _check(episode, metadata, rows.sound)
         if records.whole:
-            known = ref(episode)  # the seal is part of it
-            seal = Seal(metadata.content_hash, metadata.digests, lambda: _hash_of(known()), where)
+            weak = ref(episode)  # the seal is part of it
+            seal = Seal(metadata.content_hash, metadata.digests, lambda: _hash_of(weak()), where)
             seal.check(metadata.header)
-            if seal.told is not None:
+            if seal.digests is not None:
                 _compare(seal, frame_digests(columns, t, points, counts))
             vars(episode)["_vouched"] = seal.content_hash
     return episode
@@ -160,11 +160,11 @@ def _hash_of(episode: Episode | None) -> str:
     return "" if episode is None else computed(episode)
 
 
-def _compare(seal: Seal, found: Mapping[str, str]) -> None:
+def _compare(seal: Seal, digests: Mapping[str, str]) -> None:
     """Raises TraceError where a column is not as it was written."""
-    for name, digest in found.items():
-        told = seal.told.get(name) if isinstance(seal.told, dict) else None
-        if told != digest:
+    for name, digest in digests.items():
+        stated = seal.digests.get(name) if isinstance(seal.digests, dict) else None
+        if stated != digest:
             seal.differs(f"the column {name!r}")
 
 
@@ -210,7 +210,7 @@ def _episode(
     )
 
 
-def contact_table(
+def read_contacts(
     points: NDArray[Any],
     counts: NDArray[np.int64],
     names: GeomNames,
@@ -230,7 +230,7 @@ def contact_table(
     Raises:
         TraceError: a geom index that no body has, or values that are not finite.
     """
-    contacts = table(points, counts, names)
+    contacts = contact_table(points, counts, names)
     with np.errstate(all="ignore"):  # geoms are summed too: they hardly ever look like no number
         finite = np.isfinite(points.view(np.float32).sum())
     if checked and not (finite and isinstance(contacts, PackedContacts)):
@@ -265,12 +265,12 @@ def _tracks(metadata: McapMetadata, columns: dict[str, F32], where: str) -> dict
             )
 
     def columns_of(place: int, names: tuple[str, ...]) -> dict[str, F32]:
-        found = {}
+        parts = {}
         for name in names:
             width = _TRACK_FIELDS[name]
             items = columns[f"body_{name}"].view(f"V{4 * width}")[:, place]  # copied as one item
-            found[name] = np.ascontiguousarray(items).view(np.float32).reshape(-1, width)
-        return found
+            parts[name] = np.ascontiguousarray(items).view(np.float32).reshape(-1, width)
+        return parts
 
     tracks: dict[str, Track] = {
         body: StoredTrack(partial(columns_of, i)) for i, body in enumerate(moving)
@@ -288,7 +288,7 @@ def _tracks(metadata: McapMetadata, columns: dict[str, F32], where: str) -> dict
 
 
 class _States:
-    """Takes the messages with full states."""
+    """Collects the messages with full states."""
 
     def __init__(self) -> None:
         self._messages: list[bytes] = []
@@ -297,18 +297,18 @@ class _States:
         self._messages += batch.messages()
 
     def first(self, frames: int, where: str) -> dict[int, NDArray[np.float64]]:
-        """Frame → state, of the first frames. Raises TraceError for a message that is damaged."""
+        """Return frame → state of the first frames. Raises TraceError for a message that is damaged."""
         from google.protobuf.message import DecodeError
 
-        found = {}
+        by_frame = {}
         for message in self._messages:
             try:
                 state = message_class("State").FromString(message)
             except DecodeError as error:
                 raise TraceError(where, f"a state cannot be read: {error}.") from None
             if state.frame_index < frames:
-                found[int(state.frame_index)] = np.array(state.state, np.float64)
-        return found
+                by_frame[int(state.frame_index)] = np.array(state.state, np.float64)
+        return by_frame
 
 
 def _no_trace(where: str, profile: str) -> TraceError:

@@ -32,7 +32,7 @@ Sink = Callable[[Batch], None]
 
 @dataclass
 class McapRecords:
-    """What a file holds besides messages, as far as it is whole.
+    """The contents of a file besides messages, as far as it is whole.
 
     Attributes:
         size: bytes of the file.
@@ -59,29 +59,29 @@ def walk(path: Path, sinks: Mapping[str, Sink], where: str) -> McapRecords:
         with path.open("rb") as stream:
             if stream.read(len(MAGIC)) != MAGIC:
                 raise TraceError(where, "not an MCAP file: it begins with other bytes")
-            found = McapRecords(path.stat().st_size)
+            records = McapRecords(path.stat().st_size)
             messages = _Messages(sinks)
-            for at, kind, content in _contents(stream, found):
+            for at, kind, content in _contents(stream, records):
                 if kind != MESSAGE:
                     messages.hand_on()
                 try:
-                    batches = _take(kind, content, messages, found)
+                    batches = _take(kind, content, messages, records)
                 except _DAMAGE as error:
                     raise damaged(where, at, error) from None
                 messages.give(batches)
             messages.hand_on()
     except OSError as error:
         raise TraceError(where, f"cannot be read: {error.strerror}") from None
-    return found
+    return records
 
 
-def _contents(stream: BinaryIO, found: McapRecords) -> Iterator[tuple[int, int, bytes]]:
+def _contents(stream: BinaryIO, records: McapRecords) -> Iterator[tuple[int, int, bytes]]:
     """Place, opcode and content of each record that matters here, as far as they are whole."""
     at = len(MAGIC)
     while len(prefix := stream.read(PREFIX)) == PREFIX:
         kind, size = prefix[0], int.from_bytes(prefix[1:], "little")
         end = at + PREFIX + size
-        if end > found.size:
+        if end > records.size:
             return
         if kind in _READ:
             content = stream.read(size)
@@ -92,12 +92,12 @@ def _contents(stream: BinaryIO, found: McapRecords) -> Iterator[tuple[int, int, 
             stream.seek(end)
         at = end
         if kind == FOOTER:
-            found.whole = stream.read(len(MAGIC)) == MAGIC
+            records.whole = stream.read(len(MAGIC)) == MAGIC
             return
 
 
 def _take(
-    kind: int, content: bytes, messages: _Messages, found: McapRecords
+    kind: int, content: bytes, messages: _Messages, records: McapRecords
 ) -> Mapping[str, Batch]:
     """Keep what a record says; of a chunk, the messages in it."""
     if kind == CHUNK:
@@ -108,13 +108,13 @@ def _take(
         (number,) = struct.unpack_from("<H", content)
         messages.topics.declare(number, text(content, 4)[0])
     elif kind == HEADER:
-        found.profile = text(content, 0)[0]
+        records.profile = text(content, 0)[0]
     elif kind == METADATA:
         name, texts = read_metadata(content)
-        found.metadata[name] = texts
+        records.metadata[name] = texts
     elif kind == ATTACHMENT:
         name, data = _attachment(content)
-        found.attachments[name] = data
+        records.attachments[name] = data
     return {}
 
 
@@ -127,12 +127,12 @@ class _Messages:
         self._single = bytearray()
 
     def give(self, batches: Mapping[str, Batch]) -> None:
-        """To each topic's sink."""
+        """Hand each topic's messages to its sink."""
         for topic, batch in batches.items():
             self._sinks[topic](batch)
 
     def single(self, content: bytes) -> None:
-        """A message that stands outside of chunks."""
+        """Keep a message that stands outside of chunks."""
         if len(content) < 2:
             raise ValueError("a message without a channel")
         if len(self._single) > _RUN:
@@ -140,14 +140,14 @@ class _Messages:
         self._single += bytes([MESSAGE]) + len(content).to_bytes(8, "little") + content
 
     def hand_on(self) -> None:
-        """Give the single messages that wait to the sinks."""
+        """Hand the single messages that wait to the sinks."""
         if self._single:
             waiting, self._single = bytes(self._single), bytearray()
             self.give(find(waiting, self.topics))
 
 
 def damaged(where: str, at: int, error: Exception) -> TraceError:
-    """The error for a record whose bytes at a place make no sense."""
+    """Return the error for a damaged record at a byte."""
     return TraceError(
         f"{where}, byte {at}",
         f"a damaged record: {error}.",
@@ -156,7 +156,7 @@ def damaged(where: str, at: int, error: Exception) -> TraceError:
 
 
 def read_metadata(content: bytes) -> tuple[str, dict[str, str]]:
-    """Name and texts of a metadata record."""
+    """Return the name and texts of a metadata record."""
     name, at = text(content, 0)
     end = at + 4 + int.from_bytes(content[at : at + 4], "little")
     if end > len(content):

@@ -71,7 +71,7 @@ def write_mcap(episode: Episode, path: Path, events: Sequence[Event] = ()) -> No
 
 
 def _moves(episode: Episode, name: str, rows: int) -> bool:
-    """Whether a body is in every frame: those with one row per frame."""
+    """True if a body is in every frame: those with one row per frame."""
     return rows == len(episode) and (rows > 1 or episode.bodies[name].movable)
 
 
@@ -159,10 +159,10 @@ def _events(episode: Episode, times: list[int], remarks: Sequence[Event]) -> dic
         lines.append(Event(header.success_time, "success"))
     lines += [*remarks, Event(end, f"end: {header.termination or 'unknown'}")]
     levels = {"info": Log.INFO, "warning": Log.WARNING, "error": Log.ERROR}
-    found: dict[int, list[bytes]] = {}
+    messages: dict[int, list[bytes]] = {}
     for line in lines:
         n = min(int(np.searchsorted(episode.t, line.time)), len(episode) - 1)
         log = Log(level=levels[line.level], message=line.text, name=line.name)
         log.timestamp.FromNanoseconds(times[n])
-        found.setdefault(n, []).append(log.SerializeToString())
-    return found
+        messages.setdefault(n, []).append(log.SerializeToString())
+    return messages

@@ -23,7 +23,7 @@ COLOURS = {
 
 
 def to_urdf(episode: Episode) -> str:
-    """One link per body on floating joints, moved by the transforms of ``/tf``.
+    """Return a URDF with one link per body on floating joints, moved by the transforms of ``/tf``.
 
     Spheres, boxes and cylinders are exact, a capsule is a cylinder between two spheres, an
     ellipsoid is a sphere of the mean radius and a mesh its bounding box: URDF has no others
@@ -90,7 +90,7 @@ def _text(values: np.ndarray) -> str:
 
 
 def rotation_matrix(quaternion: tuple[float, float, float, float]) -> np.ndarray:
-    """(3, 3) rotation of a unit quaternion wxyz."""
+    """Return the (3, 3) rotation of a unit quaternion wxyz."""
     w, x, y, z = quaternion
     return np.array(
         [
@@ -102,7 +102,7 @@ def rotation_matrix(quaternion: tuple[float, float, float, float]) -> np.ndarray
 
 
 def roll_pitch_yaw(rotation: np.ndarray) -> np.ndarray:
-    """(3,) rad, URDF's angles about the fixed axes x, y, z: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    """Return URDF's (3,) angles in rad about the fixed axes x, y, z: R = Rz(yaw) Ry(pitch) Rx(roll)."""
     pitch = np.arcsin(np.clip(-rotation[2, 0], -1, 1))
     if abs(rotation[2, 0]) > 1 - 1e-9:  # straight up or down: yaw and roll are one
         return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])

@@ -10,15 +10,6 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 
 XYZ, WXYZ = ("x", "y", "z"), ("w", "x", "y", "z")
-
-POSE_COLUMNS = (
-    *(f"position.{a}" for a in XYZ),
-    *(f"orientation.{a}" for a in WXYZ),
-)
-TWIST_COLUMNS = (
-    *(f"linear_velocity.{a}" for a in XYZ),
-    *(f"angular_velocity.{a}" for a in XYZ),
-)
 CONTACT_VECTORS = ("position", "normal", "force")
 ROBOT_COLUMNS = {
     "joint_position": "observation.state",
@@ -153,13 +144,13 @@ REQUIRED = ("episode_index", "file", "length", "contacts", "episode_id", "physic
 
 
 def columns_of(table: str) -> dict[str, Column]:
-    """The columns of a table by name (``meta/episodes`` for the headers)."""
+    """Return the columns of a table by name (``meta/episodes`` for the headers)."""
     return EPISODES if table == "meta/episodes" else TABLES[table]
 
 
 @cache
 def schema(table: str) -> pa.Schema:
-    """Arrow schema of a table by name, as ``columns_of``."""
+    """Return the Arrow schema of a table by name, as ``columns_of``."""
     types = {
         "int16": pa.int16(),
         "uint16": pa.uint16(),
@@ -178,13 +169,13 @@ def schema(table: str) -> pa.Schema:
 
 
 def arrow_file(path: Path, mode: str = "rb") -> pa.NativeFile:
-    """A file of this machine for pyarrow, whose own functions take no path that is not UTF-8."""
+    """Open a local file for pyarrow, whose own functions take no path that is not UTF-8."""
     return pa.OSFile(os.fsencode(path), mode)
 
 
 @cache
 def write_options(table: str) -> dict[str, Any]:
-    """Keyword arguments of ``pyarrow.parquet.ParquetWriter``: compression and encodings.
+    """Return keyword arguments of ``pyarrow.parquet.ParquetWriter``: compression and encodings.
 
     LZ4 is read twice as fast as zstd, of which each column needs one anew, and takes 7 % more room.
     A dictionary on strings only (on floats it makes files 1.8 times larger), floats split into

@@ -12,7 +12,7 @@ from safestage_eval.errors import TraceError
 
 
 def numbers(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArray[Any]:
-    """A column of numbers as (rows,) array of dtype; raises TraceError when it is none."""
+    """Return a column of numbers as (rows,) array of dtype. Raises TraceError for other types."""
     parts = [raw_values(chunk) for chunk in table[column].chunks] or [np.zeros(0, dtype)]
     values = parts[0] if len(parts) == 1 else np.concatenate(parts)
     if values.dtype.kind not in "iuf":
@@ -25,7 +25,7 @@ def numbers(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArr
 
 
 def lists(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArray[Any]:
-    """A column of lists of equal length as (rows, width); raises TraceError when they are not."""
+    """Return a column of lists of equal length as (rows, width). Raises TraceError for other columns."""
     chunks = [chunk for chunk in table[column].chunks if len(chunk)]
     kind = table[column].type
     many = pa.types.is_list(kind) or pa.types.is_large_list(kind)
@@ -45,7 +45,7 @@ def lists(table: pa.Table, column: str, dtype: DTypeLike, where: str) -> NDArray
 
 
 def coded_words(table: pa.Table, column: str, where: str) -> tuple[NDArray[np.intp], list[str]]:
-    """A column of names as (rows,) numbers, and the names that they stand for.
+    """Return a column of names as (rows,) numbers, and the names that they stand for.
 
     Raises:
         TraceError: it holds something else, gaps, or names that its dictionary does not have.
@@ -55,7 +55,7 @@ def coded_words(table: pa.Table, column: str, where: str) -> tuple[NDArray[np.in
     if not _is_text(word):
         raise TraceError(where, f"the column {column!r} holds {kind}.", "names")
     numbers: dict[str, int] = {}
-    found = []
+    parts = []
     for chunk in table[column].chunks:
         if chunk.null_count:
             raise TraceError(where, f"{column} is empty in {chunk.null_count} rows")
@@ -69,8 +69,8 @@ def coded_words(table: pa.Table, column: str, where: str) -> tuple[NDArray[np.in
                 f"0 to {len(names) - 1}",
             )
         codes = np.array([numbers.setdefault(name, len(numbers)) for name in names], np.intp)
-        found.append(codes[used] if len(used) else np.zeros(0, np.intp))
-    return np.concatenate(found) if found else np.zeros(0, np.intp), list(numbers)
+        parts.append(codes[used] if len(used) else np.zeros(0, np.intp))
+    return np.concatenate(parts) if parts else np.zeros(0, np.intp), list(numbers)
 
 
 def _encoded(chunk: pa.Array) -> pa.DictionaryArray:
@@ -84,22 +84,22 @@ def _is_text(kind: pa.DataType) -> bool:
 
 
 def codes(table: pa.Table, column: str, index: dict[str, int], where: str) -> NDArray[np.int16]:
-    """A column of names as (rows,) places in an index.
+    """Return a column of names as (rows,) places in an index.
 
     Raises:
         TraceError: as ``coded_words``, and for a name that is not in the index.
     """
-    found, names = coded_words(table, column, where)
+    numbered, names = coded_words(table, column, where)
     places = np.array([index.get(name, -1) for name in names], np.int16)
-    result = places[found] if len(found) else np.zeros(0, np.int16)
+    result = places[numbered] if len(numbered) else np.zeros(0, np.int16)
     if len(result) and result.min() < 0:
-        stranger = names[found[np.argmin(result)]]
+        stranger = names[numbered[np.argmin(result)]]
         raise TraceError(where, f"{column} names {stranger!r}, which is no body.", ", ".join(index))
     return result
 
 
 def raw_values(array: pa.Array) -> NDArray[Any]:
-    """The values of an array; numbers without gaps are not copied.
+    """Return the values of an array; numbers without gaps are not copied.
 
     ``Array.to_numpy`` imports pandas, which takes 50 MB and 0.3 s.
     """

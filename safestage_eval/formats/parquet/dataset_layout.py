@@ -9,7 +9,7 @@ from typing import Any
 from safestage_eval.episode import SCHEMA_VERSION
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.atomic import write_bytes
-from safestage_eval.formats.trace_files import regular, stays
+from safestage_eval.formats.trace_files import check_link, regular_status
 
 INFO = "meta/info.json"
 EPISODES = "meta/episodes"
@@ -49,12 +49,12 @@ _DESCRIPTION = {
 
 
 def is_dataset(folder: Path) -> bool:
-    """Whether the folder holds a dataset."""
+    """True if the folder holds a dataset."""
     return (folder / INFO).is_file()
 
 
 def check_version(version: str, where: str) -> None:
-    """Raises TraceError for a newer (or unreadable) major version of the format."""
+    """Raise TraceError for a newer (or unreadable) major version of the format."""
     own = SCHEMA_VERSION.partition(".")[0]
     major = str(version).partition(".")[0]
     if major != own:
@@ -68,11 +68,11 @@ def check_version(version: str, where: str) -> None:
 
 
 def read_info(dataset: Path) -> dict[str, Any]:
-    """``meta/info.json``; raises TraceError when it is missing, broken or of a newer major."""
+    """Read ``meta/info.json``. Raises TraceError when it is missing, broken or of a newer major."""
     path = dataset / INFO
     try:
-        stays(path, dataset, str(path))
-        regular(path)
+        check_link(path, dataset, str(path))
+        regular_status(path)
         info = json.loads(path.read_text("utf-8"))
         version = info["schema_version"]
     except FileNotFoundError:

@@ -29,13 +29,13 @@ from safestage_eval.errors import TraceError
 from safestage_eval.formats.digests import Seal, computed
 from safestage_eval.formats.lazy_columns import StoredItems, StoredTrack
 from safestage_eval.formats.ply import from_ply
-from safestage_eval.formats.trace_files import present, regular, stays, within
+from safestage_eval.formats.trace_files import check_link, existing, inside_dataset, regular_status
 
 from . import dataset_layout as layout
 from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, WXYZ, XYZ, schema
 from .episode_row import from_row
 from .stored_contacts import Source, StoredContacts
-from .stored_scene import known_scene, new_scene
+from .stored_scene import find_scene, make_scene
 from .stored_table import Block, StoredTable
 from .table_digests import DIGESTED_TABLES
 from .table_file import Footer
@@ -50,7 +50,7 @@ _TRACK = {
     )
     for column in ("position", "orientation", "linear_velocity", "angular_velocity")
 }
-"""What is stored of a body's track."""
+"""Column of a track → the stored columns that it is made of."""
 
 _TIME = Block(("timestamp",), np.dtype(np.float64))
 
@@ -66,12 +66,12 @@ Episodes of a file are mostly opened one after the other, and it may tell of hun
 
 
 def read_rows(file: Path, columns: tuple[str, ...] | None = None) -> list[dict[str, Any]]:
-    """Rows of one file of ``meta/episodes``; of the columns asked, those that are there.
+    """Read the rows of one file of ``meta/episodes``; columns that it lacks are left out.
 
     Raises:
         TraceError: unreadable, without a required column, or of a newer major version.
     """
-    stays(file, file.parents[2], str(file))
+    check_link(file, file.parents[2], str(file))
     return _rows(StoredTable(file, "meta/episodes"), file, columns)
 
 
@@ -88,13 +88,13 @@ def _rows(
 
 def _records(table: pa.Table, columns: Sequence[str], file: Path) -> list[dict[str, Any]]:
     """The rows; raises TraceError for a column of another kind, or a gap where there must be none."""
-    for name, found in zip(columns, table.itercolumns(), strict=True):
+    for name, values in zip(columns, table.itercolumns(), strict=True):
         wanted = schema("meta/episodes").field(name).type
-        other = found.type != wanted and _kind(found.type) != _kind(wanted)
-        if other and found.null_count < len(found):
-            raise TraceError(str(file), f"the column {name!r} holds {found.type}.", f"{wanted}")
-        if name in REQUIRED and found.null_count:
-            raise TraceError(str(file), f"{name} is empty in {found.null_count} rows")
+        other = values.type != wanted and _kind(values.type) != _kind(wanted)
+        if other and values.null_count < len(values):
+            raise TraceError(str(file), f"the column {name!r} holds {values.type}.", f"{wanted}")
+        if name in REQUIRED and values.null_count:
+            raise TraceError(str(file), f"{name} is empty in {values.null_count} rows")
     rows: list[dict[str, Any]] = table.to_pylist()
     return rows
 
@@ -119,7 +119,7 @@ def _kind(kind: pa.DataType) -> str:
 
 
 def open_episode(file: Path, episode_index: int, *, checked: bool = True) -> Episode:
-    """The episode with this index, whose row stands in a file of ``meta/episodes``.
+    """Open the episode with an index, whose row stands in a file of ``meta/episodes``.
 
     Header and time are read now, tracks, contacts and the rest when first asked for.
 
@@ -132,7 +132,7 @@ def open_episode(file: Path, episode_index: int, *, checked: bool = True) -> Epi
     Raises:
         TraceError: a file or column is missing or damaged, or an invariant is broken.
     """
-    stays(file, file.parents[2], str(file))
+    check_link(file, file.parents[2], str(file))
     table = StoredTable(file, "meta/episodes")
     rows = _by_episode(table, file).get(episode_index, [])
     if len(rows) != 1:
@@ -141,14 +141,14 @@ def open_episode(file: Path, episode_index: int, *, checked: bool = True) -> Epi
 
 
 def _by_episode(table: StoredTable, file: Path) -> dict[int, list[dict[str, Any]]]:
-    for footer, known in _LAST:
+    for footer, rows in _LAST:
         if footer is table.footer:
-            return known
-    found: dict[int, list[dict[str, Any]]] = {}
+            return rows
+    rows_by_episode: dict[int, list[dict[str, Any]]] = {}
     for row in _rows(table, file):
-        found.setdefault(row["episode_index"], []).append(row)
-    _LAST[:] = [(table.footer, found)]
-    return found
+        rows_by_episode.setdefault(row["episode_index"], []).append(row)
+    _LAST[:] = [(table.footer, rows_by_episode)]
+    return rows_by_episode
 
 
 class _StoredEpisode:
@@ -164,7 +164,7 @@ class _StoredEpisode:
         self.seal = Seal(
             row.get("content_hash"), row.get("digests"), partial(_recomputed, file, row), self.where
         )
-        self.whole = checked and self.seal.told is None  # its content hash will be computed
+        self.whole = checked and self.seal.digests is None  # its content hash will be computed
         layout.check_version(row.get("schema_version") or "1.0", self.where)
 
     def episode(self) -> Episode:
@@ -172,7 +172,7 @@ class _StoredEpisode:
         names = [name for name in geometry.names if name != "episode_index"]
         shapes = self.few(geometry.rows(names, self.index))
         text = self.row.get("bodies")
-        scene = known_scene(text, shapes)
+        scene = find_scene(text, shapes)
         rows = [] if scene else shapes.to_pylist()
         header = from_row(self.row, rows, self.where, scene and scene.bodies)
         self.frames_table = self.table("frames")
@@ -180,12 +180,12 @@ class _StoredEpisode:
         if self.checked:
             self.demand(list(check_header(header, self.where, shapes=scene is None)))
             self.demand(check_time(t, self.where))
-        scene = scene or new_scene(text, shapes, header, sound=self.checked)
+        scene = scene or make_scene(text, shapes, header, sound=self.checked)
         self.body_index = scene.places
         self.bodies_table = self.table("bodies")
         meshes = scene.meshes
         attachments = self.named("attachments", dict[str, str], "{}")
-        files = present(self.dataset, layout.ASSETS, (f"{key}.ply" for key in meshes), self.where)
+        files = existing(self.dataset, layout.ASSETS, (f"{key}.ply" for key in meshes), self.where)
         stored = [name.removesuffix(".ply") for name in files]
         if self.checked and stored != meshes:
             key = next(key for key in meshes if key not in stored)
@@ -215,37 +215,37 @@ class _StoredEpisode:
         return episode
 
     def few(self, shapes: pa.Table) -> pa.Table:
-        """The same; raises TraceError for more geoms than contacts can tell apart."""
+        """Return the rows of geoms. Raises TraceError for more than contacts can tell apart."""
         if len(shapes) > MOST_GEOMS:
             raise TraceError(self.where, f"{len(shapes):,} geoms.", f"{MOST_GEOMS:,} at most")
         return shapes
 
     def named(self, column: str, kind: type[Kind], default: str) -> Kind:
-        """A column of the row that holds JSON; raises TraceError for another kind of value."""
+        """Read a column of the row that holds JSON. Raises TraceError for another kind of value."""
         try:
-            found: Kind = _adapter(cast(Hashable, kind)).validate_json(
+            value: Kind = _adapter(cast(Hashable, kind)).validate_json(
                 self.row.get(column) or default
             )
-            return found
+            return value
         except ValidationError as error:
             first = error.errors(include_url=False)[0]["msg"]
             raise TraceError(f"{self.where}, column {column}", f"{first}.") from None
 
     def table(self, name: str) -> StoredTable:
-        file = within(self.dataset, name, f"{self.row['file']}.parquet", self.where)
+        file = inside_dataset(self.dataset, name, f"{self.row['file']}.parquet", self.where)
         table = StoredTable(file, name)
         if self.checked and name in DIGESTED_TABLES and self.seal.open:
             table.compare(self.index, self.seal)
         return table
 
     def asset(self, name: str) -> Path:
-        return within(self.dataset, layout.ASSETS, name, self.where)
+        return inside_dataset(self.dataset, layout.ASSETS, name, self.where)
 
     def asset_bytes(self, name: str) -> bytes:
-        """Raises TraceError when there is no such file, or it holds something else."""
+        """Read a file under ``assets``. Raises TraceError when it is missing or no regular file."""
         path = self.asset(name)
         try:
-            regular(path)
+            regular_status(path)
             return path.read_bytes()
         except OSError as error:
             raise TraceError(
@@ -255,7 +255,7 @@ class _StoredEpisode:
             ) from None
 
     def attachment(self, name: str) -> bytes:
-        """A file under the name of its content; raises TraceError as ``asset_bytes`` does."""
+        """Read an attachment. Raises TraceError where its content is not that of its name."""
         data = self.asset_bytes(name)
         if sha256(data).hexdigest() != Path(name).stem:
             raise TraceError(
@@ -271,12 +271,12 @@ class _StoredEpisode:
         if self.checked and errors:
             raise errors[0]
 
-    def in_order(self, frame: NDArray[np.int32], what: str, rows: int) -> None:
-        """Rows must stand for frames 0, 1, 2, …; otherwise they would be taken for others."""
+    def in_order(self, frame: NDArray[np.int32], owner: str, rows: int) -> None:
+        """Raise TraceError for rows that are not those of frames 0, 1, 2, and so on."""
         if len(frame) != rows or (frame[:, 0] != np.arange(rows, dtype=frame.dtype)).any():
             raise TraceError(
                 self.where,
-                f"{what} has {len(frame)} rows that are not the frames 0…{rows - 1} in order.",
+                f"{owner} has {len(frame)} rows that are not the frames 0…{rows - 1} in order.",
                 "one row per frame, ascending",
             )
 
@@ -294,14 +294,14 @@ class _StoredEpisode:
             source.read_ahead(self.index)
         blocks = tuple(_TRACK[column] for column in columns)
         first = () if body in self._in_order else (_FRAME,)
-        found = source.blocks((*first, *blocks), self.index, (body,))
+        arrays = source.blocks((*first, *blocks), self.index, (body,))
         loaded: dict[str, NDArray[np.float32]] = {}
-        for column, values in zip(columns, found[len(first) :], strict=True):
+        for column, values in zip(columns, arrays[len(first) :], strict=True):
             if len(values) == 0:
                 raise TraceError(self.where, f"body {body!r} has no poses in {source.path}")
             if body not in self._in_order:
                 rows = 1 if len(values) == 1 else self.length
-                self.in_order(found[0], f"body {body!r}", rows)
+                self.in_order(arrays[0], f"body {body!r}", rows)
                 self._in_order.add(body)
             if self.checked:
                 self.demand(check_track_column(column, values, body, self.length, self.where))

@@ -22,7 +22,7 @@ TRACK_COLUMNS = ("position", "orientation", "linear_velocity", "angular_velocity
 
 
 def episode_tables(episode: Episode, index: int) -> dict[str, Iterator[pa.Table]]:
-    """Table name → its row groups for this episode, made as they are asked for.
+    """Return table name → its row groups for an episode, made one by one.
 
     The optional tables ``channels`` and ``states`` are there only when the episode has any.
 
@@ -45,7 +45,7 @@ def episode_tables(episode: Episode, index: int) -> dict[str, Iterator[pa.Table]
 def episode_entry(
     episode: Episode, index: int, file: str, attachments: Mapping[str, str], digests: Digests
 ) -> dict[str, Any]:
-    """The episode's row of ``meta/episodes``.
+    """Return the episode's row of ``meta/episodes``.
 
     ``attachments`` maps names to files in ``assets``; ``digests``: of its tables.
 
@@ -67,7 +67,7 @@ def episode_entry(
 
 
 def as_rows(table: str, rows: list[dict[str, Any]]) -> pa.Table:
-    """Records as an Arrow table with the columns of ``table``."""
+    """Return records as an Arrow table with the columns of ``table``."""
     return pa.Table.from_pylist(rows, schema(table))
 
 
@@ -128,7 +128,7 @@ def _contacts(episode: Episode, index: int) -> Iterator[pa.Table]:
 
 
 def slots(contacts: ContactTable) -> NDArray[np.int16]:
-    """(C,) number of each contact within its frame and pair, in the table's order."""
+    """Return the (C,) number of each contact within its frame and pair, in the table's order."""
     if not len(contacts):
         return np.zeros(0, np.int16)
     first = np.ones(len(contacts), bool)

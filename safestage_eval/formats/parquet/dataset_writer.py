@@ -1,12 +1,13 @@
-"""Adding an episode to a Parquet dataset."""
+"""Adding episodes to a Parquet dataset: one, or many in one file set."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 
@@ -18,12 +19,85 @@ from . import dataset_layout as layout
 from .arrow_tables import arrow_file
 from .dataset_tables import as_rows, episode_entry, episode_tables
 from .episode_row import mesh_keys, to_row
-from .table_digests import noted
-from .table_writer import write_whole, writing_table
+from .table_digests import with_digests
+from .table_writer import TableWriter, write_whole, writing_table
+
+
+class Shard:
+    """A file set that is being written, of one episode or many; its files appear together.
+
+    Attributes:
+        entries: rows of ``meta/episodes``.
+    """
+
+    def __init__(self, dataset: Path, file: str, first_index: int, files: ExitStack) -> None:
+        """Nothing is written yet.
+
+        Args:
+            dataset: its folder.
+            file: name of the files, without ending.
+            first_index: of its episodes.
+            files: closes the files, and renames them when all are whole.
+        """
+        self._dataset, self._file, self._first = dataset, file, first_index
+        self._files = files
+        self._writers: dict[str, TableWriter] = {}
+        self.entries: list[dict[str, Any]] = []
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def add(self, episode: Episode) -> None:
+        """Append an episode.
+
+        Everything is read before anything is written, so one that is damaged leaves no trace.
+
+        Raises:
+            TraceError: the episode is damaged, or its header holds a number that is not finite.
+        """
+        to_row(episode.header)
+        index = self._first + len(self)
+        digests: dict[str, list[str]] = {}
+        whole = {
+            table: list(with_digests(table, groups, digests))
+            for table, groups in episode_tables(episode, index).items()
+        }
+        assets = add_assets(episode, self._dataset)
+        entry = episode_entry(episode, index, self._file, assets, digests)
+        for table, groups in whole.items():
+            writer = self._writers.get(table) or self._open(table)
+            for group, runs in groups:
+                writer.add(group, runs)
+        self.entries.append(entry)
+
+    def _open(self, table: str) -> TableWriter:
+        path = self._files.enter_context(replacing(self._dataset / table / f"{self._file}.parquet"))
+        writer = self._files.enter_context(writing_table(path, table))
+        self._writers[table] = writer
+        return writer
+
+
+@contextmanager
+def writing_shard(dataset: Path, file: str, first_index: int) -> Iterator[Shard]:
+    """Open a new file set ``<table>/<file>.parquet`` whose episodes count from ``first_index``.
+
+    All of its files appear when the block ends well, the one under ``meta/episodes`` last; after
+    an exception, or without any episode, there is none.
+
+    Raises:
+        TraceError: the folder holds something that is no dataset.
+    """
+    layout.prepare(dataset)
+    with ExitStack() as files:
+        shard = Shard(dataset, file, first_index, files)
+        yield shard
+    if shard.entries:
+        with replacing(dataset / layout.EPISODES / f"{file}.parquet") as path:
+            write_whole(path, "meta/episodes", as_rows("meta/episodes", shard.entries))
 
 
 def add_episode(episode: Episode, dataset: Path) -> Path:
-    """Write an episode as a new file set of the dataset; returns its ``meta/episodes`` file.
+    """Write an episode as a new file set of the dataset; return its ``meta/episodes`` file.
 
     The folder is made when it is not there. Each file appears whole, the one under
     ``meta/episodes`` last, so no reader ever sees half an episode; several recorders may add to
@@ -34,20 +108,12 @@ def add_episode(episode: Episode, dataset: Path) -> Path:
     """
     to_row(episode.header)  # before anything is written
     layout.prepare(dataset)
-    attachments = add_assets(episode, dataset)
     with _reserved(dataset) as (index, part):
-        file = _file_name(index)
-        digests: dict[str, list[str]] = {}
-        for table, groups in episode_tables(episode, index).items():
-            with (
-                replacing(dataset / table / f"{file}.parquet") as path,
-                writing_table(path, table) as writer,
-            ):
-                for group, runs in noted(table, groups, digests):
-                    writer.add(group, runs)
-        entry = episode_entry(episode, index, file, attachments, digests)
-        write_whole(part, "meta/episodes", as_rows("meta/episodes", [entry]))
-    return dataset / layout.EPISODES / f"{file}.parquet"
+        with ExitStack() as files:
+            shard = Shard(dataset, _file_name(index), index, files)
+            shard.add(episode)
+        write_whole(part, "meta/episodes", as_rows("meta/episodes", shard.entries))
+    return dataset / layout.EPISODES / f"{_file_name(index)}.parquet"
 
 
 def _file_name(index: int) -> str:
@@ -89,7 +155,7 @@ def _reserved(dataset: Path) -> Iterator[tuple[int, Path]]:
 
 
 def highest_index(file: Path) -> int:
-    """The last episode index that a file of ``meta/episodes`` holds or reserves; −1 for none."""
+    """Return the last episode index that a file of ``meta/episodes`` holds or reserves; −1 for none."""
     if match := re.match(r"\.?episode-(\d+)\.", file.name):
         return int(match[1])
     if file.suffix != ".parquet":
@@ -112,7 +178,7 @@ def add_assets(episode: Episode, dataset: Path) -> dict[str, str]:
 
 
 def _ending(name: str) -> str:
-    """Of an attachment's name, if a file can be called so anywhere."""
+    """Return the ending of an attachment's name, "" where not every file system can hold it."""
     ending = Path(name).suffix
     return ending if re.fullmatch(r"\.[A-Za-z0-9]{1,16}", ending) else ""
 

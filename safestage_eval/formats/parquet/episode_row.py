@@ -23,7 +23,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 
 def encode(value: Any, where: str) -> str:
-    """Compact JSON. Raises TraceError for NaN and infinity, which JSON does not have."""
+    """Return compact JSON. Raises TraceError for NaN and infinity, which JSON does not have."""
     try:
         return json.dumps(value, allow_nan=False, ensure_ascii=False, separators=(",", ":"))
     except ValueError:
@@ -33,7 +33,7 @@ def encode(value: Any, where: str) -> str:
 
 
 def to_row(header: Header) -> dict[str, Any]:
-    """The header's columns in ``meta/episodes``. Raises TraceError as ``encode`` does."""
+    """Return the header's columns in ``meta/episodes``. Raises TraceError as ``encode`` does."""
     where = header.episode_id
     data = header.model_dump(mode="json")
     encode(data, where)
@@ -45,7 +45,7 @@ def to_row(header: Header) -> dict[str, Any]:
 
 
 def to_geometry(header: Header, episode_index: int) -> list[dict[str, Any]]:
-    """Rows of ``geometry``, one per geom in the header's order."""
+    """Return the rows of ``geometry``, one per geom in the header's order."""
     geoms = [(body.name, geom) for body in header.bodies for geom in body.geoms]
     return [
         {"episode_index": episode_index, "body": body, "geom": i} | geom.model_dump()
@@ -59,7 +59,7 @@ def from_row(
     where: str,
     bodies: tuple[Body, ...] | None = None,
 ) -> Header:
-    """The header again. Columns that are absent or null take the header's defaults.
+    """Restore a header. Columns that are absent or null take the header's defaults.
 
     Args:
         row: of ``meta/episodes``.
@@ -86,15 +86,15 @@ def from_row(
 
 
 def _add_geoms(data: dict[str, Any], geometry: list[dict[str, Any]], where: str) -> None:
-    """To the bodies of a header that they belong to."""
+    """Add geoms to the bodies of a header that they belong to."""
     listed = data.get("bodies", [])
     if not isinstance(listed, list) or not all(isinstance(body, dict) for body in listed):
         raise TraceError(f"{where}, column bodies", "not a list of bodies.", "JSON records")
     bodies = {str(body.get("name")): body for body in listed}
     for geom in geometry:
         if not (isinstance(geom["geom"], int) and isinstance(geom["body"], str)):
-            said = f"geometry has a row of body {geom['body']!r}, geom {geom['geom']!r}."
-            raise TraceError(where, said, "a name and a number")
+            problem = f"geometry has a row of body {geom['body']!r}, geom {geom['geom']!r}."
+            raise TraceError(where, problem, "a name and a number")
     for geom in sorted(geometry, key=lambda geom: geom["geom"]):
         if geom["body"] not in bodies:
             raise TraceError(
@@ -107,7 +107,7 @@ def _add_geoms(data: dict[str, Any], geometry: list[dict[str, Any]], where: str)
 
 
 def validated(model: type[Model], data: Any, place: str) -> Model:
-    """A record from plain data. Raises TraceError naming the first field that does not fit."""
+    """Validate plain data as a record. Raises TraceError naming the first field that does not fit."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -120,6 +120,6 @@ def validated(model: type[Model], data: Any, place: str) -> Model:
 
 
 def mesh_keys(header: Header) -> list[str]:
-    """Keys of the meshes that the header's geoms have, each once, in order."""
+    """Return the keys of the meshes that the header's geoms have, each once, in order."""
     geoms = (geom for body in header.bodies for geom in body.geoms)
     return list(dict.fromkeys(geom.mesh for geom in geoms if geom.mesh is not None))

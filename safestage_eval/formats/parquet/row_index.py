@@ -52,7 +52,7 @@ Members = Mapping[tuple[int, Names], Rows]
 
 
 class RowIndex:
-    """What a file says about its row groups without its columns being read.
+    """Whose rows the row groups of a file hold, as far as its footer says.
 
     Attributes:
         rows: how many rows each row group has.
@@ -69,29 +69,29 @@ class RowIndex:
         *,
         stated: bool = False,
     ) -> None:
-        """Each of the arguments is explained above."""
+        """Arguments as the attributes of the class."""
         self.rows, self.stated = rows, stated
         self.members, self.episodes = list(members), episodes
         self._by_episode: dict[int, list[int]] = {}
         self._unknown: list[tuple[int, tuple[int, int] | None]] = []
-        for number, known in enumerate(members):
-            if known is None:
+        for number, runs in enumerate(members):
+            if runs is None:
                 self._unknown.append((number, episodes[number]))
                 continue
-            for episode in dict.fromkeys(key[0] for key in known):
+            for episode in dict.fromkeys(key[0] for key in runs):
                 self._by_episode.setdefault(episode, []).append(number)
 
     def groups_of(self, episode: int) -> list[int]:
-        """Row groups that hold, or may hold, rows of an episode, in the file's order."""
-        known = self._by_episode.get(episode, [])
+        """Return the row groups that hold, or may hold, rows of an episode, in the file's order."""
+        certain = self._by_episode.get(episode, [])
         if not self._unknown:
-            return known
+            return certain
         maybe = [n for n, ends in self._unknown if ends is None or ends[0] <= episode <= ends[1]]
-        return sorted([*known, *maybe])
+        return sorted([*certain, *maybe])
 
 
 def load_row_index(metadata: pq.FileMetaData, table: str | None, file_size: int) -> RowIndex:
-    """The index that a file states, or the one that follows from its statistics.
+    """Return the index that a file states, or the one that follows from its statistics.
 
     Args:
         metadata: of the file.
@@ -112,7 +112,7 @@ def load_row_index(metadata: pq.FileMetaData, table: str | None, file_size: int)
 
 
 def encode_row_index(groups: Sequence[Sequence[Run]], end: int) -> bytes:
-    """The text that ``load_row_index`` reads.
+    """Return the text that ``load_row_index`` reads.
 
     Args:
         groups: the runs of each row group.
@@ -138,7 +138,7 @@ def _decoded(text: bytes, rows: Sequence[int], end: int, width: int) -> list[lis
             return None
         if not all(type(n) is int and n >= 0 for group in groups for run in group for n in run):
             return None
-        found = [
+        decoded = [
             [Run(run[0], tuple(names[n] for n in run[1:-1]), run[-1]) for run in group]
             for group in groups
         ]
@@ -146,9 +146,9 @@ def _decoded(text: bytes, rows: Sequence[int], end: int, width: int) -> list[lis
         return None
     fits = all(
         sum(run.rows for run in runs) == count and all(len(run.names) == width for run in runs)
-        for runs, count in zip(found, rows, strict=True)
+        for runs, count in zip(decoded, rows, strict=True)
     )
-    return found if fits else None
+    return decoded if fits else None
 
 
 def _from_statistics(metadata: pq.FileMetaData, table: str, rows: Sequence[int]) -> RowIndex:
@@ -168,8 +168,8 @@ def _from_statistics(metadata: pq.FileMetaData, table: str, rows: Sequence[int])
         whole = group.num_columns == metadata.num_columns
         ends = [_limits(group, key) if whole else None for key in keys]
         single = [pair[0] for pair in ends if pair is not None and pair[0] == pair[1]]
-        known = complete and len(single) == len(keys)
-        members.append({(single[0], tuple(single[1:])): slice(0, count)} if known else None)
+        uniform = complete and len(single) == len(keys)
+        members.append({(single[0], tuple(single[1:])): slice(0, count)} if uniform else None)
         episodes.append(ends[0] if keys and keys[0].kind is int else None)
     return RowIndex(rows, members, episodes)
 
@@ -192,25 +192,25 @@ def _limits(group: pq.RowGroupMetaData, key: _Key) -> Any:
     if column.physical_type != key.physical_type:
         return None
     try:
-        found = column.statistics
-        if found is None or not found.has_min_max or found.null_count:
+        statistics = column.statistics
+        if statistics is None or not statistics.has_min_max or statistics.null_count:
             return None
-        ends = found.min, found.max
+        ends = statistics.min, statistics.max
     except (pa.ArrowException, ValueError, OSError):  # a name that is no text is a ValueError
         return None
     return ends if type(ends[0]) is type(ends[1]) is key.kind else None
 
 
 def runs_to_members(runs: Iterable[Run]) -> Members:
-    """The rows of each episode and names."""
+    """Return the rows of each episode and names."""
     parts: dict[tuple[int, Names], list[tuple[int, int]]] = {}
     begin = 0
     for episode, names, rows in runs:
-        known = parts.setdefault((episode, names), [])
-        if known and known[-1][1] == begin:
-            known[-1] = known[-1][0], begin + rows
+        spans_of_key = parts.setdefault((episode, names), [])
+        if spans_of_key and spans_of_key[-1][1] == begin:
+            spans_of_key[-1] = spans_of_key[-1][0], begin + rows
         else:
-            known.append((begin, begin + rows))
+            spans_of_key.append((begin, begin + rows))
         begin += rows
     return {
         key: slice(*spans[0])
@@ -223,7 +223,7 @@ def runs_to_members(runs: Iterable[Run]) -> Members:
 def _key_runs(
     episodes: NDArray[Any], names: Sequence[tuple[NDArray[Any], Sequence[Any]]]
 ) -> list[Run]:
-    """The runs of consecutive rows with the same keys.
+    """Return the runs of consecutive rows with the same keys.
 
     Args:
         episodes: (N,) whole numbers.
@@ -246,7 +246,7 @@ def _key_runs(
 
 
 def runs_of(table: str, rows: pa.Table, where: str = "") -> list[Run]:
-    """The runs of consecutive rows with the same keys.
+    """Return the runs of consecutive rows with the same keys.
 
     Args:
         table: name of the table.

@@ -57,7 +57,7 @@ class Source(NamedTuple):
             raise errors[0]
 
     def complete(self, rows: int) -> None:
-        """Raise when there are not as many rows as the episode says."""
+        """Raise TraceError where there are not as many rows as the episode says."""
         if rows != self.rows:
             raise TraceError(self.where, f"{self.table.path} has {rows} contacts, not {self.rows}")
 
@@ -104,12 +104,12 @@ class _ByPair:
             TraceError: contacts of what is no body, or not as many as the episode has.
         """
         source = self._source
-        found: dict[Pair, Names] = {}
+        names_of: dict[Pair, Names] = {}
         spans, rows = [], 0
         for names, places in source.table.places(source.episode_index).items():
             first, second = (self._body(name, i + 1) for i, name in enumerate(names))
             source.demand(check_contact_order(np.array([first]), np.array([second]), source.where))
-            found[first, second] = names
+            names_of[first, second] = names
             for group, part in places:
                 if not isinstance(part, slice):
                     return None
@@ -117,10 +117,10 @@ class _ByPair:
                 rows += part.stop - part.start
         spans.sort()
         stretches = 1 + sum(a[2:] != b[2:] for a, b in pairwise(spans)) if spans else 0
-        if stretches != len(found):
+        if stretches != len(names_of):
             return None
         source.complete(rows)
-        return found
+        return names_of
 
     def _body(self, name: str | None, side: int) -> int:
         index = self._source.body_index
@@ -133,37 +133,37 @@ class _ByPair:
         return index[name]
 
     def columns(self, pair: Pair, names: tuple[str, ...]) -> tuple[NDArray[Any], ...]:
-        """Columns of the table, and components of vectors; those not known yet in one go."""
-        found = [self._column(pair, name) for name in names]
-        new = {name for name, known in zip(names, found, strict=True) if known is None}
+        """Return columns of the table, and components of vectors; those not loaded yet are read at once."""
+        arrays = [self._column(pair, name) for name in names]
+        new = {name for name, array in zip(names, arrays, strict=True) if array is None}
         if new:
             whole = [n for n in names if n in new and ("." not in n or n[:-2] not in new)]
             self._known |= self._load(pair, tuple(dict.fromkeys(whole)))
-            found = [self._column(pair, name) for name in names]
-        return tuple(values for values in found if values is not None)
+            arrays = [self._column(pair, name) for name in names]
+        return tuple(values for values in arrays if values is not None)
 
     def _column(self, pair: Pair, name: str) -> NDArray[Any] | None:
-        """If it is known."""
-        known = self._known.get((pair, name))
+        """Return a column, or a component of a vector, if it is loaded."""
+        values = self._known.get((pair, name))
         vector, _, axis = name.partition(".")
-        if known is None and axis and (pair, vector) in self._known:
-            known = self._known[pair, name] = self._known[pair, vector][:, XYZ.index(axis)]
-        return known
+        if values is None and axis and (pair, vector) in self._known:
+            values = self._known[pair, name] = self._known[pair, vector][:, XYZ.index(axis)]
+        return values
 
     def _load(self, pair: Pair, names: tuple[str, ...]) -> dict[tuple[Pair, str], NDArray[Any]]:
-        source, known = self._source, (self.places or {}).get(pair)
+        source, key = self._source, (self.places or {}).get(pair)
         blocks = tuple(_block(name) for name in names)
         arrays = (
             [np.empty((0, len(block.names)), block.dtype) for block in blocks]
-            if known is None
-            else source.table.blocks(blocks, source.episode_index, known)
+            if key is None
+            else source.table.blocks(blocks, source.episode_index, key)
         )
-        found = {}
+        columns = {}
         for name, array in zip(names, arrays, strict=True):
             values = array[:, 0] if array.shape[1] == 1 else array
             self._check(pair, name, values)
-            found[pair, name] = values
-        return found
+            columns[pair, name] = values
+        return columns
 
     def _check(self, pair: Pair, name: str, values: NDArray[Any]) -> None:
         source = self._source
@@ -179,7 +179,7 @@ class _ByPair:
 
 @cache
 def _block(name: str) -> Block:
-    """What is stored of a column of the contact table."""
+    """Return the stored columns that a column of the contact table is made of."""
     return Block(tuple(_stored_names(name)), np.dtype(_dtype(name)))
 
 
@@ -204,15 +204,15 @@ class _ByFrame:
         source, (keys, _) = self._source, self._keys  # the keys come first: they tell the order
         if columns == KEYS:
             return keys
-        found = {name: self._column(name) for name in columns}
-        for name, values in found.items():
+        loaded = {name: self._column(name) for name in columns}
+        for name, values in loaded.items():
             if columns == GEOMS:
                 side = name[-1]
                 body = keys[f"body{side}"]
                 source.demand(check_geom_owner(side, values, body, source.geom_owner, source.where))
             else:
                 source.demand(check_finite(values, f"contact {name}", source.where))
-        return found
+        return loaded
 
     @cached_property
     def _keys(self) -> tuple[dict[str, NDArray[Any]], NDArray[np.intp]]:
@@ -224,11 +224,11 @@ class _ByFrame:
         slot = table.numbers(rows, "slot", np.int16)
         body1, body2 = (table.codes(rows, n, source.body_index) for n in ("body1", "body2"))
         order = _frame_order(frame, slot, body1, body2)
-        found = {"frame": frame, "body1": body1, "body2": body2}
-        found = {name: values.take(order) for name, values in found.items()}
-        source.demand(check_frame_range(found["frame"], source.frames, source.where))
-        source.demand(check_contact_order(found["body1"], found["body2"], source.where))
-        return found, order
+        keys = {"frame": frame, "body1": body1, "body2": body2}
+        keys = {name: values.take(order) for name, values in keys.items()}
+        source.demand(check_frame_range(keys["frame"], source.frames, source.where))
+        source.demand(check_contact_order(keys["body1"], keys["body2"], source.where))
+        return keys, order
 
     def _column(self, name: str) -> NDArray[Any]:
         source, stored = self._source, _stored_names(name)

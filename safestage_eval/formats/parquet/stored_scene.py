@@ -17,7 +17,7 @@ _KEPT = 8
 
 
 class Scene(NamedTuple):
-    """What is known of a scene.
+    """The bodies and shapes that episodes share.
 
     Attributes:
         text: its bodies as they are stored.
@@ -42,16 +42,16 @@ _SCENES: list[Scene] = []
 """Those that were met last."""
 
 
-def known_scene(text: str | None, shapes: pa.Table) -> Scene | None:
-    """The scene with these bodies and rows of ``geometry``, if it was met lately."""
+def find_scene(text: str | None, shapes: pa.Table) -> Scene | None:
+    """Return the scene with these bodies and rows of ``geometry``; None if it was not met lately."""
     for scene in _SCENES:
         if scene.text == text and scene.shapes.equals(shapes):
             return scene
     return None
 
 
-def new_scene(text: str | None, shapes: pa.Table, header: Header, *, sound: bool) -> Scene:
-    """Of the header that was made of them; kept if it is sound."""
+def make_scene(text: str | None, shapes: pa.Table, header: Header, *, sound: bool) -> Scene:
+    """Make the scene of a header; it is kept if it is sound."""
     index = {body.name: i for i, body in enumerate(header.bodies)}
     owner = GeomNames(header).owner
     scene = Scene(text, shapes, header.bodies, index, owner, mesh_keys(header), sound)

@@ -65,12 +65,12 @@ class StoredTable(TableFile):
         self._ahead: dict[int, pa.Table] = {}
 
     def compare(self, episode: int, seal: Seal) -> None:
-        """From now on compare what is read of an episode with the digests that were written.
+        """Compare from now on what is read of an episode with its stated digests.
 
         Raises TraceError where the rows are not as they were written, and the content differs.
         """
-        told = seal.told.get(self._table) if isinstance(seal.told, dict) else None
-        segments = Segments(self._table, told, seal)
+        lines = seal.digests.get(self._table) if isinstance(seal.digests, dict) else None
+        segments = Segments(self._table, lines, seal)
         spans = self._spans_of(episode)
         in_order = all(isinstance(span.place.rows, slice) for span in spans)
         if not in_order or segments.rows != sum(_count(span.place.rows) for span in spans):
@@ -81,7 +81,7 @@ class StoredTable(TableFile):
             self.places(episode)
 
     def read_ahead(self, episode: int) -> None:
-        """Read all columns of numbers of an episode at once, as all of them will be asked for.
+        """Read all columns of numbers of an episode at once, because all will be used.
 
         That takes half as long as many small reads; nothing is done where it would take much memory.
 
@@ -95,11 +95,11 @@ class StoredTable(TableFile):
             self._ahead[episode] = self._read_places(columns, places)
 
     def all(self, columns: Sequence[str]) -> pa.Table:
-        """The columns, which must be there, for all rows. Raises TraceError on damaged bytes."""
+        """Read columns for all rows. Raises TraceError for a missing column or damaged bytes."""
         return self.read(range(len(self.footer.index.rows)), columns)
 
     def rows(self, columns: Sequence[str], episode: int, body: str | None = None) -> pa.Table:
-        """The columns for the rows of one episode (and of one body), in stored order.
+        """Read columns for the rows of one episode (and of one body), in stored order.
 
         Raises:
             TraceError: a column is missing, or the bytes cannot be read.
@@ -118,7 +118,7 @@ class StoredTable(TableFile):
     def blocks(
         self, blocks: tuple[Block, ...], episode: int, names: Names | None = None
     ) -> list[NDArray[Any]]:
-        """Columns of numbers, for the rows of one episode (and of one body or pair), in stored order.
+        """Read columns of numbers for the rows of one episode (and of one body or pair), in stored order.
 
         Returns:
             (N, C) of each block.
@@ -139,7 +139,7 @@ class StoredTable(TableFile):
         return self._arrays(table, blocks)
 
     def places(self, episode: int) -> Mapping[Names, list[Place]]:
-        """Where the rows of each body or pair of an episode are, in stored order.
+        """Return the places of the rows of each body or pair of an episode, in stored order.
 
         Reads the columns of names, where the file does not say without.
 
@@ -147,12 +147,12 @@ class StoredTable(TableFile):
             TraceError: those cannot be read, or hold no names.
         """
         if episode not in self._places:
-            found: dict[Names, list[Place]] = {}
+            by_names: dict[Names, list[Place]] = {}
             for group in self.footer.index.groups_of(episode):
                 for (whose, names), rows in self._members(group).items():
                     if whose == episode:
-                        found.setdefault(names, []).append(Place(group, rows))
-            self._places[episode] = found
+                        by_names.setdefault(names, []).append(Place(group, rows))
+            self._places[episode] = by_names
             if episode in self._segments:
                 self._compare_names(episode)
         return self._places[episode]
@@ -172,13 +172,13 @@ class StoredTable(TableFile):
     def _spans_of(self, episode: int) -> list[_Span]:
         """The rows of an episode, in stored order."""
         if episode not in self._spans:
-            found, first = [], 0
+            spans, first = [], 0
             for group in self.footer.index.groups_of(episode):
                 rows = self._episode_rows(group, episode)
                 if count := _count(rows):
-                    found.append(_Span(Place(group, rows), first))
+                    spans.append(_Span(Place(group, rows), first))
                     first += count
-            self._spans[episode] = found
+            self._spans[episode] = spans
         return self._spans[episode]
 
     def _episode_rows(self, group: int, episode: int) -> Rows:
@@ -188,14 +188,14 @@ class StoredTable(TableFile):
         return _union([rows for key, rows in self._members(group).items() if key[0] == episode])
 
     def _members(self, group: int) -> Members:
-        """Whose rows a row group holds; reads its key columns where the file does not say without."""
+        """Return whose rows a row group holds; reads its key columns where the footer does not say."""
         index = self.footer.index
-        known = index.members[group]
-        if known is None:
+        members = index.members[group]
+        if members is None:
             table = self.read([group], (EPISODE, *self._names))
             runs = runs_of(self._table, table, str(self.path))
-            known = index.members[group] = runs_to_members(runs)
-        return known
+            members = index.members[group] = runs_to_members(runs)
+        return members
 
     def _from_ahead(
         self, episode: int, columns: Sequence[str], places: Sequence[Place]
@@ -228,7 +228,7 @@ class StoredTable(TableFile):
         batches = table.to_batches()
         if len(batches) != 1:
             return [self._cast(table, block) for block in blocks]
-        found = []
+        arrays = []
         for names, dtype in blocks:
             try:
                 array = batches[0].select(names).to_tensor(row_major=True).to_numpy()
@@ -236,8 +236,8 @@ class StoredTable(TableFile):
                 array = None
             if array is None or array.dtype != dtype:
                 array = self._cast(table, Block(names, dtype))
-            found.append(array)
-        return found
+            arrays.append(array)
+        return arrays
 
     def _cast(self, table: pa.Table, block: Block) -> NDArray[Any]:
         """(N, C) numbers, whatever type the columns of a block have."""
@@ -255,9 +255,9 @@ class StoredTable(TableFile):
                 segments.compare(name, first, table[name].slice(at, rows), read)
 
     def _stretches(self, episode: int, places: Sequence[Place]) -> list[_Stretch]:
-        """Where rows at some places are among all rows of the episode; none if they are scattered."""
+        """Return where rows at some places are among all rows of the episode; [] if they are scattered."""
         spans = {span.place.group: span for span in self._spans_of(episode)}
-        found: list[_Stretch] = []
+        stretches: list[_Stretch] = []
         at = 0
         for group, rows in places:
             span = spans[group]
@@ -265,22 +265,22 @@ class StoredTable(TableFile):
                 return []
             first = span.first + rows.start - span.place.rows.start
             count = rows.stop - rows.start
-            if found and found[-1].first + found[-1].rows == first:
-                found[-1] = found[-1]._replace(rows=found[-1].rows + count)
+            if stretches and stretches[-1].first + stretches[-1].rows == first:
+                stretches[-1] = stretches[-1]._replace(rows=stretches[-1].rows + count)
             else:
-                found.append(_Stretch(first, at, count))
+                stretches.append(_Stretch(first, at, count))
             at += count
-        return found
+        return stretches
 
     def _compare_names(self, episode: int) -> None:
-        """Compare whom the rows of an episode are about with the digests of names."""
-        found = [
+        """Compare the names that the rows of an episode are about with their digests."""
+        parts = [
             (place.group, place.rows, names)
             for names, places in self._places[episode].items()
             for place in places
         ]
-        runs = [(g, rows.start, rows.stop, n) for g, rows, n in found if isinstance(rows, slice)]
-        if len(runs) < len(found):  # not in the order in which they were written
+        runs = [(g, rows.start, rows.stop, n) for g, rows, n in parts if isinstance(rows, slice)]
+        if len(runs) < len(parts):  # not in the order in which they were written
             self._segments.pop(episode).differ()
             return
         stretches = [(names, stop - start) for _, start, stop, names in sorted(runs)]

@@ -35,7 +35,7 @@ DIGESTED_NAMES = ("bodies", "contacts")
 
 @cache
 def digested_columns(table: str) -> tuple[str, ...]:
-    """Columns of numbers that have a digest, in the table's order."""
+    """Return the columns of numbers that have a digest, in the table's order."""
     return tuple(
         name
         for name, column in TABLES[table].items()
@@ -44,24 +44,24 @@ def digested_columns(table: str) -> tuple[str, ...]:
 
 
 def flat_numbers(column: pa.ChunkedArray) -> NDArray[Any]:
-    """The numbers of a column, those of lists one after the other."""
+    """Return the numbers of a column, those of lists one after the other."""
     lists = pa.types.is_list(column.type) or pa.types.is_large_list(column.type)
     chunks = [chunk.flatten() if lists else chunk for chunk in column.chunks]
-    found = [raw_values(chunk) for chunk in chunks if len(chunk)]
-    if not found:
+    parts = [raw_values(chunk) for chunk in chunks if len(chunk)]
+    if not parts:
         return np.zeros(0, np.float32)
-    return found[0] if len(found) == 1 else np.concatenate(found)
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def digest_line(table: str, group: pa.Table, runs: Sequence[Run]) -> str:
-    """The line of a row group that is written."""
-    told = "".join(crc(flat_numbers(group[name])) for name in digested_columns(table))
+    """Return the digest line of a row group."""
+    crcs = "".join(crc(flat_numbers(group[name])) for name in digested_columns(table))
     spans = [(run.names, run.rows) for run in runs] if table in DIGESTED_NAMES else []
-    return f"{len(group)}:{told}{names_crc(spans)}"
+    return f"{len(group)}:{crcs}{names_crc(spans)}"
 
 
 def names_crc(spans: Sequence[tuple[Names, int]]) -> str:
-    """CRC-32 of whom the rows of a segment are about: names, or names and rows of each stretch."""
+    """Return the CRC-32 of the names that rows are about: one entry's names, or names and rows of each."""
     if len(spans) == 1:
         return _names_crc(spans[0][0])
     return _json_crc([[*names, rows] for names, rows in spans])
@@ -80,7 +80,7 @@ class Segments:
     """The lines of an episode's rows in a table, compared column by column as they are read."""
 
     def __init__(self, table: str, lines: object, seal: Seal) -> None:
-        """Lines that are none give no segments."""
+        """Parse digest lines; without valid ones there are no segments."""
         self._table, self._seal = table, seal
         sound = isinstance(lines, list) and all(isinstance(line, str) for line in lines)
         parts = [line.partition(":") for line in lines] if isinstance(lines, list) and sound else []
@@ -95,15 +95,15 @@ class Segments:
 
     @property
     def rows(self) -> int:
-        """How many rows all segments have; −1 where that is not said."""
+        """Number of rows of all segments; −1 where the lines do not say."""
         return self.starts[-1] if sorted(self.starts) == self.starts else -1
 
     def differ(self) -> None:
-        """The rows are not those that were written; raises TraceError if their content differs."""
+        """Report rows that are not those that were written. Raises TraceError if their content differs."""
         self._seal.differs(f"the table {self._table}")
 
     def compare_names(self, runs: Sequence[tuple[Names, int]], *, stated: bool) -> None:
-        """Raise TraceError where rows are about others than when they were written.
+        """Compare the names that rows are about with their digests.
 
         Args:
             runs: names and rows of all rows of the episode, in order.
@@ -112,7 +112,7 @@ class Segments:
         if self._table not in DIGESTED_NAMES:
             return
         ends = list(accumulate(rows for _, rows in runs))
-        for number, told in enumerate(self._names):
+        for number, stated_crc in enumerate(self._names):
             first, last = self.starts[number : number + 2]
             spans, at = [], bisect_right(ends, first)
             while at < len(runs) and ends[at] - runs[at][1] < last:
@@ -120,7 +120,7 @@ class Segments:
                 spans.append((runs[at][0], min(ends[at], last) - begin))
                 at += 1
             wanted = {names_crc(spans)} if stated or len(spans) == 1 else {names_crc(spans), _OLD}
-            if told not in wanted:
+            if stated_crc not in wanted:
                 self._seal.differs(f"the names in {self._table}")
 
     def compare(
@@ -158,14 +158,14 @@ class Segments:
 
 
 _OLD = names_crc([])
-"""What files without an index have for the names of a segment with several."""
+"""Digest that files without an index have for a segment with several names."""
 
 
-def noted(
-    table: str, groups: Iterator[pa.Table], found: dict[str, list[str]]
+def with_digests(
+    table: str, groups: Iterator[pa.Table], digests: dict[str, list[str]]
 ) -> Iterator[tuple[pa.Table, list[Run]]]:
-    """The same row groups and their runs; their digest lines are collected in ``found``."""
-    lines = found.setdefault(table, []) if table in DIGESTED_TABLES else None
+    """Yield each row group with its runs; collect their digest lines in ``digests``."""
+    lines = digests.setdefault(table, []) if table in DIGESTED_TABLES else None
     for group in groups:
         runs = runs_of(table, group)
         if lines is not None and len(group):

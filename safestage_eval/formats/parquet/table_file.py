@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.byte_source import SourceStream
 from safestage_eval.formats.remote_path import RemotePath
-from safestage_eval.formats.trace_files import regular
+from safestage_eval.formats.trace_files import regular_status
 
 from .arrow_tables import arrow_file, columns_of
 from .row_index import RowIndex, load_row_index
@@ -37,7 +37,7 @@ EPISODES_TABLE = "meta/episodes"
 
 @dataclass(frozen=True, eq=False)
 class Footer:
-    """What the end of a file says.
+    """The metadata of a file.
 
     Attributes:
         metadata: as pyarrow has it.
@@ -65,11 +65,11 @@ class _ColumnCache:
         self._columns: OrderedDict[Hashable, pa.ChunkedArray] = OrderedDict()
 
     def get(self, key: Hashable) -> pa.ChunkedArray | None:
-        """The column, or None."""
-        found = self._columns.get(key)
-        if found is not None:
+        """Return the column, or None."""
+        column = self._columns.get(key)
+        if column is not None:
             self._columns.move_to_end(key)
-        return found
+        return column
 
     def put(self, key: Hashable, column: pa.ChunkedArray) -> None:
         """Keep a column, unless it alone is too large."""
@@ -97,7 +97,7 @@ class TableFile:
         """Open it; raises TraceError where there is no file, or none that can be read."""
         self.path, self.names = path, list(columns_of(table))
         try:
-            stat = regular(path)
+            stat = regular_status(path)
             source = path.source() if isinstance(path, RemotePath) else None
         except (FileNotFoundError, NotADirectoryError):
             raise TraceError(
@@ -114,9 +114,9 @@ class TableFile:
             else source.state
         )
         self._key = path, state
-        known = FOOTERS.get(self._key)
-        self._metadata = known.metadata if known is not None else None
-        self.footer = known or self._read_footer(table, stat.st_size)
+        cached = FOOTERS.get(self._key)
+        self._metadata = cached.metadata if cached is not None else None
+        self.footer = cached or self._read_footer(table, stat.st_size)
         FOOTERS[self._key] = self.footer
         if len(FOOTERS) > _FILES_KEPT:
             FOOTERS.pop(next(iter(FOOTERS)), None)
@@ -145,7 +145,7 @@ class TableFile:
         )
 
     def read(self, groups: Sequence[int], columns: Sequence[str]) -> pa.Table:
-        """All rows of some row groups, the columns in the order given, each once.
+        """Read all rows of some row groups, the columns in the order given, each once.
 
         Raises:
             TraceError: a column is missing, the bytes are damaged, or there are too many rows.
@@ -175,23 +175,23 @@ class TableFile:
         return table
 
     def read_shared(self, group: int, columns: Iterable[str]) -> pa.Table:
-        """All rows of a row group that several bodies or episodes share; raises as ``read``.
+        """Read all rows of a row group that several bodies or episodes share; raises as ``read``.
 
         Its columns are kept for the next one, as far as there is room.
         """
         names = list(dict.fromkeys(columns))
-        found = {name: _COLUMNS.get((self._key, group, name)) for name in names}
-        missing = [name for name, column in found.items() if column is None]
+        by_name = {name: _COLUMNS.get((self._key, group, name)) for name in names}
+        missing = [name for name, column in by_name.items() if column is None]
         if missing:
             table = self.read([group], missing)
             for name in missing:
-                found[name] = table[name]
+                by_name[name] = table[name]
                 _COLUMNS.put((self._key, group, name), table[name])
-        return pa.table([found[name] for name in names], names)
+        return pa.table([by_name[name] for name in names], names)
 
-    def _other_columns(self, found: list[str], wanted: list[str]) -> TraceError:
-        name = next((name for name in wanted if found.count(name) != 1), wanted[0])
-        if name not in found:
+    def _other_columns(self, read: list[str], wanted: list[str]) -> TraceError:
+        name = next((name for name in wanted if read.count(name) != 1), wanted[0])
+        if name not in read:
             return TraceError(
                 str(self.path),
                 f"the column {name!r} is missing; "
@@ -199,7 +199,7 @@ class TableFile:
                 ", ".join(self.names),
             )
         return TraceError(
-            str(self.path), f"the column {name!r} is there {found.count(name)} times.", "once"
+            str(self.path), f"the column {name!r} is there {read.count(name)} times.", "once"
         )
 
     def _unreadable(self, error: Exception) -> TraceError:

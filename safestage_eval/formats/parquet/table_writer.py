@@ -40,7 +40,7 @@ class TableWriter:
 
 @contextmanager
 def writing_table(path: Path, table: str) -> Iterator[TableWriter]:
-    """A new file of a table; one without row groups has the schema only."""
+    """Open a new file of a table; one without row groups has the schema only."""
     with (
         arrow_file(path, "wb") as sink,
         pq.ParquetWriter(sink, schema(table), **write_options(table)) as writer,
@@ -51,6 +51,6 @@ def writing_table(path: Path, table: str) -> Iterator[TableWriter]:
 
 
 def write_whole(path: Path, table: str, rows: pa.Table) -> None:
-    """A file of a table that is always read whole, which needs no index."""
+    """Write a table that is always read whole, which needs no index."""
     with arrow_file(path, "wb") as sink:
         pq.write_table(rows, sink, **write_options(table))
