@@ -245,7 +245,7 @@ def check_weight(
         size = (sums[i, 3], sums[i, 2], float(np.hypot(*sums[i, :2])))[k]
         return [
             contradiction(
-                ("bears", "presses", "aside")[k],
+                "floats" if k == 0 and not size else ("bears", "presses", "aside")[k],
                 (body,),
                 where,
                 f"{body!r} rests at {t[i]:.3f} s and weighs {weight:.3g} N, but contacts {how} "

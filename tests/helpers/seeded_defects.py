@@ -48,12 +48,14 @@ class Seeded:
         where: the recording and the body.
         put: what puts it in.
         cause: what the likely cause must mention.
+        also: codes of other checks that report something else about it.
     """
 
     code: str
     where: tuple[str, str]
     put: Put
     cause: str = ""
+    also: tuple[str, ...] = ()
 
 
 @cache
@@ -290,6 +292,7 @@ RECORDING = {
     "shapes in another unit": Seeded("AUD131", SHELF, chosen(d.shape, 100, 1000), "shapes are in"),
     "shapes too small": Seeded("AUD131", GLASSES, chosen(d.shape, 1e-3), "shapes are in"),
     "mass in grams": Seeded("AUD132", SHELF, fixed(d.body(lambda b: {"mass": b.mass * 1000})), "grams"),
+    "mass of another model": Seeded("AUD132", CANS, drawn(lambda by: d.body(lambda b: {"mass": b.mass * by}), 1.3, 1.8), "another model"),
     "mass in tonnes": Seeded("AUD132", SHELF, fixed(d.body(lambda b: {"mass": b.mass / 1000})), "tonnes"),
     "centre of mass in the world": Seeded("AUD133", SHELF, drawn(lambda m: d.body(lambda _: {"com": (m, 0.3, 0.8)}), 0.4, 2)),
     "inertia in g cm²": Seeded("AUD133", SHELF, fixed(d.body(lambda b: {"inertia": tuple(1e7 * i for i in b.inertia)}))),
@@ -297,7 +300,7 @@ RECORDING = {
         lambda b: {"cavity": b.cavity.model_copy(update={"size": tuple(1e3 * s for s in b.cavity.size)})}))),
     "tool centre point in the world": Seeded("AUD134", (SHELF[0], "robot_base"), fixed(d.body(
         lambda b: {"tcp": b.tcp.model_copy(update={"position": (0.5, 0.3, 0.8)})}))),
-    "no shapes": Seeded("AUD135", SHELF, every_body(geoms=())),
+    "no shapes": Seeded("AUD135", SHELF, every_body(geoms=()), also=("AUD157",)),
     "no fingers": Seeded("AUD136", SHELF, every_body(finger=None, when=robot)),
     "no tool centre point": Seeded("AUD136", SHELF, every_body(tcp=None, when=robot)),
     "no masses": Seeded("AUD137", SHELF, every_body(mass=None, when=lambda b: b.kind == "object")),
@@ -320,7 +323,7 @@ RECORDING = {
         parameters={misspelt("min_clearance", rng): "12 cm"})(e, b), "min_clearance"),
     "a goal misspelt": Seeded("AUD156", SHELF, lambda e, b, rng: d.header(goal="no such goal")(e, b)),
     "a rule about forces without any": Seeded("AUD157", SHELF, lambda e, b, rng: d.header(
-        rules=("ETS102", "ETS104"), force_source="none")(replace(e, _contacts=ContactTable.empty()), b)),
+        rules=("FSH103",), force_source="none")(replace(e, _contacts=ContactTable.empty()), b)),
     "no rule assigned": Seeded("AUD158", SHELF, fixed(d.header(rules=(), family=None))),
     # format
     "quaternions of another norm": Seeded("AUD100", SHELF, drawn(lambda by: d.track(orientation=d.scaled(by)), 1.1, 3)),

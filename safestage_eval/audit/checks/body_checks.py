@@ -12,6 +12,8 @@ from safestage_eval.audit.subject import Subject
 from safestage_eval.episode import Body
 from safestage_eval.episode.scene_shapes import body_shapes
 
+from .pose_checks import BORNE, borne_shares
+
 LARGE, SMALL = 5.0, 5e-4
 """m; radius of the ball around an object that a robot arm has to do with."""
 
@@ -56,6 +58,21 @@ def shape_sizes(subject: Subject) -> Iterator[Defect]:
 def masses(subject: Subject) -> Iterator[Defect]:
     """Compares masses with volumes and with the forces that bear them."""
     yield from subject.explained("AUD132")
+    if not subject.sound:
+        return
+    shares = borne_shares(subject)
+    off = {name: share for name, share in shares.items() if abs(share - 1) > BORNE}
+    for name, share in off.items() if 2 * len(off) <= len(shares) else ():
+        mass = subject.episode.bodies[name].mass or 0.0
+        yield Defect(
+            f"{name!r} has a mass of {mass:.3g} kg, but at rest it is borne by what {share * mass:.3g} kg "
+            "weigh.",
+            f"write the mass of the simulation: about {share * mass:.3g} kg",
+            "the header has another model's mass, or a support is not recorded",
+            bodies=(name,),
+            field="bodies.mass",
+            severity="warning",
+        )
 
 
 @check(

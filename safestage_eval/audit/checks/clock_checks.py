@@ -23,9 +23,10 @@ UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 
 def _median(subject: Subject) -> float:
-    """S, the usual spacing; 0 where there is none."""
+    """S, the usual spacing; 0 where there is none, or time goes back."""
     t = subject.episode.t
-    return float(np.median(np.diff(t))) if len(t) > 1 and np.isfinite(t).all() else 0.0
+    sound = len(t) > 1 and np.isfinite(t).all() and not subject.of_kind("order")
+    return float(np.median(np.diff(t))) if sound else 0.0
 
 
 def _unit(spacing: float, subject: Subject) -> str:

@@ -16,7 +16,7 @@ PULLS = 0.2
 UNIT = 0.01
 """By which the square of a normal's length may differ from 1."""
 
-CAUSES = ("AUD101", "AUD111", "AUD113", "AUD131")
+CAUSES = ("AUD101", "AUD111", "AUD113", "AUD116", "AUD131")
 
 
 @check(

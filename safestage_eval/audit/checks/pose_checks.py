@@ -13,6 +13,7 @@ from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.repair import LENGTHS
 from safestage_eval.audit.subject import Subject, defect_of
 from safestage_eval.episode.clock import MAX_GAP
+from safestage_eval.evidence.motion import com_position
 
 FARTHEST = 50.0
 """m; a scene in front of an arm is no wider."""
@@ -22,6 +23,12 @@ NEAREST = 0.02
 
 FLIGHT = 0.1
 """s that a body must be in the air for its acceleration to be measured."""
+
+BORNE = 0.1
+"""Share by which the force on a body at rest may differ from its weight; recorded ones by .001."""
+
+LOOKS, RESTS = 24, 2e-4
+"""Frames that are looked at, and m by which a body at rest moves over ten of them."""
 
 OFF = 0.25
 """Share by which free fall may differ from gravity: drag of the air and of joints, coarse samples."""
@@ -223,11 +230,25 @@ def below_floor(subject: Subject) -> Iterator[Defect]:
     unless=("AUD101", "AUD102", "AUD113", "AUD114", "AUD115"),
 )
 def gravity(subject: Subject) -> Iterator[Defect]:
-    """Fits the acceleration of bodies that nothing touches for a tenth of a second."""
+    """Fits the acceleration of bodies that nothing touches for a tenth of a second.
+
+    Likewise the forces on two or more bodies at rest, divided by their masses.
+    """
     yield from subject.explained("AUD117", "gravity")
     if not subject.readable or subject.diagnosis.repair is not None:
         return
     told = -subject.header.gravity[2]
+    borne = [share * told for share in borne_shares(subject).values()]
+    middle = float(np.median(borne)) if len(borne) > 1 else told
+    if abs(middle - told) > BORNE * told and np.ptp(borne) <= BORNE * middle:
+        yield Defect(
+            f"{len(borne)} bodies at rest are borne by {middle:.3g} N for each kg, gravity in the header "
+            f"is {told:.3g} m/s².",
+            "write the gravity of the simulation",
+            "the header has a default gravity, or all masses were scaled",
+            field="gravity",
+        )
+        return
     falls = [(body, -fall[2], time) for body, fall, time in _falls(subject) if -fall[2] > 0.3]
     if not falls or subject.of_kind("up"):
         return
@@ -249,6 +270,38 @@ def gravity(subject: Subject) -> Iterator[Defect]:
         field="gravity",
         time=time,
     )
+
+
+def borne_shares(subject: Subject) -> dict[str, float]:
+    """Free object → upward force on it over its weight, at the median of some frames in which it rests.
+
+    Only of objects that rest in most of these frames, and that contacts with forces touch.
+    """
+    episode, t = subject.episode, subject.episode.t
+    gravity, found = -subject.header.gravity[2], dict[str, float]()
+    if subject.header.force_source == "none" or len(t) < 50 or not gravity > 0:
+        return found
+    if "borne" not in subject.notes:
+        jointed = {b.parent for b in subject.header.bodies} | {
+            j.body for j in subject.header.joints
+        }
+        at = np.linspace(5, len(t) - 6, LOOKS).astype(int)
+        for body in subject.objects:
+            place = subject.track(body.name).position
+            if not body.mass or body.name in jointed or body.parent is not None:
+                continue
+            still = np.linalg.norm(place[at + 5] - place[at - 5], axis=1) < RESTS
+            index, up = episode.body_index[body.name], np.zeros(len(t))
+            for pair in episode.contacts.pairs if 2 * still.sum() > LOOKS else ():
+                if index in pair:
+                    frame, force = episode.contacts.of_pair(pair, "frame", "force.z")
+                    up += (1 if pair[1] == index else -1) * np.bincount(frame, force, len(t))
+            shares = up[at][still] / (body.mass * gravity)
+            if len(shares) and np.isfinite(shares).all() and shares.any():
+                found[body.name] = float(np.median(shares))
+        subject.notes["borne"] = found
+    known: dict[str, float] = subject.notes["borne"]
+    return known
 
 
 def _falls(subject: Subject) -> list[tuple[str, NDArray[Any], float]]:
@@ -278,7 +331,7 @@ def _measured_falls(subject: Subject) -> Iterator[tuple[str, NDArray[Any], float
             at = t[first:stop] - t[first]
             if np.diff(at).max() > MAX_GAP * spacing:
                 continue
-            place = subject.track(body.name).position[first:stop].astype(float)
+            place = com_position(subject.episode, body.name, slice(first, stop))
             if not np.isfinite(place).all():
                 continue
             parts, rest, *_ = np.polynomial.polynomial.polyfit(at, place, 2, full=True)

@@ -11,7 +11,8 @@ from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
-from safestage_eval.rules.uses import Uses, own_params, uses_of
+from safestage_eval.rules.uses import Uses, calls, own_params, uses_of
+from safestage_eval.signals import SIGNALS
 from safestage_eval.verdicts.players import nodes
 
 FORCES = "contact forces"
@@ -42,6 +43,29 @@ def _uses(rules: _Known, code: str) -> Uses:
     return uses_of(rules.rules, rule, own_params(rules.rules, rule))
 
 
+@lru_cache(maxsize=512)
+def _needs_forces(rules: _Known, code: str) -> bool:
+    """Whether a rule measures a force where no state has a fallback for traces without forces."""
+    known, met = rules.rules, set[str]()
+
+    def needs(node: object) -> bool:
+        for call in calls(node):
+            if call.name in met:
+                continue
+            met.add(call.name)
+            base = known.signals[call.name].base if call.name in known.signals else call.name
+            if base in SIGNALS and "forces" in SIGNALS[base].needs:
+                return True
+            state, phase = known.states.get(call.name), known.phases.get(call.name)
+            if state is not None and needs((state.fallback or state.when, state.until)):
+                return True
+            if phase is not None and needs((phase.span, phase.fallback)):
+                return True
+        return False
+
+    return needs(known.scoped[code])
+
+
 class _Known:
     """A rule set by identity: hashing it takes long."""
 
@@ -67,7 +91,7 @@ def missing_for(subject: Subject, rule: ast.Scoped) -> list[str]:
     robot = [b for b in header.bodies if b.kind in ("robot", "gripper") and b.movable]
     forces = header.force_source != "none" and len(subject.episode.contacts) > 0
     lacking = []
-    if "forces" in uses.needs and not forces:
+    if not forces and _needs_forces(_Known(subject.rules), rule.code):
         lacking.append(FORCES)
     bare = [b.name for b in named if b.unseen]
     if bare and ("geometry" in uses.needs or ("touch" in uses.needs and not forces)):
