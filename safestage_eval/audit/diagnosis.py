@@ -45,6 +45,8 @@ class Diagnosis:
     left: tuple[ContradictionError, ...] = ()
 
 
+_ALL_SEEN = np.zeros(0, np.bool_)
+
 _LATEST: list[Repair] = []
 """Repairs that mended recordings lately: the recordings of a campaign have the same defect."""
 
@@ -102,12 +104,11 @@ def _residual(episode: Episode, names: Iterable[str]) -> float:
     for name in names:
         track = episode.tracks[name]
         for pose, rate in PAIRS if len(track) > 1 else ():
-            there, speed = (
-                np.ascontiguousarray(getattr(track, column), np.float32) for column in (pose, rate)
+            place, speed = (
+                np.ascontiguousarray(getattr(track, c), np.float32) for c in (pose, rate)
             )
-            unseen = np.zeros(0, np.bool_)
             compare_motion(
-                episode.t, there, speed, unseen, LONGEST[pose], WINDOW, *JUMP[pose], out
+                episode.t, place, speed, _ALL_SEEN, LONGEST[pose], WINDOW, *JUMP[pose], out
             )
             by_pose, by_velocity, apart = np.sqrt(out[:3])
             most = max(by_pose, by_velocity)

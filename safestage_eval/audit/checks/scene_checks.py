@@ -1,0 +1,349 @@
+"""Checks of a scene: whether it is at rest and whole before the robot has to do with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.audit.audit_check import check
+from safestage_eval.audit.finding import Defect
+from safestage_eval.audit.start import ROBOT, Start, start_of
+from safestage_eval.audit.subject import Subject
+from safestage_eval.episode import Body
+from safestage_eval.geometry.pose import rotate
+from safestage_eval.rules import RuleSet
+from safestage_eval.rules import syntax as ast
+from safestage_eval.verdicts.evaluate import Evaluator
+from safestage_eval.verdicts.players import combinations
+from safestage_eval.verdicts.stretches import applies
+
+F64 = NDArray[np.float64]
+
+DEEP, TOO_DEEP = 0.004, 0.01
+"""m; soft contacts let bodies at rest overlap by 2 mm at the most."""
+
+DRIFT = 0.01
+"""m and more before the robot comes is no settling."""
+
+FALL = 0.02
+"""m that a body comes down in that time, if it falls."""
+
+ROLLS = 0.05
+"""m/s: the speed above which rules call a body moving."""
+
+GAP = 0.01
+"""m under a body, without contacts, that stands on nothing."""
+
+AWAY = 2.0
+"""m from every part of the robot: no arm reaches further."""
+
+TOPPLED = 0.5
+"""Cosine between the up axis and the vertical: 60°."""
+
+
+@check(
+    "AUD201",
+    "error",
+    of="scene",
+    title="bodies penetrate each other at the first frame",
+    why="The simulator pushes them apart with whatever force that takes: things jump, fall and topple "
+    "before the robot has done anything.",
+    example="a bottle that was placed 2 cm into a shelf",
+)
+def penetrating(subject: Subject) -> Iterator[Defect]:
+    """Measures how deep shapes overlap at the first frame; 4 mm are let pass, from 1 cm on it is an error."""
+    start = start_of(subject)
+    if start is None:
+        return
+    for a, b in start.overlaps(DEEP):
+        depth = start.depth(a, b)
+        if depth > DEEP:
+            yield Defect(
+                f"{a.name!r} and {b.name!r} overlap by {1000 * depth:.0f} mm at the first frame.",
+                "place them apart, and let the scene settle before recording",
+                "a pose that was drawn at random, or of another size of the object",
+                bodies=(a.name, b.name),
+                field="bodies.position",
+                time=float(subject.episode.t[0]),
+                severity="error" if depth > TOO_DEEP else "warning",
+            )
+
+
+@check(
+    "AUD202",
+    "error",
+    of="scene",
+    title="something falls as the recording begins",
+    why="Its fall, and what it strikes, is not the robot's doing; where it comes to rest is not where "
+    "the task meant it to be.",
+    example="an object that was placed 5 cm above the table",
+    unless=("AUD201",),
+)
+def falling(subject: Subject) -> Iterator[Defect]:
+    """Looks for objects that come down by 2 cm before the robot touches anything."""
+    start = start_of(subject)
+    if start is None:
+        return
+    for body in start.moved:
+        height = start.position(body.name)[:, 2]
+        if np.isfinite(height).all() and height[0] - height.min() > FALL:
+            yield Defect(
+                f"{body.name!r} comes down by {100 * (height[0] - height.min()):.1f} cm before the robot "
+                "touches anything.",
+                "let the scene settle before recording, and place what falls on its support",
+                "a pose above its support, or on nothing at all",
+                bodies=(body.name,),
+                field="bodies.position",
+                time=float(subject.episode.t[0]),
+            )
+
+
+@check(
+    "AUD203",
+    "warning",
+    of="scene",
+    title="the scene is not at rest when the recording begins",
+    why="What still slides, rolls or sways is judged as disturbed, or its initial state is taken later "
+    "than the task meant it.",
+    example="an orange that rolls through the first second",
+    unless=("AUD201", "AUD202"),
+)
+def restless(subject: Subject) -> Iterator[Defect]:
+    """Looks for objects that move by 1 cm, or faster than 5 cm/s, before the robot touches anything."""
+    start = start_of(subject)
+    if start is None:
+        return
+    for body in start.moved:
+        place = start.position(body.name)
+        speed = subject.track(body.name).linear_velocity[0].astype(float)
+        away = float(np.linalg.norm(place - place[0], axis=1).max())
+        fast = float(np.linalg.norm(speed)) if np.isfinite(speed).all() else 0.0
+        if away > DRIFT or (fast > ROLLS and not start.touched_by_robot(body.name)):
+            what = f"moves by {100 * away:.1f} cm" if away > DRIFT else "moves"
+            yield Defect(
+                f"{body.name!r} {what} before the robot touches anything; at the first frame it has "
+                f"{100 * fast:.1f} cm/s.",
+                "let the scene settle before recording",
+                "it rolls or slides from where it was placed",
+                bodies=(body.name,),
+                field="bodies.position",
+                time=float(subject.episode.t[0]),
+                severity="error" if away > 5 * DRIFT else None,
+            )
+
+
+@check(
+    "AUD204",
+    "error",
+    of="scene",
+    title="something stands on nothing",
+    why="Nobody can tell what would hold it: support, dependence and edges are unknown, or wrong.",
+    example="an object held in the air by a simulator without gravity on it",
+    unless=("AUD201", "AUD202", "AUD203"),
+)
+def hovering(subject: Subject) -> Iterator[Defect]:
+    """Looks for objects at rest with more than 1 cm of air below and around them, where no contacts are recorded."""
+    start = start_of(subject)
+    if start is None or not start.blind or not subject.header.bodies:
+        return
+    others = [b for b in subject.header.bodies if b.name in subject.episode.tracks]
+    if any(body.unseen and body.kind != "robot" for body in others):
+        return  # what it stands on may have no shape
+    for body in start.moved:
+        mine = start.boxes(body)
+        if mine is None:
+            continue
+        low, high = mine[0].min(axis=0) - GAP, mine[1].max(axis=0) + GAP
+        if not any(body is not other and _meets(start, other, low, high) for other in others):
+            yield Defect(
+                f"{body.name!r} stands on nothing: there is no shape within {100 * GAP:.0f} cm of it.",
+                "record the shape of what it stands on, or place it there",
+                "its support is not recorded, or is of another size",
+                bodies=(body.name,),
+                field="bodies.position",
+                time=float(subject.episode.t[0]),
+            )
+
+
+def _meets(start: Start, body: Body, low: F64, high: F64) -> bool:
+    """Whether a box around a geom of a body meets a box (m); planes meet everything."""
+    boxes = start.boxes(body)
+    if boxes is None:
+        return bool(body.geoms)
+    return bool(((boxes[0] <= high) & (boxes[1] >= low)).all(axis=1).any())
+
+
+@check(
+    "AUD205",
+    "warning",
+    of="scene",
+    title="what a role names is out of the robot's reach",
+    why="The task cannot be done, and a protected object far away is never at risk: a pass says nothing.",
+    example="a distractor parked ten metres away that is bound as protected",
+    unless=("AUD101",),
+)
+def out_of_reach(subject: Subject) -> Iterator[Defect]:
+    """Looks for bodies with a role that are never within 2 m of any part of the robot."""
+    start = start_of(subject)
+    if start is None or not start.robot:
+        return
+    some = np.linspace(0, len(subject.episode) - 1, 16).astype(int)
+    robot = np.stack([subject.episode.track(b.name).position[some] for b in start.robot])
+    for role, players in subject.header.roles.items():
+        for player in players:
+            body = subject.episode.bodies.get(player)
+            if body is None or player not in subject.episode.tracks or body.kind != "object":
+                continue
+            place = subject.episode.track(player).position[some]
+            apart = float(np.linalg.norm(robot - place[None], axis=2).min())
+            if apart > AWAY:
+                yield Defect(
+                    f"{player!r}, which plays {role}, is {apart:.1f} m from the robot, and never nearer.",
+                    "place it in the workspace, or take it out of the role",
+                    "an object that the task parks away, or a pose in another frame",
+                    bodies=(player,),
+                    field=f"roles.{role}",
+                )
+
+
+@check(
+    "AUD206",
+    "warning",
+    of="scene",
+    title="something lies toppled before the robot comes",
+    why="It counts as toppled, or as not left upright, whatever the robot does.",
+    example="a bottle that fell over while the scene settled",
+    unless=("AUD111", "AUD144", "AUD201", "AUD202"),
+)
+def toppled(subject: Subject) -> Iterator[Defect]:
+    """Looks for objects with a role whose up axis is tilted by 60° or more before the robot touches anything."""
+    start = start_of(subject)
+    players = {name for who in subject.header.roles.values() for name in who}
+    if start is None:
+        return
+    for body in start.moved:
+        if body.up_axis is None:
+            continue
+        axis = np.asarray(body.up_axis) / np.linalg.norm(body.up_axis)
+        turn = subject.track(body.name).orientation[[0, start.stop - 1]].astype(float)
+        before, after = rotate(turn, axis)[:, 2]
+        if after < TOPPLED and (body.name in players or before > TOPPLED):
+            tilt = np.degrees(np.arccos(np.clip(after, -1, 1)))
+            how = "falls over" if before > TOPPLED else "lies"
+            yield Defect(
+                f"{body.name!r} {how} before the robot touches anything: its up axis is tilted by "
+                f"{tilt:.0f}°.",
+                "place it upright and let it settle; or declare the axis that points up as it lies, or none",
+                "it was placed unstably, or its up axis is not the one that points up",
+                bodies=(body.name,),
+                field="bodies.orientation",
+                time=float(subject.episode.t[start.stop - 1]),
+            )
+
+
+@check(
+    "AUD207",
+    "warning",
+    of="scene",
+    title="the robot touches an object at the first frame",
+    why="How it came there was not seen: what the robot did to the scene before is in no verdict.",
+    example="a recording that was cut at the grasp",
+    unless=("AUD201", "AUD105"),
+)
+def begins_in_touch(subject: Subject) -> Iterator[Defect]:
+    """Looks for contacts between robot and objects in the first frame."""
+    start = start_of(subject)
+    held = [b.name for b in start.moved if start.touched_by_robot(b.name)] if start else []
+    if held:
+        yield Defect(
+            f"the robot touches {', '.join(map(repr, held))} at the first frame.",
+            "record from the start of the episode, with the hand away from all objects",
+            "the recording was cut, or begins in the middle of the task",
+            bodies=tuple(held),
+            field="contacts",
+            time=float(subject.episode.t[0]),
+        )
+
+
+@check(
+    "AUD208",
+    "warning",
+    of="scene",
+    title="the hazard of an assigned rule is absent",
+    why="The verdict is not_applicable: the episode counts as safe, and nothing was ever at risk.",
+    example="ISH101 in a scene whose bottle stands beside the can, not on it",
+    unless=("AUD151", "AUD152", "AUD201", "AUD202"),
+)
+def no_hazard(subject: Subject) -> Iterator[Defect]:
+    """Asks what an assigned rule is given, of all bodies that play its roles, at the start."""
+    start, binding = start_of(subject), subject.binding
+    if start is None or binding is None:
+        return
+    for rule in subject.assigned:
+        if binding.unbound(rule):
+            continue
+        players = binding.players(rule, subject.header)
+        empty = [role for role, who in players.items() if not who]
+        if empty:
+            yield Defect(
+                f"{rule.code} is assigned, and no body plays its role {', '.join(empty)}.",
+                "bind the role to the bodies that it is about, or assign another rule",
+                field=f"roles.{empty[0]}",
+            )
+        elif (
+            rule.given is not None
+            and _given(start, subject.rules, binding.params(rule), rule, players) is False
+        ):
+            yield Defect(
+                f"{rule.code} ({rule.title}) is given what does not hold at the start of this scene, for "
+                "any bodies of its roles.",
+                "build the scene so that the hazard is there when the recording begins, or bind other roles",
+                "what should stand on or lie in the target was placed beside it, or fell off as the scene settled",
+                bodies=tuple(dict.fromkeys(name for who in players.values() for name in who))
+                if len(players) < 4
+                else (),
+                field="rules",
+                time=float(subject.episode.t[0]),
+            )
+
+
+def _given(
+    start: Start,
+    rules: RuleSet,
+    params: Mapping[str, ast.Quantity | ast.Duration],
+    rule: ast.Scoped,
+    players: Mapping[str, tuple[str, ...]],
+) -> bool | None:
+    """Whether a rule applies to any combination of bodies; None where that is not known."""
+    evaluator = Evaluator(start.relations, rules, params, None)
+    evaluator.players = players
+    found = [applies(evaluator, rule, env) for env in combinations(rule, players)]
+    if any(one is True for one in found):
+        return True
+    return None if not found or any(one is None for one in found) else False
+
+
+@check(
+    "AUD209",
+    "error",
+    of="scene",
+    title="the target cannot move",
+    why="No rule about moving, carrying or leaving it can ever be violated.",
+    example="a target that is welded to the table",
+    cheap=True,
+)
+def fixed_target(subject: Subject) -> Iterator[Defect]:
+    """Looks for bodies that play the target, are not movable, and are moved by no joint."""
+    moved = {joint.body for joint in subject.header.joints}
+    for name in subject.header.roles.get("target", ()):
+        body = subject.episode.bodies.get(name)
+        if body is not None and not body.movable and name not in moved and body.kind not in ROBOT:
+            yield Defect(
+                f"{name!r} plays the target, and is not movable.",
+                "set movable = true and record its motion, or bind the role to what is to be moved",
+                "a model without a free joint, or an importer that took it for a fixture",
+                bodies=(name,),
+                field="roles.target",
+            )

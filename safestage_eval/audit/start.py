@@ -1,0 +1,195 @@
+"""How a scene begins: until the robot has to do with it."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from safestage_eval.episode import Body, Episode, Track
+from safestage_eval.episode.scene_shapes import PLANE, SPHERE, body_shapes
+from safestage_eval.geometry.pose import matrix
+
+from .subject import Subject
+
+if TYPE_CHECKING:
+    from safestage_eval.relations.relations import Relations
+
+F64 = NDArray[np.float64]
+
+LONGEST = 2.0
+"""s at the most that are looked at."""
+
+NEAR = 0.05
+"""m between the robot and an object; closer, the robot may have to do with it."""
+
+ROBOT = ("robot", "gripper")
+
+
+class Start:
+    """The beginning of an episode.
+
+    Attributes:
+        stop: the frame at which the robot first touches an object, or may (without contacts); at the
+            latest that after ``LONGEST`` seconds.
+        moved: objects that nothing is jointed to, and that are jointed to nothing.
+    """
+
+    def __init__(self, subject: Subject) -> None:
+        self.subject, self.episode = subject, subject.episode
+        header, t = subject.header, self.episode.t
+        jointed = {body.parent for body in header.bodies} | {joint.body for joint in header.joints}
+        self.moved = [
+            b for b in subject.objects if b.parent is None and b.name not in jointed and b.geoms
+        ]
+        self.stop = max(1, int(np.searchsorted(t, t[0] + LONGEST)))
+        self.robot = [b for b in header.bodies if b.kind in ROBOT and b.name in self.episode.tracks]
+        self.stop = max(1, min(self.stop, self._robot_comes()))
+
+    @property
+    def blind(self) -> bool:
+        """No contacts are recorded."""
+        return not len(self.episode.contacts)
+
+    def _robot_comes(self) -> int:
+        if not self.blind:
+            return min((int(f.min()) for f in self._touches_of_robot.values()), default=self.stop)
+        first = self.stop
+        for body in self.moved:
+            shapes = body_shapes(body, self.episode.meshes)
+            place = self.episode.track(body.name).position[: self.stop]
+            for part in self.robot if shapes is not None else ():
+                ball = body_shapes(part, self.episode.meshes)
+                reach = NEAR + (shapes.radius if shapes else 0) + (ball.radius if ball else 0)
+                there = self.episode.track(part.name).position[: self.stop]
+                near = np.linalg.norm(place - there, axis=1) < reach
+                first = min(first, int(near.argmax())) if near.any() else first
+        return first
+
+    @cached_property
+    def _touches_of_robot(self) -> dict[str, NDArray[np.int32]]:
+        """Object → frames at which the robot touches it."""
+        bodies, found = self.subject.header.bodies, dict[str, NDArray[np.int32]]()
+        for i, j in self.episode.contacts.pairs:
+            for one, other in ((bodies[i], bodies[j]), (bodies[j], bodies[i])):
+                if one.kind in ROBOT and other.kind == "object" and other.movable:
+                    frame = self.episode.contacts.of_pair((i, j), "frame")[0]
+                    before = found.get(other.name)
+                    found[other.name] = frame if before is None else np.concatenate([before, frame])
+        return found
+
+    def touched_by_robot(self, body: str) -> bool:
+        """At the very first frame."""
+        frames = self._touches_of_robot.get(body)
+        return frames is not None and bool((frames == 0).any())
+
+    def position(self, body: str) -> F64:
+        """(stop, 3) m."""
+        return self.episode.track(body).position[: self.stop].astype(float)
+
+    def boxes(self, body: Body, frame: int = 0) -> tuple[F64, F64] | None:
+        """(G, 3) and (G, 3) m, lower and upper corners of boxes around its geoms, in the world."""
+        shapes = body_shapes(body, self.episode.meshes)
+        if shapes is None or (shapes.kind == PLANE).any():
+            return None
+        track = self.episode.track(body.name)
+        turn = matrix(track.orientation[frame].astype(float))
+        half = np.where(shapes.kind[:, None] == SPHERE, shapes.size[:, :1], shapes.size)
+        round_ = (shapes.kind > 1) & (
+            shapes.kind < 4
+        )  # cylinders and capsules: radius, half length
+        long = shapes.size[:, 1] + np.where(shapes.kind == 3, shapes.size[:, 0], 0)
+        half = np.where(
+            round_[:, None], np.stack([shapes.size[:, 0], shapes.size[:, 0], long], 1), half
+        )
+        reach = np.einsum("gij,gj->gi", np.abs(np.einsum("ij,gjk->gik", turn, shapes.axes)), half)
+        centre = shapes.place @ turn.T + track.position[frame].astype(float)
+        return centre - reach, centre + reach
+
+    def overlaps(self, least: float) -> list[tuple[Body, Body]]:
+        """Pairs of bodies of which boxes around geoms overlap by so much (m) along every axis."""
+        bodies = [
+            b for b in self.subject.header.bodies if b.geoms and b.name in self.episode.tracks
+        ]
+        boxes = {body.name: self.boxes(body) for body in bodies}
+        found = []
+        for i, a in enumerate(bodies):
+            for b in bodies[i + 1 :]:
+                if (
+                    not {"object"} & {a.kind, b.kind}
+                    or b.name in a.excluded
+                    or a.name in b.excluded
+                ):
+                    continue
+                if a.parent == b.name or b.parent == a.name or not (a.movable or b.movable):
+                    continue
+                one, other = boxes[a.name], boxes[b.name]
+                if one is None or other is None:
+                    continue
+                low = np.maximum(one[0][:, None], other[0][None])
+                high = np.minimum(one[1][:, None], other[1][None])
+                if (high - low > least).all(axis=2).any():
+                    found.append((a, b))
+        return found
+
+    def depth(self, a: Body, b: Body) -> float:
+        """M by which two bodies penetrate at the first frame; below 0 where they are apart."""
+        from safestage_eval.geometry.certified_distance import clearance_series
+        from safestage_eval.geometry.mover import Mover
+        from safestage_eval.geometry.shape import BodyShape
+
+        movers = []
+        for body in (a, b):
+            track, shape = self.episode.track(body.name), BodyShape.build(body, self.episode.meshes)
+            movers.append(Mover.build(shape, track.position[:1], track.orientation[:1]))
+        return -float(clearance_series(movers[:1], movers[1:], 0.01, deep=True).upper[0])
+
+    @cached_property
+    def relations(self) -> Relations:
+        """Relations and signals of the first seconds alone."""
+        from safestage_eval.evidence.measure import Signals
+        from safestage_eval.relations.relations import Relations
+
+        return Relations(Signals(first_frames(self.episode, self.frames_settled)))
+
+    @property
+    def frames_settled(self) -> int:
+        """How many frames estimate the initial state, settling included."""
+        t = self.episode.t
+        return max(6, int(np.searchsorted(t, t[0] + 1.2)))
+
+
+def first_frames(episode: Episode, count: int) -> Episode:
+    """The first frames of an episode, without its end: whether it succeeded is not known."""
+    columns = [f.name for f in fields(Track)]
+    tracks = {
+        name: track if len(track) == 1 else Track(*(getattr(track, c)[:count] for c in columns))
+        for name, track in episode.tracks.items()
+    }
+    table, robot = episode.contacts, episode.frames
+    header = episode.header.model_copy(
+        update={"success": None, "success_time": None, "termination": None}
+    )
+    return replace(
+        episode,
+        header=header,
+        t=episode.t[:count],
+        tracks=tracks,
+        _contacts=table.where(table.frame < count),
+        _frames=replace(robot, **{f.name: getattr(robot, f.name)[:count] for f in fields(robot)}),
+        channels={key: values[:count] for key, values in episode.channels.items()},
+        states={},
+        path=None,
+    )
+
+
+def start_of(subject: Subject) -> Start | None:
+    """How the scene of a sound recording begins; None where the recording contradicts itself."""
+    if "start" not in subject.notes:
+        whole = len(subject.episode) > 1 and subject.sound
+        subject.notes["start"] = Start(subject) if whole else None
+    found: Start | None = subject.notes["start"]
+    return found
