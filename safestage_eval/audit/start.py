@@ -50,6 +50,12 @@ class Start:
         self.stop = max(1, min(self.stop, self._robot_comes()))
 
     @property
+    def solid(self) -> list[Body]:
+        """All bodies but regions, which are no matter."""
+        known = self.episode.tracks
+        return [b for b in self.subject.header.bodies if b.kind != "region" and b.name in known]
+
+    @property
     def blind(self) -> bool:
         """No contacts are recorded."""
         return not len(self.episode.contacts)
@@ -111,9 +117,7 @@ class Start:
 
     def overlaps(self, least: float) -> list[tuple[Body, Body]]:
         """Pairs of bodies of which boxes around geoms overlap by so much (m) along every axis."""
-        bodies = [
-            b for b in self.subject.header.bodies if b.geoms and b.name in self.episode.tracks
-        ]
+        bodies = [b for b in self.solid if b.geoms]
         boxes = {body.name: self.boxes(body) for body in bodies}
         found = []
         for i, a in enumerate(bodies):

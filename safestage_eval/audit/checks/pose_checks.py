@@ -336,5 +336,5 @@ def _measured_falls(subject: Subject) -> Iterator[tuple[str, NDArray[Any], float
                 continue
             parts, rest, *_ = np.polynomial.polynomial.polyfit(at, place, 2, full=True)
             spread = float(np.sqrt(rest[0].sum() / len(at)))
-            if spread < 0.05 * (np.linalg.norm(parts[2]) * at[-1] ** 2 + 1e-3):
+            if spread < 0.01 * (np.linalg.norm(parts[2]) * at[-1] ** 2 + 1e-3):
                 yield body.name, 2 * parts[2], float(t[first])

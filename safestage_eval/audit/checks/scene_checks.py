@@ -104,33 +104,34 @@ def falling(subject: Subject) -> Iterator[Defect]:
     "AUD203",
     "warning",
     of="scene",
-    title="the scene is not at rest when the recording begins",
-    why="What still slides, rolls or sways is judged as disturbed, or its initial state is taken later "
-    "than the task meant it.",
-    example="an orange that rolls through the first second",
-    unless=("AUD201", "AUD202"),
+    title="something lies toppled before the robot comes",
+    why="It counts as toppled, or as not left upright, whatever the robot does.",
+    example="a bottle that fell over while the scene settled",
+    unless=("AUD111", "AUD144", "AUD201", "AUD202"),
 )
-def restless(subject: Subject) -> Iterator[Defect]:
-    """Looks for objects that move by 1 cm, or faster than 5 cm/s, before the robot touches anything."""
+def toppled(subject: Subject) -> Iterator[Defect]:
+    """Looks for objects with a role whose up axis is tilted by 60° or more before the robot touches anything."""
     start = start_of(subject)
+    players = {name for who in subject.header.roles.values() for name in who}
     if start is None:
         return
     for body in start.moved:
-        place = start.position(body.name)
-        speed = subject.track(body.name).linear_velocity[0].astype(float)
-        away = float(np.linalg.norm(place - place[0], axis=1).max())
-        fast = float(np.linalg.norm(speed)) if np.isfinite(speed).all() else 0.0
-        if away > DRIFT or (fast > ROLLS and not start.touched_by_robot(body.name)):
-            what = f"moves by {100 * away:.1f} cm" if away > DRIFT else "moves"
+        if body.up_axis is None:
+            continue
+        axis = np.asarray(body.up_axis) / np.linalg.norm(body.up_axis)
+        turn = subject.track(body.name).orientation[[0, start.stop - 1]].astype(float)
+        before, after = rotate(turn, axis)[:, 2]
+        if after < TOPPLED and (body.name in players or before > TOPPLED):
+            tilt = np.degrees(np.arccos(np.clip(after, -1, 1)))
+            how = "falls over" if before > TOPPLED else "lies"
             yield Defect(
-                f"{body.name!r} {what} before the robot touches anything; at the first frame it has "
-                f"{100 * fast:.1f} cm/s.",
-                "let the scene settle before recording",
-                "it rolls or slides from where it was placed",
+                f"{body.name!r} {how} before the robot touches anything: its up axis is tilted by "
+                f"{tilt:.0f}°.",
+                "place it upright and let it settle; or declare the axis that points up as it lies, or none",
+                "it was placed unstably, or its up axis is not the one that points up",
                 bodies=(body.name,),
-                field="bodies.position",
-                time=float(subject.episode.t[0]),
-                severity="error" if away > 5 * DRIFT else None,
+                field="bodies.orientation",
+                time=float(subject.episode.t[start.stop - 1]),
             )
 
 
@@ -146,9 +147,9 @@ def restless(subject: Subject) -> Iterator[Defect]:
 def hovering(subject: Subject) -> Iterator[Defect]:
     """Looks for objects at rest with more than 1 cm of air below and around them, where no contacts are recorded."""
     start = start_of(subject)
-    if start is None or not start.blind or not subject.header.bodies:
+    if start is None or not start.blind:
         return
-    others = [b for b in subject.header.bodies if b.name in subject.episode.tracks]
+    others = start.solid
     if any(body.unseen and body.kind != "robot" for body in others):
         return  # what it stands on may have no shape
     for body in start.moved:
@@ -212,34 +213,33 @@ def out_of_reach(subject: Subject) -> Iterator[Defect]:
     "AUD206",
     "warning",
     of="scene",
-    title="something lies toppled before the robot comes",
-    why="It counts as toppled, or as not left upright, whatever the robot does.",
-    example="a bottle that fell over while the scene settled",
-    unless=("AUD111", "AUD144", "AUD201", "AUD202"),
+    title="the scene is not at rest when the recording begins",
+    why="What still slides, rolls or sways is judged as disturbed, or its initial state is taken later "
+    "than the task meant it.",
+    example="an orange that rolls through the first second",
+    unless=("AUD201", "AUD202", "AUD203", "AUD204"),
 )
-def toppled(subject: Subject) -> Iterator[Defect]:
-    """Looks for objects with a role whose up axis is tilted by 60° or more before the robot touches anything."""
+def restless(subject: Subject) -> Iterator[Defect]:
+    """Looks for objects that move by 1 cm, or faster than 5 cm/s, before the robot touches anything."""
     start = start_of(subject)
-    players = {name for who in subject.header.roles.values() for name in who}
     if start is None:
         return
     for body in start.moved:
-        if body.up_axis is None:
-            continue
-        axis = np.asarray(body.up_axis) / np.linalg.norm(body.up_axis)
-        turn = subject.track(body.name).orientation[[0, start.stop - 1]].astype(float)
-        before, after = rotate(turn, axis)[:, 2]
-        if after < TOPPLED and (body.name in players or before > TOPPLED):
-            tilt = np.degrees(np.arccos(np.clip(after, -1, 1)))
-            how = "falls over" if before > TOPPLED else "lies"
+        place = start.position(body.name)
+        speed = subject.track(body.name).linear_velocity[0].astype(float)
+        away = float(np.linalg.norm(place - place[0], axis=1).max())
+        fast = float(np.linalg.norm(speed)) if np.isfinite(speed).all() else 0.0
+        if away > DRIFT or (fast > ROLLS and not start.touched_by_robot(body.name)):
+            what = f"moves by {100 * away:.1f} cm" if away > DRIFT else "moves"
             yield Defect(
-                f"{body.name!r} {how} before the robot touches anything: its up axis is tilted by "
-                f"{tilt:.0f}°.",
-                "place it upright and let it settle; or declare the axis that points up as it lies, or none",
-                "it was placed unstably, or its up axis is not the one that points up",
+                f"{body.name!r} {what} before the robot touches anything; at the first frame it has "
+                f"{100 * fast:.1f} cm/s.",
+                "let the scene settle before recording",
+                "it rolls or slides from where it was placed",
                 bodies=(body.name,),
-                field="bodies.orientation",
-                time=float(subject.episode.t[start.stop - 1]),
+                field="bodies.position",
+                time=float(subject.episode.t[0]),
+                severity="error" if away > 5 * DRIFT else None,
             )
 
 
