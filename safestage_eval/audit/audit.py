@@ -14,7 +14,7 @@ from safestage_eval._process.precompile import compile_kernels
 from safestage_eval._process.spawned import WORTH_A_POOL
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats.discover import find
-from safestage_eval.formats.episode_filter import Chosen
+from safestage_eval.formats.episode_filter import Selection
 from safestage_eval.run.pool import Local
 from safestage_eval.run.settings import Settings, load_settings
 from safestage_eval.verdicts.problem import Problem
@@ -92,7 +92,7 @@ def audit(
 
     checks = choose(select, ignore)
     settings = load_settings(list(rules) or builtin_names(), bind=bind)
-    chosen = Chosen(find([paths] if isinstance(paths, str | Path) else list(paths)), where)
+    chosen = Selection(find([paths] if isinstance(paths, str | Path) else list(paths)), where)
     found = audit_many([*chosen], checks, settings, jobs=jobs, progress=progress)
     audited = [one for one in found if isinstance(one, Audited)]
     problems = tuple(one for one in found if isinstance(one, Problem))

@@ -39,10 +39,10 @@ def command(
       safestage score traces/ --bind mine.toml
     """
     from safestage_eval.formats import discover
-    from safestage_eval.formats.episode_filter import Chosen
+    from safestage_eval.formats.episode_filter import Selection
     from safestage_eval.importers.bind_init import bind_init
 
-    refs = [*Chosen(discover(list(traces)), pairs(where, "--where"))]
+    refs = [*Selection(discover(list(traces)), pairs(where, "--where"))]
     prepare_kernels()
     written(bind_init(refs, " ".join(traces)), output)
     if output is not None:

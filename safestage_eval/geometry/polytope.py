@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Geom, Mesh
 
+from .hull import hull_triangles
 from .pose import transform
 
 F64 = NDArray[np.float64]
@@ -116,17 +117,14 @@ def hull_centroid(parts: list[Polytope]) -> F64:
 
     Raises ValueError when there is no part.
     """
-    from scipy.spatial import ConvexHull, QhullError
-
     if not parts:
         raise ValueError("a body without bounded geoms has no hull")
     points = np.concatenate([part.vertices for part in parts])
     inner = points.mean(0)
-    try:
-        hull = ConvexHull(points - inner)
-    except QhullError:
+    faces = hull_triangles(points - inner)
+    if faces is None:
         return np.asarray((points.min(0) + points.max(0)) / 2)
-    corners = hull.points[hull.simplices]
+    corners = (points - inner)[faces]
     volume = np.abs(np.linalg.det(corners))
     return np.asarray(inner + (corners.sum(1) / 4 * volume[:, None]).sum(0) / volume.sum())
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Body, Geom, Mesh
 
 from .arrays import owned
+from .hull import hull_triangles
 from .polytope import Faces, Pieces, Polytope, faces_of, hull_centroid, pieces_of, polytope
 from .pose import matrix
 
@@ -317,15 +318,11 @@ def convex_points(mesh: Mesh) -> NDArray[np.float32]:
     if len(mesh.vertices) <= 32:
         return mesh.vertices
     if mesh.key not in _HULL_POINTS:
-        from scipy.spatial import ConvexHull, QhullError
-
-        try:
-            hull = ConvexHull(mesh.vertices.astype(np.float64))
-            _HULL_POINTS[mesh.key] = mesh.vertices[hull.vertices]
-            if len(hull.vertices) >= MANY_CORNERS:
-                _GRAPHS[mesh.key] = _graph(hull.vertices, hull.simplices)
-        except QhullError:
-            _HULL_POINTS[mesh.key] = mesh.vertices
+        faces = hull_triangles(mesh.vertices.astype(np.float64))
+        corners = np.arange(len(mesh.vertices)) if faces is None else np.unique(faces)
+        _HULL_POINTS[mesh.key] = mesh.vertices[corners]
+        if faces is not None and len(corners) >= MANY_CORNERS:
+            _GRAPHS[mesh.key] = _graph(corners, faces)
     return _HULL_POINTS[mesh.key]
 
 

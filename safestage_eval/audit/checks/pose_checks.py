@@ -331,7 +331,7 @@ def _measured_falls(subject: Subject) -> Iterator[tuple[str, NDArray[Any], float
             at = t[first:stop] - t[first]
             if np.diff(at).max() > MAX_GAP * spacing:
                 continue
-            place = com_position(subject.episode, body.name, slice(first, stop))
+            place = com_position(subject.episode, body.name)[first:stop]
             if not np.isfinite(place).all():
                 continue
             parts, rest, *_ = np.polynomial.polynomial.polyfit(at, place, 2, full=True)
