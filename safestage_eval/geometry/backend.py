@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from safestage_eval.errors import InputError
 
+from .hull import hull_triangles
 from .mover import Mover
-from .polytope import hull_triangles
 from .pose import matrix
 from .shape import BodyShape
 
@@ -117,7 +117,10 @@ def _triangles(shape: BodyShape, index: int) -> tuple[F64, NDArray[np.int64]]:
     vertices = hulls.vertices[first : first + hulls.points[index]]
     if geom.kind == "mesh":
         return vertices, np.asarray(shape.meshes[str(geom.mesh)].faces, np.int64)
-    return vertices, hull_triangles(vertices)
+    triangles = hull_triangles(vertices)
+    if triangles is None:
+        raise ValueError("a flat convex mesh has no triangles to give to FCL")
+    return vertices, triangles
 
 
 class _Fcl:

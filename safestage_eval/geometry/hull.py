@@ -207,9 +207,8 @@ def room_for_hull(size: int) -> Hull:
 
 
 def hull_triangles(points: F64) -> I64 | None:
-    """(F, 3) indices of the corners of each triangle of the hull of points (N, 3), in no set order.
-
-    None where the points are flat.
+    """(F, 3) rows of points (N, 3): the triangles of their convex hull, each counter-clockwise seen
+    from outside. None where the points have no volume.
     """
     if len(points) > 3:
         centred = np.ascontiguousarray(points - (points.min(0) + points.max(0)) / 2)
@@ -220,9 +219,14 @@ def hull_triangles(points: F64) -> I64 | None:
     from scipy.spatial import ConvexHull, QhullError
 
     try:
-        return np.asarray(ConvexHull(points).simplices, np.int64)
+        hull = ConvexHull(points)
     except QhullError:
         return None
+    triangles = hull.simplices.astype(np.int64)
+    first, second, third = (points[triangles[:, i]] for i in range(3))
+    inward = (np.cross(second - first, third - first) * hull.equations[:, :3]).sum(1) < 0
+    triangles[inward] = triangles[inward][:, ::-1]
+    return triangles
 
 
 @allocating

@@ -129,21 +129,6 @@ def hull_centroid(parts: list[Polytope]) -> F64:
     return np.asarray(inner + (corners.sum(1) / 4 * volume[:, None]).sum(0) / volume.sum())
 
 
-def hull_triangles(points: F64) -> I64:
-    """(F, 3) rows of points (N, 3): the triangles of their convex hull, outward.
-
-    Raises QhullError where the points have no volume.
-    """
-    from scipy.spatial import ConvexHull
-
-    hull = ConvexHull(points)
-    faces = hull.simplices.astype(np.int64)
-    first, second, third = (points[faces[:, i]] for i in range(3))
-    inward = (np.cross(second - first, third - first) * hull.equations[:, :3]).sum(1) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return faces
-
-
 def _around(radius: float) -> int:
     """Corners of an inscribed polygon within CHORD_ERROR of a circle; a multiple of 4, ≥ 16."""
     half_angle = np.arccos(max(1 - CHORD_ERROR / radius, 0.0))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Mesh
-from safestage_eval.geometry.polytope import hull_triangles
+from safestage_eval.geometry.hull import hull_triangles
 
 DIRECTIONS = 240
 """Ways in which a convex mesh of many points is looked at for its outermost ones."""
@@ -24,14 +24,11 @@ def outer(mesh: Mesh) -> tuple[NDArray[np.float32], NDArray[np.integer[Any]]]:
     """
     if len(mesh.faces) or len(mesh.vertices) < 4:
         return mesh.vertices, mesh.faces
-    from scipy.spatial import QhullError
-
     points = mesh.vertices
     if len(points) > DIRECTIONS:
         points = points[outermost(points - points.mean(0), DIRECTIONS)]
-    try:
-        faces = hull_triangles(points.astype(np.float64))
-    except QhullError:
+    faces = hull_triangles(points.astype(np.float64))
+    if faces is None:
         return points, mesh.faces
     kept, rows = np.unique(faces, return_inverse=True)
     return points[kept], rows.reshape(-1, 3)
