@@ -298,7 +298,7 @@ def check_free_fall(
             "contacts of all that bears or carries a body",
             "look for contacts that are not recorded, or counted from another frame, and for other "
             "units; a body that gravity does not act on is not movable, or has no mass",
-            time=t[int(out[1])],
+            time=t[first],
         )
     ]
 

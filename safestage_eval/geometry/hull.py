@@ -207,8 +207,9 @@ def room_for_hull(size: int) -> Hull:
 
 
 def hull_triangles(points: F64) -> I64 | None:
-    """(F, 3) rows of points (N, 3): the triangles of their convex hull, each counter-clockwise seen
-    from outside. None where the points have no volume.
+    """(F, 3) rows of points (N, 3): the outward triangles of their convex hull.
+
+    None where the points have no volume.
     """
     if len(points) > 3:
         centred = np.ascontiguousarray(points - (points.min(0) + points.max(0)) / 2)
