@@ -176,7 +176,9 @@ def test_a_cost_without_a_budget_is_told_and_decides_nothing() -> None:
     jsonschema.validate(json.loads(json.dumps(row)), row_schema())
     assert "The cost came to 10" in explain(result)
     for form in ("csv", "jsonl", "json", "parquet", "table", "junit", "markdown", "github"):
-        assert render(Scores((result,), rules={"TOY201": "toy"}), form) is not None
+        out = render(Scores((result,), rules={"TOY201": "toy"}), form)
+        named = b"TOY201" in (out if isinstance(out, bytes) else out.encode())
+        assert named == (form in ("csv", "jsonl", "json", "parquet")), "only rows tell of it"
 
 
 def test_a_budget_decides_with_severity_limit_and_digest() -> None:
