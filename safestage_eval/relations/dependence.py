@@ -50,7 +50,7 @@ class Dependence:
 
     Take a body away. Those fall that no forces within the friction cones of the remaining contacts
     can balance: one problem over all bodies that contacts join, with equal and opposite forces at
-    each contact (``statics.motion``), and compared with what is out of balance before anything is
+    each contact (``statics``), and compared with what is out of balance before anything is
     taken away. What is in balance is asked again with contacts that give and slip: what the forces
     that act now never come to hold falls as well (``reached``). What fell is taken away too, until
     nothing more falls (``collapse``).

@@ -88,19 +88,6 @@ def room_for_springs(contacts: int, bodies: int) -> Springs:
     )  # fmt: skip
 
 
-def unbalanced(bodies: Bodies, touches: Touches, force: F64, push: tuple[float, float]) -> F64:
-    """(B,) how strongly each body starts to move under a push, in g; 0 where it is held.
-
-    ``force`` (C, 3) N, world: what each touch exerts on its second body so far.
-    """
-    count, many = len(touches.first), len(bodies.mass)
-    springs, moved = room_for_springs(count, many), np.zeros(many)
-    stretch(bodies, touches, force, count, springs)
-    some, left = np.ones(count, np.bool_), np.ones(many, np.bool_)
-    give(springs, touches, some, count, left, np.array(push), moved, PATIENT)
-    return moved
-
-
 @kernel
 def stretch(bodies: Bodies, touches: Touches, force: F64, count: int, springs: Springs) -> None:
     """Fill in ``start``, ``effect``, ``heavy`` and ``turn``."""

@@ -1,4 +1,12 @@
-"""Which bodies of a group start to move, given where they touch: equilibrium with dry friction."""
+"""Which bodies of a group start to move, given where they touch: equilibrium with dry friction.
+
+Forces within the friction cones, equal and opposite on both bodies, are chosen such that what stays
+unbalanced moves all bodies together as little as can be (Gauss's principle of least constraint;
+``cones.balance``). If some forces balance all bodies, those are found and nothing moves: whether they
+exist is the linear program of Baraff 1991, "Coping with friction for non-penetrating rigid body
+simulation". If not, the motion is the only one of least constraint, and tells which bodies fall. A body's
+motion is the root of the mean square acceleration of its mass.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval._process.compiled import allocating, helper, kernel
-from safestage_eval.geometry.arrays import owned
+from safestage_eval._process.compiled import helper, kernel
 
-from .cones import CONE_SIDES, COS, SIN, Cones, balance, room_for_cones, room_for_forces
+from .cones import CONE_SIDES, COS, SIN, Cones
 
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]
@@ -52,38 +59,6 @@ class Touches(NamedTuple):
     position: F64
     normal: F64
     friction: F64
-
-
-def motion(bodies: Bodies, touches: Touches, push: tuple[float, float] = (0.0, 0.0)) -> F64:
-    """(B,) how strongly each body starts to move, in g; 0 where the forces balance.
-
-    On each acts its weight, and ``push`` (shares of the weight along x and y) sideways.
-
-    Forces within the friction cones, equal and opposite on both bodies, are chosen such that what
-    stays unbalanced moves all bodies together as little as can be (Gauss's principle of least
-    constraint; non-negative least squares by active sets, Lawson & Hanson 1974, "Solving least
-    squares problems", ch. 23). If some forces balance all bodies, those are found and nothing
-    moves: whether they exist is the linear program of Baraff 1991, "Coping with friction for
-    non-penetrating rigid body simulation". If not, the motion is the only one of least constraint,
-    and tells which bodies fall. A body's motion is the root of the mean square acceleration of its
-    mass.
-    """
-    out = np.empty(len(bodies.mass))
-    first, second = (np.array(b, np.int64) for b in touches[:2])
-    plain = Touches(first, second, *map(owned, touches[2:]))
-    _motion(Bodies(*map(owned, bodies)), plain, np.array(push), out)
-    return out
-
-
-@allocating
-def _motion(bodies: Bodies, touches: Touches, push: F64, out: F64) -> None:
-    many, count = len(touches.first), len(bodies.mass)
-    weight, rest = np.empty((count, 6)), np.empty((count, 6))
-    cones, forces = room_for_cones(many, count), room_for_forces(many, count)
-    spread(bodies, touches, many, cones)
-    weigh(bodies.mass, push, np.ones(count, np.bool_), weight)
-    balance(cones, np.ones(many, np.bool_), many, forces, weight, rest)
-    speeds(bodies.mass, rest, out)
 
 
 @kernel

@@ -6,6 +6,7 @@ from collections import Counter
 from typing import Any
 
 import numpy as np
+from balances import motion
 
 from safestage_eval.episode import (
     Body,
@@ -18,7 +19,7 @@ from safestage_eval.episode import (
     Track,
     still_track,
 )
-from safestage_eval.relations.statics import ARM, Bodies, Touches, motion
+from safestage_eval.relations.statics import ARM, Bodies, Touches
 
 G = 9.81
 

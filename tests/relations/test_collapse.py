@@ -1,12 +1,12 @@
 """What falls with what, against the same question asked slowly, step by step."""
 
 import numpy as np
+from balances import unbalanced
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from safestage_eval.relations.collapse import EASED, PUSHES, STILL, TIPS, Pile, collapse
 from safestage_eval.relations.cones import COMPLIANCE, CONE_SIDES, TOLERANCE
-from safestage_eval.relations.reached import unbalanced
 from safestage_eval.relations.statics import LOST, Bodies, Touches
 
 FRAMES = 2

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from balances import motion, unbalanced
 from numpy.typing import NDArray
 
-from safestage_eval.relations.reached import GRAVITY, unbalanced
-from safestage_eval.relations.statics import Bodies, Touches, motion
+from safestage_eval.relations.reached import GRAVITY
+from safestage_eval.relations.statics import Bodies, Touches
 
 F64 = NDArray[np.float64]
 LEVEL = (0.0, 0.0)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from balances import motion
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import G, Scene, moves
@@ -11,7 +12,7 @@ from safestage_eval.episode import Geom
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.cones import CONE_SIDES
 from safestage_eval.relations.relations import Relations
-from safestage_eval.relations.statics import ARM, LOST, Bodies, Touches, motion
+from safestage_eval.relations.statics import ARM, LOST, Bodies, Touches
 
 
 @given(st.integers(0, 2**32 - 1))
