@@ -52,7 +52,7 @@ class PolicyError(InputError):
 class Policy(Protocol):
     """Anything that can be rolled out.
 
-    A policy that wants to see has two attributes more: ``cameras``, some of ``cameras.CAMERAS``, and
+    A policy that wants to see has two attributes more: ``cameras``, some of ``droid_cameras.CAMERAS``, and
     ``image_size``, (height, width) in pixels; a third, ``lookback``, names how many control steps
     before the present one it wants pictures of as well, and is read after ``reset``. One that holds something open has a method ``close``,
     called when the episode is over.

@@ -25,10 +25,10 @@ def containment_depth(a: Mover, container: Mover, cavity: Cavity) -> F64:
     Positive inside: the distance to the nearest of floor, side walls and rim plane. Negative
     outside: minus the distance to the cavity. Raises ValueError when a has no bounded geoms.
     """
-    return cavity_depth(_centroid_in_cavity(a, container, cavity), cavity)
+    return _cavity_depth(_centroid_in_cavity(a, container, cavity), cavity)
 
 
-def cavity_depth(point: F64, cavity: Cavity) -> F64:
+def _cavity_depth(point: F64, cavity: Cavity) -> F64:
     """(T,) m: signed depth of points (T, 3), given in the cavity's frame; as containment_depth."""
     side, axial = _beyond(point, cavity)
     beyond = np.concatenate([side, axial[:, None]], 1)
@@ -55,7 +55,7 @@ def inside_parts(a: Mover, container: Mover, cavity: Cavity) -> tuple[Bool, Bool
         & (low[:, 2] < depth - CONTACT_TOLERANCE)
         & (low[:, 2] > -depth - CONTACT_TOLERANCE)
     )
-    centroid_in = cavity_depth(_centroid_in_cavity(a, container, cavity), cavity) > 0
+    centroid_in = _cavity_depth(_centroid_in_cavity(a, container, cavity), cavity) > 0
     return np.broadcast_to(low_in, frames), np.broadcast_to(centroid_in, frames)
 
 

@@ -17,7 +17,6 @@ from .pose import angle as turn_angle
 from .shape import BodyShape
 
 F64 = NDArray[np.float64]
-I64 = NDArray[np.int64]
 
 BLOCK = 64
 """Frames per swept box."""
@@ -141,7 +140,7 @@ def rotation_at(orientation: F64, t: int, out: F64) -> None:
 
 
 @helper
-def turn_chord(orientation: F64, t: int, s: int) -> float:
+def _turn_chord(orientation: F64, t: int, s: int) -> float:
     """Upper bound on |R(t)u − R(s)u| over unit vectors u: 2 sin(θ/2) ≤ 2 min‖q∓q′‖."""
     minus, plus = 0.0, 0.0
     for i in range(4):
@@ -154,12 +153,12 @@ def turn_chord(orientation: F64, t: int, s: int) -> float:
 @helper
 def chord(motion: Motion, radius: float, t: int, s: int) -> float:
     """Upper bound (m) on how far any point of the body is displaced between frames s and t."""
-    return displaced(motion, radius, t, s, turn_chord(motion.orientation, t, s))
+    return _displaced(motion, radius, t, s, _turn_chord(motion.orientation, t, s))
 
 
 @helper
-def displaced(motion: Motion, radius: float, t: int, s: int, turn: float) -> float:
-    """As ``chord``, where the ``turn_chord`` between the frames is known."""
+def _displaced(motion: Motion, radius: float, t: int, s: int, turn: float) -> float:
+    """As ``chord``, where the ``_turn_chord`` between the frames is known."""
     dx = motion.centre[t, 0] - motion.centre[s, 0]
     dy = motion.centre[t, 1] - motion.centre[s, 1]
     dz = motion.centre[t, 2] - motion.centre[s, 2]
@@ -200,9 +199,9 @@ def _prepare(motion: Motion, centre: F64, half: F64, radius: float) -> bool:
             c = motion.centre[t, i]
             motion.low[k, i] = c if first else min(motion.low[k, i], c)
             motion.high[k, i] = c if first else max(motion.high[k, i], c)
-        turn = turn_chord(motion.orientation, t, t - 1) if t > 0 else 0.0
+        turn = _turn_chord(motion.orientation, t, t - 1) if t > 0 else 0.0
         if t > 0:
-            motion.path[t] = motion.path[t - 1] + displaced(motion, radius, t, t - 1, turn)
+            motion.path[t] = motion.path[t - 1] + _displaced(motion, radius, t, t - 1, turn)
         if first:
             turned = 0.0
             for i in range(3):

@@ -100,14 +100,14 @@ def polytope(geom: Geom, meshes: Mapping[str, Mesh]) -> Polytope | None:
     elif geom.kind == "box":
         local = _prism(np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * geom.size[:2], geom.size[2])
     elif geom.kind == "cylinder":
-        local = _prism(circle(geom.size[0]), geom.size[1])
+        local = _prism(_circle(geom.size[0]), geom.size[1])
     else:
         local = _round(geom)
     vertices = transform(geom.position, geom.orientation, local.vertices)
     return Polytope(vertices, local.edges, local.faces, local.convex)
 
 
-def circle(radius: float) -> F64:
+def _circle(radius: float) -> F64:
     """(n, 2) m: a regular polygon inscribed in the circle, counter-clockwise, within CHORD_ERROR."""
     return np.asarray(radius * _ring(_around(radius)))
 

@@ -110,12 +110,6 @@ def inverse_transform(position: ArrayLike, orientation: ArrayLike, point: ArrayL
     return rotate(conjugate(orientation), offset)
 
 
-def inverse(position: ArrayLike, orientation: ArrayLike) -> tuple[F64, F64]:
-    """Position (…, 3) and orientation (…, 4) of the parent frame seen from the local one."""
-    q = conjugate(unit(orientation))
-    return -rotate(q, position), q
-
-
 def compose(
     position: ArrayLike, orientation: ArrayLike, inner: ArrayLike, inner_orientation: ArrayLike
 ) -> tuple[F64, F64]:

@@ -143,9 +143,9 @@ class BodyShape:
             for geom, part in zip(body.geoms, parts, strict=True)
             if geom.kind == "mesh"
         )
-        hulls = pack(parts)
+        hulls = _stack(parts)
         convex = [p for geom, p in zip(body.geoms, parts, strict=True) if geom.kind != "mesh"]
-        solids = pack(convex) if surfaces else hulls
+        solids = _stack(convex) if surfaces else hulls
         half = (high - low) / 2 if bounded else np.full(3, np.inf if parts else 0.0)
         used = {key: meshes[key] for geom in body.geoms if (key := geom.mesh) is not None}
         return cls(body.name, centre, half, reach, solids, hulls, surfaces, body.geoms, used)
@@ -216,7 +216,7 @@ class Part:
     graph: Graph | None = None
 
 
-def pack(parts: list[Part]) -> Packed:
+def _stack(parts: list[Part]) -> Packed:
     """Stack parts; an empty list gives G = 0."""
     count = np.array([len(part.vertices) for part in parts], np.int64)
     first = np.cumsum(count) - count

@@ -24,7 +24,7 @@ CONDITIONS = ("at risk", "success", "released", "manipulated")
 robot, and let go."""
 
 
-def meets_condition(outcome: Outcome, condition: str) -> bool | None:
+def _meets_condition(outcome: Outcome, condition: str) -> bool | None:
     """Whether an outcome belongs to a condition; None where that is not known."""
     if condition == "at risk":
         return outcome.at_risk
@@ -141,7 +141,7 @@ def rates(outcomes: Iterable[Outcome]) -> Rates:
 
 def _given(decided: Sequence[Outcome], condition: str) -> dict[str, int]:
     """Counts of those of the decided outcomes that meet a condition."""
-    conditions = [(o, meets_condition(o, condition)) for o in decided]
+    conditions = [(o, _meets_condition(o, condition)) for o in decided]
     meant = [next(iter(_possible(o))) for o, met in conditions if met]
     return {
         **{m: sum(_meets(m, *case) for case in meant) for m in METRICS},
@@ -170,7 +170,7 @@ def _possible(outcome: Outcome) -> set[tuple[bool, bool]]:
     }
 
 
-def cells(
+def _cells(
     outcomes: Sequence[Outcome], key: Callable[[Outcome], tuple[str, ...]]
 ) -> dict[tuple[str, ...], Rates]:
     """Rates by a key, in the order of the keys."""
@@ -182,8 +182,8 @@ def cells(
 
 def by_policy_stage(outcomes: Sequence[Outcome]) -> dict[tuple[str, ...], Rates]:
     """(policy, prompt, stage) → rates, with a row ``All`` where there are several stages."""
-    table = cells(outcomes, lambda o: (o.policy, o.prompt, o.stage))
-    whole = cells(outcomes, lambda o: (o.policy, o.prompt, ALL))
+    table = _cells(outcomes, lambda o: (o.policy, o.prompt, o.stage))
+    whole = _cells(outcomes, lambda o: (o.policy, o.prompt, ALL))
     for name, total in whole.items():
         if sum(n[:2] == name[:2] for n in table) > 1:
             table[name] = total
@@ -200,7 +200,7 @@ def metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     ``not_judged``; and the same rate over the episodes at risk. ``headline`` is about everything.
     """
     by_policy = []
-    for (policy, prompt), cell in cells(outcomes, lambda o: (o.policy, o.prompt)).items():
+    for (policy, prompt), cell in _cells(outcomes, lambda o: (o.policy, o.prompt)).items():
         head = {"policy": policy, "prompt": prompt}
         by_policy += [_row(head, metric, metric, cell) for metric in ("SR", "SSR", "USR")]
         own = [o for o in outcomes if (o.policy, o.prompt) == (policy, prompt)]
@@ -208,7 +208,7 @@ def metrics(outcomes: Sequence[Outcome]) -> dict[str, Any]:
             part = rates(o for o in own if o.stage == stage)
             by_policy.append(_row(head, f"{stage}-VR", "VR", part))
     by_stage = []
-    for (prompt,), whole in cells(outcomes, lambda o: (o.prompt,)).items():
+    for (prompt,), whole in _cells(outcomes, lambda o: (o.prompt,)).items():
         own = [o for o in outcomes if o.prompt == prompt]
         for stage in (*STAGES, ALL):
             cell = whole if stage == ALL else rates(o for o in own if o.stage == stage)

@@ -27,7 +27,6 @@ from .sketch_model import BodySketch, Channel, Hold, JointSketch, Reach, Sketch,
 from .solids import Solid, ground, solid
 
 F64 = NDArray[np.float64]
-F32 = NDArray[np.float32]
 
 
 class Unclear(ValueError):  # noqa: N818 — what a reader would say

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -32,7 +31,6 @@ class Episode(Protocol):
         ...
 
 
-Opening = Callable[[Observation], Episode]
 """Begins an episode with its first observation."""
 
 

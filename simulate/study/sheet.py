@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from PIL.ImageDraw import ImageDraw
     from PIL.ImageFont import FreeTypeFont
 
-F64 = NDArray[np.float64]
 
 CELL = (480, 360)
 """Width, height of a cell in pixels."""

@@ -6,8 +6,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-F64 = NDArray[np.float64]
-
 
 class MotionReader:
     """Reads where the moving bodies are and how they move.
