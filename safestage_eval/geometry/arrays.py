@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def owned(array: ArrayLike) -> NDArray[np.float64]:
-    """A writable C-ordered float64 copy: the one array type that kernels are compiled for."""
+    """Make a writable C-ordered float64 copy: the one array type that kernels are compiled for."""
     return np.array(array, np.float64, order="C")
 
 
 def as_numbers(array: ArrayLike) -> NDArray[np.floating[Any]]:
-    """Writable, C-ordered, of float32 or float64: the array itself if it is so, or an owned copy.
+    """Return the array if it is writable, C-ordered, float32 or float64; otherwise an owned copy.
 
     For kernels that only read, of tracks as they are stored; each type is compiled for itself.
     """

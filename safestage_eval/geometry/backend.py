@@ -1,4 +1,4 @@
-"""Other libraries in the place of our own distances, for comparison: python-fcl and coal.
+"""Distances by python-fcl or coal in place of our own, for comparison.
 
 They answer for every frame and every pair of geoms whose bounding balls are nearer than the cap;
 what is left out is proven by those balls alone. Nothing else of ours is in the answer, so what
@@ -42,7 +42,7 @@ class Library(Protocol):
 
 
 def library(backend: str) -> Library:
-    """The library behind a name other than ``gjk``. Raises InputError when it cannot be used."""
+    """Load the library behind a name other than ``gjk``. Raises InputError when it cannot be used."""
     check_backend(backend)
     return _Fcl() if backend == "fcl" else _Coal()
 

@@ -1,4 +1,4 @@
-"""How far what stands on a surface is from falling off it."""
+"""Distance of a standing body from the edge of the surface that it stands on."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def edge_margin(
 
 
 class _Scene:
-    """Everything but the body that stands: its supports at a frame, and the rest at one near it."""
+    """All bodies but the one that stands: its supports at a frame, and the rest at one near it."""
 
     def __init__(
         self,
@@ -131,7 +131,7 @@ class _Scene:
         self._walls: dict[tuple[float, ...], F64] = {}
 
     def margin(self, parts: list[tuple[Polytope, F64]], lifted: float) -> float:
-        """Of a body given by its geoms' corners, as if it were lower by ``lifted`` (m)."""
+        """Edge margin (m) of a body given by its geoms' corners, as if it were lower by ``lifted`` (m)."""
         if not parts:
             return np.nan
         points = np.concatenate([points for _, points in parts])
@@ -177,7 +177,7 @@ class _Scene:
         return base, np.array(stood, np.int64)
 
     def _alike(self, faces: I64) -> list[list[int]]:
-        """Faces that lean the same way, together."""
+        """Group faces that lean the same way."""
         groups: list[list[int]] = []
         for face in faces:
             slope = self._ground.plane[face, 1:]
@@ -329,7 +329,7 @@ class _Guarded:
         self._middle = _centroid(convex_hull(corners))
 
     def __call__(self, pieces: F64, owner: I64) -> Bool:
-        """(N,) of pieces (N, 2, 2) of the faces (N,)."""
+        """(N,) for pieces (N, 2, 2) of the edges of faces (N,)."""
         guarded = np.zeros(len(pieces), np.bool_)
         for face in np.unique(owner):
             outlines = self._over(self._planes[face])

@@ -1,4 +1,4 @@
-"""How far a body reaches: its lowest and highest point, its reach in any direction."""
+"""Extent of a body: its lowest and highest point, its reach in any direction."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def _poses(mover: Mover, frames: I64) -> tuple[F64, F64]:
 
 
 class _Room(NamedTuple):
-    """Where the kernels write in between; over's pieces come first, then under's.
+    """Scratch memory of the kernels; over's pieces come first, then under's.
 
     Attributes:
         rotation: (3, 3).
@@ -147,7 +147,7 @@ def _shares(
 def _cast(
     pieces: Pieces, position: F64, orientation: F64, t: int, room: _Room, piece: int, corner: int
 ) -> None:
-    """The hull of each piece's projection, from place ``piece`` and ``corner`` on."""
+    """Write the hull of each piece's projection, from place ``piece`` and ``corner`` on."""
     rotation_at(orientation, t, room.rotation)
     for p in range(pieces.first.shape[0] - 1):
         start = pieces.first[p]
@@ -169,7 +169,7 @@ def _cast(
 
 @kernel
 def _take(room: _Room, piece: int, solid: int) -> int:
-    """Piece becomes one of the solid ones if it has an area; how many there are then."""
+    """Add a piece to the solid ones if it has an area; return how many there are then."""
     if room.many[piece] < 3:
         return solid
     room.solid_first[solid], room.solid_many[solid] = room.first[piece], room.many[piece]

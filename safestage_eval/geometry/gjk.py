@@ -37,7 +37,7 @@ ITERATIONS = 128
 
 
 class Scratch(NamedTuple):
-    """Memory that the kernels of this file write to, allocated once by their caller.
+    """Scratch memory of the kernels of this file, allocated once by their caller.
 
     Attributes:
         points: (4, 3) the simplex, in the axes of geom a.
@@ -54,7 +54,7 @@ class Scratch(NamedTuple):
 
 @allocating
 def scratch() -> Scratch:
-    """Fresh scratch memory."""
+    """Allocate scratch memory."""
     return Scratch(np.zeros((4, 3)), np.zeros((4, 4)), np.zeros((4, 3)), np.zeros((2, 3, 3)))
 
 

@@ -85,7 +85,7 @@ def ground_of(movers: Sequence[Mover], frame: int) -> Ground:
 
 
 def joined(grounds: Sequence[Ground]) -> Ground:
-    """All faces of several."""
+    """Join the faces of several."""
     corners = [np.empty((0, 2)), *(g.corners for g in grounds)]
     before = np.cumsum([len(part) for part in corners])
     first = [g.first + start for g, start in zip(grounds, before, strict=False)]
@@ -99,7 +99,7 @@ def joined(grounds: Sequence[Ground]) -> Ground:
 
 
 def face_of(polygon: F64, plane: F64) -> Ground:
-    """One face: polygon (N, 2) m, counter-clockwise, plane (3,)."""
+    """Make a ground of one face: polygon (N, 2) m, counter-clockwise, plane (3,)."""
     return Ground(
         owned(polygon),
         np.zeros(1, np.int64),
@@ -110,7 +110,7 @@ def face_of(polygon: F64, plane: F64) -> Ground:
 
 
 def surface_from(ground: Ground, seeds: Bool, drop: float) -> Surface:
-    """Everything that hangs together with the seeds (F,), and its edges.
+    """Collect the faces that hang together with the seeds (F,), and their edges.
 
     A face goes on in another where that begins within ``GAP`` beyond its edge and lies less than
     ``drop`` (m; never less than ``CONTACT_TOLERANCE``) below or above, and is no wall.
@@ -207,7 +207,7 @@ Place = tuple[BodyShape, tuple[float, ...], tuple[float, ...]]
 
 
 def _place(mover: Mover, frame: int) -> Place:
-    """A shape and its pose, to be remembered by."""
+    """A shape and its pose as a key of a cache."""
     t = frame if len(mover) > 1 else 0
     return mover.shape, tuple(mover.position[t].tolist()), tuple(mover.orientation[t].tolist())
 
@@ -265,7 +265,7 @@ def _chosen(ground: Ground, faces: I64) -> Ground:
 
 @kernel
 def _clip(points: F64, n: int, axis: int, bound: float, upward: bool, out: F64) -> int:
-    """The part of a polygon (n, 3) whose coordinate is at least, or at most, a bound."""
+    """Write the part of a polygon (n, 3) whose coordinate is at least, or at most, a bound."""
     written = 0
     for k in range(n):
         after = (k + 1) % n
@@ -288,7 +288,7 @@ def _meets(
     corners: F64, first: I64, count: I64, plane: F64, i: int, k: int, j: int, near: float,
     far: float, low: float, high: float, room: F64, span: F64,
 ) -> bool:  # fmt: skip
-    """Where face j lies in a strip along edge k of face i, and how high above that edge.
+    """Whether face j lies in a strip along edge k of face i, and where.
 
     ``near``, ``far``: how far outside the edge the strip begins and ends, m. ``low``, ``high``:
     between which heights over the edge. Writes from where to where along the edge, and how far outside j

@@ -62,7 +62,7 @@ class Mover:
 
     @classmethod
     def build(cls, shape: BodyShape, position: ArrayLike, orientation: ArrayLike) -> Mover:
-        """Accepts one pose, (3,) and (4,), or T; raises ValueError when their lengths differ."""
+        """Accept one pose, (3,) and (4,), or T; raises ValueError when their lengths differ."""
         p = np.atleast_2d(np.asarray(position))
         q = np.atleast_2d(np.asarray(orientation))
         if p.shape[1:] != (3,) or q.shape[1:] != (4,) or len(p) != len(q):

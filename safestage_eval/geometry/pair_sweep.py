@@ -180,7 +180,7 @@ def sweep(a: Side, b: Side, query: Query, blocks: I64, lower: F64, upper: F64) -
 def _visit(
     one: Side, other: Side, query: Query, blocks: I64, lower: F64, upper: F64, memory: Memory
 ) -> None:
-    """``sweep``, with memory to write to."""
+    """Do the work of ``sweep``, without allocating."""
     A, ma, radius_a = one
     B, mb, radius_b = other
     cap, slack, flat, deep = query

@@ -143,7 +143,7 @@ class Nearest(NamedTuple):
 
 
 def nearest_on(points: F64, segments: F64) -> Nearest:
-    """For points (N, 2) and segments (S, 2, 2), S ≥ 1."""
+    """Find the nearest of segments (S, 2, 2), S ≥ 1, to points (N, 2)."""
     nearest = Nearest(
         np.full(len(points), np.inf), np.empty((len(points), 2)), np.zeros(len(points), np.int64)
     )
@@ -167,7 +167,7 @@ def enters(starts: F64, ends: F64, outline: F64) -> Bool:
 
 @kernel
 def sort_points(points: F64, n: int) -> None:
-    """The first n points, by x, then by y, in place. Heapsort, Williams 1964."""
+    """Sort the first n points by x, then by y, in place. Heapsort, Williams 1964."""
     for k in range(n // 2 - 1, -1, -1):
         _sift(points, k, n)
     for end in range(n - 1, 0, -1):
@@ -197,7 +197,7 @@ def _sift(points: F64, root: int, n: int) -> None:
 
 @kernel
 def chain(points: F64, out: F64) -> int:
-    """Lower, then upper hull of points (N, 2) ordered by x, then y; returns the corners written."""
+    """Write the lower, then the upper hull of points (N, 2) ordered by x, then y; returns the corners written."""
     n, m = points.shape[0], 0
     for sweep in range(2):
         base = m
@@ -246,7 +246,7 @@ def covers(
     corners: F64, first: I64, count: I64, box: F64, i: int, ax: float, ay: float, dx: float,
     dy: float, covered: F64,
 ) -> int:  # fmt: skip
-    """Where the other polygons cover the edge from (ax, ay) by (dx, dy) of polygon i.
+    """Find where the other polygons cover the edge from (ax, ay) by (dx, dy) of polygon i.
 
     Writes from where to where, as shares of the edge, into ``covered`` (P, 2), in the order in which
     they begin; returns how many.

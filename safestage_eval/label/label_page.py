@@ -12,7 +12,7 @@ ALLOW = {"connect-src": "'self'", "media-src": "'self'"}
 
 @cache
 def label_page(total: int, reviewer: str | None) -> str:
-    """The page for so many rollouts; ``reviewer`` is None where it is to ask for a name."""
+    """Build the page for so many rollouts; ``reviewer`` is None where it is to ask for a name."""
 
     def own(name: str) -> str:
         return part(name, "safestage_eval.label")

@@ -9,7 +9,7 @@ from safestage_eval.formats import EpisodeRef
 
 
 def sample(refs: Sequence[EpisodeRef], count: int | None = None, seed: int = 0) -> list[EpisodeRef]:
-    """So many episodes, as evenly over the stages as there are enough, in a mixed order.
+    """Draw so many episodes, as evenly over the stages as there are enough, in a mixed order.
 
     Within a stage the combinations of policy, prompt and native success take turns. Which episodes
     of a combination are taken is decided by a hash of seed and id: another run chooses the same,
@@ -18,7 +18,7 @@ def sample(refs: Sequence[EpisodeRef], count: int | None = None, seed: int = 0) 
     Args:
         refs: episodes that can be opened; of one id the first counts.
         count: how many; all if None.
-        seed: another seed chooses others.
+        seed: of the choice.
     """
     by_id = {ref.episode_id: ref for ref in reversed(refs)}
     every = [by_id[name] for name in dict.fromkeys(ref.episode_id for ref in refs)]
@@ -36,7 +36,7 @@ def _chosen(refs: Iterable[EpisodeRef], count: int, seed: int) -> list[EpisodeRe
 
 
 def _cells(refs: Iterable[EpisodeRef], seed: int) -> list[list[EpisodeRef]]:
-    """Episodes by policy, prompt and success; cells and what is in them by their hash."""
+    """Group episodes by policy, prompt and success; cells and their episodes ordered by hash."""
     cells: dict[str, list[EpisodeRef]] = {}
     for ref in sorted(refs, key=lambda ref: _rank(seed, "episode", ref.episode_id)):
         key = [ref.fields.get(name) for name in ("policy", "prompt", "success")]
@@ -45,7 +45,7 @@ def _cells(refs: Iterable[EpisodeRef], seed: int) -> list[list[EpisodeRef]]:
 
 
 def _in_turn(queues: Sequence[Sequence[EpisodeRef]]) -> Iterator[EpisodeRef]:
-    """The first of each queue, the second of each, … as long as there are any."""
+    """Yield the first of each queue, the second of each, … as long as there are any."""
     for turn in range(max(map(len, queues), default=0)):
         yield from (queue[turn] for queue in queues if turn < len(queue))
 

@@ -1,4 +1,4 @@
-"""The file that labels are kept in: a line for every answer, on disk before it counts as given."""
+"""The file of labels: a line for every answer, on disk before it counts as given."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Ledger:
         return sorted({reviewer for reviewer, _ in self._labels})
 
     def of(self, reviewer: str) -> dict[str, Label]:
-        """Episode id → what a reviewer said last."""
+        """Episode id → the last label of a reviewer."""
         return {x.episode_id: x for x in [*self._labels.values()] if x.reviewer == reviewer}
 
     def add(self, label: Label) -> None:
@@ -91,7 +91,7 @@ def _line(cells: list[str]) -> str:
 
 
 def _columns(path: Path) -> list[str]:
-    """The columns of a file that is there already. Raises InputError if labels do not fit in."""
+    """Read the columns of an existing file. Raises InputError if labels do not fit in."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             columns = next(csv.reader(file), [])

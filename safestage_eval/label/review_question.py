@@ -1,4 +1,4 @@
-"""The question to a reviewer: the task of a rollout, and what safe means in it."""
+"""The question to a reviewer: the task of a rollout, and its requirements."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STAGES = {
 
 
 def question(header: Header, rules: RuleSet, bind: BindFile | None = None) -> dict[str, Any]:
-    """Instruction, roles, and the assigned rules in words, as plain values.
+    """Write instruction, roles, and the assigned rules in words, as plain values.
 
     Nothing of a verdict is in it, nor who acted: no policy, no id, no path, no note. Limits are those
     that hold for this episode: of its task, its bind file, and its bodies' materials.
@@ -75,7 +75,7 @@ def question(header: Header, rules: RuleSet, bind: BindFile | None = None) -> di
 def _with_material_limits(
     text: str, rules: RuleSet, header: Header, roles: Mapping[str, Sequence[str]]
 ) -> str:
-    """``at most the max_tilt of target`` → ``at most the max_tilt of target (bottle: 8 deg)``."""
+    """Add limits: ``at most the max_tilt of target`` → ``at most the max_tilt of target (bottle: 8 deg)``."""
     materials = {body.name: body.material for body in header.bodies}
 
     def with_limits(match: re.Match[str]) -> str:

@@ -1,4 +1,4 @@
-"""The page's server: this machine alone, one page, no file but what a session hands out."""
+"""The page's server: this machine alone, one page, and only files that a session hands out."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ class Server(ThreadingHTTPServer):
         return frozenset(f"{name}:{self.server_port}" for name in (LOOPBACK, "localhost"))
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that hangs up is no news."""
+        """Ignore browsers that hang up."""
 
 
 def serve(session: Session, port: int = 0) -> Server:
-    """A server that is bound and not yet running. Raises InputError if the port is taken."""
+    """Bind a server that is not yet running. Raises InputError if the port is taken."""
     try:
         return Server(session, port)
     except OSError as error:
@@ -76,15 +76,15 @@ class _Handler(BaseHTTPRequestHandler):
     server: Server
 
     def do_GET(self) -> None:
-        """The page, and what it asks for."""
+        """Send the page, or data that it requests."""
         self._answer(self._get)
 
     def do_POST(self) -> None:
-        """An answer of a reviewer."""
+        """Store an answer of a reviewer."""
         self._answer(self._post)
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
-        """Say nothing: the terminal belongs to the command."""
+        """Log nothing: the terminal belongs to the command."""
 
     def _answer(self, act: Callable[[], None]) -> None:
         try:
@@ -101,7 +101,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._send_json({"error": f"not saved: {why}"}, HTTPStatus.INTERNAL_SERVER_ERROR)
 
     def _check_sender(self) -> None:
-        """Only a page of ours, under a name of ours: others could otherwise read and label."""
+        """Accept only our own page under our own host name: others could otherwise read and label."""
         hosts = self.server.hosts
         if self.headers.get("Host") not in hosts:
             self.close_connection = True
@@ -169,7 +169,7 @@ class _Handler(BaseHTTPRequestHandler):
         return body
 
     def _send_video(self, path: Path | None) -> None:
-        """A whole film, or the part that the browser asks for (RFC 9110, section 14)."""
+        """Send a whole film, or the part that the browser asks for (RFC 9110, section 14)."""
         if path is None:
             raise Refused(HTTPStatus.NOT_FOUND, "no video")
         size = path.stat().st_size

@@ -1,4 +1,4 @@
-"""One sitting: the rollouts to be labelled, what is asked of each, and what was answered."""
+"""A labelling session: its rollouts, the question about each, and the answers."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class Session:
         return video_of(self.refs[number], self.videos)
 
     def answer(self, number: int, label: str, reviewer: str, note: str = "") -> None:
-        """Keep an answer.
+        """Store an answer.
 
         Raises:
             InputError: no such rollout or answer, or no name.

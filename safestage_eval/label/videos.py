@@ -1,4 +1,4 @@
-"""The video of a rollout, if somebody put one beside its trace."""
+"""The video of a rollout, if there is one beside its trace."""
 
 from __future__ import annotations
 

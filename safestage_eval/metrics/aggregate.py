@@ -1,4 +1,4 @@
-"""The result tables of a campaign: by policy, by stage, by family, with what is uneven in them."""
+"""The result tables of a campaign: by policy, by stage, by family, with notes on unevenness."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Aggregate:
         stage: str | None = None,
         family: str | None = None,
     ) -> Group:
-        """The outcomes that have these in common; None, and the stage ``All``, is any."""
+        """Select the outcomes that have these in common; None, and the stage ``All``, is any."""
         part_of_all = stage in (None, ALL)
         parts: dict[tuple[str | None, Seed], Rates] = {}
         strata: dict[str | None, str] = {}
@@ -60,12 +60,12 @@ class Aggregate:
 
     @cached_property
     def policies(self) -> tuple[str, ...]:
-        """By name."""
+        """Policies, by name."""
         return tuple(sorted({key[0] for key in self.base}))
 
     @cached_property
     def prompts(self) -> tuple[str, ...]:
-        """Default, generic and specific first."""
+        """Prompts; default, generic and specific first."""
         return tuple(sorted({key[1] for key in self.base}, key=_prompt_order))
 
     @cached_property
@@ -145,7 +145,7 @@ def quadrants(cell: Rates) -> dict[str, int]:
 
 
 def rows(table: Sequence[Rate]) -> list[dict[str, Any]]:
-    """Rates as plain rows: what they are of, metric, mean and std (percent), k, n, n_seeds."""
+    """Write rates as plain rows: the group, metric, mean and std (percent), k, n, n_seeds."""
     return [
         {
             **{name: value for name, value in names_of(rate.group).items() if value is not None},

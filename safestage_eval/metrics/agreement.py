@@ -21,7 +21,7 @@ class Witness:
         rule: code.
         verdict: of that rule.
         time: s; None where there is no moment.
-        bodies: whom it concerns.
+        bodies: that it concerns.
         explanation: the evaluator's sentence.
     """
 
@@ -37,10 +37,10 @@ class Judged:
     """The evaluator's verdict on an episode.
 
     Attributes:
-        episode_id: which.
+        episode_id: of the episode.
         stage: ``–`` where it is not known.
         violation: None if it could not be decided.
-        witnesses: what it rests on, if the results tell.
+        witnesses: its evidence, where the results hold it.
     """
 
     episode_id: str
@@ -72,7 +72,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Agreement:
-    """Everything that comparing comes to.
+    """The result of comparing labels with verdicts.
 
     Attributes:
         stages: stage → counts of its episodes; ``All`` for all of them.
@@ -131,7 +131,7 @@ class _Votes:
 
 
 def agreement(labels: Iterable[Label], results: Iterable[Judged]) -> Agreement:
-    """Compare by episode id.
+    """Compare labels and verdicts by episode id.
 
     Of several reviewers the majority of those who are sure counts; a tie counts for neither side.
     ``unsure`` is in no count. Of several labels of one reviewer on one episode the last counts.

@@ -1,4 +1,4 @@
-"""Two policies, prompts or rule sets side by side, with what the sample can carry."""
+"""Two policies, prompts or rule sets side by side, and whether the sample supports a difference."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .power import ALPHA, Need, need
 
 @dataclass(frozen=True)
 class Line:
-    """One difference and how far it can be trusted.
+    """One difference, with its interval and tests.
 
     Attributes:
         of: the counts.
         interval: of the difference, 0…1; None with one task.
         p, p_holm: McNemar's exact test; adjusted for the stages, or the families, of one metric.
-        need: what it would take; None when no pair differs.
+        need: the sample size that would show it; None when no pair differs.
     """
 
     of: Paired
@@ -32,7 +32,7 @@ class Line:
 
     @property
     def carried(self) -> bool:
-        """The sample shows a difference: by the adjusted test and by the interval over tasks."""
+        """Whether the sample shows a difference: by the adjusted test and by the interval over tasks."""
         return (
             self.p_holm is not None
             and self.p_holm < ALPHA

@@ -1,4 +1,4 @@
-"""The evaluator against people: counts, and what follows from them. A violation is the positive."""
+"""The evaluator against people: counts and the metrics of them. A violation is the positive."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ class Uneven:
             ``no_stage``, ``two_stages``.
         message: for people.
         policy, prompt: whose; None if it concerns all.
-        cells: which tasks and seeds.
+        cells: the tasks and seeds.
     """
 
     kind: Kind
@@ -84,7 +84,7 @@ def _of_pair(policy: str, prompt: str, cells: Sequence[Cell]) -> Iterable[Uneven
 
 
 def _left_out(outcomes: Iterable[Outcome]) -> Iterable[Uneven]:
-    """Rollouts that are there but not in N."""
+    """Report rollouts that are not in N."""
     groups: dict[tuple[str, str], list[Outcome]] = {}
     for o in outcomes:
         groups.setdefault((o.policy, o.prompt), []).append(o)

@@ -53,7 +53,7 @@ def bootstrap(
 def percentiles(
     above: NDArray[np.float64], below: NDArray[np.float64], confidence: float = CONFIDENCE
 ) -> tuple[float, float] | None:
-    """The middle share of the ratios of two (B,) sums; resamples without a denominator drop out."""
+    """Take the middle share of the ratios of two (B,) sums; resamples without a denominator drop out."""
     some = below > 0
     if not some.any():
         return None
@@ -63,7 +63,7 @@ def percentiles(
 
 
 def in_strata(stages: Mapping[str | None, str]) -> list[str | None]:
-    """Tasks by stage, then name: the order in which they are drawn."""
+    """Sort tasks by stage, then name: the order in which they are drawn."""
     return sorted(stages, key=lambda task: (stages[task], str(task)))
 
 

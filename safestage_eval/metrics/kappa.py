@@ -1,4 +1,4 @@
-"""Agreement beyond chance, between two or more who say the same kind of thing of the same things."""
+"""Agreement beyond chance, between two raters or more."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def cohen(table: Sequence[Sequence[int]]) -> float | None:
 
 
 def fleiss(counts: Sequence[Sequence[int]]) -> float | None:
-    """Fleiss' kappa: a row per thing, with how many raters gave each answer.
+    """Fleiss' kappa: a row per subject, with how many raters gave each answer.
 
-    Every thing has the same number of raters, two at least. None where it is not defined: without
+    Every subject has the same number of raters, two at least. None where it is not defined: without
     rows, or when only one answer was ever given. Source: J. L. Fleiss, "Measuring nominal scale
     agreement among many raters", Psychological Bulletin 76, 1971.
 
@@ -40,7 +40,7 @@ def fleiss(counts: Sequence[Sequence[int]]) -> float | None:
         return None
     raters = sum(counts[0])
     if raters < 2 or any(sum(row) != raters for row in counts):
-        raise ValueError("every thing needs the same number of raters, two at least")
+        raise ValueError("every subject needs the same number of raters, two at least")
     n = len(counts)
     alike = sum(x * (x - 1) for row in counts for x in row) / (n * raters * (raters - 1))
     chance: float = sum((sum(column) / (n * raters)) ** 2 for column in zip(*counts, strict=True))

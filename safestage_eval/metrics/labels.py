@@ -25,7 +25,7 @@ class Label:
     """One answer of one reviewer.
 
     Attributes:
-        episode_id: what was looked at.
+        episode_id: of the episode.
         label: the answer.
         reviewer: whose; empty where nobody is named.
         note: what the reviewer added.
@@ -40,14 +40,14 @@ class Label:
 
 
 def read_labels(path: str | Path, reviewer: str = "") -> list[Label]:
-    """The labels in a CSV, Parquet, JSON or JSON lines file, row by row.
+    """Read the labels in a CSV, Parquet, JSON or JSON lines file, row by row.
 
     Args:
         path: the file.
         reviewer: whose labels they are where a row names nobody.
 
     Raises:
-        InputError: it cannot be read, lacks a column, or a row says something else.
+        InputError: it cannot be read, lacks a column, or a row has another answer.
     """
     result = []
     for number, row in enumerate(read_rows(path, COLUMNS, ALLOWED), 1):
@@ -68,5 +68,5 @@ def read_labels(path: str | Path, reviewer: str = "") -> list[Label]:
 
 
 def last_of_each(labels: Iterable[Label]) -> list[Label]:
-    """The last label of each reviewer on each episode, in the order of the first ones."""
+    """Keep the last label of each reviewer on each episode, in the order of the first ones."""
     return [*{(label.reviewer, label.episode_id): label for label in labels}.values()]

@@ -45,7 +45,7 @@ class Outcome:
 
 
 def outcomes(results: Iterable[EpisodeResult]) -> list[Outcome]:
-    """The outcomes of judged episodes; what a header leaves open is shown as ``–``."""
+    """List the outcomes of judged episodes; what a header leaves open is shown as ``–``."""
     return [
         Outcome(
             policy=r.policy or OPEN,

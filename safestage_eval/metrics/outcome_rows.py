@@ -45,7 +45,7 @@ VIOLATED = {"pass": False, "not_applicable": False, "violation": True, "inconclu
 def read_outcomes(
     paths: Sequence[str | Path], label: str | None = None
 ) -> dict[str, list[Outcome]]:
-    """The outcomes in one or more files, and every one of them once.
+    """Read the outcomes in one or more files, each of them once.
 
     Args:
         paths: files of any of our formats.
@@ -80,7 +80,7 @@ def read_outcomes(
 
 
 def outcomes_of(rows: Iterable[Row], where: str = "") -> list[Outcome]:
-    """The outcomes that rows tell of; what a result's header leaves open is shown as ``–``.
+    """Collect the outcomes of rows; what a result's header leaves open is shown as ``–``.
 
     Args:
         rows: one per episode and rule, as ``safestage score`` writes them, or one per episode.
@@ -96,7 +96,7 @@ def outcomes_of(rows: Iterable[Row], where: str = "") -> list[Outcome]:
 
 
 class _Gathered:
-    """Outcomes of one file as its rows come in; what is kept is an episode's, not a row's."""
+    """Outcomes of one file as its rows come in; keeps a record per episode, not per row."""
 
     def __init__(self, file: str) -> None:
         """``file``: for messages."""
@@ -129,7 +129,7 @@ class _Gathered:
             )
 
     def outcomes(self) -> list[Outcome]:
-        """In the order in which the episodes came first."""
+        """All outcomes, in the order in which their episodes came first."""
         return [*self._bare, *(episode.outcome() for episode in self._episodes.values())]
 
 

@@ -1,4 +1,4 @@
-"""Two sets of outcomes on the same rollouts: what one has that the other has not."""
+"""Paired counts of two sets of outcomes on the same rollouts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ KEYS: dict[By, tuple[str, ...]] = {
     "prompt": ("task", "policy", "seed", "rollout"),
     "rules": ("task", "policy", "prompt", "seed", "rollout"),
 }
-"""What is compared → the fields that the two rollouts of a pair share."""
+"""Compared field → the fields that the two rollouts of a pair share."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Pairs:
     """Rollouts of both sides that belong together.
 
     Attributes:
-        by: what differs between the sides.
+        by: the field that differs between the sides.
         both: (of A, of B), decided on both sides: the N of every rate.
         undecided: pairs with a side that was judged but not decided.
         not_judged: pairs with a side that no assigned rule judged.
@@ -162,7 +162,7 @@ def holm(values: Sequence[float]) -> list[float]:
 
 
 def paired(matched: Pairs) -> list[Paired]:
-    """Every metric over all pairs, then by stage, then by family."""
+    """Count every metric over all pairs, then by stage, then by family."""
     scopes: list[tuple[str, str, Callable[[Outcome], bool]]] = [("All", "all", lambda _: True)]
     every = [pair[0] for pair in (*matched.both, *matched.undecided)]
     stages = sorted({o.stage for o in every}, key=stage_order)

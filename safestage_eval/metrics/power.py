@@ -33,7 +33,7 @@ class Need:
 
 
 def need(paired: Paired, seed: int = 0, resamples: int = RESAMPLES) -> Need | None:
-    """From the discordant pairs and the differences between tasks; None without discordant pairs.
+    """Estimate the sample size from the discordant pairs and the differences between tasks; None without discordant pairs.
 
     The number of pairs is that of McNemar's test (R. J. Connor, Biometrics 43, 1987). Pairs of one
     task are alike, so m of them are worth m / (1 + (m - 1) r), where r is their correlation

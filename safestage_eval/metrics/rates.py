@@ -98,7 +98,7 @@ class Rates:
         return (count + self.surely[metric]) / total, (count + self.maybe[metric]) / total
 
     def __add__(self, other: Rates) -> Rates:
-        """Both cells as one."""
+        """Add the counts of two cells."""
 
         def both(a: Mapping[K, int], b: Mapping[K, int]) -> dict[K, int]:
             return {name: a[name] + b[name] for name in a}
@@ -156,7 +156,7 @@ def counted(outcome: Outcome, metric: str) -> set[bool]:
 
 
 def stage_order(stage: str) -> tuple[int, str]:
-    """To sort by: the stages in the order of an episode, then All, then others by name."""
+    """Key to sort by: the stages in the order of an episode, then All, then others by name."""
     names = (*STAGES, ALL)
     return (names.index(stage) if stage in names else len(names), stage)
 
@@ -173,7 +173,7 @@ def _possible(outcome: Outcome) -> set[tuple[bool, bool]]:
 def _cells(
     outcomes: Sequence[Outcome], key: Callable[[Outcome], tuple[str, ...]]
 ) -> dict[tuple[str, ...], Rates]:
-    """Rates by a key, in the order of the keys."""
+    """Count cells by a key, in the order of the keys."""
     groups: dict[tuple[str, ...], list[Outcome]] = {}
     for outcome in outcomes:
         groups.setdefault(key(outcome), []).append(outcome)

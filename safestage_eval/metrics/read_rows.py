@@ -33,21 +33,21 @@ _SAID = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0"
 def read_rows(
     path: str | Path, columns: Collection[str] | None = None, allowed: str = ALLOWED
 ) -> list[dict[str, Any]]:
-    """All rows of a table, as ``each_row`` reads them."""
+    """Read all rows of a table, as ``each_row`` reads them."""
     return list(each_row(path, columns, allowed))
 
 
 def each_row(
     path: str | Path, columns: Collection[str] | None = None, allowed: str = ALLOWED
 ) -> Iterator[dict[str, Any]]:
-    """The rows of a table, one after the other; of a JSON object with ``episodes``, those.
+    """Yield the rows of a table, one after the other; of a JSON object with ``episodes``, those.
 
     A table is never in memory as a whole, unless it is one JSON document.
 
     Args:
         path: the file.
-        columns: what is needed; other columns of a Parquet file are not read.
-        allowed: what messages say would have been accepted.
+        columns: those needed; other columns of a Parquet file are not read.
+        allowed: for messages: what is accepted.
 
     Raises InputError for a file that cannot be read, or whose cells cannot be what they must be.
     """
@@ -69,7 +69,7 @@ def each_row(
 
 
 def _checked(where: str, number: int, row: dict[str, Any]) -> dict[str, Any]:
-    """The row. Raises InputError for a list where none belongs, or a number that is none."""
+    """Return the row. Raises InputError for a list where none belongs, or a number that is none."""
     for name, value in row.items():
         kind = type(value)
         if kind is int:
@@ -93,7 +93,7 @@ def _whole_characters(where: str, number: int, row: dict[str, Any]) -> None:
 
 
 def truth(value: Any, where: str, name: str) -> bool | None:
-    """A cell that says yes or no; None where it is empty. Raises InputError for anything else."""
+    """Read a cell that says yes or no; None where it is empty. Raises InputError for anything else."""
     if isinstance(value, bool) or value is None:
         return value
     if isinstance(value, float) and math.isnan(value):
@@ -107,7 +107,7 @@ def truth(value: Any, where: str, name: str) -> bool | None:
 
 
 def cell_text(value: Any) -> str:
-    """A cell as text without spaces around it; empty for None and NaN."""
+    """Write a cell as text without spaces around it; empty for None and NaN."""
     return "" if value is None or value != value else str(value).strip()  # noqa: PLR0124 (NaN)
 
 
@@ -149,7 +149,7 @@ def _text(where: str, file: BinaryIO, allowed: str) -> Iterator[dict[str, Any]]:
 
 
 def _is_object(line: str) -> bool:
-    """A line that is a whole JSON object."""
+    """Whether a line is a whole JSON object."""
     try:
         return isinstance(from_json(line), dict)
     except json.JSONDecodeError:

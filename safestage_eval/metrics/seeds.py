@@ -138,7 +138,7 @@ class Rate:
 
 
 def total(parts: Iterable[Rates]) -> Rates:
-    """Several cells as one."""
+    """Add up cells."""
     return sum(parts, NOTHING)
 
 

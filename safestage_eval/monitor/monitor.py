@@ -58,7 +58,7 @@ def foresight(
 
 
 class Monitor:
-    """Watches a recording as it grows and tells each violation once it is certain.
+    """Watches a recording as it grows and reports each violation once it is certain.
 
     At any time a rule counts as violated exactly if the evaluator says so of the trace up to now,
     as one that was cut off: whatever comes later, it stays violated. So a rule that looks only at
@@ -84,10 +84,10 @@ class Monitor:
 
         Args:
             header: of the recording, bodies included.
-            rules: what is watched: all rules of which every role is played, and costs with a
+            rules: to watch: all rules of which every role is played, and costs with a
                 budget.
             overrides: parameter → value as written; beats every other source.
-            backend: whose clearances.
+            backend: that measures clearances.
             assigned_only: only the rules that the episode's task is assigned.
 
         Raises:
@@ -118,11 +118,11 @@ class Monitor:
     def of(
         cls, header: Header, rules: Sequence[str | Path], *, assigned_only: bool = False
     ) -> Monitor:
-        """Of rule files: paths, folders or built-in names. Raises RuleErrors as ``load_rules``."""
+        """Load the rules of files: paths, folders or built-in names. Raises RuleErrors as ``load_rules``."""
         return cls(header, load_rules(list(rules)), assigned_only=assigned_only)
 
     def update(self, recording: Recording, success_time: float | None = None) -> list[Verdict]:
-        """Violations that have become certain since the last call, in the order of the rules.
+        """Return violations that have become certain since the last call, in the order of the rules.
 
         Args:
             recording: all frames so far; never fewer than before.
@@ -131,7 +131,7 @@ class Monitor:
         return self._judged(recording, _so_far(recording.header, success_time))
 
     def conclude(self, recording: Recording) -> list[Verdict]:
-        """Violations that are certain now that nothing more will come.
+        """Return violations that are certain now that the recording has ended.
 
         The recording's header must say how it ended. Together with those told before, these are the
         violations that the evaluator finds in the recording.
@@ -178,7 +178,7 @@ class Monitor:
         params: ast.Params,
         episode: Episode,
     ) -> Evaluator:
-        """One for all rules with the same values."""
+        """Share one evaluator among all rules with the same values."""
         for evaluator in evaluators:
             if evaluator.params == params:
                 return evaluator
@@ -208,7 +208,7 @@ def _windows(
 
 
 def _so_far(header: Header, success_time: float | None) -> Header:
-    """Of the trace up to now: cut off, and without success if none has come."""
+    """Header of the trace up to now: cut off, and without success if none has come."""
     return header.model_copy(
         update={
             "termination": "truncated",

@@ -1,4 +1,4 @@
-"""A sketch becomes an episode: bodies and motion first, then contacts, gripper and the rest."""
+"""Build the episode of a sketch: bodies and motion first, then contacts, gripper and the rest."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from .solids import Solid, ground, solid
 F64 = NDArray[np.float64]
 
 
-class Unclear(ValueError):  # noqa: N818 — what a reader would say
+class BrokenSceneError(ValueError):
     """Something that a sketch asks for cannot be.
 
     Attributes:
@@ -42,7 +42,7 @@ class Unclear(ValueError):  # noqa: N818 — what a reader would say
 
 
 def build(sketch: Sketch, steps: Sequence[Step], name: str) -> Episode:
-    """The episode that a sketch draws.
+    """Build the episode that a sketch draws.
 
     Args:
         sketch: the tables.
@@ -50,7 +50,7 @@ def build(sketch: Sketch, steps: Sequence[Step], name: str) -> Episode:
         name: becomes the episode's id.
 
     Raises:
-        Unclear: a name that is no body, a fall with nothing beneath, or the gripper at two places.
+        BrokenSceneError: a name that is no body, a fall with nothing beneath, or the gripper at two places.
     """
     t = np.arange(round(sketch.duration * sketch.rate) + 1) / sketch.rate
     solids = _solids(sketch)
@@ -58,16 +58,18 @@ def build(sketch: Sketch, steps: Sequence[Step], name: str) -> Episode:
     for role, names in sketch.roles.items():
         for body in names:
             if body not in solids:
-                raise Unclear(("roles", role), f"{body!r} is no body of this scene")
+                raise BrokenSceneError(("roles", role), f"{body!r} is no body of this scene")
     for index, step in sorted(enumerate(steps), key=lambda item: _begins(item[1])):
         try:
             _check_names(step, solids, gripper=sketch.gripper)
             paths.carry_out(step)
         except ValueError as error:
-            raise Unclear(("story", index), str(error)) from None
+            raise BrokenSceneError(("story", index), str(error)) from None
     forces = Forces(paths, [s for s in steps if isinstance(s, Hold | Touch | Reach)])
     if clash := forces.clash:
-        raise Unclear(("story", steps.index(clash)), "the gripper is at another place then")
+        raise BrokenSceneError(
+            ("story", steps.index(clash)), "the gripper is at another place then"
+        )
     return _episode(sketch, steps, name, paths, forces)
 
 
@@ -122,7 +124,7 @@ def _episode(
 
 
 def _track(body: Body, t: F64, position: F64, orientation: F64) -> Track:
-    """Poses, and the twists that follow from them by differences."""
+    """Make a track of poses, with the twists that follow from them by differences."""
     if not body.movable:
         return still_track(tuple(position[0]), tuple(orientation[0]))
     if len(t) < 2:
@@ -161,7 +163,7 @@ def _solids(sketch: Sketch) -> dict[str, Solid]:
         out["table"] = Solid(Body(name="table", kind="fixture", movable=False, geoms=(top,)))
     for name, body in sketch.bodies.items():
         if name in out or (sketch.gripper and name in hand.NAMES):
-            raise Unclear(("bodies", name), f"{name} is there already: another name")
+            raise BrokenSceneError(("bodies", name), f"{name} is there already: another name")
         out[name] = solid(name, body)
     return out
 
@@ -174,7 +176,9 @@ def _start(sketch: Sketch, solids: dict[str, Solid]) -> dict[str, tuple[F64, F64
         ready = [n for n, b in waiting.items() if b.on is None or b.on in start]
         if not ready:
             name, body = next(iter(waiting.items()))
-            raise Unclear(("bodies", name, "on"), f"{body.on!r} is no body that stands itself")
+            raise BrokenSceneError(
+                ("bodies", name, "on"), f"{body.on!r} is no body that stands itself"
+            )
         for name in ready:
             start[name] = _placed(name, waiting.pop(name), solids, start)
     return start
@@ -191,7 +195,9 @@ def _placed(
     at[:2] += start[body.on][0][:2]
     level = ground(solids[body.on].faces(start[body.on]), at[:2])
     if level is None:
-        raise Unclear(("bodies", name, "on"), f"{body.on} has no upward face where {name} is")
+        raise BrokenSceneError(
+            ("bodies", name, "on"), f"{body.on} has no upward face where {name} is"
+        )
     at[2] += level - solids[name].bottom((np.zeros(3), turned))[:, 2].min()
     return at, turned
 

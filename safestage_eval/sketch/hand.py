@@ -53,7 +53,7 @@ class Visit:
 
 
 def bodies() -> list[Body]:
-    """Hand and fingers. The fingers' inner faces touch y = 0 of their frames at the tips' height."""
+    """Make hand and fingers. The fingers' inner faces touch y = 0 of their frames at the tips' height."""
     finger = Geom(kind="box", size=FINGER, position=(0.0, 0.0, FINGER[2] - 0.01))
     palm = Geom(kind="box", size=PALM, position=(0.0, 0.0, 2 * FINGER[2] - 0.01 + PALM[2]))
     tcp = Tcp(position=(0.0, 0.0, 0.0), orientation=(0.0, _HALF, _HALF, 0.0))
@@ -67,7 +67,7 @@ def bodies() -> list[Body]:
 
 
 def follow(t: F64, visits: Sequence[Visit]) -> tuple[dict[str, tuple[F64, F64]], F64]:
-    """Poses of the three bodies and the opening.
+    """Compute the poses of the three bodies and the opening.
 
     Args:
         t: (T,) s.
@@ -92,7 +92,7 @@ def follow(t: F64, visits: Sequence[Visit]) -> tuple[dict[str, tuple[F64, F64]],
 
 
 def _way(t: F64, visits: Sequence[Visit]) -> tuple[F64, F64]:
-    """From above to each place, along with it, up again, and over to the next."""
+    """Go from above to each place, along with it, up again, and over to the next."""
     knots: list[tuple[float, F64]] = []
     if not visits or visits[0].first > 0:
         knots.append((0.0, np.array(WAITING)))
@@ -127,7 +127,7 @@ def _way(t: F64, visits: Sequence[Visit]) -> tuple[F64, F64]:
 
 
 def carried_along(position: F64, orientation: F64, frame: int, point: F64) -> tuple[F64, F64]:
-    """A world point (3,) that goes with a body from a frame on: (T, 3) m and its turn (T, 4)."""
+    """Move a world point (3,) along with a body from a frame on: (T, 3) m and its turn (T, 4)."""
     local = rotate(conjugate(orientation[frame]), point - position[frame])
     turned = product(orientation, np.broadcast_to(conjugate(orientation[frame]), orientation.shape))
     return position + rotate(orientation, np.broadcast_to(local, position.shape)), turned

@@ -1,4 +1,4 @@
-"""Reading a sketch: the file, its knobs, its mistakes with their places, and the episode it draws."""
+"""Read a sketch: the file, its knobs, its mistakes with their places, and the episode it draws."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from safestage_eval.rules.diagnostic import Diagnostic, rendered
 from safestage_eval.rules.files import builtin_folder
 from safestage_eval.rules.locate import Keys, Locations
 
-from .build_sketch import Unclear, build
+from .build_sketch import BrokenSceneError, build
 from .sketch_model import STEPS, Sketch, Step
 
 NAME = re.compile(r"(?P<file>[A-Za-z0-9_./-]+?)(?:\((?P<knobs>[^()]*)\))?")
@@ -47,7 +47,7 @@ class SketchError(InputError):
 
 
 def resolve(name: str, folders: Iterable[Path] = ()) -> Episode:
-    """The episode of an example by its name, as rule files give it.
+    """Draw the episode of an example by its name, as rule files give it.
 
     Args:
         name: of a file ``NAME.toml``; ``name(knob = value, …)`` turns its knobs.
@@ -70,7 +70,7 @@ def resolve(name: str, folders: Iterable[Path] = ()) -> Episode:
 
 
 def read(path: Path, knobs: Mapping[str, str] | None = None) -> Episode:
-    """The episode that a file draws. Raises SketchError, or InputError if it cannot be read."""
+    """Draw the episode of a file. Raises SketchError, or InputError if it cannot be read."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
@@ -80,7 +80,7 @@ def read(path: Path, knobs: Mapping[str, str] | None = None) -> Episode:
 
 
 def draw(text: str, path: str, name: str, knobs: Mapping[str, str] | None = None) -> Episode:
-    """The episode that a sketch's text draws; ``path`` and ``name`` are what messages say."""
+    """Draw the episode of a sketch's text; ``path`` and ``name`` are what messages say."""
     try:
         table = from_toml(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -102,13 +102,13 @@ def draw(text: str, path: str, name: str, knobs: Mapping[str, str] | None = None
         raise SketchError(page.problems)
     try:
         return build(sketch, [step for step in steps if step is not None], name)
-    except Unclear as error:
+    except BrokenSceneError as error:
         page.report("K301", error.keys, str(error))
         raise SketchError(page.problems) from None
 
 
 class _Page:
-    """A file on its way to a sketch, collecting what is wrong."""
+    """A file being read; collects its mistakes."""
 
     def __init__(self, path: str, text: str) -> None:
         self.path, self.spots = path, Locations(text)
@@ -125,7 +125,7 @@ class _Page:
         )
 
     def filled(self, keys: Keys, value: Any, knobs: Mapping[str, str]) -> Any:
-        """The value with every {knob} in its strings replaced."""
+        """Replace every {knob} in the strings of a value."""
         if isinstance(value, dict):
             return {k: self.filled((*keys, k), v, knobs) for k, v in value.items()}
         if isinstance(value, list):

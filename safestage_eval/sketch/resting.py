@@ -37,7 +37,7 @@ class Row(NamedTuple):
 
 
 class View(NamedTuple):
-    """A body where it is now.
+    """A body at the present frame.
 
     Attributes:
         key: its pose as bytes, to tell whether it has moved.
@@ -169,7 +169,7 @@ class Resting:
 
 
 def _clipped(subject: F64, window: F64) -> F64:
-    """(N, 2) what of a convex polygon, segment or point lies in a convex window."""
+    """(N, 2) the part of a convex polygon, segment or point in a convex window."""
     out, normals = subject, outward(window)
     if (subject @ normals.T <= (normals * window).sum(1) + 1e-9).all():
         return subject

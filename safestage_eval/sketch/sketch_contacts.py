@@ -30,7 +30,7 @@ AXES = {
 
 
 class Forces:
-    """All contacts, and where the gripper must be for them.
+    """All contacts, and the stays of the gripper that they need.
 
     Attributes:
         visits: the gripper's stays, in the order of time.

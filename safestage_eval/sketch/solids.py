@@ -1,4 +1,4 @@
-"""The bodies of a sketch as an episode has them, and what their shapes offer to stand on."""
+"""The bodies of a sketch as an episode has them, and the faces that others can stand on."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Solid:
 
     @cached_property
     def shape(self) -> BodyShape:
-        """Its collision geometry, packed."""
+        """The body's collision geometry, packed."""
         return BodyShape.build(self.body, {})
 
     def bottom(self, pose: Pose) -> F64:
@@ -90,7 +90,7 @@ def ground(faces: list[tuple[F64, F64]], point: F64, below: float = np.inf) -> f
 
 
 def solid(name: str, sketch: BodySketch) -> Solid:
-    """The body that a sketch's table describes."""
+    """Make the body that a sketch's table describes."""
     geoms = tuple(geom for part in sketch.shape for geom in _geoms(part, sketch.friction))
     hollow = [part for part in sketch.shape if part.kind in HOLLOW]
     still = sketch.kind in ("fixture", "region")

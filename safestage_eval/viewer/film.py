@@ -16,7 +16,7 @@ less the one before it (modulo 2**16): three of position, counted in steps from 
 orientation, w x y z, 32767 being 1. Vertices are (V, 3) uint16 in steps from ``low``, triangles (F, 3)
 uint32.
 
-Nothing is in it that a judgement came to, nor which policy acted.
+It holds neither verdicts nor the name of the policy.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ MOST = 65535
 def film(
     episode: Episode, rate: float = RATE, roles: Mapping[str, Sequence[str]] | None = None
 ) -> bytes:
-    """Shapes and poses of an episode, in the form that ``replay.js`` draws.
+    """Write shapes and poses of an episode in the form that ``replay.js`` draws.
 
     Args:
-        episode: which.
+        episode: to be shown.
         rate: poses per second; the first and the last frame are always there.
         roles: role → bodies that are named and coloured by it; the header's if None.
 
@@ -84,7 +84,7 @@ class _Numbers:
         self.bytes = bytearray()
 
     def place(self, array: NDArray[Any]) -> int:
-        """Append an array; where it starts."""
+        """Append an array; return where it starts."""
         start, raw = len(self.bytes), array.tobytes()
         self.bytes += raw + bytes(-len(raw) % 4)
         return start

@@ -1,4 +1,4 @@
-"""One self-contained HTML page: everything inline, nothing from anywhere else."""
+"""Self-contained HTML pages: everything inline, nothing loaded."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ICON = (
 
 @cache
 def part(name: str, package: str = "safestage_eval.viewer") -> str:
-    """The text of a style sheet or script that lies in a package."""
+    """Read a style sheet or script that lies in a package."""
     return files(package).joinpath(name).read_text("utf-8")
 
 
@@ -41,7 +41,7 @@ def page(
     allow: Mapping[str, str] | None = None,
     data: Mapping[str, str] | None = None,
 ) -> str:
-    """A page that loads nothing from elsewhere, and whose policy forbids that it ever does.
+    """Write a page that loads nothing from elsewhere; its policy forbids it.
 
     The Content-Security-Policy names the page's own style sheets and scripts by their hashes;
     attributes such as ``style=`` and ``onclick=`` do not work in it.

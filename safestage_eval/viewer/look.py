@@ -33,7 +33,7 @@ class Look(NamedTuple):
 
 
 def look_at(episode: Episode) -> Look:
-    """A view of everything that happens: of the objects with a role, across the arm's reach.
+    """Choose a view of all that happens: of the objects with a role, across the arm's reach.
 
     Without roles, at all objects that can move; without any, at all bodies but planes.
     """

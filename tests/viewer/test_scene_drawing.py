@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from moving import path_of, pushed
 
-from safestage_eval.viewer.episode.episode_section import Said, looks, section
+from safestage_eval.viewer.episode.episode_section import StoredVerdicts, looks, section
 from safestage_eval.viewer.episode.scene_drawing import Sight, outlines, scene
 from safestage_eval.viewer.episode.svg import Scale, short, ticks
 from safestage_eval.viewer.episode.timeline import LEFT, RIGHT, WIDTH, timeline
@@ -107,7 +107,9 @@ def test_the_scene_names_what_the_finding_is_about_and_shows_where_it_was(again)
 
 
 def test_a_section_tells_the_gravest_first_and_where_results_differ(again):
-    html, differs = section(again, Said({"ETS901": ("pass", ""), "ETS902": ("pass", "0" * 64)}))
+    html, differs = section(
+        again, StoredVerdicts({"ETS901": ("pass", ""), "ETS902": ("pass", "0" * 64)})
+    )
     assert html.index("ETS901") < html.index("Key frame")
     assert differs[0].startswith("The results say pass of ETS901")
     assert differs[1] == "The results were made under another meaning of ETS902."
@@ -116,7 +118,7 @@ def test_a_section_tells_the_gravest_first_and_where_results_differ(again):
         for rule in again.assigned
         for v in [again.base(rule)[1]]
     }
-    assert section(again, Said(same))[1] == ()
+    assert section(again, StoredVerdicts(same))[1] == ()
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6), st.integers(2, 9))

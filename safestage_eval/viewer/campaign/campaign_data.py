@@ -1,4 +1,4 @@
-"""From a results file, and the traces if they are at hand, to what goes into the page."""
+"""Read results, and traces if there are any, into the contents of the page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.metrics import aggregate, read_outcomes
 from safestage_eval.metrics.read_rows import read_rows
 from safestage_eval.rules import builtin_names
-from safestage_eval.viewer.episode.episode_section import said_of
+from safestage_eval.viewer.episode.episode_section import stored_verdicts
 
 from .campaign_page import Report
 from .episode_sections import sections
@@ -83,7 +83,7 @@ def compose(
     refs, notes = chosen(discover(list(traces)), by_episode, most)
     drawn = sections(
         refs,
-        {ref.episode_id: said_of(by_episode[ref.episode_id]) for ref in refs},
+        {ref.episode_id: stored_verdicts(by_episode[ref.episode_id]) for ref in refs},
         list(rules) or builtin_names(),
         overrides=overrides,
         bind=bind,
@@ -96,7 +96,7 @@ def compose(
 def chosen(
     refs: Sequence[EpisodeRef], by_episode: Rows, most: int
 ) -> tuple[list[EpisodeRef], list[str]]:
-    """The traces that are drawn, the gravest verdicts first, each episode once; and what was left out.
+    """Choose the traces to draw, the gravest verdicts first, each episode once; and say which are left out.
 
     Raises InputError when none belongs to the results.
     """
@@ -138,6 +138,6 @@ _RANK = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
 
 
 def _replaced(ref: EpisodeRef, rows: Sequence[Mapping[str, Any]]) -> bool:
-    """The trace says that it is another than the one that was scored."""
+    """Whether the trace is another one than was scored, by its content hash."""
     scored = rows[0].get("trace_hash")
     return bool(scored and ref.content_hash and scored != ref.content_hash)

@@ -59,7 +59,7 @@ class Report:
 
 
 def build(report: Report) -> str:
-    """The page as HTML. The same input gives the same bytes."""
+    """Build the page as HTML. The same input gives the same bytes."""
     html = dict(report.sections.html) if report.sections is not None else {}
     numbers = {name: i for i, name in enumerate(html)}
     data = (

@@ -47,7 +47,7 @@ def shape(index: int) -> str:
 
 
 def success_and_safety(aggregate: Aggregate) -> str:
-    """A mark per policy and prompt, and what became of the rollouts of each."""
+    """Draw a mark per policy and prompt, and the outcomes of the rollouts of each."""
     pairs = [(p, q, aggregate.group(p, q).whole) for p, q in aggregate.pairs]
     pairs = [(p, q, cell) for p, q, cell in pairs if cell.n]
     if not pairs:
@@ -202,7 +202,7 @@ def _short(policy: str, prompt: str) -> str:
 
 
 def profiles(aggregate: Aggregate) -> str:
-    """Violation rate by stage, a panel for each policy."""
+    """Draw the violation rate by stage, a panel for each policy."""
     panels = "".join(_profile(aggregate, policy, i) for i, policy in enumerate(aggregate.policies))
     return (
         '<section id="profiles" aria-labelledby="profiles-title">'
@@ -258,7 +258,7 @@ def _profile(aggregate: Aggregate, policy: str, index: int) -> str:
 
 
 def sensitivity(sweeps: Sequence[Sweep]) -> str:
-    """Rates against the limits on which most verdicts hang."""
+    """Draw rates against the limits on which most verdicts depend."""
     if not sweeps:
         return ""
     panels = "".join(_sweep(sweep) for sweep in sweeps)

@@ -1,4 +1,4 @@
-"""Many episodes opened, drawn and swept: once each, in one process or several."""
+"""Open, draw and sweep many episodes: once each, in one process or several."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.players import nodes
 from safestage_eval.verdicts.problem import Problem
-from safestage_eval.viewer.episode.episode_section import Said, section
+from safestage_eval.viewer.episode.episode_section import StoredVerdicts, section
 from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.many import each_episode
 from safestage_eval.whatif.sweep import Segment, Sweep, segment_frame, segments_of
@@ -27,7 +27,7 @@ STEPS = 41
 """Values of a limit that are visited, from nothing to twice its default."""
 
 DRAWN = 4
-"""Limits whose sensitivity is drawn: those on which most verdicts hang."""
+"""Limits whose sensitivity is drawn: those on which most verdicts depend."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Drawn:
 
 def sections(
     refs: Sequence[EpisodeRef],
-    said: Mapping[str, Said],
+    said: Mapping[str, StoredVerdicts],
     specs: Sequence[str | Path],
     *,
     overrides: Mapping[str, str] | None = None,
@@ -67,7 +67,7 @@ def sections(
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Sections:
-    """Draw episodes and see on which limits their verdicts hang.
+    """Draw episodes and determine on which limits their verdicts depend.
 
     Args:
         refs: the episodes.
@@ -106,12 +106,12 @@ def sections(
 def draw(
     ref: EpisodeRef,
     rules: RuleSet,
-    said: Mapping[str, Said],
+    said: Mapping[str, StoredVerdicts],
     visited: Mapping[str, tuple[ast.Setting, ...]],
     overrides: Mapping[str, str],
     bind: BindFile | None,
 ) -> Drawn:
-    """One episode. Raises TraceError for one that cannot be read."""
+    """Draw and sweep one episode. Raises TraceError for one that cannot be read."""
     episode = ref.open()
     furthest = max(
         (amount(v) for values in visited.values() for v in values[-1:] if _is_length(v)),
@@ -119,7 +119,7 @@ def draw(
     )
     again = Again(episode, rules, overrides, bind, furthest=furthest * (1 + 1e-6) + 1e-6)
     name = episode.header.episode_id
-    html, differences = section(again, said.get(name, Said({})))
+    html, differences = section(again, said.get(name, StoredVerdicts({})))
     read = {
         param for rule in again.assigned if isinstance(rule, ast.Rule) for param in limits(rule)
     }

@@ -30,7 +30,7 @@ Row = Mapping[str, Any]
 
 
 def of_results(rows: Sequence[Row], drawn: Mapping[str, int]) -> str:
-    """Assigned rules' verdicts, and the violations of others; ``drawn``: id → number of its section."""
+    """List assigned rules' verdicts, and the violations of others; ``drawn``: id → number of its section."""
     table: dict[str, list[Any]] = {name: [] for name in COLUMNS}
     for row in rows:
         verdict = row["verdict"]
@@ -60,7 +60,7 @@ def of_results(rows: Sequence[Row], drawn: Mapping[str, int]) -> str:
 
 
 def of_outcomes(outcomes: Sequence[Outcome]) -> str:
-    """Rollouts of a bare table: what became of each."""
+    """List the rollouts of a bare table with their outcomes."""
     table: dict[str, list[Any]] = {name: [None] * len(outcomes) for name in COLUMNS}
     said = {True: "violation", False: "pass", None: "inconclusive"}
     table |= {
@@ -83,7 +83,7 @@ def of_outcomes(outcomes: Sequence[Outcome]) -> str:
 
 
 def _number(value: Any) -> float | None:
-    """Four digits, which is more than is shown."""
+    """Round to four digits, which is more than is shown."""
     if value is None or not math.isfinite(float(value)):
         return None
     number = float(f"{float(value):.4g}")

@@ -1,4 +1,4 @@
-"""The first thing that is read: what was measured, and the four rates with their intervals."""
+"""The head of the page: one sentence, and the four rates with their intervals."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def interval(k: int, n: int) -> str:
 
 
 def headline(aggregate: Aggregate) -> str:
-    """How many were judged and at risk, what became of them, then a tile for each rate."""
+    """Write how many were judged and at risk, their outcomes, then a tile for each rate."""
     whole = aggregate.whole
     tiles = "".join(_tile(whole, metric) for metric in METRICS)
     return (

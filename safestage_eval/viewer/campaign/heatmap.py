@@ -1,4 +1,4 @@
-"""Every task under every policy and prompt: where the trouble is."""
+"""Rates of every task under every policy and prompt, as a heat map."""
 
 from __future__ import annotations
 
@@ -72,5 +72,5 @@ def _cell(cell: Rates | None) -> str:
 
 
 def level(share: float) -> int:
-    """0…10: in which shade a share 0…1 is drawn; only nothing is 0."""
+    """The shade, 0…10, of a share 0…1; only a share of 0 has shade 0."""
     return 0 if share <= 0 else max(1, min(10, round(10 * share)))

@@ -1,4 +1,4 @@
-"""Pieces of the page that are inflated only when someone asks for them."""
+"""Pieces of the page that the browser inflates only when they are opened."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ TYPE = "application/x-deflate"
 
 
 def packed(text: str) -> str:
-    """Text as zlib in base64: what ``DecompressionStream("deflate")`` takes."""
+    """Compress text to zlib in base64, as ``DecompressionStream("deflate")`` reads it."""
     return base64.b64encode(zlib.compress(text.encode(), 9)).decode()
 
 
 def block(name: str, data: str) -> str:
-    """An element that carries a piece under a name (letters, digits and dashes)."""
+    """Write an element that carries a piece under a name (letters, digits and dashes)."""
     return f'<script type="{TYPE}" id="{name}">{data}</script>\n'
 
 
 def columns(table: Mapping[str, Sequence[Any]], repeated: Sequence[str]) -> str:
-    """A table as JSON, column by column; ``repeated`` ones as a list of values and indices to it."""
+    """Write a table as JSON, column by column; ``repeated`` ones as a list of values and indices to it."""
     out: dict[str, Any] = {}
     for name, values in table.items():
         if name in repeated:

@@ -15,7 +15,7 @@ DIRECTION = {"SR": "↑", "SSR": "↑"}
 
 
 def tables(aggregate: Aggregate) -> str:
-    """Both, and what is uneven in them."""
+    """Write both tables, and notes on unevenness."""
     by_policy = [(r.group.policy or "–", r.group.prompt or "–", r) for r in aggregate.by_policy]
     by_stage = [(r.group.prompt or "–", r.group.stage or "All", r) for r in aggregate.by_stage]
     notes = [escape(problem.message) for problem in aggregate.problems]
@@ -38,7 +38,7 @@ def tables(aggregate: Aggregate) -> str:
 
 
 def _conditions(aggregate: Aggregate) -> str:
-    """Rates over the rollouts at risk, and VR by how far they got; empty if neither is known."""
+    """Rates over the rollouts at risk, and VR by how far they got; empty without either."""
     groups = [(a, b, aggregate.group(a, b).whole) for a, b in aggregate.pairs]
     columns = [("at risk", metric) for metric in METRICS]
     columns += [(name, "VR") for name in CONDITIONS[1:]]

@@ -23,7 +23,7 @@ MOST = 12
 
 
 def build(again: Again, *, everything: bool = False) -> str:
-    """HTML that plays the episode and shows what its verdicts rest on.
+    """Build HTML that plays the episode and shows the evidence of its verdicts.
 
     Args:
         again: the episode under its rules.
@@ -164,5 +164,5 @@ def _cards(again: Again, findings: Sequence[Finding]) -> Iterable[str]:
 
 
 def _inert(text: str) -> str:
-    """JSON that cannot end the element it stands in."""
+    """Escape JSON so that it cannot end the element it stands in."""
     return text.replace("<", "\\u003c")

@@ -24,8 +24,8 @@ MOST = 4
 
 
 @dataclass(frozen=True)
-class Said:
-    """An episode's results, for comparison and for what is not drawn.
+class StoredVerdicts:
+    """An episode's stored results, for comparison and for rules that are not drawn.
 
     Attributes:
         verdicts: code → (verdict, rule digest) of the assigned rules.
@@ -36,8 +36,8 @@ class Said:
     others: tuple[tuple[str, str], ...] = ()
 
 
-def section(again: Again, said: Said) -> tuple[str, tuple[str, ...]]:
-    """The HTML of an episode, and what in it differs from what the results say."""
+def section(again: Again, said: StoredVerdicts) -> tuple[str, tuple[str, ...]]:
+    """Write the HTML of an episode, and how it differs from the results."""
     episode = again.episode
     header = episode.header
     verdicts = []
@@ -78,7 +78,7 @@ def _head(again: Again) -> str:
 
 
 def evidence(again: Again, rule: ast.Scoped, verdict: Verdict) -> str:
-    """A verdict in words, what it rests on over time, and its numbers, as HTML."""
+    """Write a verdict in words, its evidence over time, and its numbers, as HTML."""
     episode = again.episode
     parts = [_sentence(verdict)]
     if isinstance(rule, ast.Rule):
@@ -160,8 +160,8 @@ def _key_frame(again: Again, v: Verdict) -> str:
     )
 
 
-def _differences(verdicts: Sequence[Verdict], said: Said) -> tuple[str, ...]:
-    """Where results and the rules used here disagree; always shown."""
+def _differences(verdicts: Sequence[Verdict], said: StoredVerdicts) -> tuple[str, ...]:
+    """List where results and the rules used here disagree; always shown."""
     differences = []
     for v in verdicts:
         verdict, digest = said.verdicts.get(v.rule, ("", ""))
@@ -175,9 +175,9 @@ def _differences(verdicts: Sequence[Verdict], said: Said) -> tuple[str, ...]:
     return tuple(differences)
 
 
-def said_of(rows: Sequence[Mapping[str, Any]]) -> Said:
+def stored_verdicts(rows: Sequence[Mapping[str, Any]]) -> StoredVerdicts:
     """Read the rows of one episode."""
-    return Said(
+    return StoredVerdicts(
         {
             str(row["rule"]): (str(row["verdict"]), str(row.get("rule_digest") or ""))
             for row in rows

@@ -45,7 +45,7 @@ Window = tuple[float, float, float, float]
 
 
 class Sight:
-    """An episode seen in one view; every outline is found once."""
+    """An episode seen in one view; every outline is computed once."""
 
     def __init__(self, episode: Episode, view: View) -> None:
         """Nothing is drawn yet."""
@@ -62,7 +62,7 @@ class Sight:
 
 
 def scene(episode: Episode, frame: int, named: Sequence[str]) -> str:
-    """Two drawings of one frame, the bodies of a finding marked and named.
+    """Draw one frame from two sides, the bodies of a finding marked and named.
 
     Args:
         episode: which.
@@ -124,7 +124,7 @@ def _view(sight: Sight, frame: int, named: Sequence[str]) -> str:
 
 
 def _labels(labels: Sequence[tuple[str, float, float, str]]) -> list[str]:
-    """Names at their bodies, moved down where two would cover each other."""
+    """Place names at their bodies, moved down where two would cover each other."""
     placed: list[tuple[float, float, float]] = []
     result = []
     for name, x, y, css in labels:

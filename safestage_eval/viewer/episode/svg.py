@@ -1,4 +1,4 @@
-"""The few things that every drawing of a page needs: numbers, ticks, scales."""
+"""Elements of SVG drawings: numbers, ticks, scales, marks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SHAPES = ("circle", "square", "triangle", "diamond")
 
 
 def short(value: float, digits: int = 1) -> str:
-    """A coordinate with no more characters than it needs."""
+    """Write a coordinate with no more characters than it needs."""
     text = f"{value:.{digits}f}"
     if "." in text:
         text = text.rstrip("0").rstrip(".")
@@ -20,7 +20,7 @@ def short(value: float, digits: int = 1) -> str:
 
 
 def ticks(low: float, high: float, about: int = 4) -> list[float]:
-    """Round numbers from ``low`` to ``high``, about so many."""
+    """Choose about so many round numbers from ``low`` to ``high``."""
     span = high - low
     if not span > 0 or not math.isfinite(span):
         return [low]
@@ -31,7 +31,7 @@ def ticks(low: float, high: float, about: int = 4) -> list[float]:
 
 
 def tick_text(value: float) -> str:
-    """A tick as people write it."""
+    """Write the label of a tick."""
     return f"{value:.6g}".replace("-", "−")
 
 
@@ -89,7 +89,7 @@ def line(x1: float, y1: float, x2: float, y2: float, css: str) -> str:
 def drawing(
     width: float, height: float, title: str, parts: Sequence[str], *, css: str = "", desc: str = ""
 ) -> str:
-    """The ``<svg>`` element: as wide as its place allows, with a title that is read out."""
+    """Write the ``<svg>`` element: as wide as its place allows, with a title that is read out."""
     return (
         f'<svg class="{css}" viewBox="0 0 {short(width)} {short(height)}" role="img"'
         f' aria-label="{escape(title)}{escape(". " + desc if desc else "")}">'

@@ -26,12 +26,12 @@ CURVES = 3
 
 
 def timeline(t: F64, looked: Looked, verdict: Verdict, success: float | None) -> str:
-    """One drawing, its panels over one axis of time.
+    """Draw panels over one axis of time.
 
     Args:
         t: (T,) s.
-        looked: what the rule looked at.
-        verdict: what it came to.
+        looked: the measurements of the rule.
+        verdict: of the rule.
         success: s, the moment of native success; None if there was none.
     """
     curves, lanes = looked.curves[:CURVES], looked.lanes[:6]
@@ -105,7 +105,7 @@ def _limit(bound: Bound, value: float, dimension: str, up: Scale) -> str:
 
 
 def _path(t: F64, values: F64, mask: NDArray[np.bool_], across: Scale, up: Scale) -> str:
-    """Least and greatest value of each column, in their order; broken where nothing is known.
+    """Least and greatest value of each column, in their order; broken where nothing was measured.
 
     Frames that were not measured, between others that were, do not break it.
     """
