@@ -117,10 +117,10 @@ def _triangles(shape: BodyShape, index: int) -> tuple[F64, NDArray[np.int64]]:
     vertices = hulls.vertices[first : first + hulls.points[index]]
     if geom.kind == "mesh":
         return vertices, np.asarray(shape.meshes[str(geom.mesh)].faces, np.int64)
-    triangles = hull_triangles(vertices)
-    if triangles is None:
+    hull = hull_triangles(vertices)
+    if hull is None:
         raise ValueError("a flat convex mesh has no triangles to give to FCL")
-    return vertices, triangles
+    return vertices, hull.corners
 
 
 class _Fcl:

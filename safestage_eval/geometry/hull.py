@@ -206,33 +206,44 @@ def room_for_hull(size: int) -> Hull:
     )
 
 
-def hull_triangles(points: F64) -> I64 | None:
-    """(F, 3) rows of points (N, 3): the outward triangles of their convex hull.
+class Triangles(NamedTuple):
+    """The F outward triangles of a hull.
 
-    None where the points have no volume.
+    Attributes:
+        corners: (F, 3) rows of the points, counter-clockwise seen from outside.
+        planes: (F, 4) outward unit normal, and minus the plane's height over the origin (m).
     """
+
+    corners: I64
+    planes: F64
+
+
+def hull_triangles(points: F64) -> Triangles | None:
+    """The hull of points (N, 3) m; None where they are flat."""
     if len(points) > 3:
-        centred = np.ascontiguousarray(points - (points.min(0) + points.max(0)) / 2)
-        faces = np.empty((2 * len(points), 3), np.int64)
-        count = _wrap(centred, float(np.abs(centred).max()), faces)
+        middle = (points.min(0) + points.max(0)) / 2
+        centred = np.ascontiguousarray(points - middle)
+        corners, planes = np.empty((2 * len(points), 3), np.int64), np.empty((2 * len(points), 4))
+        count = _wrap(centred, float(np.abs(centred).max()), corners, planes)
         if count:
-            return faces[:count]
+            planes[:count, 3] -= planes[:count, :3] @ middle
+            return Triangles(corners[:count], planes[:count])
     from scipy.spatial import ConvexHull, QhullError
 
     try:
         hull = ConvexHull(points)
     except QhullError:
         return None
-    triangles = hull.simplices.astype(np.int64)
-    first, second, third = (points[triangles[:, i]] for i in range(3))
+    corners = hull.simplices.astype(np.int64)
+    first, second, third = (points[corners[:, i]] for i in range(3))
     inward = (np.cross(second - first, third - first) * hull.equations[:, :3]).sum(1) < 0
-    triangles[inward] = triangles[inward][:, ::-1]
-    return triangles
+    corners[inward] = corners[inward][:, ::-1]
+    return Triangles(corners, hull.equations)
 
 
 @allocating
-def _wrap(points: F64, size: float, faces: I64) -> int:
-    """Write the triangles of the hull of points (N, 3) around the origin; how many, 0 if unsure.
+def _wrap(points: F64, size: float, corners: I64, planes: F64) -> int:
+    """Write the ``Triangles`` of points (N, 3) around the origin; how many, 0 if unsure.
 
     ``size`` (m): no coordinate is larger.
     """
@@ -301,6 +312,8 @@ def _wrap(points: F64, size: float, faces: I64) -> int:
                 if sees(hull, f, n, OUTSIDE * size):
                     return 0
             for x in range(3):
-                faces[found, x] = hull.face[f, x]
+                corners[found, x] = hull.face[f, x]
+                planes[found, x] = hull.normal[f, x]
+            planes[found, 3] = -hull.height[f]
             found += 1
     return found

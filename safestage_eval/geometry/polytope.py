@@ -121,10 +121,10 @@ def hull_centroid(parts: list[Polytope]) -> F64:
         raise ValueError("a body without bounded geoms has no hull")
     points = np.concatenate([part.vertices for part in parts])
     inner = points.mean(0)
-    faces = hull_triangles(points - inner)
-    if faces is None:
+    hull = hull_triangles(points - inner)
+    if hull is None:
         return np.asarray((points.min(0) + points.max(0)) / 2)
-    corners = (points - inner)[faces]
+    corners = (points - inner)[hull.corners]
     volume = np.abs(np.linalg.det(corners))
     return np.asarray(inner + (corners.sum(1) / 4 * volume[:, None]).sum(0) / volume.sum())
 
@@ -195,25 +195,20 @@ def _surface(mesh: Mesh) -> Polytope:
 
 def _hull(points: NDArray[np.float32]) -> Polytope:
     """The convex hull of points, coplanar triangles merged into faces; flat ones give one face."""
-    from scipy.spatial import ConvexHull, QhullError
-
     vertices = points.astype(np.float64)
-    try:
-        hull = ConvexHull(vertices)
-    except QhullError:
+    hull = hull_triangles(vertices)
+    if hull is None:
         every = np.arange(len(vertices))
         pairs = np.stack(np.triu_indices(len(vertices), 1), 1)
         return Polytope(vertices, pairs, (every,))
-    edges = np.unique(
-        np.sort(hull.simplices[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), 1), axis=0
-    )
-    # simplices in one plane share their equation up to rounding
-    _, group = np.unique(np.round(hull.equations, 6), axis=0, return_inverse=True)
+    edges = np.unique(np.sort(hull.corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), 1), axis=0)
+    # triangles in one plane share it up to rounding
+    _, group = np.unique(np.round(hull.planes, 6), axis=0, return_inverse=True)
     faces = []
     for g in range(group.max() + 1):
         members = group.ravel() == g
-        corners = np.unique(hull.simplices[members])
-        faces.append(_ordered(vertices, corners, hull.equations[members][0, :3]))
+        corners = np.unique(hull.corners[members])
+        faces.append(_ordered(vertices, corners, hull.planes[members][0, :3]))
     return Polytope(vertices, edges.astype(np.int64), tuple(faces))
 
 

@@ -318,11 +318,11 @@ def convex_points(mesh: Mesh) -> NDArray[np.float32]:
     if len(mesh.vertices) <= 32:
         return mesh.vertices
     if mesh.key not in _HULL_POINTS:
-        faces = hull_triangles(mesh.vertices.astype(np.float64))
-        corners = np.arange(len(mesh.vertices)) if faces is None else np.unique(faces)
+        hull = hull_triangles(mesh.vertices.astype(np.float64))
+        corners = np.arange(len(mesh.vertices)) if hull is None else np.unique(hull.corners)
         _HULL_POINTS[mesh.key] = mesh.vertices[corners]
-        if faces is not None and len(corners) >= MANY_CORNERS:
-            _GRAPHS[mesh.key] = _graph(corners, faces)
+        if hull is not None and len(corners) >= MANY_CORNERS:
+            _GRAPHS[mesh.key] = _graph(corners, hull.corners)
     return _HULL_POINTS[mesh.key]
 
 

@@ -6,10 +6,13 @@ every listed kernel loaded, in memory that all of them share.
 
 import gc
 
-import pyarrow.compute  # noqa: F401 — lazily imported elsewhere, as is the next
-import scipy.spatial  # noqa: F401
+import pyarrow.compute  # noqa: F401 — lazily imported elsewhere
 
-import safestage_eval.verdicts.judging  # noqa: F401 — all that measures and judges
+import safestage_eval.formats.checksum
+import safestage_eval.formats.parquet.dataset_reader
+import safestage_eval.geometry.edge
+import safestage_eval.relations.doubt
+import safestage_eval.verdicts.judging  # noqa: F401 — all that reads, measures and judges
 from safestage_eval._process.precompile import load_kernels
 
 from . import worker  # noqa: F401

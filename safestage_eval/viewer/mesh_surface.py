@@ -27,10 +27,10 @@ def outer(mesh: Mesh) -> tuple[NDArray[np.float32], NDArray[np.integer[Any]]]:
     points = mesh.vertices
     if len(points) > DIRECTIONS:
         points = points[outermost(points - points.mean(0), DIRECTIONS)]
-    faces = hull_triangles(points.astype(np.float64))
-    if faces is None:
+    hull = hull_triangles(points.astype(np.float64))
+    if hull is None:
         return points, mesh.faces
-    kept, rows = np.unique(faces, return_inverse=True)
+    kept, rows = np.unique(hull.corners, return_inverse=True)
     return points[kept], rows.reshape(-1, 3)
 
 

@@ -46,8 +46,9 @@ CLOUDS = {
 @pytest.mark.parametrize("name", CLOUDS)
 def test_it_is_the_hull_that_qhull_finds(name: str) -> None:
     points = CLOUDS[name]
-    faces, known = hull_triangles(points), ConvexHull(points)
-    assert faces is not None
+    hull, known = hull_triangles(points), ConvexHull(points)
+    assert hull is not None
+    faces = hull.corners
     a, b, c = (points[faces[:, i]] for i in range(3))
     inner = points.mean(0)
     volume = np.abs(np.einsum("ij,ij->i", np.cross(a - inner, b - inner), c - inner)).sum() / 6
@@ -64,9 +65,9 @@ def test_it_is_the_hull_that_qhull_finds(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["ball", "drum", "lattice", "single precision"])
 def test_each_edge_belongs_to_two_triangles(name: str) -> None:
-    faces = hull_triangles(CLOUDS[name])
-    assert faces is not None
-    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), 1)
+    hull = hull_triangles(CLOUDS[name])
+    assert hull is not None
+    edges = np.sort(hull.corners[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), 1)
     _, counts = np.unique(edges, axis=0, return_counts=True)
     assert (counts == 2).all()
 
@@ -84,6 +85,26 @@ def test_turning_the_points_turns_the_hull() -> None:
     before, after = hull_triangles(points), hull_triangles(points @ turn)
     assert before is not None
     assert after is not None
-    assert {frozenset(face) for face in before.tolist()} == {
-        frozenset(face) for face in after.tolist()
+    assert {frozenset(face) for face in before.corners.tolist()} == {
+        frozenset(face) for face in after.corners.tolist()
     }
+
+
+@pytest.mark.parametrize("name", CLOUDS)
+def test_planes_hold_their_triangles_and_all_points(name: str) -> None:
+    points = CLOUDS[name]
+    hull = hull_triangles(points)
+    assert hull is not None
+    normal, offset = hull.planes[:, :3], hull.planes[:, 3]
+    assert np.linalg.norm(normal, axis=1) == pytest.approx(1.0, abs=1e-12)
+    size = np.abs(points).max()
+    assert (normal @ points.T + offset[:, None]).max() <= 1e-11 * size
+    own = np.einsum("fc,fkc->fk", normal, points[hull.corners]) + offset[:, None]
+    assert np.abs(own).max() <= 1e-11 * size
+
+
+def test_qhull_answers_where_rounding_decides(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("safestage_eval.geometry.hull._wrap", lambda *_: 0)
+    hull = hull_triangles(CLOUDS["drum"])
+    assert hull is not None
+    assert set(np.unique(hull.corners)) == set(range(128))

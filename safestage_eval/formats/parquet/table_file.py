@@ -58,20 +58,20 @@ FOOTERS: dict[tuple[Path, Hashable], Footer] = {}
 
 
 class _ColumnCache:
-    """Decoded columns of row groups, the least recently used of them dropped."""
+    """Decoded columns by file, row group and name, the least recently used of them dropped."""
 
     def __init__(self, most: int) -> None:
         self._most, self._bytes = most, 0
-        self._columns: OrderedDict[Hashable, pa.ChunkedArray] = OrderedDict()
+        self._columns: OrderedDict[tuple[Hashable, int, str], pa.ChunkedArray] = OrderedDict()
 
-    def get(self, key: Hashable) -> pa.ChunkedArray | None:
+    def get(self, key: tuple[Hashable, int, str]) -> pa.ChunkedArray | None:
         """Return the column, or None."""
         column = self._columns.get(key)
         if column is not None:
             self._columns.move_to_end(key)
         return column
 
-    def put(self, key: Hashable, column: pa.ChunkedArray) -> None:
+    def put(self, key: tuple[Hashable, int, str], column: pa.ChunkedArray) -> None:
         """Keep a column, unless it alone is too large."""
         if column.nbytes > self._most or key in self._columns:
             return
@@ -79,6 +79,11 @@ class _ColumnCache:
         self._bytes += column.nbytes
         while self._bytes > self._most:
             self._bytes -= self._columns.popitem(last=False)[1].nbytes
+
+    def forget(self, file: Hashable) -> None:
+        """Drop the columns of a file that is not read any more."""
+        for key in [key for key in self._columns if key[0] == file]:
+            self._bytes -= self._columns.pop(key).nbytes
 
 
 _COLUMNS = _ColumnCache(_KEPT_BYTES)
@@ -119,7 +124,9 @@ class TableFile:
         self.footer = cached or self._read_footer(table, stat.st_size)
         FOOTERS[self._key] = self.footer
         if len(FOOTERS) > _FILES_KEPT:
-            FOOTERS.pop(next(iter(FOOTERS)), None)
+            oldest = next(iter(FOOTERS))
+            FOOTERS.pop(oldest, None)
+            _COLUMNS.forget(oldest)
 
     def _read_footer(self, table: str, size: int) -> Footer:
         try:
