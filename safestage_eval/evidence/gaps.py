@@ -99,13 +99,10 @@ class Gaps:
 
     def of_loaded(self) -> Bool | None:
         """(T,) true where a pose that was looked at so far was not measured; None if nowhere."""
-        bodies = [
-            b for b, known in self._tracks.items() if any(known.get(c) is not None for c in POSE)
-        ]
         found = self.unseen
-        for body in bodies:
+        for known in self._tracks.values():
             for column in POSE:
-                lost = self._tracks[body].get(column)
+                lost = known.get(column)
                 if lost is not None:
                     lost = np.broadcast_to(lost, self.frames)
                     found = lost if found is None else found | lost

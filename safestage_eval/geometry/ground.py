@@ -133,10 +133,14 @@ def surface_from(ground: Ground, seeds: Bool, drop: float) -> Surface:
     many, between = _border(
         *chosen, owned(box[kept]), limits, room, span, covered, edges, owner, strips, beside
     )
-    parts = [chosen]
-    for strip, face in zip(strips[:between], beside[:between], strict=True):
-        parts.append(face_of(strip.copy(), chosen.plane[face]))
-    return Surface(joined(parts), edges[:many].reshape(-1, 2, 2), owner[:many])
+    bridges = Ground(
+        owned(strips[:between].reshape(-1, 2)),
+        np.arange(0, 4 * between, 4),
+        np.full(between, 4),
+        owned(chosen.plane[beside[:between]]),
+        np.zeros(between, np.bool_),
+    )
+    return Surface(joined([chosen, bridges]), edges[:many].reshape(-1, 2, 2), owner[:many])
 
 
 def covers(ground: Ground, points: F64, floor: F64) -> Bool:
