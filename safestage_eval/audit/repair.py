@@ -317,10 +317,10 @@ def _repairs() -> Iterator[Repair]:
         "AUD121", "contact points are in the frame of the body", "write contact points in the world",
         "contacts.position", frozenset({"surface"}), _points_from_body,
     )  # fmt: skip
-    for by, unit in ((1e-3, "milliseconds"), (1e-6, "microseconds"), (1e-9, "nanoseconds"),
-                     (60.0, "minutes"), (1e3, "kiloseconds")):  # fmt: skip
+    for by, unit in ((60.0, "minutes"), (1e3, "kiloseconds"), (0.1, "tenths of a second"),
+                     (1e-3, "milliseconds")):  # fmt: skip
         yield Repair(
-            "AUD102", f"time stamps are in {unit}", f"multiply time stamps by {by:g}", "t", MOTION,
+            "AUD118", f"time stamps are in {unit}", f"multiply time stamps by {by:g}", "t", MOTION,
             _clock(by), whole=True,
         )  # fmt: skip
 

@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.episode import Body, Episode, Header, Track, check, with_holes
+from safestage_eval.episode import (
+    Body,
+    ContactTable,
+    Episode,
+    Header,
+    Track,
+    check,
+    check_header,
+    check_time,
+    with_holes,
+)
+from safestage_eval.episode.body_invariants import (
+    check_ending,
+    check_names,
+    check_steps_of_time,
+)
+from safestage_eval.episode.clock_invariants import check_clock
 from safestage_eval.episode.contradiction import ContradictionError
 from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import RuleError, TraceError
@@ -35,7 +52,8 @@ class Subject:
     """
 
     def __init__(self, episode: Episode, rules: RuleSet, bind: BindFile | None = None) -> None:
-        self.episode, self.rules, self.bind = episode, rules, bind
+        self.episode = replace(episode, _contacts=lambda: _at_once(episode.contacts))
+        self.rules, self.bind = rules, bind
         self.notes: dict[str, Any] = {}
 
     @property
@@ -61,16 +79,34 @@ class Subject:
         """What breaks the format, and what header and time stamps contradict; see ``episode.check``."""
         return check(self.episode)
 
-    @property
-    def readable(self) -> bool:
-        """The format holds, so that columns may be compared."""
-        return all(isinstance(error, ContradictionError) for error in self.broken) and not any(
-            self.of_kind("order", "norm")
-        )
+    @cached_property
+    def told(self) -> list[ContradictionError]:
+        """What header and time stamps say that cannot be; nothing else is read for it."""
+        header, t, where = self.header, self.episode.t, self.header.episode_id
+        found: list[TraceError] = [
+            *check_header(header, where, shapes=False), *check_time(t, where),
+            *check_clock(header, t, where), *check_steps_of_time(header, where),
+            *check_ending(header, where), *check_names(header, where),
+        ]  # fmt: skip
+        return [error for error in found if isinstance(error, ContradictionError)]
 
     def of_kind(self, *kinds: str) -> list[ContradictionError]:
-        """Broken invariants of these kinds."""
-        return [e for e in self.broken if isinstance(e, ContradictionError) and e.kind in kinds]
+        """Those of header and time stamps that are of some kinds."""
+        return [error for error in self.told if error.kind in kinds]
+
+    @cached_property
+    def readable(self) -> bool:
+        """The format holds, so that columns may be compared."""
+        return not self.format_errors
+
+    @property
+    def format_errors(self) -> list[TraceError]:
+        """What breaks the format: of header and time stamps only that time goes back."""
+        return [
+            error
+            for error in self.broken
+            if not isinstance(error, ContradictionError) or error.kind in ("order", "norm")
+        ]
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -94,11 +130,13 @@ class Subject:
         found = self.diagnosis
         if found.repair is not None and found.repair.code == code and found.first is not None:
             first, repair = found.first, found.repair
-            more = f" ({found.explained} contradictions in all)" if found.explained > 1 else ""
+            total = found.explained + len(found.left)
+            gone = f"all {total}" if not found.left else f"{found.explained} of {total}"
+            proof = f"with that undone {gone} contradictions vanish" if total > 1 else ""
             yield Defect(
-                f"{first.what.rstrip('.')}{more}.",
+                f"{first.what.rstrip('.')}.",
                 repair.fix,
-                f"{repair.cause}: then nothing of this is left" if not found.left else repair.cause,
+                "; ".join(filter(None, (repair.cause, proof))),
                 bodies=found.bodies,
                 field=repair.field,
                 time=first.time,
@@ -149,6 +187,11 @@ class Subject:
         from safestage_eval.relations.relations import Relations
 
         return Relations(Signals(with_holes(self.episode)))
+
+
+def _at_once(table: ContactTable) -> ContactTable:
+    """All of a table: every check reads some of it, and pair by pair that takes twice as long."""
+    return ContactTable(*(getattr(table, column.name) for column in fields(ContactTable)))
 
 
 def defect_of(errors: list[ContradictionError]) -> Defect:

@@ -227,6 +227,7 @@ RECORDING = {
     ),
     "gravity of the header is a default": Seeded("AUD117", BIN, drawn(lambda g: d.header(gravity=(0.0, 0.0, -g)), 15, 25)),
     "gravity in cm/s²": Seeded("AUD117", SHELF, fixed(d.header(gravity=(0.0, 0.0, -981.0)))),
+    "stamps in minutes": Seeded("AUD118", SHELF, fixed(other_clock(1 / 60, also=("frame_dt", "physics_dt", "success_time"))), "minutes", also=("AUD109",)),
     # clock
     "frame_dt off": Seeded("AUD103", SHELF, drawn(lambda by: d.header(frame_dt=by / 120), 1.2, 30)),
     "frame_dt in milliseconds": Seeded("AUD103", CAN, fixed(d.header(frame_dt=1000 / 120)), "milliseconds"),

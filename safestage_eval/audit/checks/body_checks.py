@@ -8,7 +8,7 @@ import numpy as np
 
 from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
-from safestage_eval.audit.subject import Subject
+from safestage_eval.audit.subject import Subject, defect_of
 from safestage_eval.episode import Body
 from safestage_eval.episode.scene_shapes import body_shapes
 
@@ -150,6 +150,7 @@ def no_fingers(subject: Subject) -> Iterator[Defect]:
             f"the robot has {' and '.join(lacking)}.",
             "set finger = left or right on the bodies that close on an object, and tcp on the hand",
             field="bodies.finger" if len(sides) < 2 else "bodies.tcp",
+            severity=None if len(sides) < 2 else "note",
         )
 
 
@@ -184,7 +185,9 @@ def no_masses(subject: Subject) -> Iterator[Defect]:
 )
 def missing_parents(subject: Subject) -> Iterator[Defect]:
     """Looks the names of parents and of moved bodies up among the bodies."""
-    yield from subject.explained("AUD138", "names")
+    errors = subject.of_kind("names")
+    if errors:
+        yield defect_of(errors)
 
 
 @check(

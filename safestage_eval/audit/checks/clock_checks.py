@@ -55,8 +55,7 @@ def _unit(spacing: float, subject: Subject) -> str:
     cheap=True,
 )
 def time_unit(subject: Subject) -> Iterator[Defect]:
-    """Looks for spacings that no recording of a motion has, and for a unit in which velocities fit."""
-    yield from subject.explained("AUD102")
+    """Looks for spacings that no recording of a motion has, and names the unit that would make one."""
     spacing = _median(subject)
     if LONGEST_GAP >= spacing >= FASTEST or spacing <= 0:
         return
@@ -207,7 +206,6 @@ def steps(subject: Subject) -> Iterator[Defect]:
     """Asks for positive steps, physics_dt ≤ frame_dt, and physics_dt ≤ control_dt."""
     for error in subject.of_kind("steps"):
         yield defect_of([error])
-    yield from subject.explained("AUD107", "steps")
 
 
 @check(
@@ -221,9 +219,9 @@ def steps(subject: Subject) -> Iterator[Defect]:
 )
 def ending(subject: Subject) -> Iterator[Defect]:
     """Compares success, success_time, termination, horizon and post_success_hold."""
-    for error in subject.of_kind("ending"):
-        yield defect_of([error])
-    yield from subject.explained("AUD108", "ending")
+    errors = subject.of_kind("ending")
+    if errors:
+        yield defect_of(errors)
 
 
 @check(
@@ -246,3 +244,17 @@ def rare_samples(subject: Subject) -> Iterator[Defect]:
             "record every physics step, or every second one; 60 Hz or more",
             field="t",
         )
+
+
+@check(
+    "AUD118",
+    "error",
+    of="recording",
+    title="time stamps are in another unit than velocities",
+    why="Durations are those of the time stamps, speeds those of the velocities; a rule may compare both.",
+    example="time stamps in minutes",
+    unless=("AUD102",),
+)
+def other_time(subject: Subject) -> Iterator[Defect]:
+    """Looks for a unit of time in which the velocities of all bodies are those of their poses."""
+    yield from subject.explained("AUD118")

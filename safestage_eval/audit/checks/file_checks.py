@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
-from safestage_eval.audit.subject import Subject, defect_of
-from safestage_eval.episode.contradiction import ContradictionError
+from safestage_eval.audit.subject import Subject
 
 
 @check(
@@ -21,16 +20,13 @@ from safestage_eval.episode.contradiction import ContradictionError
 )
 def broken_format(subject: Subject) -> Iterator[Defect]:
     """Checks lengths, finite values, increasing time, unit quaternions and names in contacts."""
-    broken = [e for e in subject.broken if not isinstance(e, ContradictionError)]
-    if broken:
-        first, more = broken[0], len(broken) - 1
-        yield Defect(
-            first.what.rstrip(".")
-            + (f". Expected: {first.allowed}." if first.allowed else ".")
-            + (f" And {more} more." if more else ""),
-            first.fix or "safestage validate lists everything that is wrong with the file",
-        )
-    for kind in ("order", "norm"):
-        errors = subject.of_kind(kind)
-        if errors:
-            yield defect_of(errors)
+    errors = subject.format_errors
+    if not errors:
+        return
+    first, more = errors[0], len(errors) - 1
+    yield Defect(
+        first.what.rstrip(".")
+        + (f". Expected: {first.allowed}." if first.allowed else ".")
+        + (f" And {more} more." if more else ""),
+        first.fix or "safestage validate lists everything that is wrong with the file",
+    )

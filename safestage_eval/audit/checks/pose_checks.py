@@ -183,7 +183,7 @@ def up_axis(subject: Subject) -> Iterator[Defect]:
     why="A reset or a swapped row looks like a throw: drops, displacements and clearances around it "
     "are not what happened.",
     example="an environment that was reset in the middle of the recording",
-    unless=("AUD101", "AUD102", "AUD111", "AUD113", "AUD115"),
+    unless=("AUD101", "AUD102", "AUD111", "AUD113", "AUD115", "AUD118"),
 )
 def jumps(subject: Subject) -> Iterator[Defect]:
     """Looks for steps that the velocities do not explain, or that no body makes."""
@@ -198,7 +198,7 @@ def jumps(subject: Subject) -> Iterator[Defect]:
     why="Rest, impact, falls and moving are judged by velocities, places by poses; they must be of the "
     "same body, in m/s and rad/s, in the world's axes, of the body frame's origin.",
     example="angular velocities in the body's own axes, as MuJoCo's free joints give them",
-    unless=("AUD101", "AUD102", "AUD111", "AUD113"),
+    unless=("AUD101", "AUD102", "AUD111", "AUD113", "AUD118"),
 )
 def velocities(subject: Subject) -> Iterator[Defect]:
     """Adds up velocities over quarter seconds and compares them with the change of the poses."""

@@ -235,7 +235,9 @@ def restless(subject: Subject) -> Iterator[Defect]:
                 f"{body.name!r} {what} before the robot touches anything; at the first frame it has "
                 f"{100 * fast:.1f} cm/s.",
                 "let the scene settle before recording",
-                "it rolls or slides from where it was placed",
+                "it sinks onto its support, above which it was placed"
+                if place[0, 2] - place[-1, 2] > 0.7 * away
+                else "it rolls or slides from where it was placed",
                 bodies=(body.name,),
                 field="bodies.position",
                 time=float(subject.episode.t[0]),
