@@ -30,6 +30,8 @@ def command(
     contacts and shapes, forces and weights. Exit code 2 if anything is wrong. Warns where no header
     or bind file names the bodies that an assigned rule is about.
 
+    This is about files. safestage audit says what is wrong with what was recorded, and why.
+
     \b
     Example:
       safestage validate traces/ rollout.mcap

@@ -242,7 +242,8 @@ def check_weight(
         if out[k] * EVERY * dt < RESTED:
             continue
         i = int(out[3 + k])
-        size = (sums[i, 3], sums[i, 2], float(np.hypot(*sums[i, :2])))[k]
+        bears = sums[i, 3] if sums[i, 3] < limits[0] else sums[i, 2]  # below 0: they pull it down
+        size = (bears, sums[i, 2], float(np.hypot(*sums[i, :2])))[k]
         return [
             contradiction(
                 "floats" if k == 0 and not size else ("bears", "presses", "aside")[k],

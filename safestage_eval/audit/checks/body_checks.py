@@ -25,6 +25,7 @@ LARGE, SMALL = 5.0, 5e-4
     title="a shape has a size that cannot be",
     why="Clearances, support and edges are measured on the shapes.",
     example="half sizes of a box in millimetres",
+    issue="o3de/o3de#13999",
     unless=("AUD101",),
 )
 def shape_sizes(subject: Subject) -> Iterator[Defect]:

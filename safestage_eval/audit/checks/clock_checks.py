@@ -108,6 +108,7 @@ def frame_rate(subject: Subject) -> Iterator[Defect]:
     why="What happens in a hole is unknown: a rule that looks there is inconclusive, or violated by "
     "what was seen around it; never passed.",
     example="a recorder that stalled from 3.2 s to 5.2 s",
+    issue="microsoft/physical-ai-toolchain#33",
     unless=("AUD102",),
     cheap=True,
 )

@@ -54,6 +54,7 @@ def depths(subject: Subject) -> Iterator[Defect]:
     title="forces are not those that bear the weights",
     why="Support, dependence and grip are decided by forces in newtons on body 2 by body 1.",
     example="forces in kN, or those on body 1 by body 2",
+    issue="isaac-sim/IsaacLab#2193",
     unless=(*CAUSES, "AUD114", "AUD115", "AUD117", "AUD121", "AUD132"),
 )
 def weights(subject: Subject) -> Iterator[Defect]:
@@ -83,6 +84,7 @@ def peaks(subject: Subject) -> Iterator[Defect]:
     why="Forces that are zero or NaN throughout are unknown: rules about force are inconclusive, and "
     "support is told from shapes.",
     example='force_source = "recorded", and a column of zeros',
+    issue="isaac-sim/IsaacLab#882",
 )
 def no_forces(subject: Subject) -> Iterator[Defect]:
     """Compares force_source with the column of forces."""

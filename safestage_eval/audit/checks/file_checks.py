@@ -17,6 +17,7 @@ from safestage_eval.audit.subject import Subject
     why="Nothing is judged: columns are missing, have the wrong length, or hold what is no number. "
     "Its motion and contacts are not looked at either.",
     example="a column of poses with fewer rows than time stamps",
+    issue="huggingface/lerobot#933",
 )
 def broken_format(subject: Subject) -> Iterator[Defect]:
     """Checks lengths, finite values, increasing time, unit quaternions and names in contacts."""

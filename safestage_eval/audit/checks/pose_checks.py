@@ -41,6 +41,7 @@ OFF = 0.25
     title="lengths are not in metres",
     why="Every distance, height, speed and force of weight is compared with limits in SI units.",
     example="a table whose top is at z = 80 (centimetres)",
+    issue="osrf/drcsim#275",
 )
 def length_unit(subject: Subject) -> Iterator[Defect]:
     """Compares poses with velocities, contacts, shapes and weights; names the unit in which they fit.
@@ -82,6 +83,7 @@ def _unit(size: float) -> str:
     title="quaternions are not w, x, y, z",
     why="Tilt, toppling, shapes and every clearance hang on orientations.",
     example="(0, 0, 0, 1) for a body that is not turned",
+    issue="isaac-sim/IsaacLab#5754",
     unless=("AUD101",),
 )
 def quaternion_order(subject: Subject) -> Iterator[Defect]:
@@ -150,6 +152,7 @@ def quaternion_signs(subject: Subject) -> Iterator[Defect]:
     title="z does not point up",
     why="Support, tilt, falls and edges are about up and down.",
     example="poses from an engine whose y axis points up",
+    issue="newton-physics/newton#84",
     unless=("AUD101", "AUD111"),
 )
 def up_axis(subject: Subject) -> Iterator[Defect]:
@@ -198,6 +201,7 @@ def jumps(subject: Subject) -> Iterator[Defect]:
     why="Rest, impact, falls and moving are judged by velocities, places by poses; they must be of the "
     "same body, in m/s and rad/s, in the world's axes, of the body frame's origin.",
     example="angular velocities in the body's own axes, as MuJoCo's free joints give them",
+    issue="iit-DLSLab/gym-quadruped#31",
     unless=("AUD101", "AUD102", "AUD111", "AUD113", "AUD118"),
 )
 def velocities(subject: Subject) -> Iterator[Defect]:

@@ -159,6 +159,7 @@ def _hold(subject: Subject, rule: ast.Scoped, params: Mapping[str, object]) -> f
     why="What is left behind is judged over seconds after success; a success without them is "
     "inconclusive.",
     example="an environment that is reset in the step of success",
+    issue="huggingface/lerobot#4152",
     unless=("AUD102", "AUD103", "AUD105", "AUD106"),
     cheap=True,
 )

@@ -51,6 +51,7 @@ TOPPLED = 0.5
     why="The simulator pushes them apart with whatever force that takes: things jump, fall and topple "
     "before the robot has done anything.",
     example="a bottle that was placed 2 cm into a shelf",
+    issue="Farama-Foundation/Gymnasium-Robotics#268",
 )
 def penetrating(subject: Subject) -> Iterator[Defect]:
     """Measures how deep shapes overlap at the first frame; 4 mm are let pass, from 1 cm on it is an error."""
@@ -79,6 +80,7 @@ def penetrating(subject: Subject) -> Iterator[Defect]:
     why="Its fall, and what it strikes, is not the robot's doing; where it comes to rest is not where "
     "the task meant it to be.",
     example="an object that was placed 5 cm above the table",
+    issue="tylerlum/simtoolreal#17",
     unless=("AUD201",),
 )
 def falling(subject: Subject) -> Iterator[Defect]:
@@ -107,6 +109,7 @@ def falling(subject: Subject) -> Iterator[Defect]:
     title="something lies toppled before the robot comes",
     why="It counts as toppled, or as not left upright, whatever the robot does.",
     example="a bottle that fell over while the scene settled",
+    issue="physical-superintelligence-lab/SIMPLE#22",
     unless=("AUD111", "AUD144", "AUD201", "AUD202"),
 )
 def toppled(subject: Subject) -> Iterator[Defect]:
@@ -142,6 +145,7 @@ def toppled(subject: Subject) -> Iterator[Defect]:
     title="something stands on nothing",
     why="Nobody can tell what would hold it: support, dependence and edges are unknown, or wrong.",
     example="an object held in the air by a simulator without gravity on it",
+    issue="robocasa/robocasa#48",
     unless=("AUD201", "AUD202", "AUD203"),
 )
 def hovering(subject: Subject) -> Iterator[Defect]:
