@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
+from readable import assert_readable
 
 from safestage_eval.formats import EpisodeRef, discover
 from safestage_eval.report.golden import compare_golden
 from safestage_eval.rules import load_rules
 from safestage_eval.run.score_many import score_paths
-from safestage_eval.verdicts import Verdict, judge
+from safestage_eval.verdicts import judge
 
 ROOT = Path(__file__).parent.parent
 TRACES, RULES = ROOT / "traces", ROOT / "rules"
@@ -38,16 +38,6 @@ def test_goldens() -> None:
         assert not result.notes, result.notes  # recorded and recomputed success agree, among others
         for verdict in result.verdicts:
             assert_readable(verdict)
-
-
-def assert_readable(verdict: Verdict) -> None:
-    """Every verdict has a sentence, and one that a measurement decides has value, limit and unit."""
-    text = verdict.explanation
-    assert re.fullmatch(r"[^{}–]*[a-z][^{}–]*\.", text), (verdict.rule, text)
-    assert not re.search(r"\bNone\b|at never|from never", text), (verdict.rule, text)
-    if verdict.verdict == "pass" and verdict.margin is not None and verdict.dimension != "time":
-        assert re.search(r"(required|allowed|would be one)\.$", text), (verdict.rule, text)
-        assert len(re.findall(r"\d (?:cm|mm|N|deg|rad/s|cm/s)\b", text)) >= 2, (verdict.rule, text)
 
 
 def test_both_formats_are_there(refs: dict[str, EpisodeRef]) -> None:

@@ -18,7 +18,6 @@ from .render_markdown import markdown_code, markdown_text, render_markdown
 from .render_text import render_text
 from .table import Table
 
-FORMATS = ("table", "json", "csv", "markdown")
 COUNTS = ("n", "tp", "fp", "fn", "tn")
 METRICS = ("precision", "recall", "f1", "accuracy", "kappa")
 HEADS = {"f1": "F1", "n": "N", "tp": "TP", "fp": "FP", "fn": "FN", "tn": "TN"}
@@ -28,7 +27,7 @@ MAJORITY = "majority"
 
 
 def render(agreement: Agreement, form: str) -> str:
-    """A comparison in one of ``FORMATS``. Raises KeyError for another."""
+    """A comparison in one of the formats table, json, csv, markdown."""
     return {"table": _table, "json": _json, "csv": _csv, "markdown": _markdown}[form](agreement)
 
 

@@ -17,13 +17,11 @@ if TYPE_CHECKING:
     from safestage_eval.whatif.examples import Checked, Suite
     from safestage_eval.whatif.mutants import Hunted
 
-FORMATS = ("table", "json", "junit")
-
 
 def render(
     suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None, form: str
 ) -> str:
-    """Results in one of ``FORMATS``. Raises KeyError for another.
+    """Results in one of the formats table, json, junit.
 
     Args:
         suites: rule file as asked for → its examples.

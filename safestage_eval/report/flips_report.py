@@ -19,8 +19,6 @@ from .table import Table
 if TYPE_CHECKING:
     from safestage_eval.whatif.results import Difference, Flip, RateChange
 
-FORMATS = ("table", "json", "csv", "markdown")
-
 COLUMNS = (
     "episode_id", "rule", "assigned", "before", "after", "margin_before", "unit_before",
     "margin_after", "unit_after", "signal", "cause",
@@ -28,7 +26,7 @@ COLUMNS = (
 
 
 def render(difference: Difference, form: str) -> str:
-    """A difference in one of ``FORMATS``. Raises KeyError for another."""
+    """A difference in one of the formats table, json, csv, markdown."""
     return {"table": _table, "json": _json, "csv": _csv, "markdown": _markdown}[form](difference)
 
 

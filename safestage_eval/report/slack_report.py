@@ -17,8 +17,6 @@ from .table import Table
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-FORMATS = ("table", "csv", "json")
-
 SIDES = ("down", "up")
 
 
@@ -26,7 +24,7 @@ COLUMNS = ("param", "rule", "verdict", "moved", "flips to", "verdicts", "least",
 
 
 def render(slack: pl.DataFrame, rules: RuleSet, form: str) -> str:
-    """Slack per episode, rule and parameter (``whatif.flip_query.slack``) in one of ``FORMATS``."""
+    """Slack per episode, rule and parameter (``whatif.flip_query.slack``) as table, csv, json."""
     if form == "csv":
         return render_csv(slack.columns, slack.iter_rows(named=True))
     if form == "json":

@@ -22,8 +22,6 @@ from .table import Table
 if TYPE_CHECKING:
     from safestage_eval.whatif.sweep import Sweep
 
-FORMATS = ("table", "csv", "json")
-
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 """Okabe and Ito's palette, which colour-blind readers can distinguish as well."""
 
@@ -38,7 +36,7 @@ FEW = 30
 
 
 def render(sweep: Sweep, form: str, by: Sequence[str] = ()) -> str:
-    """A sweep in one of ``FORMATS``. Raises KeyError for another."""
+    """A sweep in one of the formats table, csv, json."""
     return {"table": _table, "csv": _csv, "json": _json}[form](sweep, by)
 
 

@@ -240,11 +240,11 @@ class Judge:
         unbound = binding.unbound(rule) if missing else ()
         assigned = rule.code in binding.assigned
         vacuity: Vacuity | None = "no_player" if missing else None
-        notes: tuple[str, ...] = (f"no body plays {', '.join(missing)}",) if missing else ()
+        why = f"no body plays {', '.join(missing)}" if missing else ""
         verdict: VerdictName = "not_applicable"
         if missing and set(missing) <= set(unbound):  # else a body is certainly missing: no hazard
-            vacuity, notes = "unbound", (f"no body is bound to {', '.join(missing)}",)
-        explanation = f"Not applicable: {notes[0]}." if missing else ""
+            vacuity, why = "unbound", f"no body is bound to {', '.join(missing)}"
+        explanation = f"Not applicable: {why}." if why else ""
         if vacuity == "unbound" and assigned:
             verdict = "inconclusive"
             explanation = inconclusive(
@@ -259,7 +259,7 @@ class Judge:
             verdict,
             vacuity=vacuity,
             explanation=explanation,
-            notes=notes,
+            notes=(why,) if why else (),
             sources=binding.sources(rule, used),
             rule_digest=digest,
         )

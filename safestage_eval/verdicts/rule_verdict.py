@@ -111,7 +111,7 @@ def judge_rule(
         open_ = Cause(f"{witness.signal} is not known at {seconds(told['worst_time'])}", "")
         if slack is not None:
             open_ = between_samples(witness.signal, evaluator.clock, witness.frame)
-        return replace(blank, **told, explanation=_undecided(evaluator, rule, worst, open_))
+        return replace(blank, **told, explanation=_undecided(evaluator, rule, worst, open_, brief))
     began = _began(evaluator, rule, violated, worst.env, told["time"])
     found = Finding(verdict, began, told["worst_time"], witness.margin)
     explanation = sentence(evaluator, rule, worst.env, witness, found)
@@ -121,15 +121,25 @@ def judge_rule(
 
 
 def _undecided(
-    evaluator: Evaluator, rule: ast.Rule, worst: Instance, otherwise: Cause = UNNAMED
+    evaluator: Evaluator,
+    rule: ast.Rule,
+    worst: Instance,
+    otherwise: Cause = UNNAMED,
+    brief: Sequence[str] = (),
 ) -> str:
-    """The sentence of an inconclusive verdict; ``otherwise``: its cause where none is found."""
+    """The sentence of an inconclusive verdict.
+
+    ``otherwise``: its cause where none is found; ``brief``: notes on states that held briefly.
+    """
     outer, evaluator.notes = evaluator.notes, {}
     try:
         found = cause_of(evaluator, rule, worst)
     finally:
         evaluator.notes = outer
     what, remedy = found if found.what else otherwise
+    hidden = [note for note in brief if note.endswith("is not known")]
+    if hidden and not remedy:
+        what, remedy = hidden[0], "record more frames"
     return inconclusive(what or "; ".join(outer) or "what it needs is not known", remedy)
 
 

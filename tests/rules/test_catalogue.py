@@ -1,6 +1,7 @@
 """The built-in rules on their own examples."""
 
 import pytest
+from readable import assert_readable
 
 from safestage_eval.episode.invariants import check
 from safestage_eval.rules import load_rules
@@ -29,7 +30,9 @@ def test_every_rule_has_two_examples_of_each_kind(code: str) -> None:
 
 @pytest.mark.parametrize(("code", "name", "expected"), EXAMPLES)
 def test_every_example_gets_its_verdict(code: str, name: str, expected: Expected) -> None:
-    assert outcome(LIBRARY.judge(name, RULES, RULES.rules[code]), expected) == expected
+    verdict = LIBRARY.judge(name, RULES, RULES.rules[code])
+    assert outcome(verdict, expected) == expected
+    assert_readable(verdict)
 
 
 @pytest.mark.parametrize(("name", "code"), {name: code for code, name, _ in EXAMPLES}.items())
