@@ -51,6 +51,24 @@ def test_every_format_tells_the_same_numbers(table):
     assert [f"{float(li['mean']):.2f} ± {float(li['std']):.2f}" for li in lines] == cells
 
 
+@pytest.mark.parametrize("form", ["table", "markdown", "latex"])
+def test_coverage_comes_first(tmp_path, form):
+    """Of the whole in the first line, of each row of rates in a column."""
+    outcomes = campaign(5, open_share=0.4)
+    frame(outcomes).to_csv(tmp_path / "open.csv", index=False)
+    n, total = sum(o.decided for o in outcomes), len(outcomes)
+    text = run("aggregate", tmp_path / "open.csv", "-f", form).text
+    first = next(line for line in text.splitlines() if "usepackage" not in line)
+    assert first.strip("*% ") == f"Judged {n} of {total} episodes; inconclusive {total - n}"
+    for policy in ("act", "pi0"):
+        own = [o for o in outcomes if (o.policy, o.prompt) == (policy, "default")]
+        rates = [
+            line for line in text.splitlines() if re.search(f"{policy}.*default.*(±|pm)", line)
+        ]
+        (row,) = rates
+        assert f"{sum(o.decided for o in own)}/{len(own)}" in row
+
+
 def test_latex_is_balanced_and_escaped(tmp_path):
     names = frame(campaign(5)).replace({"policy": {"act": "a_c&t 50%"}})
     names.to_csv(tmp_path / "a.csv", index=False)

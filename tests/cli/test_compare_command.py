@@ -32,6 +32,15 @@ def test_two_files_are_as_one_with_by(files):
     assert found["paired_on"] == ["task", "prompt", "seed", "rollout"]
 
 
+def test_the_first_line_counts_the_pairs(files, tmp_path):
+    whole = run("compare", files / "act.csv", files / "pi0.csv").text
+    assert whole.startswith("Compared 288 of 288 pairs\n")
+    frame(campaign(5, open_share=0.4)).to_parquet(tmp_path / "open.parquet")
+    line = run("compare", tmp_path / "open.parquet", "--by", "policy").text.partition("\n")[0]
+    counts = re.fullmatch(r"Compared (\d+) of 288 pairs; undecided (\d+)", line)
+    assert int(counts[1]) + int(counts[2]) == 288
+
+
 def test_it_is_repeatable_and_csv_and_json_agree(files):
     arguments = "compare", files / "both.parquet", "--by", "prompt", "--where", "policy=act"
     text = run(*arguments, "-f", "csv").text

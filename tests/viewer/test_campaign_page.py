@@ -182,6 +182,21 @@ def test_pieces_come_out_as_they_went_in():
     assert found == {"a": {"values": ["x", None], "at": [0, 1, 0]}, "b": [1, 2.5, None]}
 
 
+def test_few_judged_rollouts_are_no_rate_of_a_hundred_percent():
+    every = [
+        Outcome(
+            "p", "q", "FSH", True, i >= 2 and None, True, task="t", family=None, seed=0, rollout=i
+        )
+        for i in range(17)
+    ]
+    text = build(Report("A", "x", aggregate(every), outcomes=every))
+    assert '<p class="lead">Judged 2 of 17 episodes; inconclusive 15.</p>' in text
+    tile = text.partition('<div class="tile ssr">')[2].partition("</div>")[0]
+    assert '<span class="big">2/2</span>' in tile
+    assert "15 undecided, so between 11.8 % and 100.0 %" in tile
+    assert "%" not in tile.partition("</span>")[0]
+
+
 def test_nothing_decided_is_said_and_not_divided_by():
     every = [
         Outcome("p", "q", "FSH", None, None, True, task="t", family=None, seed=0, rollout=i)
