@@ -13,30 +13,6 @@ import click
 
 from safestage_eval.version import __version__
 
-COMMANDS = (
-    "score",
-    "inspect",
-    "explain",
-    "view",
-    "audit",
-    "validate",
-    "convert",
-    "pack",
-    "import",
-    "bind",
-    "rules",
-    "sweep",
-    "diff",
-    "slack",
-    "aggregate",
-    "compare",
-    "report",
-    "label",
-    "agreement",
-    "plot",
-)
-"""``safestage NAME`` is ``command`` in NAME_command.py, imported when it is called."""
-
 HELP = {
     "score": "Judge recorded episodes against safety rules.",
     "inspect": "Show one episode: header, bodies, roles, timeline.",
@@ -67,13 +43,16 @@ HELP = {
 
 FROM_SIMULATE = ("record", "tasks", "render", "sheets", "serve")
 
+COMMANDS = tuple(name for name in HELP if name not in FROM_SIMULATE)
+"""``safestage NAME`` is ``command`` in NAME_command.py, imported when it is called."""
+
 
 class LazyGroup(click.Group):
     """Knows its commands by name, and imports one only to run it."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         """All names, the evaluator's first."""
-        return [*COMMANDS, *FROM_SIMULATE]
+        return list(HELP)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
         """Import the command."""

@@ -10,6 +10,7 @@ import click
 
 from .shared_options import (
     bind_option,
+    loaded_rules,
     pairs,
     prepare_kernels,
     progress,
@@ -135,11 +136,10 @@ def _judge(
     """Verdicts on an episode, as events."""
     from safestage_eval.errors import InputError
     from safestage_eval.report.verdict_events import events
-    from safestage_eval.rules import builtin_names, load_bind, load_rules, parse_overrides
+    from safestage_eval.rules import parse_overrides
     from safestage_eval.verdicts import judge
 
-    loaded = load_rules(list(rules) or builtin_names())
-    bound = None if bind is None else load_bind(bind, loaded)
+    loaded, bound = loaded_rules(rules, bind)
     overrides = pairs(settings, "--set")
     parse_overrides(loaded, overrides)
     prepare_kernels()

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from .shared_options import bind_option, pairs, rules_option, traces_argument, where_option
+from .shared_options import (
+    bind_option,
+    loaded_rules,
+    pairs,
+    rules_option,
+    traces_argument,
+    where_option,
+)
 from .terminal import say
 
 if TYPE_CHECKING:
@@ -79,10 +86,8 @@ def command(
     """
     from safestage_eval._text.plural import count
     from safestage_eval.label import Ledger, Session, sample
-    from safestage_eval.rules import builtin_names, load_bind, load_rules
 
-    loaded = load_rules(list(rules) or builtin_names())
-    bound = None if bind is None else load_bind(bind, loaded)
+    loaded, bound = loaded_rules(rules, bind)
     refs = _episodes(traces, where, results)
     chosen = sample(refs, number, seed)
     session = Session(

@@ -10,6 +10,7 @@ from .shared_options import (
     bind_option,
     chosen_ref,
     episode_option,
+    loaded_rules,
     pairs,
     prepare_kernels,
     rules_option,
@@ -51,18 +52,12 @@ def command(
     """
     from safestage_eval.report import signal_plot
     from safestage_eval.report.figure import ready
-    from safestage_eval.rules import builtin_names, load_bind, load_rules
     from safestage_eval.whatif.again import Again
 
     ready("--output", output)
     ref = chosen_ref(trace, None, episode)
-    loaded = load_rules(list(rules) or builtin_names())
+    loaded, bound = loaded_rules(rules, bind)
     prepare_kernels()
-    again = Again(
-        ref.open(),
-        loaded,
-        pairs(settings, "--set"),
-        None if bind is None else load_bind(bind, loaded),
-    )
+    again = Again(ref.open(), loaded, pairs(settings, "--set"), bound)
     signal_plot.draw(again, signal_plot.panels(again, signals), output)
     say(f"{output}: drawn", err=True)

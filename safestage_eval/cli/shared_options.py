@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from safestage_eval.formats import EpisodeRef
+    from safestage_eval.rules import BindFile, RuleSet
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -117,6 +118,14 @@ def pairs(
             raise click.UsageError(f"{option} {name.strip()}: there are {', '.join(allowed)}")
         out[name.strip()] = text.strip()
     return out
+
+
+def loaded_rules(rules: Sequence[str], bind: Path | None) -> tuple[RuleSet, BindFile | None]:
+    """The rules of ``--rules``, all built-in ones without; and the bind file of ``--bind``."""
+    from safestage_eval.rules import builtin_names, load_bind, load_rules
+
+    loaded = load_rules(list(rules) or builtin_names())
+    return loaded, None if bind is None else load_bind(bind, loaded)
 
 
 def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:

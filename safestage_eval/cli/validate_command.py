@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from .shared_options import bind_option, progress, rules_option, traces_argument
+from .shared_options import bind_option, loaded_rules, progress, rules_option, traces_argument
 from .terminal import say
 
 if TYPE_CHECKING:
@@ -37,10 +37,8 @@ def command(
       safestage validate traces/ rollout.mcap
     """
     from safestage_eval.formats import discover, validate_episode
-    from safestage_eval.rules import builtin_names, load_bind, load_rules
 
-    loaded = load_rules(list(rules) or builtin_names())
-    bound = None if bind is None else load_bind(bind, loaded)
+    loaded, bound = loaded_rules(rules, bind)
     refs = discover(list(traces))
     broken = 0
     first: dict[str, Any] = {}
