@@ -18,7 +18,7 @@ HELP = {
     "inspect": "Show one episode: header, bodies, roles, timeline.",
     "explain": "Say why an episode got its verdicts, one sentence per finding.",
     "view": "Show one episode in 3-D, with signals, limits and findings.",
-    "audit": "Say whether recordings, their scenes and the evaluation they make are sound.",
+    "audit": "Say whether recordings, scenes and the evaluation are sound.",
     "validate": "Check trace files, and list everything that is wrong with them.",
     "convert": "Copy an episode into another format, losslessly.",
     "pack": "Merge episodes into few large files, ready to be published.",
