@@ -11,6 +11,7 @@ from rich.padding import Padding
 from rich.table import Table as Grid
 from rich.text import Text
 
+from safestage_eval._text.plural import count
 from safestage_eval._text.printable import printable, printable_lines
 from safestage_eval.metrics import METRICS, Outcome, Rates, by_policy_stage, outcomes, rates
 from safestage_eval.metrics.rates import CONDITIONS
@@ -127,7 +128,9 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
         left -= len(shown)
         if not counts[outcome]:
             continue
-        console.print(Text(f"{heading}: {counts[outcome]} of {total} episodes", f"bold {style}"))
+        console.print(
+            Text(f"{heading}: {counts[outcome]} of {count(total, 'episode')}", f"bold {style}")
+        )
         for result in shown:
             head = Text(
                 printable(f"  {result.episode_id}, {goal_of(result)}{_reached(result)}"), "bold"
@@ -153,7 +156,7 @@ def _unassigned(console: Console, scores: Scores, *, everything: bool) -> None:
     ]
     if not shown:
         return
-    console.print(Text(f"By rules that are not assigned: {len(shown)} episodes", "bold"))
+    console.print(Text(f"By rules that are not assigned: {count(len(shown), 'episode')}", "bold"))
     for result in shown if everything else shown[:MOST]:
         console.print(
             Text(printable(f"  {result.episode_id}, {goal_of(result)}"), "bold"), soft_wrap=True
@@ -204,12 +207,10 @@ def _grid(verdicts: Sequence[Verdict], *, brief: bool = False) -> Grid:
                 Text(printable(" ".join(_sentence(v).split()))),
             )
     if brief and vacuous:
-        grid.add_row("", "", "", f"{_rules(len(vacuous))} found nothing to judge (--verbose)")
+        grid.add_row(
+            "", "", "", f"{count(len(vacuous), 'rule')} found nothing to judge (--verbose)"
+        )
     return grid
-
-
-def _rules(count: int) -> str:
-    return f"{count} rule{'s' * (count != 1)}"
 
 
 def _sentence(v: Verdict) -> str:
@@ -261,7 +262,7 @@ def _rate_table(console: Console, title: str, cells: Cells, given: str | None) -
     counts = judged(shown.values())
     rows = {
         names: [
-            *(count(cell) for count in counts.values()),
+            *(write(cell) for write in counts.values()),
             *(share(cell, metric, given) for metric in METRICS),
         ]
         for names, cell in shown.items()
@@ -296,16 +297,16 @@ def _leftovers(console: Console, scores: Scores, total: Rates) -> None:
     for line in problem_lines(scores):
         console.print(printable_lines(line), style="red", soft_wrap=True)
     if scores.problems:
-        count = len(scores.problems)
-        console.print(f"{count} episode{'s' * (count > 1)} could not be judged", style="bold red")
+        problems = count(len(scores.problems), "episode")
+        console.print(f"{problems} could not be judged", style="bold red")
 
 
 def problem_lines(scores: Scores) -> list[str]:
     """Each problem once, with the number of episodes that have the same one."""
     counts = Counter(problem.message for problem in scores.problems)
     return [
-        f"problem: {message}" + (f" ({count} episodes)" if count > 1 else "")
-        for message, count in counts.items()
+        f"problem: {message}" + (f" ({number} episodes)" if number > 1 else "")
+        for message, number in counts.items()
     ]
 
 
@@ -313,7 +314,7 @@ def ended_in_error(ids: Sequence[str]) -> str:
     """Rollouts that were not judged because their recording failed."""
     some = ", ".join(ids[:3]) + ", …" * (len(ids) > 3)
     return (
-        f"{len(ids)} rollout{'s' * (len(ids) > 1)} ended in an error: not judged, not in N; recording "
+        f"{count(len(ids), 'rollout')} ended in an error: not judged, not in N; recording "
         f"again tries again: {some}"
     )
 
@@ -324,7 +325,7 @@ def judged_by_roles(scores: Scores) -> str:
     if not counts:
         return ""
     least, most = min(counts), max(counts)
-    rules = _rules(most) if least == most else f"{least} to {_rules(most)}"
+    rules = count(most, "rule") if least == most else f"{least} to {count(most, 'rule')}"
     one = len(counts) == 1
     return (
         f"no rule is assigned to {len(counts)} of {len(scores.results)} episodes: judged by every "

@@ -1,6 +1,8 @@
 """What the README shows works as it stands there."""
 
+import json
 import re
+import shlex
 
 import pytest
 from click.testing import CliRunner
@@ -16,7 +18,16 @@ def readme(checkout):
 
 
 def blocks(readme, language):
-    return re.findall(rf"^```{language}\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL)
+    fenced = re.findall(r"^```(\w*)\n(.*?)^```$", readme, re.MULTILINE | re.DOTALL)
+    return [text for name, text in fenced if name == language]
+
+
+def lines_missing(shown):
+    """Lines that a command, in the first line, does not print; one with … stands for any."""
+    command, *lines = shown.splitlines()
+    arguments = shlex.split(command.removeprefix("$ safestage "))
+    printed = CliRunner().invoke(group, arguments).stdout.splitlines()
+    return [line for line in lines if line not in printed and "…" not in line]
 
 
 def test_the_recorder_writes_a_trace(readme, tmp_path, monkeypatch):
@@ -25,9 +36,15 @@ def test_the_recorder_writes_a_trace(readme, tmp_path, monkeypatch):
     exec(compile(code, "README.md", "exec"), {})
     episode = load("mine.mcap")
     assert episode.header.roles["target"] == ("cube",)
-    run = CliRunner().invoke(group, ["score", "mine.mcap"])
-    assert "Violations: 1 of 1" in run.stdout, run.output
-    assert "edge_margin(cube) was 1.0 cm" in " ".join(run.stdout.split())
+    (shown,) = (block for block in blocks(readme, "") if block.startswith("$ safestage score mine"))
+    assert lines_missing(shown) == []
+    assert "Violations: 1 of 1" in shown
+    further = code.replace("0.26", "0.2")
+    assert further != code
+    exec(compile(further, "README.md", "exec"), {})
+    rows = CliRunner().invoke(group, ["score", "mine.mcap", "-f", "jsonl"]).stdout.splitlines()
+    (edge,) = (row for row in map(json.loads, rows) if row["rule"] == "FSH101")
+    assert edge["verdict"] == "pass"
 
 
 def test_the_notebook_runs(readme, checkout, monkeypatch):
@@ -47,12 +64,24 @@ def test_the_tour_shows_what_is_printed(readme, checkout, monkeypatch, command):
         for block in blocks(readme, "")
         if ("Violations: 6" in block if command == "score" else "$ safestage explain" in block)
     )
-    arguments = "score traces/ --rules rules/"
-    if command == "explain":
-        first, shown = shown.split("\n", 1)
-        arguments = first.removeprefix("$ safestage ")
-    printed = CliRunner().invoke(group, arguments.split()).stdout.splitlines()
-    assert [line for line in shown.splitlines() if line not in printed and "…" not in line] == []
+    if command == "score":
+        shown = f"$ safestage score traces/ --rules rules/\n{shown}"
+    assert lines_missing(shown) == []
+
+
+def test_the_rule_finds_one_of_two_and_none_with_another_number(
+    readme, checkout, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "traces").symlink_to(checkout / "traces")
+    (tmp_path / "mine.toml").write_text(*blocks(readme, "toml"), "utf-8")
+    (commands,) = (block for block in blocks(readme, "") if "--assign ETS901" in block)
+    first, second = (
+        CliRunner().invoke(group, shlex.split(command)[1:]).stdout
+        for command in commands.splitlines()
+    )
+    assert "Violations: 1 of 2 episodes" in first
+    assert "Safe: 2 of 2 episodes" in second
 
 
 def test_the_rule_is_accepted(readme, tmp_path):
