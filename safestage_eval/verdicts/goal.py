@@ -66,21 +66,9 @@ def _first_success(
     start: int,
     stop: int,
 ) -> Reached:
-    wanted = np.arange(evaluator.frames) < stop
-    evaluator.players = players
-    names = [name for name, _ in goal.roles]
-    counted = {n.role for n in nodes(goal.require) if isinstance(n, ast.CountAtom)}
-    free = [name for name in names if name not in counted or named_outside_counts(goal, name)]
-    if any(not players.get(name) for name in names):
+    margins = _margins(evaluator, goal, players, np.arange(evaluator.frames) < stop)
+    if margins is None:
         return Reached(None, unsure=True)
-    margins = band.both(
-        [
-            evaluator.condition(goal.require, dict(zip(free, bodies, strict=True)), wanted)
-            for bodies in itertools.product(*(players.get(name, ()) for name in free))
-        ]
-        or [band.crisp(np.zeros(evaluator.frames, np.bool_))],
-        evaluator.frames,
-    )
     looked_at = slice(start, stop)
     confirmed = np.flatnonzero(_confirmed(evaluator, goal, margins.lower)[looked_at])
     unseen = evaluator.clock.unseen
@@ -92,6 +80,36 @@ def _first_success(
         hidden = unseen is not None and bool((perhaps & unseen[looked_at])[: first - start].any())
         return Reached(None if hidden else first, unsure=hidden)
     return Reached(None, bool(perhaps.any()))
+
+
+def goal_over_time(
+    evaluator: Evaluator, goal: ast.GoalDef, players: Mapping[str, Sequence[str]]
+) -> tuple[Bool, Bool]:
+    """(T,) where the goal is certainly confirmed, and where it may be; arguments as ``first_success``."""
+    margins = _margins(evaluator, goal, players, np.ones(evaluator.frames, np.bool_))
+    if margins is None:
+        return np.zeros(evaluator.frames, np.bool_), np.ones(evaluator.frames, np.bool_)
+    return _confirmed(evaluator, goal, margins.lower), _confirmed(evaluator, goal, margins.upper)
+
+
+def _margins(
+    evaluator: Evaluator, goal: ast.GoalDef, players: Mapping[str, Sequence[str]], wanted: Bool
+) -> band.Band | None:
+    """The goal's margin at the wanted frames; None where a role has no body."""
+    evaluator.players = players
+    names = [name for name, _ in goal.roles]
+    counted = {n.role for n in nodes(goal.require) if isinstance(n, ast.CountAtom)}
+    free = [name for name in names if name not in counted or named_outside_counts(goal, name)]
+    if any(not players.get(name) for name in names):
+        return None
+    return band.both(
+        [
+            evaluator.condition(goal.require, dict(zip(free, bodies, strict=True)), wanted)
+            for bodies in itertools.product(*(players.get(name, ()) for name in free))
+        ]
+        or [band.crisp(np.zeros(evaluator.frames, np.bool_))],
+        evaluator.frames,
+    )
 
 
 def _confirmed(evaluator: Evaluator, goal: ast.GoalDef, margin: F64) -> Bool:
