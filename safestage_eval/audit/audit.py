@@ -65,6 +65,9 @@ def audit(
     rules: Sequence[str | Path] = (),
     *,
     bind: str | Path | None = None,
+    assign: Sequence[str] = (),
+    roles: Sequence[str] = (),
+    protect: Sequence[str] = (),
     where: Mapping[str, str] | None = None,
     select: Iterable[str] = (),
     ignore: Iterable[str] = (),
@@ -77,6 +80,9 @@ def audit(
         paths: files and folders.
         rules: paths, folders or built-in names of rule files; all built-in ones if empty.
         bind: a bind file, for roles and rules that headers lack.
+        assign: codes of rules for every episode; this and the next two as on the command line.
+        roles: ``ROLE=BODIES``.
+        protect: bodies of the role ``protected``.
         where: header field → value; only episodes that match are audited.
         select: codes of the checks to be carried out, or how they begin; all if empty.
         ignore: without these.
@@ -91,7 +97,8 @@ def audit(
     from safestage_eval.rules import builtin_names
 
     checks = choose(select, ignore)
-    settings = load_settings(list(rules) or builtin_names(), bind=bind)
+    specs = list(rules) or builtin_names()
+    settings = load_settings(specs, bind=bind, assign=assign, roles=roles, protect=protect)
     chosen = Selection(find([paths] if isinstance(paths, str | Path) else list(paths)), where)
     found = audit_many([*chosen], checks, settings, jobs=jobs, progress=progress)
     audited = [one for one in found if isinstance(one, Audited)]

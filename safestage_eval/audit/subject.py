@@ -32,6 +32,7 @@ from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import RuleError, TraceError
 from safestage_eval.rules import BindFile, Binding, RuleSet, bind_episode
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.resolve import BY_ROLES
 
 from .diagnosis import Diagnosis, diagnose
 from .finding import Defect
@@ -52,7 +53,8 @@ class Subject:
     """
 
     def __init__(self, episode: Episode, rules: RuleSet, bind: BindFile | None = None) -> None:
-        self.episode = replace(episode, _contacts=lambda: _at_once(episode.contacts))
+        given = episode if bind is None else bind.described(episode)
+        self.episode = replace(given, _contacts=lambda: _at_once(given.contacts))
         self.rules, self.bind = rules, bind
         self.notes: dict[str, Any] = {}
 
@@ -175,9 +177,11 @@ class Subject:
 
     @cached_property
     def assigned(self) -> tuple[ast.Scoped, ...]:
-        """The assigned rules and costs that are loaded."""
-        known = self.rules.scoped
-        codes = self.binding.assigned if self.binding else self.header.rules
+        """The rules and costs that some source assigns, and that are loaded."""
+        known, binding = self.rules.scoped, self.binding
+        codes = self.header.rules if binding is None else binding.assigned
+        if binding is not None and binding.provenance.get("rules") == BY_ROLES:
+            return ()
         return tuple(known[code] for code in codes if code in known)
 
     @cached_property

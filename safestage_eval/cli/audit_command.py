@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from .shared_options import (
-    bind_option,
+    binding_options,
     format_option,
     output_option,
     pairs,
@@ -26,7 +26,7 @@ from .terminal import say
 @click.command("audit")
 @click.argument("traces", nargs=-1, metavar="TRACES...")
 @rules_option
-@bind_option
+@binding_options
 @format_option("table", "json", "junit", "github")
 @output_option
 @where_option
@@ -50,6 +50,9 @@ def command(
     traces: tuple[str, ...],
     rules: tuple[str, ...],
     bind: Path | None,
+    assign: tuple[str, ...],
+    roles: tuple[str, ...],
+    protect: tuple[str, ...],
     form: str,
     output: Path | None,
     where: tuple[str, ...],
@@ -92,6 +95,9 @@ def command(
             traces,
             rules,
             bind=bind,
+            assign=assign,
+            roles=roles,
+            protect=protect,
             where=pairs(where, "--where"),
             select=_codes(select),
             ignore=_codes(ignore),

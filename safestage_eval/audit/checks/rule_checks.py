@@ -11,6 +11,7 @@ from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.resolve import BY_ROLES
 from safestage_eval.rules.uses import Uses, calls, own_params, uses_of
 from safestage_eval.signals import SIGNALS
 from safestage_eval.verdicts.players import nodes
@@ -220,14 +221,15 @@ def undecidable(subject: Subject) -> Iterator[Defect]:
     "note",
     of="recording",
     title="no rule is assigned",
-    why="No verdict counts for this episode unless rules are named when it is scored.",
+    why="Without assigned rules every loaded rule judges that has a body for each of its roles; where "
+    "there is none, no verdict counts.",
     example="a header without rules, and no bind file",
     cheap=True,
 )
 def unassigned(subject: Subject) -> Iterator[Defect]:
     """Says which of the loaded rules could be decided, and what is missing for the others."""
     binding = subject.binding
-    if binding is None or binding.assigned:
+    if binding is None or binding.provenance.get("rules", BY_ROLES) != BY_ROLES:
         return
     ready: list[str] = []
     unbound: list[str] = []
@@ -249,7 +251,7 @@ def unassigned(subject: Subject) -> Iterator[Defect]:
     says += [f"{_listed(codes)} need {what}" for what, codes in lacking.items()]
     yield Defect(
         f"no rule is assigned. {'; '.join(says)}.",
-        'write rules = ["…"] into the header, or assign rules and roles in a --bind file',
+        'write rules = ["…"] into the header or a bind file, or choose with --assign and --role',
         field="rules",
     )
 
