@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from safestage_eval._process.precompile import compile_kernels
 from safestage_eval._process.spawned import WORTH_A_POOL
@@ -51,6 +51,11 @@ class Audit:
         """How many findings there are of each severity."""
         found = Counter(finding.severity for finding in self.findings)
         return {severity: found[severity] for severity in SEVERITIES}
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """Counts and findings as JSON values."""
+        return {"counts": self.counts, "findings": [found.to_json() for found in self.findings]}
 
     def fails(self, level: str) -> bool:
         """Whether anything is as grave as ``error`` or ``warning``; never for ``never``."""

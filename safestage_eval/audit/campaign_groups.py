@@ -61,21 +61,30 @@ def apart(one: Summary, other: Summary) -> tuple[float, str] | None:
 
 
 def alike(episodes: Sequence[Summary]) -> list[list[Summary]]:
-    """Episodes whose initial states are the same, together; in order of their first ones."""
-    found: list[list[Summary]] = []
-    for one in episodes:
-        for some in found:
-            gap = (
-                apart(some[0], one)
-                if some[0].start and len(some[0].start) == len(one.start)
-                else None
-            )
-            if gap is not None and gap[0] <= SAME:
-                some.append(one)
+    """Episodes whose initial states are the same, together; in order of their first ones.
+
+    Takes no square of their number: only those are compared whose mean positions are close.
+    """
+    means = np.array([_middle(one) for one in episodes])
+    first = list(range(len(episodes)))
+    order = np.argsort(means, kind="stable")
+    for place, here in enumerate(order):
+        for there in order[place + 1 :]:
+            if not means[there] - means[here] <= SAME:
                 break
-        else:
-            found.append([one])
-    return found
+            one, other = episodes[here], episodes[there]
+            gap = apart(one, other) if len(one.start) == len(other.start) else None
+            if gap is not None and gap[0] <= SAME:
+                first[there] = first[here] = min(first[here], first[there])
+    found: dict[int, list[Summary]] = {}
+    for index, one in zip(first, episodes, strict=True):
+        found.setdefault(index, []).append(one)
+    return [*found.values()]
+
+
+def _middle(one: Summary) -> float:
+    """m, the mean of all positions in the first frame."""
+    return float(np.mean([pose[:3] for _, pose in one.start])) if one.start else float("nan")
 
 
 def listed(names: Sequence[str], most: int = 3) -> str:

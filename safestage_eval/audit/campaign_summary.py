@@ -65,8 +65,8 @@ class Summary:
         target_moved: as ``stirred``, of a target.
         touched: s when the robot, or what it had touched, first touched a target; None: never.
         contacts: contacts are recorded, so that ``touched`` says something.
-        robot_travel: m that the robot's body that went furthest got away from where it began; None
-            without a robot.
+        robot_travel: m that the robot got away from where it began, by its last body, or by the one
+            that went furthest if that one stood still; None without a robot.
         commands: that the policy gave.
         goal: None without a goal, or where it was not looked at.
         names_goal: header, bind file or rule file name a goal that is loaded.
@@ -117,7 +117,8 @@ def summarize(subject: Subject, content_hash: str | None = None, *, goal: bool =
     Args:
         subject: the episode.
         content_hash: as its file states it.
-        goal: look for the goal in every frame, which takes about as long as all the rest.
+        goal: look for the goal in every frame, and keep waypoints, which takes longer than all the
+            rest.
     """
     header, t = subject.header, subject.episode.t
     robot = {body.name for body in header.bodies if body.kind in ("robot", "gripper")}
@@ -145,13 +146,13 @@ def summarize(subject: Subject, content_hash: str | None = None, *, goal: bool =
         content_hash=content_hash,
         duration=float(t[-1] - t[0]) if len(t) else 0.0,
         start=tuple(start),
-        waypoints=_waypoints(subject, moving),
+        waypoints=_waypoints(subject, moving) if goal else b"",
         stirred=_first(t, away.values()),
         targets=targets,
         target_moved=_first(t, (away[name] for name in targets if name in away)),
         touched=_touched(subject, robot, targets),
         contacts=len(subject.episode.contacts) > 0,
-        robot_travel=max((_travel(subject, name) for name in robot & {*moving}), default=None),
+        robot_travel=_robot_travel(subject, [name for name in moving if name in robot]),
         commands=_commands(subject.episode.frames.action),
         goal=_goal(subject) if goal else None,
         names_goal=subject.binding is not None and subject.binding.goal is not None,
@@ -173,6 +174,14 @@ def _away(subject: Subject, name: str) -> NDArray[np.bool_]:
     same = np.abs((track.orientation * track.orientation[:1]).sum(1))
     moved: NDArray[np.bool_] = (gap > MOVED) | (same < np.cos(TURNED / 2))
     return moved
+
+
+def _robot_travel(subject: Subject, links: Sequence[str]) -> float | None:
+    """Of the last body of the robot, or of the one that went furthest if that one stood still."""
+    if not links:
+        return None
+    last = _travel(subject, links[-1])
+    return last if last >= MOVED else max(_travel(subject, name) for name in links)
 
 
 def _travel(subject: Subject, name: str) -> float:

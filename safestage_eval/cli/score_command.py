@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -177,6 +178,7 @@ def command(
     if golden is not None and sample is not None:
         raise click.UsageError("--golden is about all episodes: leave out --sample")
     from safestage_eval._process import heap, memory_limit
+    from safestage_eval.audit.audit_scores import audit_scores, in_one_line, look
     from safestage_eval.rules import builtin_names
     from safestage_eval.run.bind_checks import misspelt_roles
     from safestage_eval.run.score_traces import Choice, score_traces
@@ -202,9 +204,13 @@ def command(
     if asked.bind is not None:
         for warning in misspelt_roles(asked.bind, asked.rule_set):
             say(f"warning: {warning}", err=True)
+    asked = asked.copy_with(look=look)
     with progress("scoring") as tell:
         heap.keep()
         scores = score_traces(traces, asked, choice, tell, prepare_kernels)
+    audit = audit_scores(scores)
+    if audit is not None:
+        scores = replace(scores, audit=audit.plain)
     if scores.sample:
         say(scores.sample, err=True)
     changes = None
@@ -225,6 +231,8 @@ def command(
         say(said, err=True)
     if scores.aborted and not in_table:
         say(results_text.ended_in_error(scores.aborted), err=True)
+    if audit is not None and (found := in_one_line(audit, " ".join(traces))):
+        say(found, err=True)
     failed = _fails(scores, fail_on)
     if golden is not None:
         failed |= _golden(scores, golden, changes)

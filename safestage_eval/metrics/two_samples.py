@@ -6,7 +6,7 @@ import math
 from statistics import NormalDist
 
 import numpy as np
-from scipy.stats import binom
+from numpy.typing import NDArray
 
 from .power import ALPHA, POWER
 
@@ -36,9 +36,17 @@ def power_of(n: int, m: int, first: float, second: float) -> float:
     pooled_rate = (i + j) / (n + m)
     spread = np.sqrt(pooled_rate * (1 - pooled_rate) * (1 / n + 1 / m))
     found = np.abs(i / n - j / m) > _z(1 - ALPHA / 2) * spread + 1e-12
-    return float(
-        binom.pmf(np.arange(n + 1), n, first) @ found @ binom.pmf(np.arange(m + 1), m, second)
-    )
+    return float(_binomial(n, first) @ found @ _binomial(m, second))
+
+
+def _binomial(n: int, rate: float) -> NDArray[np.float64]:
+    """(n + 1,) how probable each number of successes is."""
+    if rate in (0.0, 1.0):
+        return np.eye(n + 1)[round(rate * n)]
+    k = np.arange(n + 1)
+    logs = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, n + 1)))])  # of factorials
+    log = logs[n] - logs[k] - logs[n - k] + k * np.log(rate) + (n - k) * np.log1p(-rate)
+    return np.asarray(np.exp(log))
 
 
 def smallest_difference(n: int, m: int, centre: float) -> float | None:

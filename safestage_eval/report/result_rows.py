@@ -60,4 +60,5 @@ def document(scores: Scores) -> dict[str, Any]:
         "metrics": metrics(outcomes(scores.results)),
         "problems": [{"path": p.path, "message": p.message} for p in scores.problems],
         **({"sample": scores.sample} if scores.sample else {}),
+        **({"audit": dict(scores.audit)} if scores.audit is not None else {}),
     }

@@ -75,7 +75,15 @@ def results_schema() -> dict[str, Any]:
                     "items": _object({"path": _TEXT, "message": _TEXT}),
                 },
             },
-            {"sample": _TEXT},
+            {
+                "sample": _TEXT,
+                "audit": _object(
+                    {
+                        "counts": {"type": "object", "additionalProperties": _COUNT},
+                        "findings": {"type": "array", "items": {"type": "object"}},
+                    }
+                ),
+            },
         ),
     }
 

@@ -19,7 +19,7 @@ def pieces(scores: Scores) -> Iterator[str]:
     """``{"version", "rules", "episodes", "metrics", "problems"}``, the rows one by one."""
     around = document(replace(scores, results=()))
     around["metrics"] = metrics(outcomes(scores.results))
-    before, after = _json(around).split(_EPISODES)
+    before, after = _json(around).split(_EPISODES, 1)
     yield before + _EPISODES[:-1]
     separator = "\n"
     for row in each_row(scores):

@@ -55,7 +55,8 @@ class Keys:
         asked = result_question(
             ref, self._rules, s.overrides, s.bind, s.backend, assigned_only=s.assigned_only
         )
-        return _digest(f"{code_version()} {ref.content_hash} {header} {asked}")
+        looked = " looked at" * (s.look is not None)
+        return _digest(f"{code_version()} {ref.content_hash} {header} {asked}{looked}")
 
     def _header(self, ref: EpisodeRef) -> str | None:
         """A digest of everything that the header says: roles and goal are not in the trace's hash."""

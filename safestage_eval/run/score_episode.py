@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
     from safestage_eval.verdicts import EpisodeResult
 
 
+Look = Callable[["Episode", "RuleSet", "BindFile | None"], dict[str, Any]]
+"""Finds more in an episode that was judged, as JSON values: ``EpisodeResult.audit``."""
+
+
 def score_episode(
     ref: EpisodeRef,
     rules: RuleSet,
@@ -27,6 +32,7 @@ def score_episode(
     *,
     assigned_only: bool = False,
     cache: str | Path | CacheFolder | None = None,
+    look: Look | None = None,
 ) -> EpisodeResult | Problem:
     """Open and judge one episode; whatever is wrong with it becomes a problem, not an exception."""
     from safestage_eval.verdicts import judge
@@ -36,10 +42,11 @@ def score_episode(
             raise ref.problem
 
         def judged(episode: Episode, store: Store | None = None) -> EpisodeResult:
-            return judge(
+            result = judge(
                 episode, rules, overrides=overrides, bind=bind, backend=backend,
                 assigned_only=assigned_only, store=store,
             )  # fmt: skip
+            return result if look is None else replace(result, audit=look(episode, rules, bind))
 
         if cache is None:
             return judged(ref.open())
@@ -51,6 +58,7 @@ def score_episode(
 
         folder = cache if isinstance(cache, CacheFolder) else CacheFolder(cache)
         asked = result_question(ref, rules, overrides, bind, backend, assigned_only=assigned_only)
+        asked += " looked at" * (look is not None)
         store = DiskStore(folder, ref)
         found = store.answer(asked, lambda: to_json(judged(store.episode, store)))
         store.save()

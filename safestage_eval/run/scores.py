@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from safestage_eval.errors import InputError
 from safestage_eval.verdicts.problem import Problem
@@ -30,6 +30,7 @@ class Scores:
         aborted: ids of rollouts that ended in an error (of a server, say): not judged.
         sample: which share of the episodes was judged, in words; empty if all were.
         gates: which verdicts count where a build may fail.
+        audit: counts and findings of an audit, as JSON values; None if there was none.
     """
 
     results: Sequence[EpisodeResult] = ()
@@ -39,6 +40,7 @@ class Scores:
     aborted: tuple[str, ...] = ()
     sample: str = ""
     gates: Gates = field(default_factory=Gates)
+    audit: Mapping[str, Any] | None = None
 
 
 def titles(rules: RuleSet) -> dict[str, str]:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from safestage_eval.rules import BindFile, RuleSet, load_rules
 
+from .score_episode import Look
+
 if TYPE_CHECKING:
     from safestage_eval.evidence.cache_folder import CacheFolder
 
@@ -28,6 +30,7 @@ class Settings:
         verdicts_only: keep verdicts there, and no measurements, which are a hundred times larger.
         timeout: s that an episode may take; None: any.
         memory: bytes that the process which judges it may hold; None: any.
+        look: what else is to be found in every episode, once it is judged; can be pickled.
     """
 
     rules: tuple[str | Path, ...]
@@ -39,6 +42,7 @@ class Settings:
     verdicts_only: bool = False
     timeout: float | None = None
     memory: int | None = None
+    look: Look | None = None
 
     def _folder(self) -> CacheFolder | None:
         if self.cache is None:
@@ -70,6 +74,7 @@ class Settings:
             "backend": self.backend,
             "assigned_only": self.assigned_only,
             "cache": self._folder(),
+            "look": self.look,
         }
 
 

@@ -149,6 +149,8 @@ class EpisodeResult:
     """Codes of assigned rules that were not among the loaded ones."""
     engagement: str | None = None
     """How far it got with its target (``engagement.Engagement``); None where that is unknown."""
+    audit: dict[str, Any] | None = None
+    """What an audit found in it, as JSON values; None if nobody looked."""
 
     @property
     def assigned(self) -> tuple[Verdict, ...]:

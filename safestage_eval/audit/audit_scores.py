@@ -1,0 +1,102 @@
+"""The cheap part of the audit, on what scoring has read anyway."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property, lru_cache
+from typing import Any
+
+from safestage_eval.episode import Episode
+from safestage_eval.errors import TraceError
+from safestage_eval.rules import BindFile, RuleSet
+from safestage_eval.run.scores import Scores
+
+from .audit import Audit, audit_campaign
+from .audit_check import Check, choose
+from .audit_episode import check_subject
+from .campaign_summary import Campaign, Summary, summarize
+from .diagnosis import Diagnosis
+from .finding import Finding, Place
+from .subject import Subject
+
+TOLD = ("AUD155", "AUD156")
+"""Cheap checks that are left out: what was not loaded is told by scoring itself."""
+
+
+class _Judged(Subject):
+    """An episode that was judged: what was read of it does not contradict itself."""
+
+    readable = True
+
+    @cached_property
+    def broken(self) -> list[TraceError]:
+        """Nothing: else it would be a problem."""
+        return []
+
+    @cached_property
+    def diagnosis(self) -> Diagnosis:
+        """Nothing to be explained."""
+        return Diagnosis()
+
+
+@lru_cache(maxsize=1)
+def _cheap() -> tuple[Check, ...]:
+    return tuple(check for check in choose(ignore=TOLD) if check.cheap)
+
+
+def look(episode: Episode, rules: RuleSet, bind: BindFile | None = None) -> dict[str, Any]:
+    """What the cheap checks need and find in an episode that was just judged, as JSON values.
+
+    Returns:
+        ``findings``, and the ``summary`` for the checks of an evaluation.
+    """
+    subject = _Judged(episode, rules, bind)
+    found = check_subject(subject, _cheap(), str(episode.path or ""))
+    summary = dict(vars(summarize(subject, goal=False)))
+    del summary["waypoints"], summary["goal"]
+    return {"findings": [finding.to_json() for finding in found], "summary": summary}
+
+
+def audit_scores(scores: Scores) -> Audit | None:
+    """What was found in the episodes of a run, and in the evaluation that they make.
+
+    None where no episode was looked at.
+    """
+    findings: list[Finding] = []
+    summaries: list[Summary] = []
+    for result in scores.results:
+        if result.audit is not None:
+            findings += map(_finding, result.audit["findings"])
+            told = {**result.audit["summary"], "content_hash": result.trace_hash}
+            told["start"] = tuple((name, tuple(pose)) for name, pose in told["start"])
+            summaries.append(Summary(**{**told, "targets": tuple(told["targets"])}))
+    if not summaries:
+        return None
+    campaign = Campaign(summaries, len(scores.problems), scores.aborted)
+    findings += audit_campaign(campaign, _cheap())
+    codes = tuple(check.code for check in _cheap())
+    return Audit(tuple(findings), len(summaries), scores.problems, scores.aborted, codes)
+
+
+def _finding(told: dict[str, Any]) -> Finding:
+    given = {**told, "episodes": tuple(told["episodes"]), "bodies": tuple(told["bodies"])}
+    place = Place(*(given.pop(name) for name in ("episode", "path", "bodies", "field", "time")))
+    return Finding(place=place, **given)
+
+
+def in_one_line(audit: Audit, traces: str) -> str:
+    """How much was found and how to see it; empty where there are but notes."""
+    graver = [f for f in audit.findings if f.severity != "note"]
+    if not graver:
+        return ""
+    counts = ", ".join(_counts(audit))
+    bad = {f.place.episode for f in graver if f.place.episode}
+    bad |= {episode for f in graver for episode in f.episodes}
+    where = f" in {len(bad)} of {audit.episodes} episodes" if bad else ""
+    return f"audit: {counts}{where}; safestage audit {traces} shows them"
+
+
+def _counts(audit: Audit) -> Iterator[str]:
+    for severity, count in audit.counts.items():
+        if count and severity != "note":
+            yield f"{count} {severity}{'s' * (count > 1)}"
