@@ -42,7 +42,7 @@ def power_of(n: int, m: int, first: float, second: float) -> float:
 def _binomial(n: int, rate: float) -> NDArray[np.float64]:
     """(n + 1,) how probable each number of successes is."""
     if rate in (0.0, 1.0):
-        return np.eye(n + 1)[round(rate * n)]
+        return np.asarray(np.eye(n + 1)[round(rate * n)], np.float64)
     k = np.arange(n + 1)
     logs = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, n + 1)))])  # of factorials
     log = logs[n] - logs[k] - logs[n - k] + k * np.log(rate) + (n - k) * np.log1p(-rate)
