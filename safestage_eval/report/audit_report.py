@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
+import safestage_eval.audit.checks  # noqa: F401 (declares the checks)
 from safestage_eval._text.printable import printable
 from safestage_eval.audit import CHECKS, Audit, Check, Finding
 from safestage_eval.audit.finding import SEVERITIES
@@ -150,7 +151,8 @@ def _json(audit: Audit) -> str:
 
 def _sentence(finding: Finding) -> str:
     parts = [finding.what, finding.cause and f"Likely: {finding.cause}", f"Fix: {finding.fix}"]
-    return " ".join(part if part.endswith((".", "?")) else f"{part}." for part in parts if part)
+    ended = (part if part.endswith((".", "?")) else f"{part}." for part in parts if part)
+    return printable(" ".join(ended))
 
 
 def _junit(audit: Audit) -> str:
@@ -177,8 +179,12 @@ def _junit(audit: Audit) -> str:
 def _github(audit: Audit) -> str:
     level = {"error": "error", "warning": "warning", "note": "notice"}
     lines = [
-        github_line(level[f.severity], f"{f.code} {f.place.episode}".strip(), _sentence(f))
+        github_line(
+            level[f.severity], f"{f.code} {printable(f.place.episode)}".strip(), _sentence(f)
+        )
         for f in audit.findings
     ]
-    lines += [github_line("error", "unreadable trace", p.message) for p in audit.problems]
+    lines += [
+        github_line("error", "unreadable trace", printable(p.message)) for p in audit.problems
+    ]
     return "".join(line + "\n" for line in lines)
