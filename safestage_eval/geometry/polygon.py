@@ -89,27 +89,36 @@ def contains(polygons: list[F64], points: F64) -> Bool:
     return inside
 
 
+def clip(subject: F64, window: F64, slack: float = 0.0) -> F64:
+    """(N, 2) the part of a convex polygon, segment or point in a window of at least three corners.
+
+    Sutherland & Hodgman 1974. Corners less than ``slack`` (m) outside count as inside; corners may
+    occur twice.
+    """
+    part = subject
+    for normal, corner in zip(outward(window), window, strict=True):
+        beyond = (part - corner) @ normal
+        out = beyond > slack
+        if out.any():
+            following, later = np.roll(part, -1, 0), np.roll(beyond, -1)
+            cut = out != np.roll(out, -1)
+            share = beyond[cut] / (beyond[cut] - later[cut])
+            corners = part[cut] + share[:, None] * (following[cut] - part[cut])
+            order = np.argsort(np.concatenate([np.flatnonzero(~out), np.flatnonzero(cut) + 0.5]))
+            part = np.concatenate([part[~out], corners])[order]
+    return part
+
+
 def overlap(first: F64, second: F64) -> F64:
-    """(N, 2) corners of what two polygons share, N = 0 if it has no area. Sutherland & Hodgman 1974.
+    """(N, 2) corners of what two polygons share, N = 0 if it has no area.
 
     Both have at least three corners; with fewer there is no area.
     """
     if len(first) < 3 or len(second) < 3:
         return np.empty((0, 2))
-    part = first
-    for normal, corner in zip(outward(second), second, strict=True):
-        beyond = (part - corner) @ normal
-        if (beyond > 0).any():
-            following, later = np.roll(part, -1, 0), np.roll(beyond, -1)
-            cut = (beyond > 0) != (later > 0)
-            share = beyond[cut] / (beyond[cut] - later[cut])
-            corners = part[cut] + share[:, None] * (following[cut] - part[cut])
-            order = np.argsort(
-                np.concatenate([np.flatnonzero(beyond <= 0), np.flatnonzero(cut) + 0.5])
-            )
-            part = np.concatenate([part[beyond <= 0], corners])[order]
-        if len(part) < 3:
-            return np.empty((0, 2))
+    part = clip(first, second)
+    if len(part) < 3:
+        return np.empty((0, 2))
     hull = convex_hull(part)
     return hull if len(hull) >= 3 and union_area([hull]) > COINCIDENT**2 else np.empty((0, 2))
 

@@ -62,8 +62,8 @@ class Monitor:
 
     At any time a rule counts as violated exactly if the evaluator says so of the trace up to now,
     as one that was cut off: whatever comes later, it stays violated. So a rule that looks only at
-    the past is told as soon as its states are known (``watched`` says how much later that may be),
-    and one that needs the future is told when its window has been recorded (``awaited``).
+    the past is reported as soon as its states are known (``watched`` says how much later that may be),
+    and one that needs the future is reported when its window has been recorded (``awaited``).
 
     Attributes:
         watched: code → how far ahead each causal rule looks.

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from safestage_eval.geometry.polygon import convex_hull, outward
+from safestage_eval.geometry.polygon import clip, convex_hull, outward
 
 from .paths import GRAVITY
 from .solids import Pose, Solid, level_at
@@ -170,23 +170,10 @@ class Resting:
 
 def _clipped(subject: F64, window: F64) -> F64:
     """(N, 2) the part of a convex polygon, segment or point in a convex window."""
-    out, normals = subject, outward(window)
-    if (subject @ normals.T <= (normals * window).sum(1) + 1e-9).all():
+    if ((subject @ outward(window).T) <= (outward(window) * window).sum(1) + 1e-9).all():
         return subject
-    for normal, corner in zip(normals, window, strict=True):
-        if not len(out):
-            break
-        beyond = (out - corner) @ normal
-        kept = []
-        for i, point in enumerate(out):
-            before = i - 1
-            if (beyond[i] > 1e-9) != (beyond[before] > 1e-9):
-                share = beyond[before] / (beyond[before] - beyond[i])
-                kept.append(out[before] + share * (point - out[before]))
-            if beyond[i] <= 1e-9:
-                kept.append(point)
-        out = np.array(kept).reshape(-1, 2)
-    return convex_hull(np.unique(out.round(9), axis=0)) if len(out) else out
+    part = clip(subject, window, 1e-9)
+    return convex_hull(np.unique(part.round(9), axis=0)) if len(part) else part
 
 
 def _corners(polygon: F64) -> F64:
