@@ -255,7 +255,12 @@ def _wrap(points: F64, size: float, corners: I64, planes: F64) -> int:
     start = np.zeros(4, np.int64)
     widest = 0.0
     for x in range(3):
-        low, high = points[:, x].argmin(), points[:, x].argmax()
+        low = high = 0  # argmin would import SciPy's linear algebra when the kernel is loaded
+        for n in range(count):
+            if points[n, x] < points[low, x]:
+                low = n
+            if points[n, x] > points[high, x]:
+                high = n
         if points[high, x] - points[low, x] > widest:
             widest = points[high, x] - points[low, x]
             start[0], start[1] = low, high
