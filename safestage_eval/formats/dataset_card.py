@@ -44,7 +44,7 @@ def dataset_card(
         lines += [f"- config_name: {name}", f"  data_files: {_quoted(paths[name])}"]
         if name == "episodes":
             lines.append("  default: true")
-    lines += ["---", "", f"# {title}", "", *_what(refs), ""]
+    lines += ["---", "", f"# {title}", "", *_counts(refs), ""]
     if not licence:
         lines += ["No licence was stated when this dataset was packed.", ""]
     lines += ["| table | holds |", "|---|---|"]
@@ -52,7 +52,7 @@ def dataset_card(
     return "\n".join([*lines, "", *_HOW_TO_READ, ""])
 
 
-def _what(refs: Sequence[EpisodeRef]) -> list[str]:
+def _counts(refs: Sequence[EpisodeRef]) -> list[str]:
     """Counts, so that a reader knows what is in here before downloading it."""
     tasks = {ref.fields.get("task") for ref in refs} - {None, ""}
     seconds = sum(

@@ -39,7 +39,7 @@ def inside_dataset(folder: Path, place: str, name: object, where: str) -> Path:
         folder: of the dataset.
         place: the folder in there.
         name: of the file; it may not hold folders.
-        where: what messages say.
+        where: place that messages name.
 
     Raises:
         TraceError: the name leads elsewhere, or the file is a link to outside of the dataset.

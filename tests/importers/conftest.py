@@ -8,8 +8,8 @@ from safestage_eval.importers.read_source import Here
 
 @pytest.fixture(autouse=True)
 def in_this_process(request, monkeypatch):
-    """Unless several are asked for; ``test_import_limits`` tries what processes are there for."""
-    if request.module.__name__ != "test_import_limits":
+    """Unless several are asked for; ``test_read_source`` tries what processes are there for."""
+    if request.module.__name__ != "test_read_source":
         apart = import_source.Apart
         monkeypatch.setattr(
             import_source,

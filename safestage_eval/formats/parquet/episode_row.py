@@ -64,8 +64,8 @@ def from_row(
     Args:
         row: of ``meta/episodes``.
         geometry: rows of ``geometry``.
-        where: what messages say.
-        bodies: what the row and the geometry say of them, if that is known.
+        where: place that messages name.
+        bodies: those of the row and the geometry, if they are known.
 
     Raises:
         TraceError: text that is not JSON, a geom of an unknown body, or values a header refuses.
