@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import Option, signal
 from safestage_eval.evidence.gaps import POSE, TWIST, around
-from safestage_eval.evidence.motion import derived
 from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:
@@ -99,6 +98,8 @@ def _beside(relations: Relations, a: str, at: I64) -> tuple[dict[str, Bool], Boo
     Returns each with (N,) true where it stays where it is; and (N,) true where the pose of one is
     not known. Neither the robot nor what it holds, what rests on the body or is a part of it.
     """
+    from safestage_eval.evidence.motion import derived
+
     episode, graph, found = relations.episode, relations.graph, {}
     lost, own = np.zeros(len(at), np.bool_), graph.assemblies.of(episode.body_index[a])
     for i, body in enumerate(episode.header.bodies):

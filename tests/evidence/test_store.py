@@ -33,9 +33,8 @@ def test_what_is_known_is_not_measured_again():
         measured.append(near)
         return exact([1.0, 2.0], "length")
 
-    assert store.known(QUERY) is None
     first = store.series(QUERY, measure)
-    assert store.series(QUERY, measure) is first is store.known(QUERY)
+    assert store.series(QUERY, measure) is first
     assert store.series(QUERY._replace(cap=0.1), measure) is not first
     assert measured == [None, None]
 

@@ -60,7 +60,7 @@ def test_nothing_of_the_verdict_nor_of_the_policy_is_told(traces, server, monkey
 
 
 def test_what_is_told_is_the_same_whatever_the_results_say(traces, tmp_path):
-    from safestage_eval.cli.label_command import _found
+    from safestage_eval.cli.label_command import _episodes
 
     told = []
     for verdict in ("pass", "violation"):
@@ -70,7 +70,7 @@ def test_what_is_told_is_the_same_whatever_the_results_say(traces, tmp_path):
             {"episode_id": name, "verdict": verdict, "violation": verdict != "pass"} for name in ids
         ]
         results.write_text("\n".join(map(json.dumps, rows)))
-        refs = _found([str(traces)], (), [results])
+        refs = _episodes([str(traces)], (), [results])
         assert [ref.episode_id for ref in refs] == ids
         found = session(traces, tmp_path / f"{verdict}.csv")
         found.refs = refs

@@ -209,6 +209,7 @@ def test_pairs_are_seen_the_same_from_both_sides() -> None:
 def test_a_gripper_without_named_fingers_holds_nobody_knows_what() -> None:
     scene = Scene(2).fixed("table").box("a", 0.05, (0, 0, 0.05))
     scene.box("hand", 0.02, (0, 0, 0.12), kind="gripper")
+    scene.rests("a", "table", 0.05, (0, 0, 0), G)
     found = relations(scene)
     assert found.get("held", ("a",)) is None
     assert found.get("carried", ("a",)) is None
