@@ -241,11 +241,13 @@ def _contacts(
     after[len(held) - int(np.argmax(held[::-1])) :] = True
     blocks: list[tuple[np.ndarray, Any]] = []
 
-    def touch(by: str, on: str, where: np.ndarray, points: int, down: float, grip: F64) -> None:
-        """``by`` carries ``on`` with its points spread over a circle; grip N, horizontal."""
+    def touch(
+        by: str, on: str, where: np.ndarray, points: int, down: float, grip: F64, load: float = 1.0
+    ) -> None:
+        """``by`` bears ``load`` objects' weight of ``on``, spread over a circle; grip N, horizontal."""
         rows = np.flatnonzero(where)
         position = paths[on][0][rows]
-        weight = 0.2 * G / points
+        weight = load * 0.2 * G / points
         for k in range(points):
             block = np.zeros(len(rows), POINT)
             angle = 2 * np.pi * (k + 0.5) / points
@@ -266,7 +268,12 @@ def _contacts(
             touch("plate", "upper", after, points, BOX, none)
             for finger, side in (("left_finger", -1.0), ("right_finger", 1.0)):
                 pads = max(1, points // 4)
-                touch(finger, "upper", held, pads, 0.0, np.array([0.0, 20 * side / pads, 0.0]))
+                grip = np.array([0.0, 20 * side / pads, 0.0])
+                touch(finger, "upper", held, pads, 0.0, grip, load=0.5)
+        elif body.name in ("lower", "plate"):  # with the upper box on it, and without
+            loaded = after if body.name == "plate" else ~held & ~after
+            for where, load in ((~loaded, 1.0), (loaded, 2.0)):
+                touch("table", body.name, where, points, float(position[2]), none, load)
         else:
             touch("table", body.name, always, points, float(position[2]), none)
     rows = np.concatenate([block[0] for block in blocks])
