@@ -118,7 +118,8 @@ def make(stage: str, size: Size = Size(), seed: int = 0) -> TraceWriter:
     poses, twists = motion.tracks([paths[name] for name in movable])
     points, counts = _contacts(writer.header, paths, standing, held, rng)
     ends = np.cumsum(counts)
-    joints = np.sin(t[:, None] * np.linspace(0.1, 0.3, 7))
+    rates = np.linspace(0.1, 0.3, 7)  # rad/s
+    joints, joint_rates = np.sin(t[:, None] * rates), rates * np.cos(t[:, None] * rates)
     for n, time in enumerate(t.tolist()):
         writer.add_frame(
             time,
@@ -126,7 +127,7 @@ def make(stage: str, size: Size = Size(), seed: int = 0) -> TraceWriter:
             twists[n],
             contacts=points[ends[n] - counts[n] : ends[n]],
             joint_position=joints[n],
-            joint_velocity=joints[n] / 10,
+            joint_velocity=joint_rates[n],
             joint_torque=10 * joints[n],
             action=np.append(joints[n - n % 8], opening[n] < 0.5),
             gripper=opening[n],
