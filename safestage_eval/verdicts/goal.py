@@ -83,10 +83,18 @@ def _first_success(
 
 
 def goal_over_time(
-    evaluator: Evaluator, goal: ast.GoalDef, players: Mapping[str, Sequence[str]]
+    evaluator: Evaluator,
+    goal: ast.GoalDef,
+    players: Mapping[str, Sequence[str]],
+    wanted: Bool | None = None,
 ) -> tuple[Bool, Bool]:
-    """(T,) where the goal is certainly confirmed, and where it may be; arguments as ``first_success``."""
-    margins = _margins(evaluator, goal, players, np.ones(evaluator.frames, np.bool_))
+    """(T,) where the goal is certainly confirmed, and where it may be; arguments as ``first_success``.
+
+    ``wanted``: (T,) frames to be looked at, None: all. What comes back means nothing in the others,
+    nor where a confirmation would begin in one of them.
+    """
+    every = np.ones(evaluator.frames, np.bool_)
+    margins = _margins(evaluator, goal, players, every if wanted is None else wanted)
     if margins is None:
         return np.zeros(evaluator.frames, np.bool_), np.ones(evaluator.frames, np.bool_)
     return _confirmed(evaluator, goal, margins.lower), _confirmed(evaluator, goal, margins.upper)

@@ -178,9 +178,11 @@ class _StoredEpisode:
         self.frames_table = self.table("frames")
         t = self.time()
         if self.checked:
-            self.demand(list(check_header(header, self.where, shapes=scene is None)))
+            known = scene is not None and scene.sound
+            self.demand(list(check_header(header, self.where, shapes=not known)))
             self.demand(check_time(t, self.where))
-        scene = scene or make_scene(text, shapes, header, sound=self.checked)
+        if scene is None or scene.sound < self.checked:
+            scene = make_scene(text, shapes, header, sound=self.checked)
         self.body_index = scene.places
         self.bodies_table = self.table("bodies")
         meshes = scene.meshes

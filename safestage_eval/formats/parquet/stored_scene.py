@@ -26,7 +26,7 @@ class Scene(NamedTuple):
         places: name → index among them.
         owner: (G,) index of each geom's body.
         meshes: keys of the meshes that geoms have, each once.
-        sound: they were checked, and nothing was wrong with them.
+        sound: they were checked, and nothing was wrong with them; else nobody looked yet.
     """
 
     text: str | None
@@ -51,10 +51,9 @@ def find_scene(text: str | None, shapes: pa.Table) -> Scene | None:
 
 
 def make_scene(text: str | None, shapes: pa.Table, header: Header, *, sound: bool) -> Scene:
-    """Make the scene of a header; it is kept if it is sound."""
+    """Make the scene of a header, and keep it. ``sound``: as in ``Scene``."""
     index = {body.name: i for i, body in enumerate(header.bodies)}
     owner = GeomNames(header).owner
     scene = Scene(text, shapes, header.bodies, index, owner, mesh_keys(header), sound)
-    if sound:
-        _SCENES[:] = [scene, *_SCENES[: _KEPT - 1]]
+    _SCENES[:] = [scene, *(other for other in _SCENES if other.bodies is not scene.bodies)][:_KEPT]
     return scene
