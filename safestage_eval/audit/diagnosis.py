@@ -47,9 +47,6 @@ class Diagnosis:
 
 _ALL_SEEN = np.zeros(0, np.bool_)
 
-_LATEST: list[Repair] = []
-"""Repairs that mended recordings lately: the recordings of a campaign have the same defect."""
-
 
 def diagnose(episode: Episode, found: Sequence[ContradictionError]) -> Diagnosis:
     """Look for the repair after which the recording no longer contradicts itself.
@@ -72,11 +69,7 @@ def diagnose(episode: Episode, found: Sequence[ContradictionError]) -> Diagnosis
         best = len(left), rest, Diagnosis(repair, names, first, len(found) - len(left), tuple(left))
         if not left and rest < FITS:
             break
-    if best is None or best[2].repair is None:
-        return Diagnosis(left=tuple(found))
-    mended_by = best[2].repair
-    _LATEST[:] = [mended_by, *(known for known in _LATEST if known is not mended_by)][:3]
-    return best[2]
+    return Diagnosis(left=tuple(found)) if best is None else best[2]
 
 
 class _Only(Whole):
@@ -121,7 +114,7 @@ def _candidates(
 ) -> Iterator[tuple[Repair, tuple[str, ...]]]:
     """Repairs that the contradictions speak for, of some bodies or (empty) of all."""
     kinds = {error.kind for error in found}
-    likely = [repair for repair in dict.fromkeys((*_LATEST, *REPAIRS)) if kinds & repair.kinds]
+    likely = [repair for repair in REPAIRS if kinds & repair.kinds]
     alone = len(named) <= 1 or (bool(named) and named.most_common(1)[0][1] == len(found))
     several: list[tuple[Repair, tuple[str, ...]]] = [(repair, ()) for repair in likely]
     single = [(repair, (name,)) for name in suspects for repair in likely if not repair.whole]

@@ -69,3 +69,10 @@ def test_there_are_enough_kinds():
 
 def test_recordings_that_are_sound_have_no_finding():
     assert not [f for f in audit(TRACES, select=["AUD1", "AUD2"]).findings if f.severity in GRAVE]
+
+
+def test_the_cause_does_not_depend_on_what_was_audited_before(rules):
+    names = [name for name, one in RECORDING.items() if one.cause][:12]
+    there = {name: found(RECORDING[name], name, rules) for name in names}
+    back = {name: found(RECORDING[name], name, rules) for name in reversed(names)}
+    assert there == back
