@@ -92,8 +92,11 @@ class _Only(Whole):
 
 
 def _residual(episode: Episode, names: Iterable[str]) -> float:
-    """The largest share of the motion of some bodies by which poses and velocities differ."""
-    rest, out = 0.0, np.empty(5)
+    """The largest share of the motion of some bodies by which poses and velocities differ.
+
+    ``FITS`` where there is too little motion to tell: other units make any motion small.
+    """
+    rest, moved, out = 0.0, False, np.empty(5)
     for name in names:
         track = episode.tracks[name]
         for pose, rate in PAIRS if len(track) > 1 else ():
@@ -105,8 +108,9 @@ def _residual(episode: Episode, names: Iterable[str]) -> float:
             )
             by_pose, by_velocity, apart = np.sqrt(out[:3])
             most = max(by_pose, by_velocity)
-            rest = max(rest, apart / most if most > LEAST[pose] else 0.0)
-    return float(rest)
+            if most > LEAST[pose]:
+                rest, moved = max(rest, apart / most), True
+    return float(rest) if moved else FITS
 
 
 def _candidates(

@@ -19,7 +19,7 @@ HELP = {
     "explain": "Say why an episode got its verdicts, one sentence per finding.",
     "view": "Show one episode in 3-D, with signals, limits and findings.",
     "audit": "Say whether recordings, scenes and the evaluation are sound.",
-    "validate": "Check trace files, and list everything that is wrong with them.",
+    "validate": "Check trace files: are they whole, and as they were written?",
     "convert": "Copy an episode into another format, losslessly.",
     "pack": "Merge episodes into few large files, ready to be published.",
     "import": "Import other people's recordings, and report what they lack.",

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 def command(
     ctx: click.Context, traces: tuple[str, ...], rules: tuple[str, ...], bind: Path | None
 ) -> None:
-    """Check trace files, and list everything that is wrong with them.
+    """Check trace files: are they whole, and as they were written?
 
-    Reads every column: format, units that can be checked, unit quaternions, increasing time,
-    contacts that name bodies, stored hashes; then what a trace says twice: velocities and poses,
-    contacts and shapes, forces and weights. Exit code 2 if anything is wrong. Warns where no header
-    or bind file names the bodies that an assigned rule is about.
+    Reads every column: format, finite numbers, unit quaternions, increasing time, contacts that
+    name bodies, stored hashes, ids that two episodes share. Exit code 2 if anything is wrong. Warns
+    where no header or bind file names the bodies that an assigned rule is about.
 
-    This is about files. safestage audit says what is wrong with what was recorded, and why.
+    Use it after copying or converting. Whether what was recorded can be true (units, velocities
+    against poses, contacts, forces) and what it proves is for: safestage audit.
 
     \b
     Example:
@@ -44,7 +44,7 @@ def command(
     first: dict[str, Any] = {}
     with progress("checking") as tell:
         for done, ref in enumerate(refs, 1):
-            problems = [str(error) for error in validate_episode(ref, compare=True)]
+            problems = [str(error) for error in validate_episode(ref)]
             same = first.setdefault(ref.episode_id or ref.shown, ref)
             if same is not ref and same.content_hash != ref.content_hash:
                 problems.append(f"{ref.shown}: another episode has this id as well: {same.shown}")

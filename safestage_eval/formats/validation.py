@@ -7,29 +7,24 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from safestage_eval.episode import check
-from safestage_eval.episode.contradictions import contradictions
 from safestage_eval.errors import TraceError
 
 from .discover import discover
 from .episode_ref import EpisodeRef
 
 
-def validate(
-    paths: str | Path | Iterable[str | Path], *, compare: bool = False
-) -> list[TraceError]:
+def validate(paths: str | Path | Iterable[str | Path]) -> list[TraceError]:
     """Read every episode under the paths whole and list what is broken; empty when all are sound.
 
     Beyond the checks made on loading, all columns are read, the content is compared with the
-    stored hash, and episode ids must not repeat.
-
-    ``compare``: also list where what a trace says of bodies, motion and contacts cannot all be true
-    (``contradictions``).
+    stored hash, and episode ids must not repeat. Whether what was recorded can be true is for
+    ``safestage_eval.audit``.
     """
     try:
         refs = discover(paths)
     except TraceError as error:
         return [error]
-    errors = [error for ref in refs for error in validate_episode(ref, compare=compare)]
+    errors = [error for ref in refs for error in validate_episode(ref)]
     ids = Counter(ref.episode_id for ref in refs if ref.episode_id)
     return errors + [
         TraceError(name, f"{count} episodes have this id", fix="give each episode its own id")
@@ -38,13 +33,11 @@ def validate(
     ]
 
 
-def validate_episode(ref: EpisodeRef, *, compare: bool = False) -> list[TraceError]:
-    """List the problems of one stored episode; ``compare`` as in ``validate``."""
+def validate_episode(ref: EpisodeRef) -> list[TraceError]:
+    """List the problems of one stored episode, as ``validate`` does."""
     try:
         episode = ref.open(checked=False)
         errors = check(episode)
-        if compare and not errors:
-            errors = [*contradictions(episode)]
         if not errors and ref.content_hash not in (None, episode.content_hash):
             errors.append(
                 TraceError(

@@ -10,6 +10,8 @@ from seeded_defects import RECORDING, TRACES, sound
 from safestage_eval.audit import audit, choose
 from safestage_eval.audit.audit_episode import check_subject
 from safestage_eval.audit.subject import Subject
+from safestage_eval.episode import Body, Geom, Header
+from safestage_eval.formats import TraceWriter, load
 from safestage_eval.rules import builtin_names, load_rules
 
 CHECKED = [one for one in choose() if one.over == "episode"]
@@ -76,3 +78,34 @@ def test_the_cause_does_not_depend_on_what_was_audited_before(rules):
     there = {name: found(RECORDING[name], name, rules) for name in names}
     back = {name: found(RECORDING[name], name, rules) for name in reversed(names)}
     assert there == back
+
+
+def written(tmp_path, orientation=(1, 0, 0, 0), speed=0.2):
+    """A cube that is pushed over a table, as README writes it."""
+    header = Header(episode_id="mine", physics_dt=0.01, frame_dt=0.01, roles={"target": ("cube",)},
+                    success=True, success_time=1.0)  # fmt: skip
+    with TraceWriter(header, path=tmp_path / "mine.mcap") as writer:
+        top, side = (Geom(kind="box", size=s) for s in ((0.3, 0.3, 0.02), (0.03, 0.03, 0.03)))
+        table = Body(name="table", kind="fixture", movable=False, geoms=(top,))
+        writer.add_body(table, (0, 0, -0.02))
+        writer.add_body(Body(name="cube", kind="object", mass=0.2, geoms=(side,)))
+        for frame in range(650):
+            t = frame * 0.01
+            pose = ((0.2 * min(t, 1), 0, 0.03), orientation)
+            writer.add_frame(t, {"cube": pose}, {"cube": ((speed * (t < 1), 0, 0), (0, 0, 0))})
+    return load(tmp_path / "mine.mcap", checked=False)
+
+
+@pytest.mark.parametrize(
+    ("changes", "code", "cause"),
+    [
+        ({}, None, ""),
+        ({"orientation": (0, 0, 0, 1)}, "AUD111", "x, y, z, w"),
+        ({"speed": 20.0}, "AUD115", "cm/s"),
+    ],
+)
+def test_a_recording_without_a_robot(rules, tmp_path, changes, code, cause):
+    findings = check_subject(Subject(written(tmp_path, **changes), rules), CHECKED)
+    grave = [f for f in findings if f.severity in GRAVE]
+    assert [f.code for f in grave] == ([code] if code else [])
+    assert all(cause in f.cause for f in grave)

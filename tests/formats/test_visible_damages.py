@@ -224,9 +224,10 @@ def test_what_a_trace_shows_to_be_wrong_is_never_called_safe(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", UNREAD)
-def test_what_no_verdict_rests_on_is_listed_by_validate(tmp_path, name):
+def test_what_no_verdict_rests_on_is_found_where_all_is_read(tmp_path, name):
     recording, damage, words = UNREAD[name]
-    found = validate_episode(damaged(tmp_path, recording, damage), compare=True)
+    ref = damaged(tmp_path, recording, damage)
+    found = validate_episode(ref) or [*contradictions(ref.open(checked=False))]
     assert any(words in str(error) for error in found), found
 
 

@@ -90,7 +90,7 @@ def quaternion_order(subject: Subject) -> Iterator[Defect]:
     """Compares orientations with angular velocities and contacts, and counts bodies at (0, 0, 0, ±1).
 
     In the order x, y, z, w that is a body that is not turned; as w, x, y, z it is one turned by
-    exactly 180° about z, which two bodies of a scene rarely are.
+    exactly 180° about z, which two bodies of a scene rarely are, nor the only one that can move.
     """
     yield from subject.explained("AUD111")
     if subject.diagnosis.repair is not None or not subject.readable:
@@ -102,6 +102,17 @@ def quaternion_order(subject: Subject) -> Iterator[Defect]:
     }
     last = [name for name, q in first.items() if abs(q[3]) > 1 - 1e-6]
     upright = [name for name, q in first.items() if abs(q[0]) > 1 - 1e-6]
+    [alone] = moving if len(moving := [b.name for b in subject.objects]) == 1 else [""]
+    if alone in last and (abs(subject.track(alone).orientation) == (0, 0, 0, 1)).all():
+        yield Defect(
+            f"{alone!r} is at exactly (0, 0, 0, 1): as w, x, y, z that is half a turn about z.",
+            "write quaternions as w, x, y, z; a body that is not turned is at (1, 0, 0, 0)",
+            "quaternions are stored as x, y, z, w",
+            bodies=(alone,),
+            field="bodies.orientation",
+            severity="warning",
+        )
+        return
     if len(last) < 2 or upright:
         return
     yield Defect(

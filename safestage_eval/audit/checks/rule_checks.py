@@ -33,7 +33,6 @@ REMEDIES = (
     ("joints", "record the joints"),
     ("the opening", "record the opening of the gripper"),
     ("a channel", "record this channel"),
-    ("bodies of the robot", "record the bodies of the robot"),
 )
 """How what is missing begins → what to do about it."""
 
@@ -89,7 +88,6 @@ def missing_for(subject: Subject, rule: ast.Scoped) -> list[str]:
     players = binding.players(rule, header)
     named = [subject.episode.bodies[p] for who in players.values() for p in who
              if p in subject.episode.bodies]  # fmt: skip
-    robot = [b for b in header.bodies if b.kind in ("robot", "gripper") and b.movable]
     forces = header.force_source != "none" and len(subject.episode.contacts) > 0
     lacking = []
     if not forces and _needs_forces(_Known(subject.rules), rule.code):
@@ -110,8 +108,6 @@ def missing_for(subject: Subject, rule: ast.Scoped) -> list[str]:
         lacking.append("joints")
     if "gripper" in uses.needs and not subject.episode.frames.gripper.shape[1]:
         lacking.append("the opening of the gripper")
-    if not robot and any(relation in ("held", "carried", "caused") for relation in uses.relations):
-        lacking.append("bodies of the robot")
     if header.success is None and binding.goal is None and _asks_success(subject.rules, rule):
         lacking.append(SUCCESS)
     return lacking

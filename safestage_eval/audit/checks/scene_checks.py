@@ -64,7 +64,7 @@ def penetrating(subject: Subject) -> Iterator[Defect]:
             yield Defect(
                 f"{a.name!r} and {b.name!r} overlap by {1000 * depth:.0f} mm at the first frame.",
                 "place them apart, and let the scene settle before recording",
-                "a pose that was drawn at random, or of another size of the object",
+                "a pose that was drawn at random, of another size of the object, or with y up",
                 bodies=(a.name, b.name),
                 field="bodies.position",
                 time=float(subject.episode.t[0]),
@@ -224,9 +224,12 @@ def out_of_reach(subject: Subject) -> Iterator[Defect]:
     unless=("AUD201", "AUD202", "AUD203", "AUD204"),
 )
 def restless(subject: Subject) -> Iterator[Defect]:
-    """Looks for objects that move by 1 cm, or faster than 5 cm/s, before the robot touches anything."""
+    """Looks for objects that move by 1 cm, or faster than 5 cm/s, before the robot touches anything.
+
+    Without a recorded robot nobody can tell who moves them.
+    """
     start = start_of(subject)
-    if start is None:
+    if start is None or not start.robot:
         return
     for body in start.moved:
         place = start.position(body.name)
