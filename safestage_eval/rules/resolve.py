@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Any
@@ -40,6 +41,7 @@ class Binding:
             comes from (``trace header``, ``bind file``, ``rule file``, ``family NAME``,
             ``command line``, ``--set``; ``BY_ROLES`` for rules that no source assigns).
         notes: what was asked for and could not be found.
+        untagged: warnings about roles whose bodies lack the tag that rules ask for.
     """
 
     roles: Mapping[str, tuple[str, ...]]
@@ -50,6 +52,7 @@ class Binding:
     notes: tuple[str, ...]
     _rules: ast.RuleSet = field(repr=False)
     _values: Mapping[str, ast.Setting] = field(repr=False)
+    untagged: tuple[str, ...] = ()
 
     def params(self, rule: ast.Scoped | None) -> dict[str, ast.Setting]:
         """Parameter values for a rule (None: for the goal), all sources applied in order."""
@@ -146,20 +149,22 @@ class Binding:
         )
 
     def warnings(self) -> list[str]:
-        """Warnings about roles of assigned rules that nothing binds, and of misspelt roles."""
+        """Warnings about roles that nothing binds, that are misspelt, or whose bodies lack the tag."""
         scoped = self._rules.scoped
         if self.provenance.get("rules", BY_ROLES) == BY_ROLES:
             unbound = {role for rule in scoped.values() for role in self.unbound(rule)}
-            return [
+            found = [
                 f'{self.provenance[f"roles.{wrong}"]} has a role "{wrong}", did you mean "{role}"?'
                 for role in sorted(unbound)
                 if (wrong := self.misnamed(role))
             ]
-        return [
-            self.binds_none(code, missing)
-            for code in self.assigned
-            if code in scoped and (missing := self.unbound(scoped[code]))
-        ]
+        else:
+            found = [
+                self.binds_none(code, missing)
+                for code in self.assigned
+                if code in scoped and (missing := self.unbound(scoped[code]))
+            ]
+        return [*found, *self.untagged]
 
     def goal_players(self) -> dict[str, tuple[str, ...]]:
         """Role of the goal → bodies."""
@@ -241,10 +246,29 @@ def bind_episode(
     provenance.update({f"param.{name}": "--set" for name in chosen})
     binding = Binding(roles, assigned, found, family, provenance, notes, rules, values)
     if assigned:
-        return binding
+        return replace(binding, untagged=tuple(_untagged(binding, assigned, header)))
     playable = tuple(code for code, rule in rules.scoped.items() if binding.playable(rule, header))
     sources = {**provenance, "rules": BY_ROLES} if playable else provenance
-    return replace(binding, assigned=playable, provenance=sources)
+    untagged = tuple(_untagged(binding, rules.scoped, header))
+    return replace(binding, assigned=playable, provenance=sources, untagged=untagged)
+
+
+def _untagged(binding: Binding, codes: Iterable[str], header: Header) -> Iterator[str]:
+    """Notes about roles that are bound to bodies of which none has the tag that rules ask for."""
+    scoped, asked = binding.rules.scoped, defaultdict[tuple[str, str], list[str]](list)
+    for code in codes:
+        rule = scoped.get(code)
+        players = binding.players(rule, header) if rule else {}
+        for name, spec in rule.roles if rule else ():
+            if spec.tag and binding.roles.get(name) and not players[name]:
+                asked[name, spec.tag].append(code)
+    for (role, tag), asking in sorted(asked.items()):
+        bodies = ", ".join(map(repr, binding.roles[role]))
+        yield (
+            f"{binding.provenance[f'roles.{role}']} binds role {role} to {bodies}, not tagged "
+            f'"{tag}": {", ".join(asking)} cannot use it. Add tags = ["{tag}"] to the body, in the '
+            f"trace or under [body.NAME] in a --bind file"
+        )
 
 
 def parse_settings(settings: Sequence[str]) -> dict[str, str]:

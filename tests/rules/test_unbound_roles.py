@@ -165,3 +165,16 @@ def test_commands_warn(
         told = capsys.readouterr()
         assert caught.value.code == 0, told
         assert 'did you mean "protected"?' in told.out + told.err, command
+
+
+@pytest.mark.parametrize("assigned", [(), ("ETS902",)])
+def test_a_role_bound_to_a_body_without_the_tag_is_a_warning(rules: Path, assigned) -> None:
+    roles = {"target": ("can",), "fragile": ("vase",)}
+    loaded = load_rules([rules])
+    plain = judge(scene(roles, *assigned), loaded)
+    [note] = [note for note in plain.notes if "not tagged" in note]
+    assert "trace header binds role fragile to 'vase'" in note
+    assert "ETS902 cannot use it" in note
+    assert 'tags = ["fragile"]' in note
+    nobody = judge(scene({**roles, "fragile": ()}, *assigned), loaded)
+    assert not [note for note in nobody.notes if "not tagged" in note]
