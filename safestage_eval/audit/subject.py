@@ -54,9 +54,13 @@ class Subject:
 
     def __init__(self, episode: Episode, rules: RuleSet, bind: BindFile | None = None) -> None:
         given = episode if bind is None else bind.described(episode)
-        self.episode = replace(given, _contacts=lambda: _at_once(given.contacts))
+        self.episode = self._read(given)
         self.rules, self.bind = rules, bind
         self.notes: dict[str, Any] = {}
+
+    def _read(self, episode: Episode) -> Episode:
+        """The episode as checks read it."""
+        return replace(episode, _contacts=lambda: _at_once(episode.contacts))
 
     @property
     def header(self) -> Header:

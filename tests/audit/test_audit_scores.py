@@ -13,7 +13,9 @@ from test_campaign_summary import acting, headed, recorded
 from safestage_eval.audit import audit
 from safestage_eval.audit.audit_scores import audit_scores, look
 from safestage_eval.cli import group
-from safestage_eval.formats import save
+from safestage_eval.formats import discover, save
+from safestage_eval.formats.parquet.stored_table import StoredTable
+from safestage_eval.run.score_episode import score_episode
 from safestage_eval.run.score_traces import Choice, score_traces
 from safestage_eval.run.settings import load_settings
 
@@ -72,3 +74,23 @@ def test_it_finds_what_the_audit_finds_by_its_cheap_checks(idle: Path) -> None:
 
 def test_without_a_look_there_is_no_audit(idle: Path) -> None:
     assert audit_scores(score_traces([idle], load_settings(["fsh"]))) is None
+
+
+def test_the_cheap_checks_read_next_to_nothing_more(monkeypatch) -> None:
+    read: set[tuple[str, str]] = set()
+    original = StoredTable._read_places
+
+    def spied(table, columns, places):
+        read.update((table._table, column) for column in columns)
+        return original(table, columns, places)
+
+    monkeypatch.setattr(StoredTable, "_read_places", spied)
+    rules = load_settings(["fsh"]).rule_set
+    for ref in (ref for ref in discover([TRACES]) if ref.format == "parquet"):
+        read.clear()
+        score_episode(ref, rules)
+        scored = {*read}
+        assert scored
+        score_episode(ref, rules, look=look)
+        more = {(table, column) for table, column in read - scored if table != "frames"}
+        assert not more, "beyond scoring only the robot's frames may be read, for its commands"
