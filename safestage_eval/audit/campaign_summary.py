@@ -151,7 +151,7 @@ def summarize(subject: Subject, content_hash: str | None = None, *, goal: bool =
         targets=targets,
         target_moved=_first(t, (away[name] for name in targets if name in away)),
         touched=_touched(subject, robot, targets),
-        contacts=len(subject.episode.contacts) > 0,
+        contacts=bool(subject.episode.contacts.pairs),
         robot_travel=_robot_travel(subject, [name for name in moving if name in robot]),
         commands=_commands(subject.episode.frames.action),
         goal=_goal(subject) if goal else None,

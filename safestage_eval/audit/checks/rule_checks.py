@@ -88,7 +88,7 @@ def missing_for(subject: Subject, rule: ast.Scoped) -> list[str]:
     players = binding.players(rule, header)
     named = [subject.episode.bodies[p] for who in players.values() for p in who
              if p in subject.episode.bodies]  # fmt: skip
-    forces = header.force_source != "none" and len(subject.episode.contacts) > 0
+    forces = header.force_source != "none" and bool(subject.episode.contacts.pairs)
     lacking = []
     if not forces and _needs_forces(_Known(subject.rules), rule.code):
         lacking.append(FORCES)
