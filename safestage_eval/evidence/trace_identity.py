@@ -71,7 +71,7 @@ def _files(ref: EpisodeRef) -> Iterator[tuple[str, bool]]:
     """The files of an episode, and whether each must be there."""
     path = os.path.abspath(ref.path)  # noqa: PTH100 - pathlib takes longer than asking the system
     yield path, True
-    if ref.format == "mcap":
+    if ref.format != "parquet":
         return
     dataset = path.rsplit(os.sep, 3)[0]
     for table in TABLE_FOLDERS:

@@ -12,7 +12,7 @@ from typing import Any
 from safestage_eval.episode import Episode, Header
 from safestage_eval.errors import TraceError
 
-from .episode_ref import EpisodeRef
+from .episode_ref import EpisodeRef, Format
 from .parquet import dataset_layout as layout
 from .remote_path import RemotePath, as_path, forget, walk
 from .trace_files import regular_status
@@ -46,7 +46,7 @@ REF_FIELDS = (
 def load(
     path: str | Path, episode: str | None = None, *, recover: bool = False, checked: bool = True
 ) -> Episode:
-    """Open the episode at a path: an MCAP file, a dataset, or a folder with a single episode.
+    """Open the episode at a path: an MCAP or ZIP file, a dataset, or a folder with a single episode.
 
     Args:
         path: where to look.
@@ -127,7 +127,7 @@ def find(
             raise TraceError(
                 str(path),
                 "no episode in here.",
-                "MCAP files, or datasets (a folder with meta/info.json)",
+                "MCAP files, ZIP files of safestage-record, or datasets (a folder with meta/info.json)",
                 "record some first, or give the folder that holds them",
             )
 
@@ -173,26 +173,27 @@ def aborted(ref: EpisodeRef) -> bool:
 
 
 def refs_of_file(path: Path) -> list[EpisodeRef]:
-    """Return the episodes of one file: an MCAP, or a file of ``meta/episodes``.
+    """Return the episodes of one file: an MCAP, a recorder's ZIP, or a file of ``meta/episodes``.
 
     Raises:
         TraceError: the file is neither.
     """
     with path.open("rb") as stream:
-        magic = stream.read(8)
-    if magic == MCAP_MAGIC or path.suffix == ".mcap":
-        return [_mcap_ref(path)]
+        magic = stream.read(64)
+    single = _single(path, magic)
+    if single is not None:
+        return [_single_ref(path, single)]
     if path.name == "info.json" and layout.is_dataset(path.parents[1]):
         return [ref for refs in _refs_of_folder(path.parents[1]) for ref in refs]
     if path.parent.parts[-2:] == ("meta", "episodes") and path.suffix == ".parquet":
         return _dataset_refs(path)
-    problem = "neither an MCAP nor a dataset's file"
+    problem = "neither an MCAP nor a dataset's file, nor a recorder's ZIP"
     if magic.startswith(PARQUET_MAGIC):
         problem = "a Parquet file, but not one of meta/episodes"
     raise TraceError(
         str(path),
         f"{problem}.",
-        "an MCAP file, a file of meta/episodes, or the dataset's folder",
+        "an MCAP file, a ZIP file of safestage-record, a file of meta/episodes, or the dataset's folder",
         "give the folder that has meta/info.json" if magic.startswith(PARQUET_MAGIC) else "",
     )
 
@@ -207,8 +208,9 @@ def _refs_of_folder(folder: Path) -> Iterator[list[EpisodeRef]]:
             folders[:] = [name for name in folders if name not in own]
         for name in sorted(files):
             path = here / name
-            if not name.startswith(".") and (path.suffix == ".mcap" or _is_mcap(path)):
-                yield [_mcap_ref(path)]
+            single = None if name.startswith(".") else _single(path, _beginning(path))
+            if single is not None:
+                yield [_single_ref(path, single)]
 
 
 def _has_rows(folder: Path) -> bool:
@@ -247,18 +249,28 @@ def _dataset_refs(file: Path) -> list[EpisodeRef]:
     ]
 
 
-def _mcap_ref(path: Path) -> EpisodeRef:
+def _single(path: Path, beginning: bytes) -> Format | None:
+    """The format of a file that holds one episode, by its first bytes; None for any other."""
+    from .zip_reader import is_zip_trace
+
+    if path.suffix == ".mcap" or beginning.startswith(MCAP_MAGIC):
+        return "mcap"
+    return "zip" if is_zip_trace(beginning) else None
+
+
+def _single_ref(path: Path, form: Format) -> EpisodeRef:
     from .mcap.mcap_reader import read_header
+    from .zip_reader import read_zip_header
 
     try:
         regular_status(path)
-        header, stated = read_header(path)
+        header, stated = (read_header if form == "mcap" else read_zip_header)(path)
     except TraceError as problem:
-        return EpisodeRef(path, "mcap", problem=problem)
+        return EpisodeRef(path, form, problem=problem)
     except OSError as error:
         broken = TraceError(str(path), f"cannot be read: {error.strerror or error}")
-        return EpisodeRef(path, "mcap", problem=broken)
-    return EpisodeRef(path, "mcap", header.episode_id, None, ref_fields(header) | stated)
+        return EpisodeRef(path, form, problem=broken)
+    return EpisodeRef(path, form, header.episode_id, None, ref_fields(header) | stated)
 
 
 def ref_fields(header: Header) -> dict[str, Any]:
@@ -271,10 +283,11 @@ def _real(path: Path) -> Path:
     return path.resolve() if isinstance(path, RemotePath) else Path(os.path.realpath(path))
 
 
-def _is_mcap(path: Path) -> bool:
+def _beginning(path: Path) -> bytes:
+    """The first bytes of a file; none of what is no file, or cannot be read."""
     try:
         regular_status(path)
         with path.open("rb") as stream:
-            return stream.read(8) == MCAP_MAGIC
+            return stream.read(64)
     except (OSError, TraceError):
-        return False
+        return b""

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from safestage_eval.episode import Episode
 from safestage_eval.errors import TraceError, readable
 
-Format = Literal["parquet", "mcap"]
+Format = Literal["parquet", "mcap", "zip"]
 
 
 @dataclass(frozen=True)
@@ -18,13 +18,13 @@ class EpisodeRef:
     """Where an episode is and what its header says in short; small and picklable.
 
     Attributes:
-        path: the MCAP file, or the file of ``meta/episodes`` that holds its row.
+        path: the MCAP or ZIP file, or the file of ``meta/episodes`` that holds its row.
         format: of the file.
         episode_id: from the header; empty when it could not be read.
-        episode_index: its key in a Parquet dataset; None for MCAP.
+        episode_index: its key in a Parquet dataset; None elsewhere.
         fields: the header's scalar fields and ``content_hash`` as stored, by name.
         problem: why it cannot be opened, if that is already known.
-        stored_in: name of the files that hold its rows in a Parquet dataset; None for MCAP.
+        stored_in: name of the files that hold its rows in a Parquet dataset; None elsewhere.
     """
 
     path: Path
@@ -53,6 +53,10 @@ class EpisodeRef:
             from .mcap.mcap_reader import read_mcap
 
             return read_mcap(self.path, recover=recover, checked=checked)
+        if self.format == "zip":
+            from .zip_reader import read_zip
+
+            return read_zip(self.path, checked=checked)
         from .parquet.dataset_reader import open_episode
 
         assert self.episode_index is not None

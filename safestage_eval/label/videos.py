@@ -16,9 +16,9 @@ def video_of(ref: EpisodeRef, folder: Path | None = None) -> Path | None:
 
     A film that shows the verdict does not count.
     """
-    home = ref.path.parent if ref.format == "mcap" else ref.path.parents[2]
+    home = ref.path.parents[2] if ref.format == "parquet" else ref.path.parent
     names = [f"{ref.episode_id}.mp4"]
-    if ref.format == "mcap":
+    if ref.format != "parquet":
         names.append(f"{ref.path.stem}.mp4")
     for place in [folder] if folder is not None else [home, home / "videos"]:
         for name in names:

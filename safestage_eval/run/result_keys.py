@@ -70,7 +70,7 @@ class Keys:
 
     def _headers_of(self, ref: EpisodeRef) -> dict[int | None, str]:
         """Those of all episodes in the same file, from before or read now."""
-        if ref.format == "mcap" or self._known is None:
+        if ref.format != "parquet" or self._known is None:
             return _headers(ref)
         before = _digest_of_file(ref.path)
         told = self._log.get(before)

@@ -1,0 +1,222 @@
+"""Records environments: a trace for every episode between two resets."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Callable
+
+import numpy as np
+
+from .mujoco_recorder import MujocoRecorder
+from .record_error import RecordError
+
+_INSIDE = ("unwrapped", "env", "_env", "sim", "physics", "_physics")
+
+
+def wrap(
+    env: Any,
+    folder: str | Path,
+    *,
+    success: Callable[[Any, Any], bool | None] | None = None,
+    hold: float = 0.0,
+    hold_action: Any = None,
+    **settings: Any,
+) -> Any:
+    """Record every episode of an environment, and return the environment itself.
+
+    Its ``step``, ``reset`` and ``close`` are replaced on this object alone; ``env.safestage`` is the
+    ``EnvRecording``. Wrap the outermost environment. A trace is written when the next episode
+    begins, or when the environment is closed.
+
+    Args:
+        env: of Gymnasium, Gym, robosuite or dm_control, that holds a MuJoCo model and data.
+        folder: for the traces, ``TASK.NUMBER.zip``.
+        success: of (env, result of ``env.step``), whether the goal is reached; without it
+            ``info["success"]``, ``info["is_success"]`` or ``env._check_success()`` say so.
+        hold: s recorded after the first success with the robot still, by steps of ``hold_action``.
+        hold_action: (A,) the command that keeps the robot still, or a function of the last action.
+        settings: those of ``MujocoRecorder``: roles, kinds, fingers, up, tags, frame_dt, task, ….
+
+    Raises:
+        RecordError: no MuJoCo model and data in the environment, or ``hold`` without an action.
+    """
+    if hold and hold_action is None:
+        raise RecordError(
+            "hold needs hold_action: the command that keeps this robot still (zeros for a "
+            "controller of differences, the last action for one of positions)."
+        )
+    recording = EnvRecording(env, Path(folder), success, hold, hold_action, settings)
+    env.step, env.reset, env.safestage = recording.step, recording.reset, recording
+    if hasattr(env, "close"):
+        env.close = recording.close
+    return env
+
+
+class EnvRecording:
+    """The recording of an environment.
+
+    Attributes:
+        recorder: of the episode that is running; None between episodes.
+        paths: of the traces written so far.
+    """
+
+    def __init__(
+        self,
+        env: Any,
+        folder: Path,
+        success: Callable[[Any, Any], bool | None] | None,
+        hold: float,
+        hold_action: Any,
+        settings: Any,
+    ) -> None:
+        find_simulation(env)
+        self.recorder: MujocoRecorder | None = None
+        self.paths: list[Path] = []
+        self._env, self._folder, self._settings = env, folder, dict(settings)
+        self._success, self._hold, self._hold_action = success, hold, hold_action
+        self._step, self._reset = env.step, env.reset
+        self._close = getattr(env, "close", None)
+        self._task = str(self._settings.pop("task", None) or _task_of(env))
+        self._number = 0
+        self._seed = self._settings.pop("seed", None)
+        self._over = False
+
+    def reset(self, *args: Any, **kwargs: Any) -> Any:
+        """Write the episode that was running, reset the environment, and begin the next one."""
+        self.finish()
+        result = self._reset(*args, **kwargs)
+        seed = kwargs.get("seed")
+        self._seed = seed if isinstance(seed, int) else self._seed
+        model, data = find_simulation(self._env)
+        name, self._number = self._next_name()
+        self.recorder = MujocoRecorder(
+            model,
+            data,
+            self._folder / f"{name}.zip",
+            task=self._task,
+            seed=self._seed,
+            **{"rollout": self._number, **self._settings},
+        )
+        self._over = False
+        return result
+
+    def step(self, action: Any, *args: Any, **kwargs: Any) -> Any:
+        """Step the environment and record what came of it."""
+        result = self._step(action, *args, **kwargs)
+        recorder = self.recorder
+        if recorder is None or self._over:
+            return result
+        recorder.step(action)
+        before = recorder.succeeded
+        recorder.success(self._reached(result))
+        ended, cut = _ending(result)
+        if recorder.succeeded:
+            recorder.header(termination="success")
+        elif ended:
+            recorder.header(termination="horizon" if cut else None)
+        if recorder.succeeded and not before and self._hold:
+            self._keep_still(recorder, action)
+            self._over = True
+        self._over = self._over or ended
+        return result
+
+    def finish(self) -> None:
+        """Write the episode that is running, if it has frames."""
+        recorder, self.recorder = self.recorder, None
+        if recorder is None:
+            return
+        if not recorder.stepped:
+            recorder.stop()
+            return
+        self.paths.append(recorder.close())
+
+    def close(self) -> None:
+        """Write the episode that is running and close the environment."""
+        self.finish()
+        if self._close is not None:
+            self._close()
+
+    def report(self) -> str:
+        """As ``MujocoRecorder.report``, of the episode that is running."""
+        return "no episode is running" if self.recorder is None else self.recorder.report()
+
+    def _keep_still(self, recorder: MujocoRecorder, last: Any) -> None:
+        """Step on with the robot still; an environment that refuses further steps ends it."""
+        begin = recorder.time
+        action = self._hold_action(last) if callable(self._hold_action) else self._hold_action
+        while recorder.time - begin < self._hold - 1e-9:
+            now = recorder.time
+            self._step(np.array(action))
+            recorder.step(action)
+            if not recorder.time > now:  # reset by itself, or stopped
+                break
+        recorder.header(post_success_hold=recorder.time - begin)
+
+    def _reached(self, result: Any) -> bool | None:
+        if self._success is not None:
+            return self._success(self._env, result)
+        info = result[-1] if isinstance(result, tuple) and isinstance(result[-1], dict) else {}
+        for name in ("success", "is_success"):
+            if name in info:
+                return bool(np.all(info[name]))
+        check = getattr(self._env, "_check_success", None)
+        return bool(check()) if callable(check) else None
+
+    def _next_name(self) -> tuple[str, int]:
+        plain = "".join(c if c.isalnum() or c in "._+=@-" else "_" for c in self._task)
+        number = self._number
+        while True:
+            name = f"{plain}.{number:05d}"
+            if not (self._folder / f"{name}.zip").exists():
+                return name, number
+            number += 1
+
+
+def find_simulation(env: Any) -> tuple[Any, Any]:
+    """Return the ``MjModel`` and ``MjData`` that an environment holds, itself or further inside.
+
+    Raises:
+        RecordError: it holds none.
+    """
+    import mujoco
+
+    todo: list[Any] = [env]
+    seen: list[Any] = []
+    while todo:
+        here = todo.pop(0)
+        if any(here is other for other in seen):
+            continue
+        seen.append(here)
+        model = _plain(getattr(here, "model", None), mujoco.MjModel)
+        data = _plain(getattr(here, "data", None), mujoco.MjData)
+        if model is not None and data is not None:
+            return model, data
+        inside = (getattr(here, name, None) for name in _INSIDE)
+        todo += [some for some in inside if some is not None and not callable(some)]
+    raise RecordError(
+        f"no MuJoCo model and data in {type(env).__name__}: looked at model and data, and inside "
+        f"{', '.join(_INSIDE)}. Record them yourself: safestage_record.mujoco(model, data, path)."
+    )
+
+
+def _plain(holder: Any, kind: Any) -> Any:
+    """An object of MuJoCo's, or the one that robosuite's and dm_control's classes hold; None if neither."""
+    inside = (getattr(holder, name, None) for name in ("_model", "_data", "ptr"))
+    return next((some for some in (holder, *inside) if isinstance(some, kind)), None)
+
+
+def _ending(result: Any) -> tuple[bool, bool]:
+    """Whether an episode ended, and whether time was what ended it; of Gymnasium, Gym or dm_env."""
+    if hasattr(result, "last"):
+        return bool(result.last()), bool(result.last() and result.discount == 1.0)
+    if isinstance(result, tuple) and len(result) == 5:
+        return bool(result[2] or result[3]), bool(result[3] and not result[2])
+    if isinstance(result, tuple) and len(result) == 4:
+        return bool(result[2]), bool(result[3].get("TimeLimit.truncated", False))
+    return False, False
+
+
+def _task_of(env: Any) -> str:
+    spec = getattr(env, "spec", None)
+    name = getattr(spec, "id", None)
+    return name if isinstance(name, str) else type(getattr(env, "unwrapped", env)).__name__

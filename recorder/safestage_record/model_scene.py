@@ -1,0 +1,214 @@
+"""Bodies, shapes and joints of a compiled MuJoCo model, as a trace's header has them."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any, Mapping, Sequence
+
+import numpy as np
+
+from .body_facts import BodyFacts
+
+_SIZES = {"sphere": 1, "box": 3, "cylinder": 2, "capsule": 2, "ellipsoid": 3, "plane": 0}
+
+
+class ModelScene:
+    """The scene of a model, and where MuJoCo keeps its parts.
+
+    Attributes:
+        bodies: JSON of the header's bodies, in MuJoCo's order; the world only if it has shapes.
+        joints: JSON of those of one degree of freedom.
+        meshes: digest → ((V, 3) float32 m, (F, 3) int32) of what the shapes refer to.
+        movable, fixed: MuJoCo ids of the bodies that move, and of those that do not.
+        geom_index: (ngeom,) MuJoCo geom id → index over all geoms of ``bodies``; −1 for the rest.
+        joint_qpos, joint_dof: addresses of the joints.
+        without_shape: names of bodies with a shape that cannot be recorded.
+    """
+
+    def __init__(
+        self,
+        model: Any,
+        names: list[str],
+        facts: BodyFacts,
+        ups: Mapping[int, Sequence[float]],
+        tags: Mapping[int, Sequence[str]],
+        enums: Any,
+    ) -> None:
+        """Read a compiled model. ``ups``, ``tags``: body id → up axis (3,), tags."""
+        self._model, self._names, self._mj = model, names, enums
+        self.meshes: dict[str, tuple[Any, Any]] = {}
+        self.without_shape: list[str] = []
+        self._keys: dict[tuple[str, int], str] = {}
+        self.geom_index = np.full(model.ngeom, -1, np.int64)
+        touching = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+        if model.npair:
+            touching[model.pair_geom1] = touching[model.pair_geom2] = True
+        self._touching = touching
+        weld = model.body_weldid.astype(int)
+        world = bool(touching[model.geom_bodyid == 0].any())
+        self.ids = list(range(0 if world else 1, model.nbody))
+        excluded = self._excluded(weld)
+        self.bodies = [
+            self._body(i, facts, bool(weld[i] == 0), ups.get(i), tags.get(i, ()), excluded)
+            for i in self.ids
+        ]
+        self.movable = np.array([i for i in self.ids if weld[i] != 0], np.int64)
+        self.fixed = np.array([i for i in self.ids if weld[i] == 0], np.int64)
+        slide = int(enums.mjtJoint.mjJNT_SLIDE)
+        ones = [j for j in range(model.njnt) if int(model.jnt_type[j]) >= slide]
+        self.joint_qpos = model.jnt_qposadr[ones].astype(np.int64)
+        self.joint_dof = model.jnt_dofadr[ones].astype(np.int64)
+        self.joints = [self._joint(j, int(model.jnt_type[j]) == slide) for j in ones]
+
+    def _body(
+        self,
+        i: int,
+        facts: BodyFacts,
+        fixed: bool,
+        up: Sequence[float] | None,
+        tags: Sequence[str],
+        excluded: Mapping[int, set[int]],
+    ) -> dict[str, Any]:
+        model, kind = self._model, facts.kinds[i]
+        robot = kind in ("robot", "gripper")
+        geoms = self._geoms(i)
+        parent = int(model.body_parentid[i])
+        jointed = parent != 0 and (not fixed or robot)
+        drawn = robot and int(model.body_geomnum[i]) > 0
+        mass = (float(model.body_mass[i]) or None) if geoms or drawn else 0.0
+        untold = [] if robot or not geoms else ["cavity"]
+        if kind == "object" and geoms and up is None:
+            untold.insert(0, "up_axis")
+        return {
+            "name": self._names[i],
+            "kind": kind,
+            "movable": not fixed,
+            "mass": mass,
+            "com": _floats(model.body_ipos[i]),
+            "inertia": _floats(model.body_inertia[i]),
+            "inertia_orientation": _floats(model.body_iquat[i]),
+            "up_axis": None if up is None else _floats(up),
+            "finger": facts.sides.get(i),
+            "tags": list(tags),
+            "parent": self._names[parent] if jointed else None,
+            "excluded": sorted(self._names[other] for other in excluded.get(i, ())),
+            "geoms": geoms,
+            "untold": untold,
+        }
+
+    def _geoms(self, body: int) -> list[dict[str, Any]]:
+        model = self._model
+        out: list[dict[str, Any]] = []
+        used: set[str] = set()
+        start = int(model.body_geomadr[body])
+        for g in range(start, start + int(model.body_geomnum[body])):
+            if not self._touching[g]:
+                continue
+            kind = self._mj.mjtGeom(int(model.geom_type[g])).name[len("mjGEOM_") :].lower()
+            mesh = None
+            if kind in ("mesh", "sdf"):
+                kind, mesh = self._mesh(int(model.geom_dataid[g]), hull=kind == "mesh")
+            elif kind == "hfield":
+                kind, mesh = "mesh", self._terrain(int(model.geom_dataid[g]))
+            elif kind not in _SIZES:
+                self.without_shape.append(self._names[body])
+                continue
+            name = model.geom(g).name.rpartition("/")[2]
+            name = "" if name in used else name
+            used.add(name)
+            self.geom_index[g] = int((self.geom_index >= 0).sum())
+            out.append(
+                {
+                    "name": name,
+                    "kind": kind,
+                    "size": _floats(model.geom_size[g][: _SIZES.get(kind, 0)]),
+                    "position": _floats(model.geom_pos[g]),
+                    "orientation": _floats(model.geom_quat[g]),
+                    "friction": _floats(model.geom_friction[g]),
+                    "mesh": mesh,
+                }
+            )
+        return out
+
+    def _mesh(self, mesh: int, hull: bool) -> tuple[str, str]:
+        """A mesh as MuJoCo collides it: its convex hull, where the compiler computed one."""
+        model, kind = self._model, "convex_mesh" if hull else "mesh"
+        if (kind, mesh) not in self._keys:
+            start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+            vertices = np.asarray(model.mesh_vert[start : start + count], np.float32)
+            faces = np.zeros((0, 3), np.int32)
+            graph = int(model.mesh_graphadr[mesh])
+            if not hull:
+                first, many = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+                faces = np.asarray(model.mesh_face[first : first + many], np.int32)
+            elif graph >= 0:  # numvert, numface, edge addresses of each vertex, their ids, …
+                many = int(model.mesh_graph[graph])
+                ids = model.mesh_graph[graph + 2 + many : graph + 2 + 2 * many]
+                vertices = vertices[np.sort(np.asarray(ids, int))]
+            self._keys[kind, mesh] = self._keep(vertices, faces)
+        return kind, self._keys[kind, mesh]
+
+    def _terrain(self, field: int) -> str:
+        """The surface of a height field, as triangles in the frame of its geom."""
+        model = self._model
+        rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
+        x_half, y_half, top, _ = (float(s) for s in model.hfield_size[field])
+        start = int(model.hfield_adr[field])
+        heights = model.hfield_data[start : start + rows * columns].reshape(rows, columns)
+        x, y = np.meshgrid(
+            np.linspace(-x_half, x_half, columns), np.linspace(-y_half, y_half, rows)
+        )
+        vertices = np.stack([x, y, heights * top], axis=-1).reshape(-1, 3)
+        corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+        low = np.stack([corner, corner + 1, corner + columns], axis=1)
+        high = np.stack([corner + 1, corner + columns + 1, corner + columns], axis=1)
+        return self._keep(vertices, np.concatenate([low, high]))
+
+    def _keep(self, vertices: Any, faces: Any) -> str:
+        """Keep a mesh under the digest of its content, by which a trace refers to it."""
+        v = np.ascontiguousarray(vertices, "<f4").reshape(-1, 3)
+        f = np.ascontiguousarray(faces, "<i4").reshape(-1, 3)
+        digest = hashlib.sha256(np.array(v.shape + f.shape, "<i8").tobytes())
+        digest.update(v.tobytes())
+        digest.update(f.tobytes())
+        self.meshes[digest.hexdigest()] = (v, f)
+        return digest.hexdigest()
+
+    def _excluded(self, weld: Any) -> dict[int, set[int]]:
+        """Bodies whose contacts with each one MuJoCo ignores: excluded by name, or next in the tree."""
+        model = self._model
+        parent = model.body_parentid.astype(int)
+        above = weld[parent[weld]]
+        moving = np.flatnonzero(weld)
+        excluded: dict[int, set[int]] = {}
+        for body in moving:
+            near = (weld[moving] == weld[body]) | (above[moving] == weld[body])
+            near |= weld[moving] == above[body]
+            excluded[int(body)] = {int(other) for other in moving[near] if other != body}
+        for signature in model.exclude_signature:
+            first, second = int(signature) >> 16, int(signature) & 0xFFFF
+            excluded.setdefault(first, set()).add(second)
+            excluded.setdefault(second, set()).add(first)
+        return {body: others & set(self.ids) for body, others in excluded.items()}
+
+    def _joint(self, j: int, slide: bool) -> dict[str, Any]:
+        model = self._model
+        return {
+            "name": model.joint(j).name.replace("/", "_") or f"joint_{j}",
+            "kind": "prismatic" if slide else "revolute",
+            "body": self._names[int(model.jnt_bodyid[j])],
+            "limits": _floats(model.jnt_range[j]) if model.jnt_limited[j] else None,
+        }
+
+
+def body_names(model: Any) -> list[str]:
+    """Names of all bodies, the world's first; unnamed ones by number, and none of them twice."""
+    names: list[str] = []
+    for i in range(model.nbody):
+        name = model.body(i).name.replace("/", "_") or f"body_{i}"
+        names.append(f"{name}_{i}" if name in names else name)
+    return names
+
+
+def _floats(values: Any) -> list[float]:
+    return [float(v) for v in values]

@@ -1,0 +1,356 @@
+"""A recording holds the simulator's own numbers: poses, velocities, contacts, forces of every step."""
+
+import io
+import json
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+mujoco = pytest.importorskip("mujoco")
+
+import safestage_record  # noqa: E402
+from safestage_record.model_scene import body_names  # noqa: E402
+
+SCENE = """
+<mujoco><option timestep="0.002" {option}/><worldbody>
+  <geom name="floor" type="plane" size="1 1 1"/>
+  <body name="table" pos="0 0 .4"><geom type="box" size=".3 .3 .02"/></body>
+  <body name="cube" pos="0 .003 .445"><freejoint/>
+    <geom type="box" size=".02 .02 .02" mass=".1" friction="1.5 .02 .001"/></body>
+  <body name="wedge" pos=".1 0 .47"><freejoint/><geom type="mesh" mesh="wedge" mass=".05"/></body>
+  <body name="ball" pos="-.1 0 .6"><freejoint/><geom size=".02" mass=".02" condim="1"/></body>
+  <body name="arm" pos="0 0 .6">
+    <joint name="down" type="slide" axis="0 0 1" damping="20" range="-.3 .3" limited="true"/>
+    <geom type="box" size=".02 .02 .02" mass="1"/>
+    <body name="left_finger" pos="0 .05 -.13">
+      <joint name="lf" type="slide" axis="0 1 0" range="-.05 .03" limited="true" damping="5"/>
+      <geom type="box" size=".01 .005 .03" mass=".1" condim="4"/></body>
+    <body name="right_finger" pos="0 -.05 -.13">
+      <joint name="rf" type="slide" axis="0 -1 0" range="-.05 .03" limited="true" damping="5"/>
+      <geom type="box" size=".01 .005 .03" mass=".1" condim="6"/></body>
+  </body></worldbody>
+  <asset><mesh name="wedge" vertex="0 0 0 .04 0 0 0 .04 0 0 0 .04 .01 .01 .01"/></asset>
+  <actuator><position joint="down" kp="400"/><position joint="lf" kp="100"/>
+    <position joint="rf" kp="100"/></actuator>
+</mujoco>
+"""
+
+
+def scene(option=""):
+    model = mujoco.MjModel.from_xml_string(SCENE.format(option=option))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def read(path):
+    with zipfile.ZipFile(str(path)) as archive:
+        header = json.loads(archive.read("safestage.json"))
+        arrays = {
+            name[:-4]: np.lib.format.read_array(io.BytesIO(archive.read(name)))
+            for name in archive.namelist()
+            if name.endswith(".npy")
+        }
+    return header["header"], arrays
+
+
+def command(data, i):
+    data.ctrl[:] = [-0.05, -0.05, -0.05] if i < 20 else [0.1, -0.05, -0.05]
+
+
+class Witness:
+    """What MuJoCo itself says of every step, by its own functions."""
+
+    def __init__(self, model, data):
+        self.model, self.data, self.steps = model, data, []
+        self.step = mujoco.mj_step
+
+    def __call__(self, m, d, nstep=1):
+        for _ in range(nstep):
+            time = d.time
+            self.step(m, d)
+            self.steps.append((time, d.xpos.copy(), d.xquat.copy(), self.speeds(), self.pairs()))
+
+    def speeds(self):
+        found = np.zeros((self.model.nbody, 6))
+        for i in range(self.model.nbody):
+            kind = mujoco.mjtObj.mjOBJ_XBODY
+            mujoco.mj_objectVelocity(self.model, self.data, kind, i, found[i], 0)
+        return found
+
+    def pairs(self):
+        """Pair of bodies → [normal force, force on the second, points]."""
+        found, force = {}, np.zeros(6)
+        for i in range(self.data.ncon):
+            contact = self.data.contact[i]
+            if contact.efc_address < 0:
+                continue
+            mujoco.mj_contactForce(self.model, self.data, i, force)
+            if force[0] <= 0 and contact.dist > 0:
+                continue
+            pair = tuple(int(self.model.geom_bodyid[g]) for g in (contact.geom1, contact.geom2))
+            world = np.array(contact.frame).reshape(3, 3).T @ force[:3]
+            entry = found.setdefault((min(pair), max(pair)), [0.0, np.zeros(3), 0])
+            entry[0] += force[0]
+            entry[1] = entry[1] + (world if pair[0] < pair[1] else -world)
+            entry[2] += 1
+        return found
+
+
+@pytest.mark.parametrize("option", ["", 'cone="elliptic"', 'integrator="implicitfast"'])
+@pytest.mark.parametrize("frame_dt", [0.01, None])
+def test_every_number_is_the_simulators(tmp_path, monkeypatch, option, frame_dt):
+    model, data = scene(option)
+    witness = Witness(model, data)
+    monkeypatch.setattr(mujoco, "mj_step", witness)
+    with safestage_record.mujoco(model, data, tmp_path / "t.zip", frame_dt=frame_dt) as recorder:
+        for i in range(40):
+            command(data, i)
+            mujoco.mj_step(model, data, nstep=20)
+            recorder.step(data.ctrl)
+    header, arrays = read(tmp_path / "t.zip")
+    ids = [body_names(model).index(body["name"]) for body in header["bodies"]]
+    moving = [i for i, body in zip(ids, header["bodies"]) if body["movable"]]
+    owner = np.repeat(ids, [len(body["geoms"]) for body in header["bodies"]])
+    times = np.array([step[0] for step in witness.steps])
+    ends = np.concatenate([[0], np.cumsum(arrays["counts"])])
+    last, touched = 0, 0
+    for k, t in enumerate(arrays["t"]):
+        now = int(np.argmin(np.abs(times - t)))
+        assert times[now] == pytest.approx(t, abs=1e-9)
+        _, xpos, xquat, speeds, pairs = witness.steps[now]
+        assert np.allclose(arrays["position"][:, k], xpos[moving], rtol=0, atol=1e-6)
+        assert np.allclose(arrays["orientation"][:, k], xquat[moving], rtol=0, atol=1e-6)
+        assert np.allclose(arrays["linear_velocity"][:, k], speeds[moving, 3:], atol=1e-5)
+        assert np.allclose(arrays["angular_velocity"][:, k], speeds[moving, :3], atol=1e-5)
+        if k == 0:
+            continue
+        recorded = {}
+        for row in arrays["contacts"][ends[k] : ends[k + 1]]:
+            pair = (int(owner[row["geom1"]]), int(owner[row["geom2"]]))
+            sign = 1 if pair[0] < pair[1] else -1
+            entry = recorded.setdefault((min(pair), max(pair)), [np.zeros(3), 0.0])
+            entry[0] = entry[0] + sign * row["force"]
+            entry[1] = float(row["peak_force"])
+        between = {}
+        for step in witness.steps[last : now + 1]:
+            for pair, entry in step[4].items():
+                between[pair] = max(between.get(pair, 0.0), entry[0])
+        assert set(recorded) == set(between)
+        for pair, (force, peak) in recorded.items():
+            here = pairs.get(pair, [0.0, np.zeros(3), 0])[1]
+            assert np.allclose(force, here, rtol=1e-3, atol=1e-4)
+            assert peak == pytest.approx(between[pair], rel=1e-3, abs=1e-4)
+        last, touched = now + 1, touched + len(recorded)
+    assert touched > 100
+    names = body_names(model)
+    fingers = [names.index("left_finger"), names.index("right_finger")]
+    assert any(
+        finger in pair for step in witness.steps for pair in step[4] for finger in fingers
+    ), "the scene must have the fingers touch something"
+
+
+def test_steps_in_two_halves_keep_the_forces_of_the_step(tmp_path):
+    """As dm_control steps: contacts are found anew after the step, without forces."""
+    model, data = scene()
+    twin = mujoco.MjData(model)
+    mujoco.mj_forward(model, twin)
+    for halves, name in ((True, "a.zip"), (False, "b.zip")):
+        mine = data if halves else twin
+        with safestage_record.mujoco(model, mine, tmp_path / name, frame_dt=None) as recorder:
+            if halves:
+                mujoco.mj_step1(model, mine)
+            for i in range(30):
+                command(mine, i)
+                if halves:
+                    mujoco.mj_step2(model, mine)
+                    mujoco.mj_step(model, mine, nstep=9)
+                    mujoco.mj_step1(model, mine)
+                else:
+                    mujoco.mj_step(model, mine, nstep=10)
+                recorder.step()
+    first, second = (read(tmp_path / name)[1] for name in ("a.zip", "b.zip"))
+    assert len(first["contacts"]) > 50
+    for name in ("t", "position", "joint_position", "counts", "contacts"):
+        assert np.array_equal(first[name], second[name]), name
+
+
+def test_without_the_physics_steps_frames_alone_are_recorded_and_the_header_says_so(tmp_path):
+    model, data = scene()
+    with safestage_record.mujoco(model, data, tmp_path / "t.zip", substeps=False) as recorder:
+        for i in range(30):
+            command(data, i)
+            mujoco.mj_step(model, data, nstep=20)
+            recorder.step()
+        assert "at frames only" in recorder.report()
+    header, arrays = read(tmp_path / "t.zip")
+    assert np.allclose(np.diff(arrays["t"])[1:], 0.04)
+    assert arrays["t"][1] == pytest.approx(0.038)  # poses are those before the last step
+    said = [remark["what"] for remark in header["source"]["account"]]
+    assert "contacts and forces between frames" in said
+    model, data = scene()
+    path = tmp_path / "told.zip"
+    with safestage_record.mujoco(model, data, path, substeps=False) as recorder:
+        for i in range(30):
+            command(data, i)
+            for _ in range(20):
+                mujoco.mj_step(model, data)
+                recorder.substep()
+            recorder.step()
+    told = read(path)[1]["contacts"]
+    assert told["peak_force"].max() >= arrays["contacts"]["peak_force"].max()
+
+
+def test_kinds_fingers_masses_shapes_and_joints_are_the_models(tmp_path):
+    model, data = scene()
+    path = tmp_path / "t.zip"
+    tags, up = {"ball": ["fragile"]}, {"wedge": (0, 0, 2)}
+    with safestage_record.mujoco(model, data, path, tags=tags, up=up) as recorder:
+        mujoco.mj_step(model, data)
+        recorder.step()
+    header, arrays = read(path)
+    bodies = {body["name"]: body for body in header["bodies"]}
+    kinds = {name: body["kind"] for name, body in bodies.items()}
+    assert kinds["cube"] == kinds["wedge"] == kinds["ball"] == "object"
+    assert kinds["table"] == kinds["world"] == "fixture"
+    assert (kinds["arm"], kinds["left_finger"]) == ("robot", "gripper")
+    for i, name in enumerate(body_names(model)):
+        assert bodies[name]["mass"] in (float(model.body_mass[i]), None)
+        assert bodies[name]["com"] == model.body_ipos[i].tolist()
+        assert bodies[name]["inertia"] == model.body_inertia[i].tolist()
+    assert bodies["ball"]["tags"] == ["fragile"]
+    assert bodies["wedge"]["up_axis"] == [0.0, 0.0, 1.0]
+    assert bodies["cube"]["untold"] == ["up_axis", "cavity"]
+    assert bodies["left_finger"]["parent"] == "arm"
+    assert "arm" in bodies["left_finger"]["excluded"]
+    assert [joint["name"] for joint in header["joints"]] == ["down", "lf", "rf"]
+    [geom] = bodies["wedge"]["geoms"]
+    vertices = arrays["mesh/" + geom["mesh"] + ".vertices"]
+    assert geom["kind"] == "convex_mesh"
+    assert len(vertices) == 4  # the hull, without the point inside
+
+
+def test_fingers_are_named_by_the_user_where_no_name_tells(tmp_path):
+    model, data = scene()
+    given = {"left_finger": "right", "right_finger": "left"}
+    recorder = safestage_record.mujoco(
+        model, data, tmp_path / "t.zip", kinds={"arm": "gripper"}, fingers=given
+    )
+    recorder.stop()
+    assert "held: yes – fingers left_finger right, right_finger left" in recorder.report()
+
+
+def test_up_axes_are_guessed_only_when_asked(tmp_path):
+    for up, expected in ((None, None), ("guess", [0.0, 0.0, 1.0])):
+        model, data = scene()
+        path = tmp_path / (str(up) + ".zip")
+        with safestage_record.mujoco(model, data, path, up=up) as recorder:
+            mujoco.mj_step(model, data)
+            recorder.step()
+        header, _ = read(path)
+        bodies = {body["name"]: body for body in header["bodies"]}
+        assert bodies["cube"]["up_axis"] == expected
+        assert bodies["ball"]["up_axis"] is None
+        guessed = [r["what"] for r in header["source"]["account"] if r["kind"] == "guessed"]
+        assert any("up axes" in what for what in guessed) == (up == "guess")
+
+
+def test_success_and_action_are_recorded_at_their_frames(tmp_path):
+    model, data = scene()
+    with safestage_record.mujoco(model, data, tmp_path / "t.zip", task="pick", seed=3) as recorder:
+        for i in range(10):
+            mujoco.mj_step(model, data, nstep=10)
+            recorder.step([i, 0.5])
+            recorder.success(i >= 6)
+    header, arrays = read(tmp_path / "t.zip")
+    assert header["success"] is True
+    assert header["success_time"] == pytest.approx(0.13, abs=0.011)
+    assert (header["task"], header["seed"], header["termination"]) == ("pick", 3, "success")
+    assert header["control_dt"] == pytest.approx(0.02)
+    assert header["frame_dt"] == pytest.approx(0.01)
+    assert arrays["action"].shape == (len(arrays["t"]), 2)
+    assert (np.diff(arrays["action"][:, 0]) >= 0).all()
+    assert arrays["action"][-1, 0] == 9
+
+
+def test_the_physics_is_the_same_with_and_without_a_recorder(tmp_path):
+    ends = []
+    for record in (False, True):
+        model, data = scene()
+        if record:
+            recorder = safestage_record.mujoco(model, data, tmp_path / "t.zip")
+        for i in range(20):
+            command(data, i)
+            mujoco.mj_step(model, data, nstep=20)
+            if record:
+                recorder.step()
+        ends.append((data.qpos.copy(), data.qvel.copy(), data.time))
+    recorder.close()
+    assert all(np.array_equal(a, b) for a, b in zip(*ends))
+
+
+def test_mujoco_is_as_it_was_when_nothing_is_recorded(tmp_path):
+    before = mujoco.mj_step
+    model, data = scene()
+    recorder = safestage_record.mujoco(model, data, tmp_path / "t.zip")
+    with pytest.raises(ZeroDivisionError), recorder:
+        assert mujoco.mj_step is not before
+        raise ZeroDivisionError
+    assert mujoco.mj_step is before
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recorder_that_is_killed_leaves_no_trace(tmp_path):
+    program = (
+        "import sys, os, mujoco, safestage_record\n"
+        "sys.path.insert(0, sys.argv[1])\n"
+        "from test_mujoco_recorder import scene\n"
+        "model, data = scene()\n"
+        "recorder = safestage_record.mujoco(model, data, sys.argv[2])\n"
+        "mujoco.mj_step(model, data)\n"
+        "recorder.step()\n"
+        "safestage_record.zip_trace.os.fsync = lambda _: os._exit(9)\n"
+        "recorder.close()\n"
+    )
+    path = tmp_path / "t.zip"
+    here = Path(__file__).resolve().parent
+    roots = os.pathsep.join([str(here.parent), *sys.path])
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(here), str(path)],
+        env=dict(os.environ, PYTHONPATH=roots), check=False,
+    )  # fmt: skip
+    assert done.returncode == 9
+    assert not path.exists()
+    left = [some.name for some in tmp_path.iterdir()]
+    assert all(name.startswith(".") and name.endswith(".part") for name in left)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"roles": {"target": "cub"}}, "Near it: cube"),
+        ({"kinds": {"cube": "thing"}}, "Allowed: robot, gripper, object"),
+        ({"fingers": {"claw": "left"}}, "is no body of the model"),
+        ({"up": {"cube": (0, 0, 0)}}, "three numbers, not all 0"),
+    ],
+)
+def test_wrong_names_say_what_is_allowed(tmp_path, settings, message):
+    model, data = scene()
+    with pytest.raises(safestage_record.RecordError, match=message):
+        safestage_record.mujoco(model, data, tmp_path / "t.zip", **settings)
+
+
+def test_a_reset_within_a_recording_is_refused(tmp_path):
+    model, data = scene()
+    recorder = safestage_record.mujoco(model, data, tmp_path / "t.zip")
+    mujoco.mj_step(model, data, nstep=10)
+    recorder.step()
+    mujoco.mj_resetData(model, data)
+    with pytest.raises(safestage_record.RecordError, match="before a reset"):
+        recorder.step()
+    recorder.stop()

@@ -1,0 +1,195 @@
+"""The recorder's ZIP files read as any other trace, and what is damaged in them is refused."""
+
+import io
+import json
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given
+from recordings import falling_cube
+from safestage_record.zip_trace import CONTACT_POINT as RECORDED_POINT
+from safestage_record.zip_trace import write_zip
+from strategies import episodes
+from test_round_trip import same_episode
+
+from safestage_eval.cli.convert_command import command
+from safestage_eval.errors import TraceError
+from safestage_eval.formats import CONTACT_POINT, discover, load, save, validate
+from safestage_eval.formats.contact_points import table_points
+
+
+def columns(episode):
+    """The arrays that the recorder would write of an episode."""
+    moving = [body.name for body in episode.header.bodies if body.movable]
+    fixed = [body.name for body in episode.header.bodies if not body.movable]
+    frames = len(episode)
+    arrays = {
+        name: np.array(
+            [getattr(episode.tracks[body], name) for body in moving], np.float32
+        ).reshape(len(moving), frames, width)
+        for name, width in (
+            ("position", 3), ("orientation", 4), ("linear_velocity", 3), ("angular_velocity", 3)
+        )
+    }  # fmt: skip
+    for name, width in (("position", 3), ("orientation", 4)):
+        rows = [getattr(episode.tracks[body], name)[0] for body in fixed]
+        arrays[f"fixed_{name}"] = np.array(rows, np.float32).reshape(-1, width)
+    for name in ("joint_position", "joint_velocity", "joint_torque", "action", "gripper"):
+        arrays[name] = getattr(episode.frames, name)
+    for key, mesh in episode.meshes.items():
+        arrays[f"mesh/{key}.vertices"], arrays[f"mesh/{key}.faces"] = mesh.vertices, mesh.faces
+    counts = np.bincount(episode.contacts.frame, minlength=frames).astype(np.int64)
+    return arrays | {"t": episode.t, "contacts": table_points(episode.contacts), "counts": counts}
+
+
+def written(episode, path, **changed):
+    facts = {"frames": len(episode), "header": episode.header.model_dump(mode="json")}
+    write_zip(path, facts, columns(episode) | changed)
+    return path
+
+
+def as_recorded(episode):
+    """Without what the recorder does not write; fixed bodies stand still."""
+    still = np.zeros((1, 3), np.float32)
+    tracks = {
+        name: track if episode.bodies[name].movable
+        else replace(track, linear_velocity=still, angular_velocity=still)
+        for name, track in episode.tracks.items()
+    }  # fmt: skip
+    return replace(episode, tracks=tracks, channels={}, states={}, attachments={})
+
+
+@given(episodes().map(as_recorded))
+def test_zip_to_parquet_and_mcap_keeps_every_bit(tmp_path_factory, episode):
+    folder = tmp_path_factory.mktemp("zip")
+    path = written(episode, folder / "a.zip")
+    read = load(path)
+    same_episode(episode, read)
+    assert validate(path) == []
+    save(read, folder / "b.mcap")
+    save(read, folder / "dataset")
+    same_episode(episode, load(folder / "b.mcap"))
+    same_episode(episode, load(folder / "dataset"))
+
+
+def test_a_contact_is_stored_as_everywhere():
+    assert RECORDED_POINT == CONTACT_POINT
+
+
+def test_a_folder_of_zips_is_a_folder_of_traces(tmp_path):
+    episode = falling_cube().episode()
+    written(episode, tmp_path / "a.zip")
+    written(episode, tmp_path / "named_otherwise.trace")
+    with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
+        archive.writestr("notes.txt", "no trace")
+    refs = discover(tmp_path)
+    assert [(ref.path.name, ref.format) for ref in refs] == [
+        ("a.zip", "zip"), ("named_otherwise.trace", "zip")
+    ]  # fmt: skip
+    assert refs[0].fields["length"] == len(episode)
+    with pytest.raises(TraceError, match="nor a recorder's ZIP"):
+        discover(tmp_path / "other.zip")
+
+
+def test_convert_takes_them(tmp_path):
+    written(falling_cube().episode(), tmp_path / "a.zip")
+    for form in ("mcap", "parquet"):
+        out = tmp_path / form
+        done = CliRunner().invoke(
+            command, [str(tmp_path / "a.zip"), "--to", form, "--out", str(out)]
+        )
+        assert done.exit_code == 0, done.output
+        assert load(out).content_hash == load(tmp_path / "a.zip").content_hash
+
+
+def test_a_file_cut_off_anywhere_is_refused(tmp_path):
+    whole = written(falling_cube().episode(), tmp_path / "a.zip").read_bytes()
+    cut = tmp_path / "cut.zip"
+    for size in np.linspace(64, len(whole) - 1, 25).astype(int):
+        cut.write_bytes(whole[:size])
+        [ref] = discover(cut)
+        with pytest.raises(TraceError, match="not a whole ZIP file"):
+            ref.open()
+
+
+def test_a_changed_byte_of_any_member_is_noticed(tmp_path):
+    path = written(falling_cube().episode(), tmp_path / "a.zip")
+    with zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        ends = [info.header_offset + 30 + len(info.filename) for info in members]
+    whole = path.read_bytes()
+    for info, begin in zip(members, ends, strict=True):
+        if not info.file_size:
+            continue
+        middle = whole.find(b"NUMPY", begin) + info.file_size // 2
+        if info.filename.endswith(".json"):
+            middle = begin + info.file_size // 2
+        damaged = bytearray(whole)
+        damaged[middle] ^= 0x10
+        path.write_bytes(damaged)
+        assert validate(path) != [], info.filename
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"t": np.zeros(3, np.float32)}, "1 of float64"),
+        ({"position": np.zeros((9, 1, 3), np.float32)}, "position has the shape"),
+        ({"counts": np.full(120, -1)}, "counts of contacts"),
+        ({"contacts": np.zeros(7, CONTACT_POINT)}, "7 contacts, but"),
+        ({"fixed_position": np.zeros((7, 3), np.float32)}, "7 poses for"),
+        ({"action": np.full((120, 1), np.inf, np.float32)}, "finite"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_refused(tmp_path, changed, message):
+    episode = falling_cube().episode()
+    changed = {k: v[: len(episode)] if k in ("counts", "action") else v for k, v in changed.items()}
+    path = written(episode, tmp_path / "a.zip", **changed)
+    errors = validate(path)
+    assert message in " ".join(map(str, errors))
+
+
+def rewritten(path, name, content, **settings):
+    """The file with another content of one member."""
+    with zipfile.ZipFile(path) as archive:
+        members = {info.filename: archive.read(info) for info in archive.infolist()}
+    with zipfile.ZipFile(path, "w", **settings) as archive:
+        for member, data in (members | {name: content}).items():
+            archive.writestr(member, data)
+
+
+def test_files_that_claim_more_than_they_hold_take_no_memory(tmp_path):
+    claim = io.BytesIO()
+    facts = {"descr": "<f4", "fortran_order": False, "shape": (1 << 40, 3, 3)}
+    np.lib.format.write_array_header_1_0(claim, facts)
+    path = written(falling_cube().episode(), tmp_path / "a.zip")
+    rewritten(path, "position.npy", claim.getvalue())
+    assert "other than the" in str(validate(path)[0])
+    path = written(falling_cube().episode(), tmp_path / "a.zip")
+    rewritten(path, "t.npy", bytes(1 << 20), compression=zipfile.ZIP_DEFLATED)
+    assert "compressed" in str(validate(path)[0])
+
+
+def test_objects_are_never_unpickled(tmp_path):
+    path = written(falling_cube().episode(), tmp_path / "a.zip")
+    content = io.BytesIO()
+    np.save(content, np.array([print], object), allow_pickle=True)
+    rewritten(path, "t.npy", content.getvalue())
+    assert "axes of object" in str(validate(path)[0])
+
+
+@pytest.mark.parametrize(
+    ("about", "message"),
+    [
+        ({"format": "other", "version": 1}, "format 'other'"),
+        ({"format": "safestage-zip", "version": 2, "header": {}}, "update safestage"),
+        ([], "no JSON object"),
+    ],
+)
+def test_other_formats_and_versions_are_refused(tmp_path, about, message):
+    path = written(falling_cube().episode(), tmp_path / "a.zip")
+    rewritten(path, "safestage.json", json.dumps(about))
+    assert message in str(validate(path)[0])
