@@ -151,9 +151,9 @@ class SupportGraph:
 
     def rests_on(self, body: int, on: int, held: Callable[[int], Bool]) -> Bool:
         """(T,) true where a path of edges leads from one to the other, past no held body."""
-        below = self._below(body)
-        if on not in below or body == on:
+        if body == on or body not in self._above(on):
             return np.zeros(self._frames, np.bool_)
+        below = self._below(body)
         open_ = self._let_go(
             below, lambda i: held(i) if i != on else np.zeros(self._frames, np.bool_)
         )
@@ -220,6 +220,17 @@ class SupportGraph:
                 below[i] = {**self.bearers(i), **self.jointed(i)}
                 todo += below[i]
         return below
+
+    def _above(self, body: int) -> set[int]:
+        """The body and all that ever rest on it, directly or not."""
+        above: set[int] = set()
+        todo = [body]
+        while todo:
+            i = todo.pop()
+            if i not in above:
+                above.add(i)
+                todo += (*self.load(i), *self.jointed(i))
+        return above
 
     def _spread(
         self, below: Mapping[int, Mapping[int, Bool]], sources: Mapping[int, Bool]
