@@ -251,8 +251,9 @@ class StoredTable(TableFile):
         segments = self._segments[episode]
         read = partial(self._column, episode)
         for first, at, rows in self._stretches(episode, places):
-            for name in table.column_names:
-                segments.compare(name, first, table[name].slice(at, rows), read)
+            part = table if rows == len(table) else table.slice(at, rows)
+            for name, column in zip(part.column_names, part.itercolumns(), strict=True):
+                segments.compare(name, first, column, read)
 
     def _stretches(self, episode: int, places: Sequence[Place]) -> list[_Stretch]:
         """Return where rows at some places are among all rows of the episode; [] if they are scattered."""

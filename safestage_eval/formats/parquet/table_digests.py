@@ -146,12 +146,12 @@ class Segments:
             stated = self._left[number].pop(name, None)  # once is enough
             begin, end = self.starts[number : number + 2]
             if stated is not None:
-                inside = first <= begin and end <= last
-                numbers = (
-                    flat_numbers(values.slice(begin - first, end - begin))
-                    if inside
-                    else read(name, begin, end)
-                )
+                if (begin, end) == (first, last):
+                    numbers = flat_numbers(values)
+                elif first <= begin and end <= last:
+                    numbers = flat_numbers(values.slice(begin - first, end - begin))
+                else:
+                    numbers = read(name, begin, end)
                 if crc(numbers) != stated:
                     self._seal.differs(f"the column {name!r} of {self._table}")
             number += 1
