@@ -122,7 +122,8 @@ class Reader:
         except InputError as error:
             return Failed(task.source, str(error))
         except Exception as error:  # noqa: BLE001 — one episode must not cost the others
-            message = f"{task.source}: cannot be imported: {type(error).__name__}: {error}"
+            bug = f"bug in the {task.format} importer ({type(error).__name__}: {error})"
+            message = f"{task.source}: {bug}"
             return Failed(task.source, message)
 
 

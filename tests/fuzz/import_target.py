@@ -80,7 +80,7 @@ class Import(ABC):
         except InputError as error:
             return Outcome("problem", what, str(error)[:300])
         for failed in outcome.failed:
-            kind = "unforeseen" if "cannot be imported" in failed.message else "problem"
+            kind = "unforeseen" if "bug in the" in failed.message else "problem"
             return Outcome(kind, what, failed.message[:300])
         if rng.random() < 0.2 and (problems := validate(self.folder / "out")):
             return Outcome("changed", what, f"imported, and broken: {problems[0]}")

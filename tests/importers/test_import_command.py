@@ -74,9 +74,18 @@ def test_a_source_becomes_a_dataset(source, tmp_path):
     assert (header.policy, header.success, header.success_time) == ("by hand", True, 0.02)
     assert load(tmp_path / "data", "toys/a").header.success is None
     assert header.source.episode == "toys.json:b"
-    assert [r.what for r in header.source.account] == ["forces"]
-    assert "2 of 2  missing: forces" in done.text
-    assert "remedy: ask for them" in run("inspect", tmp_path / "data", "toys/b").text
+    assert [(r.kind, r.what) for r in header.source.account] == [
+        ("missing", "insides of containers"),
+        ("missing", "contacts and their forces"),
+        ("missing", "success"),
+        ("guessed", "centres of mass"),
+        ("guessed", "orientations"),
+        ("guessed", "velocities"),
+    ]
+    assert "2 of 2  missing: contacts and their forces" in done.text
+    assert (
+        "remedy: none: they were not recorded" in run("inspect", tmp_path / "data", "toys/b").text
+    )
 
 
 def test_a_folder_of_sources_and_the_report_as_json(source, tmp_path):
@@ -97,7 +106,7 @@ def test_importing_again_imports_nothing(source, tmp_path):
     assert "1 imported, 0 there already" in first.err
     second = take(source, tmp_path / "data", "--dt", "0.01")
     assert "1 imported, 1 there already" in second.err
-    assert "2 of 2  missing: forces" in second.text
+    assert "2 of 2  missing: contacts and their forces" in second.text
     assert len(discover(tmp_path / "data")) == 2
 
 
@@ -116,11 +125,37 @@ def test_another_episode_of_the_same_name_is_a_problem(source, tmp_path, what):
     assert "2 imported" in again.err
 
 
-def test_a_broken_episode_does_not_stop_the_others(source, tmp_path):
-    source.write_text('{"toy": {"a": "broken", "b": {"cube": [1]}}}')
+@pytest.mark.parametrize(
+    ("episode", "problem"),
+    [
+        ("broken", "has no bodies"),
+        ({}, "has no bodies"),
+        ({"cube": []}, "not every body has a height for each frame"),
+        ({"cube": 3}, "not every body has a height for each frame"),
+        ({"cube": [1], "cup": [1, 2]}, "not every body has a height for each frame"),
+        ({"cube": ["high"]}, "heights are not numbers"),
+    ],
+)
+def test_a_broken_episode_does_not_stop_the_others(source, tmp_path, episode, problem):
+    source.write_text(json.dumps({"toy": {"a": episode, "b": {"cube": [1]}}}))
     done = take(source, tmp_path / "data", "--dt", "0.01")
     assert done.code == 2
-    assert "toys.json:a: is broken" in done.err
+    assert problem in done.err
+    assert "Fix: {" in done.err
+    assert [ref.episode_id for ref in discover(tmp_path / "data")] == ["toys/b"]
+
+
+def test_a_bug_of_an_importer_is_named_as_one(source, tmp_path, monkeypatch):
+    def read(self, name, account):
+        if name == "a":
+            raise UnboundLocalError("z")
+        return sound(self, name, account)
+
+    sound = Toy.read
+    monkeypatch.setattr(Toy, "read", read)
+    done = take(source, tmp_path / "data", "--dt", "0.01")
+    assert done.code == 2
+    assert "toys.json:a: bug in the toy importer (UnboundLocalError: z)" in done.err
     assert [ref.episode_id for ref in discover(tmp_path / "data")] == ["toys/b"]
 
 

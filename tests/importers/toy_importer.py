@@ -1,57 +1,129 @@
-"""A small foreign format for the tests of what all importers share: JSON with boxes on paths."""
+"""A small foreign format, and a model of an importer: JSON with boxes on vertical paths.
+
+``{"toy": {EPISODE: {BODY: [height in m, …]}}}``; every body moves along the world's z axis
+and has one height per frame. Orientations, velocities, shapes, contacts and success are not recorded.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from safestage_eval._text.json_text import from_json
 from safestage_eval.episode import Body, Episode, Header, Track
-from safestage_eval.errors import TraceError
 from safestage_eval.importers.account import Account
+from safestage_eval.importers.foreign_motion import make_track
 from safestage_eval.importers.importer import Importer, Settings, SourceError
+from safestage_eval.importers.missing_data import say_bodies, say_contacts, say_success
 from safestage_eval.importers.scene_bodies import apply_map, fixed_from_map, need_shapes
+
+FORM = '{"toy": {EPISODE: {BODY: [height in m, …]}}}'
 
 
 class Toy(Importer):
+    """One JSON file."""
+
     name, title = "toy", "Toy JSON"
 
     def __init__(self, path: Path, settings: Settings) -> None:
+        """Read the file; raise SourceError where it is not laid out as ``FORM``."""
         super().__init__(path, settings)
-        self._data: dict[str, Any] = json.loads(path.read_text())["toy"]
+        try:
+            document = from_json(path.read_text("utf-8"))
+        except (OSError, ValueError) as error:
+            raise SourceError(str(path), f"cannot be read: {error}.", fix=FORM) from None
+        toys = document.get("toy") if isinstance(document, dict) else None
+        if not isinstance(toys, dict):
+            raise SourceError(str(path), "has no table of toys.", fix=FORM)
+        self._toys: dict[str, Any] = toys
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:
-        if not path.is_file() or b'"toy"' not in path.read_bytes()[:20]:
+        """By the first bytes, which name toys."""
+        if not path.is_file():
             return None
-        return "has a toy"
+        with path.open("rb") as file:
+            return "has a toy" if b'"toy"' in file.read(20) else None
 
     def episodes(self) -> list[str]:
-        return list(self._data)
+        """Return the keys of the table, in its order."""
+        return list(self._toys)
 
     def fingerprint(self, name: str) -> str:
-        return json.dumps(self._data[name])
+        """Return a digest of the episode's heights: short however long the episode is."""
+        return hashlib.sha256(json.dumps(self._toys[name]).encode()).hexdigest()[:16]
 
     def read(self, name: str, account: Account) -> Episode:
-        if self._data[name] == "broken":
-            raise TraceError(f"{self.path}:{name}", "is broken")
+        """Read one episode; see ``Importer.read``."""
+        where = f"{self.path}: {name}"
         dt = self.settings.dt or self.settings.map.source.dt
         if dt is None:
-            raise SourceError(str(self.path), "does not say its rate.", fix="--dt")
-        account.missing("forces", cost="contact_force", remedy="ask for them")
+            raise SourceError(where, "the time between its rows is not recorded.", fix="--dt 1/50")
+        heights = _heights(self._toys[name], where)
         meshes: dict[str, Any] = {}
-        bodies, tracks = [], {}
-        for body, heights in self._data[name].items():
-            z = np.asarray(heights, np.float32)
-            zero = np.zeros((len(z), 3), np.float32)
-            turn = np.tile(np.array([1, 0, 0, 0], np.float32), (len(z), 1))
-            bodies.append(apply_map(Body(name=body, kind="object"), self.settings.map, meshes))
-            tracks[body] = Track(np.column_stack([0 * z, 0 * z, z]), turn, zero, zero)
-        need_shapes(bodies, str(self.path), among="toys have none")
-        more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
+        bodies = [
+            apply_map(
+                Body(name=body, kind="object", untold=("up_axis", "cavity")),
+                self.settings.map,
+                meshes,
+            )
+            for body in heights
+        ]
+        need_shapes(bodies, where, among="toys have none")
+        still, still_tracks = fixed_from_map(set(heights), self.settings.map, meshes)
+        _remark(bodies, self.settings, account)
         header = Header(
-            episode_id="", physics_dt=dt, frame_dt=dt, task="toy", bodies=(*bodies, *more)
+            episode_id="",  # the caller's, as the source is
+            task="toy",
+            physics_dt=dt,
+            frame_dt=dt,
+            force_source="none",
+            bodies=(*bodies, *still),
         )
-        return Episode(header, np.arange(len(z)) * dt, {**tracks, **still}, meshes=meshes)
+        tracks = {body: _motion(z) for body, z in heights.items()}
+        frames = len(next(iter(heights.values())))
+        return Episode(header, np.arange(frames) * dt, {**tracks, **still_tracks}, meshes=meshes)
+
+
+def _heights(toys: Any, where: str) -> dict[str, NDArray[np.float64]]:
+    """Body → (T,) m, of one length T > 0 and finite; raise SourceError where they are not."""
+    if not isinstance(toys, dict) or not toys:
+        raise SourceError(where, "has no bodies.", fix=FORM)
+    heights = {}
+    for body, values in toys.items():
+        try:
+            heights[body] = np.asarray(values, np.float64)
+        except (TypeError, ValueError):
+            raise SourceError(f"{where}/{body}", "heights are not numbers.", fix=FORM) from None
+    shapes = {z.shape for z in heights.values()}
+    length = len(next(iter(heights.values()))) if {len(s) for s in shapes} == {1} else 0
+    if shapes != {(length,)} or not length:
+        raise SourceError(where, "not every body has a height for each frame.", fix=FORM)
+    for body, z in heights.items():
+        if not np.isfinite(z).all():
+            raise SourceError(f"{where}/{body}", "a height is not finite.", fix="numbers in m")
+    return heights
+
+
+def _motion(z: NDArray[np.float64]) -> Track:
+    """Upright on the z axis; without velocities, which rules then derive from the poses."""
+    zero = np.zeros_like(z)
+    upright = np.tile([1.0, 0, 0, 0], (len(z), 1))
+    return make_track(np.column_stack([zero, zero, z]), upright, None, None)
+
+
+def _remark(bodies: list[Body], settings: Settings, account: Account) -> None:
+    """Add what is missing, and everything that stands in for what is missing."""
+    say_bodies(account, bodies, settings.map, "the bodies' origins")
+    say_contacts(account)
+    say_success(account, known=False, hold=None)
+    account.guessed("orientations", "upright throughout", cost="tilt, toppled and upright")
+    account.guessed("velocities", "stored as 0; rules derive them from the poses", cost="impact")
+
+
+IMPORTER = Toy
