@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from safestage_eval.errors import InputError
 from safestage_eval.rules import load_rules, words
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.digest import reached
@@ -62,8 +63,20 @@ take the default.
 
 
 def catalogue() -> str:
-    """The whole page."""
+    """The whole page.
+
+    Raises:
+        InputError: a rule whose code belongs to no family of ``FAMILIES`` would be left out.
+    """
     rules, whence = load_rules(list(FILES)), sources(list(FILES))
+    for code, rule in rules.rules.items():
+        if code[:4] not in FAMILIES:
+            raise InputError(
+                str(rule.path),
+                f"{code} belongs to no task family.",
+                f"codes that begin with {', '.join(FAMILIES)}",
+                "rename it, or add its family to FAMILIES in safestage_eval/report/catalogue.py",
+            )
     lines = [INTRO, *_rules(rules, whence), SHARED, *_shared(rules, whence)]
     return "\n".join([*lines, "", MATERIALS, *_materials(rules)]) + "\n"
 
@@ -178,4 +191,7 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(catalogue(), encoding="utf-8")
+    try:
+        Path(sys.argv[1]).write_text(catalogue(), encoding="utf-8")
+    except InputError as problem:
+        sys.exit(f"error: {problem}")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from safestage_eval.errors import InputError
 from safestage_eval.report.catalogue import FAMILIES, FILES, catalogue
 from safestage_eval.rules import load_rules
 from safestage_eval.rules.uses import own_params, sources, uses_of
@@ -16,6 +17,12 @@ ROW = re.compile(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) \|((?: ?•? ?\|){6})$", re
 
 def test_the_page_is_current() -> None:
     assert PAGE.read_text("utf-8") == catalogue(), "make catalogue"
+
+
+def test_a_rule_of_no_family_is_not_left_out_in_silence(monkeypatch) -> None:
+    monkeypatch.delitem(FAMILIES, "ETS2")
+    with pytest.raises(InputError, match=r"ETS201 belongs to no task family\.(.|\n)*FAMILIES in"):
+        catalogue()
 
 
 @pytest.mark.parametrize("heading", [
