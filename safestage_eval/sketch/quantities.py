@@ -71,6 +71,12 @@ def quantity(value: str | float, dimension: str) -> float:
     ending = "|".join(re.escape(u) for u in sorted(units, key=len, reverse=True))
     match = re.fullmatch(rf"({_SUM}) ?({ending})", str(value).strip())
     if match is None:
+        if dimension == "angle":
+            axis = "; the axis goes in `about`" if " about " in str(value) else ""
+            raise ValueError(
+                f"{value!r} is not an angle; write a number and {' or '.join(units)}, such as "
+                f"'30 deg'{axis}"
+            )
         raise ValueError(f"{value!r} is no {dimension}: a number with {', '.join(units)}")
     return number(match[1]) * units[match[2]]
 
