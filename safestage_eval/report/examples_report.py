@@ -49,18 +49,32 @@ def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
     head = ("", "rule", "example", "expected", "got", "margin", "why")
     lines = text_lines(Table("", head, rows, len(head))) if rows else []
     for suite in suites.values():
-        lines += [f"NO  {_lacks(code, *counts)}" for code, counts in suite.lacking.items()]
+        lines += [
+            f"NO  {_lacks(code, *counts, suite.least)}" for code, counts in suite.lacking.items()
+        ]
     checked = [c for suite in suites.values() for c in suite.checked]
     right = sum(c.right for c in checked)
     rules = len({c.rule for c in checked})
     lines.append(f"{right} of {len(checked)} examples of {rules} rules as expected")
     if hunted is not None:
         every = [m for mutants in hunted.values() for m in mutants]
-        alive = [m for m in every if m.killer is None]
+        alive = [m for m in every if m.killer is None and m.tested]
+        idle = [m for m in every if not m.tested]
         if alive:
-            lines += ["", "Mistakes that no example notices:"]
+            lines += [
+                "",
+                "Mutants that no example detects (add an example, or drop that part of the rule):",
+            ]
             lines += text_lines(Table("", (), [[f"  {m.where}", m.kind, m.what] for m in alive], 3))
-        lines.append(f"{len(every) - len(alive)} of {len(every)} mistakes noticed")
+        if idle:
+            where = ", ".join(dict.fromkeys(m.where for m in idle))
+            lines += [
+                "",
+                f"{len(idle)} mutants of {where} not tested: no example comes out as expected.",
+            ]
+        lines.append(
+            f"{len(every) - len(alive) - len(idle)} of {len(every) - len(idle)} mutants detected"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -77,7 +91,14 @@ def _json(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | 
     }
     if hunted is not None:
         document["mutants"] = [
-            {"rules": name, "rule": m.where, "kind": m.kind, "what": m.what, "killer": m.killer}
+            {
+                "rules": name,
+                "rule": m.where,
+                "kind": m.kind,
+                "what": m.what,
+                "killer": m.killer,
+                "tested": m.tested,
+            }
             for name, mutants in hunted.items()
             for m in mutants
         ]
@@ -99,13 +120,15 @@ def _junit(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
             case = ET.SubElement(
                 node, "testcase", classname=f"{name}.{code}", name="enough examples"
             )
-            ET.SubElement(case, "failure", message=_lacks(code, *counts))
+            ET.SubElement(case, "failure", message=_lacks(code, *counts, suite.least))
         for m in (hunted or {}).get(name, ()):
             case = ET.SubElement(
                 node, "testcase", classname=f"{name}.{m.where}.mutants", name=m.what
             )
-            if m.killer is None:
-                ET.SubElement(case, "failure", message="no example notices this mistake")
+            if not m.tested:
+                ET.SubElement(case, "skipped", message="no example comes out as expected")
+            elif m.killer is None:
+                ET.SubElement(case, "failure", message="no example detects this mutant")
     return junit_text(root)
 
 
@@ -131,8 +154,8 @@ def _margin(c: Checked) -> str:
     return format_quantity(c.verdict.margin, c.verdict.dimension or "")
 
 
-def _lacks(code: str, violating: int, passing: int) -> str:
+def _lacks(code: str, violating: int, passing: int, least: int) -> str:
     return (
-        f"{code} has {violating} violating and {passing} passing examples: name more under "
-        "[rule.examples], or ask for fewer with --least"
+        f"{code} names {violating} violating and {passing} passing examples under [rule.examples], "
+        f"{least} of each are required (--least)"
     )

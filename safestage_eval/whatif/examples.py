@@ -68,10 +68,12 @@ class Suite:
     Attributes:
         checked: in the order of the rules.
         lacking: code → how many violating and passing examples it has, where those are too few.
+        least: how many of each are required.
     """
 
     checked: tuple[Checked, ...]
     lacking: dict[str, tuple[int, int]]
+    least: int
 
     @property
     def passed(self) -> bool:
@@ -212,4 +214,4 @@ def suite(rules: RuleSet, checked: Iterable[Checked], least: int) -> Suite:
         for code, rule in deciding(rules).items()
     }
     lacking = {code: count for code, count in counts.items() if min(count) < least}
-    return Suite(tuple(checked), lacking)
+    return Suite(tuple(checked), lacking, least)

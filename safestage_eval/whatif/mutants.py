@@ -42,12 +42,14 @@ class Hunted:
     Attributes:
         where, kind, what: as of the mutant.
         killer: the example that tells it from the rule as meant; None if none does.
+        tested: whether there was an example to try: one that comes out as it should.
     """
 
     where: str
     kind: Kind
     what: str
     killer: str | None
+    tested: bool
 
 
 def mutants(rules: RuleSet, rule: ast.Scoped) -> Iterator[Mutant]:
@@ -108,7 +110,7 @@ def hunt(
     """
     right = library.right(rules, rule)
     return [
-        Hunted(m.where, m.kind, m.what, _killer(m.rules, rule.code, right, library))
+        Hunted(m.where, m.kind, m.what, _killer(m.rules, rule.code, right, library), bool(right))
         for m in mutants(rules, rule)
         if m.kind in kinds
     ]
@@ -144,7 +146,7 @@ def hunt_in(
                 killer = example
                 examples.insert(0, examples.pop(n))  # it may well notice the next mistake too
                 break
-        hunted.append(Hunted(name, mutant.kind, mutant.what, killer))
+        hunted.append(Hunted(name, mutant.kind, mutant.what, killer, bool(examples)))
     return hunted
 
 

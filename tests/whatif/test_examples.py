@@ -328,10 +328,20 @@ def test_survivors_are_listed_and_fail(house):
     done = run("rules", "test", rules, "-t", traces, "--mutate")
     assert done.code == 1
     assert "FSH901  obligation  without: always supported(target)" in done.text
-    assert "5 of 7 mistakes noticed" in done.text
+    assert "5 of 7 mutants detected" in done.text
     only = ("--kind", "operator", "--kind", "unit", "--kind", "role")
     done = run("rules", "test", rules, "-t", traces, "--mutate", *only)
-    assert (done.code, done.text.splitlines()[-1]) == (0, "3 of 3 mistakes noticed")
+    assert (done.code, done.text.splitlines()[-1]) == (0, "3 of 3 mutants detected")
+
+
+def test_mutants_are_not_tested_where_no_example_can_be_opened(house):
+    """A missing scene is one fault, and not one of each mutant."""
+    rules, traces = house(["nowhere"], ["neither"])
+    done = run("rules", "test", rules, "-t", traces, "--mutate", "--least", "1")
+    assert done.code == 1
+    assert "7 mutants of FSH901 not tested: no example comes out as expected." in done.text
+    assert "no example detects" not in done.text
+    assert done.text.endswith("0 of 0 mutants detected\n")
 
 
 def test_worker_processes_say_the_same(house):
