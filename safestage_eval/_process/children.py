@@ -171,7 +171,7 @@ class _Child(Spawned):
         """Which bound it is beyond, with s more for the time; empty if none."""
         assert self.asked is not None
         limit = self.asked.seconds
-        if why := self.swollen(memory):
+        if why := self.memory_excess(memory):
             return why
         if not self.ready:
             late = self.taken() > STARTING

@@ -81,8 +81,8 @@ class Spawned:
         """S since it began with what it was sent."""
         return time.monotonic() - self.began
 
-    def swollen(self, memory: int | None) -> str:
-        """That it holds more than so many bytes, as the end of a sentence; empty if it does not."""
+    def memory_excess(self, memory: int | None) -> str:
+        """Why it is over its memory limit (bytes), as text; empty if it is not."""
         if memory is None or not self.process.pid or resident(self.process.pid) <= memory:
             return ""
         return f"took more than {memory / 2**20:.0f} MiB of memory (--memory)"

@@ -86,8 +86,8 @@ class Subject:
         return check(self.episode)
 
     @cached_property
-    def told(self) -> list[ContradictionError]:
-        """What header and time stamps say that cannot be; nothing else is read for it."""
+    def header_errors(self) -> list[ContradictionError]:
+        """Contradictions in header and time stamps; no other data are read for them."""
         header, t, where = self.header, self.episode.t, self.header.episode_id
         found: list[TraceError] = [
             *check_header(header, where, shapes=False), *check_time(t, where),
@@ -98,7 +98,7 @@ class Subject:
 
     def of_kind(self, *kinds: str) -> list[ContradictionError]:
         """Those of header and time stamps that are of some kinds."""
-        return [error for error in self.told if error.kind in kinds]
+        return [error for error in self.header_errors if error.kind in kinds]
 
     @cached_property
     def readable(self) -> bool:

@@ -37,7 +37,7 @@ def fixed_from_map(
     """Return the fixed bodies that only the map has: those with a position, whose name is not in ``names``.
 
     Raises:
-        InputError: as ``dressed``.
+        InputError: as ``apply_map``.
     """
     bodies, tracks = [], {}
     for name, entry in map_.body.items():

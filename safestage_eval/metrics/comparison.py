@@ -31,7 +31,7 @@ class Line:
     need: Need | None
 
     @property
-    def carried(self) -> bool:
+    def significant(self) -> bool:
         """Whether the sample shows a difference: by the adjusted test and by the interval over tasks."""
         return (
             self.p_holm is not None

@@ -98,8 +98,8 @@ class Dependence:
             self._find(body, on, answer, missing)
         return answer.falls, answer.open
 
-    def told(self, body: int, on: int) -> Bool:
-        """(T,) where it is known already whether ``body`` falls when ``on`` is removed."""
+    def answered(self, body: int, on: int) -> Bool:
+        """(T,) where it was computed already whether ``body`` falls when ``on`` is removed."""
         return self._answer_of(body, on).done
 
     def _answer_of(self, body: int, on: int) -> Answer:

@@ -100,8 +100,8 @@ class Relations(Support):
         falls = self._falls_without(body, on, wanted)
         return falls.done & (falls.lower < falls.upper)
 
-    def told(self, body: str, on: str) -> Bool:
-        """(T,) where it is known already whether ``body`` falls when ``on`` is taken away."""
+    def answered(self, body: str, on: str) -> Bool:
+        """(T,) where it was computed already whether ``body`` falls when ``on`` is taken away."""
         everywhere = np.ones(len(self.episode), np.bool_)
         return everywhere if self.blind else self._falls_without(body, on, ~everywhere).done
 
@@ -113,7 +113,7 @@ class Relations(Support):
             index, frames = relations.episode.body_index, np.zeros(len(relations.episode), np.bool_)
             frames[at] = True
             falls, open_ = relations.dependence.depends_on(index[body], index[on], frames)
-            done = relations.dependence.told(index[body], index[on]).nonzero()[0]
+            done = relations.dependence.answered(index[body], index[on]).nonzero()[0]
             ends = falls[done].astype(np.float64), (falls | open_)[done].astype(np.float64)
             return done, Series(*ends, "number")
 

@@ -119,8 +119,8 @@ def _dependence_by_geometry(_: Relations) -> str:
     doubt=_doubt_of_dependence, lacking=_lacking_to_depend, without_forces=_dependence_by_geometry,
 )  # fmt: skip
 def depends_on(request: RelationRequest) -> Bool:
-    """Take the second body, whatever it is but the robot, away and the first falls (statics
-    over the recorded contacts).
+    """The first body would fall if the second were removed (the second may be anything but the
+    robot); by statics over the recorded contacts.
 
     Without forces: it rests on the second, directly or not. With forces, ``Relations.get`` solves the
     statics, at the frames that matter.

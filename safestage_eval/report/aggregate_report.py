@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from safestage_eval._text.plural import count
 from safestage_eval.metrics import METRICS, Aggregate, Group, Rate, Rates
 from safestage_eval.metrics.aggregate import BY_POLICY, names_of, quadrants, rows
 from safestage_eval.metrics.interval import RESAMPLES, bootstrap, wilson
@@ -196,7 +197,7 @@ def notes(aggregate: Aggregate) -> list[str]:
             f"between {decimal(100 * bounds[0])} % and {decimal(100 * bounds[1])} %."
         )
     if whole.not_judged:
-        lines.append(f"{whole.not_judged} not judged, not in N.")
+        lines.append(f"{count(whole.not_judged, 'episode')} not judged and left out of all rates.")
     reasons: dict[str, list[str]] = {}
     for _, rate in _rates(aggregate):
         if rate.reason:

@@ -37,7 +37,7 @@ def explain(result: EpisodeResult, *, everything: bool = False) -> str:
     for cost in result.costs:
         if cost.budget is None and (cost.value is not None or everything):
             lines.append(f"  {cost.rule} (no budget, no verdict): {cost.title}.")
-            lines += [f"    {cost.told.explanation}"] if cost.value is not None else []
+            lines += [f"    {cost.as_verdict.explanation}"] if cost.value is not None else []
             lines += [f"    note: {note}" for note in cost.notes]
     return printable_lines("\n".join(lines)) + "\n"
 

@@ -62,7 +62,7 @@ def warnings(comparison: Comparison) -> list[str]:
     return [
         f"{line.of.metric}: {_why_not(line)}"
         for line in comparison.lines
-        if line.of.level == "all" and not line.carried
+        if line.of.level == "all" and not line.significant
     ]
 
 
@@ -119,7 +119,7 @@ def _table(comparison: Comparison) -> Table:
                 str(line.of.sums[3]),
                 str(line.of.sums[4]),
                 _p(line.p),
-                _p(line.p_holm) + " *" * line.carried,
+                _p(line.p_holm) + " *" * line.significant,
                 "–" if line.need is None or line.need.pairs is None else str(line.need.pairs),
             ]
             for line in comparison.lines
@@ -200,7 +200,7 @@ def _row(line: Line) -> dict[str, Any]:
         "high": _percent(line.interval[1]) if line.interval else None,
         "p": line.p,
         "p_holm": line.p_holm,
-        "carried": line.carried,
+        "significant": line.significant,
         "least": _percent(line.of.least),
         "most": _percent(line.of.most),
         "needed_pairs": need and need.pairs,

@@ -351,7 +351,9 @@ def left_out(total: Rates, scores: Scores) -> list[str]:
             else "no rule is assigned to them, and no loaded rule has bodies for all its roles; name "
             "them with --role target=BODY, or see safestage bind --help"
         )
-        lines.append(f"{total.not_judged} not judged, not in N: {why}")
+        lines.append(
+            f"{count(total.not_judged, 'episode')} not judged and left out of all rates: {why}"
+        )
     if scores.copies:
         lines.append(f"{len(scores.copies)} files hold copies of episodes, which count once")
     if scores.aborted:

@@ -154,7 +154,7 @@ class Local(Engine):
     def _exceeds(self, worker: _Worker) -> str:
         """Which bound a process is beyond; empty if none."""
         most, limit = self._settings.memory, self._settings.timeout
-        if why := worker.swollen(most):
+        if why := worker.memory_excess(most):
             return f"judging it {why}"
         if limit is not None and worker.ready:
             more = 0.0 if worker.warm else LOADING if self._warm else COMPILING

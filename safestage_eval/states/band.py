@@ -49,8 +49,8 @@ class Band(NamedTuple):
         return self.lower is self.upper
 
     @property
-    def told(self) -> bool:
-        """False where nothing is known at any frame."""
+    def any_known(self) -> bool:
+        """Whether an end is finite at some frame."""
         if len(self.lower) and (self.lower[0] > -np.inf or self.upper[0] < np.inf):
             return True
         return not ((self.lower == -np.inf).all() and (self.upper == np.inf).all())

@@ -86,7 +86,7 @@ def _of_body(evaluator: Evaluator, body: str) -> tuple[int, int]:
     moved = displaced.true, ~displaced.false
     if moved[1].any():  # perhaps in something that the robot carries
         carried = state("carried", body)
-        if carried.told:
+        if carried.any_known:
             touch = touch[0] | carried.true, touch[1] | ~carried.false
     if not touch[1].any():
         return _reached(evaluator, body)

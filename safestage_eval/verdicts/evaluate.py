@@ -154,7 +154,7 @@ class Evaluator(PartialStates):
         self.notes.update(dict.fromkeys(self.relations.caveat(name)))
         doubtful, known = self.relations.doubtful(name, bodies, wanted), wanted
         if wanted is not None and is_costly(name):
-            known = wanted | self.relations.told(*bodies)
+            known = wanted | self.relations.answered(*bodies)
         if doubtful is not None:
             where, why = doubtful
             known = ~where if known is None else known & ~where
@@ -170,7 +170,7 @@ class Evaluator(PartialStates):
     def _momentary(self, state: ast.StateDef, bodies: tuple[str, ...]) -> Band:
         env = dict(zip(state.of, bodies, strict=True))
         found = self.condition(state.when, env)
-        if state.fallback is None or found.told:
+        if state.fallback is None or found.any_known:
             return found
         found = self.condition(state.fallback, env)
         if state.perhaps is None:
@@ -225,7 +225,7 @@ class Evaluator(PartialStates):
             found
             for atom in state.also.atoms
             for what in (atom.alternatives if isinstance(atom, ast.AnyOf) else (atom,))
-            if (found := self._one_of(what, env)).told
+            if (found := self._one_of(what, env)).any_known
         ]
         return band.either(bands, self.frames)
 

@@ -131,7 +131,7 @@ class Search(NamedTuple):
             found = evaluator.momentary(call.name, bodies)
         else:
             found = evaluator.condition(source, inner)
-        if state.fallback is not None and not found.told:
+        if state.fallback is not None and not found.any_known:
             source = state.fallback
             if self.upper and state.perhaps is not None:
                 source = state.perhaps

@@ -100,8 +100,8 @@ class CostTotal:
     rule_digest: str = ""
 
     @property
-    def told(self) -> Verdict:
-        """The fields that it shares with a verdict; what it says of safety is open."""
+    def as_verdict(self) -> Verdict:
+        """An inconclusive verdict with the fields that a cost shares with one."""
         parts = ", ".join(f"{amount:.3g} for {words}" for words, amount in self.charges)
         least = "" if self.most == self.value else " at least"
         said = "" if self.value is None else f"The cost came to {self.value:.3g}{least}: {parts}."
@@ -184,7 +184,7 @@ class EpisodeResult:
         A cost without a budget has a row as well, without a verdict, and so has an assigned rule
         that was not loaded: else its absence would read as if it had not been violated.
         """
-        open_rows = [cost.told for cost in self.costs if cost.budget is None]
+        open_rows = [cost.as_verdict for cost in self.costs if cost.budget is None]
         open_rows += [_absent(rule, self.stage or "") for rule in self.not_loaded]
         return [
             *(self._row(verdict) for verdict in self.verdicts),

@@ -231,7 +231,7 @@ class FlipBands:
                 one
                 for atom in state.also.atoms
                 for one in (atom.alternatives if isinstance(atom, ast.AnyOf) else (atom,))
-                if self._told(one, inner)
+                if self._any_known(one, inner)
             ]
             more = [
                 self.alternative(one, inner, None, everywhere)
@@ -252,16 +252,16 @@ class FlipBands:
     def _inner(state: ast.StateDef, call: ast.Call, env: Env) -> Env:
         return dict(zip(state.of, (env.get(arg, arg) for arg in call.args), strict=True))
 
-    def _told(self, part: ast.Atom | ast.Alternative, env: Env) -> bool:
-        """The trace tells of it at all, whatever the parameter."""
+    def _any_known(self, part: ast.Atom | ast.Alternative, env: Env) -> bool:
+        """Whether the trace has what it needs at some frame, whatever the parameter."""
         at = self.at
         if isinstance(part, ast.Condition | ast.Event):
-            return at.obliged(None, at.alternative, part, env).told
-        return at.obliged(None, at.atom, part, env).told
+            return at.obliged(None, at.alternative, part, env).any_known
+        return at.obliged(None, at.atom, part, env).any_known
 
     def _momentary(self, state: ast.StateDef, env: Env) -> Band:
         everywhere = np.ones(self.frames, np.bool_)
-        if state.fallback is None or self._told(state.when, env):
+        if state.fallback is None or self._any_known(state.when, env):
             return self.condition(state.when, env, None, everywhere)
         instead = self.condition(state.fallback, env, None, everywhere)
         if state.perhaps is None:

@@ -137,7 +137,7 @@ def test_fail_on_inconclusive(tmp_path):
 def test_rules_that_are_not_loaded_are_not_judged(traces):
     done = run("score", traces, "--rules", "ish")
     assert done.code == 0
-    assert "2 not judged" in done.text
+    assert "2 episodes not judged" in done.text
     assert "FSH101" in done.text
 
 

@@ -113,7 +113,7 @@ def test_a_side_with_itself_shows_no_difference():
         assert (line.p, line.of.difference, line.need) == (1, 0, None)
         assert line.interval == (None if one else (0, 0))
         assert line.reason == ("one task: no interval over tasks" if one else "no pair differs")
-        assert not line.carried
+        assert not line.significant
 
 
 def test_what_has_no_partner_is_counted():

@@ -229,7 +229,7 @@ def test_table_tells_what_happened():
         assert squeezed(v.explanation) in told
     assert "2.50 s" in told
     assert "1 inconclusive" in told
-    assert "2 not judged" in told  # one has no assigned rule, the other's was not loaded
+    assert "2 episodes not judged" in told  # one has no assigned rule, the other's was not loaded
     assert "FSH101" in told.partition("not judged")[2]
     assert "success disagrees" in told
     assert squeezed(scores().problems[0].message) in told
