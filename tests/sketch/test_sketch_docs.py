@@ -37,3 +37,23 @@ def test_the_mistake_is_shown_as_printed() -> None:
 def test_nothing_is_left_out() -> None:
     for name in (*STEPS, *SHAPES, *BodySketch.model_fields):
         assert re.search(rf"\b{name}\b", PAGE), name
+
+
+@pytest.mark.parametrize("verb", STEPS)
+def test_each_step_can_be_written_as_shown(verb: str) -> None:
+    (row,) = re.findall(rf"^\| `{verb}` \|.*$", PAGE, re.MULTILINE)
+    (written,) = re.findall(r"`(\{ .* \})` \|$", row)
+    bodies = "".join(
+        f'[bodies.{name}]\nshape = "cylinder 6 x 10 cm"\nat = "{x}, 0 cm"\nmass = "200 g"\n'
+        for name, x in (("cup", 0), ("can", 40))
+    )
+    text = f'says = "x"\nduration = "5 s"\nstory = [{written}]\n{bodies}'
+    if verb == "roll":
+        text = text.replace('shape = "cylinder 6 x 10 cm"', 'shape = "cylinder 6 x 10 cm along y"')
+    assert len(sketch.draw(text, "page", "page")) == 301
+
+
+def test_an_axis_in_the_place_of_an_angle_is_shown_its_own() -> None:
+    step = 'story = [{ turn = "cup", by = "30 deg about y", during = "1 to 2 s" }]'
+    with pytest.raises(sketch.SketchError, match="the axis goes in `about`"):
+        sketch.draw(f'says = "x"\nduration = "5 s"\n{step}\n', "page", "page")
