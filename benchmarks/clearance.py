@@ -22,7 +22,7 @@ from machine import machine
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Geom, Mesh
-from safestage_eval.geometry.certified_distance import SLACK, clearance_series
+from safestage_eval.geometry.group_clearance import SLACK, clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.pose import matrix, product
 from safestage_eval.geometry.shape import BodyShape

@@ -32,11 +32,11 @@ from safestage_eval.rules.digest import parameters_read
 from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.verdict import at_risk
-from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.flip_query import verdicts_under
 from safestage_eval.whatif.flip_sweep import sweep_table
 from safestage_eval.whatif.flip_table import SUFFIX, FlipTable, episode_rows, moves_success
 from safestage_eval.whatif.flips import Piece, pieces_of
+from safestage_eval.whatif.judge_again import Again
 from safestage_eval.whatif.swept_values import between, like
 
 

@@ -141,7 +141,7 @@ class Start:
 
     def depth(self, a: Body, b: Body) -> float:
         """M by which two bodies penetrate at the first frame; below 0 where they are apart."""
-        from safestage_eval.geometry.certified_distance import clearance_series
+        from safestage_eval.geometry.group_clearance import clearance_series
         from safestage_eval.geometry.mover import Mover
         from safestage_eval.geometry.shape import BodyShape
 

@@ -52,7 +52,7 @@ def command(
     """
     from safestage_eval.report import signal_plot
     from safestage_eval.report.figure import ready
-    from safestage_eval.whatif.again import Again
+    from safestage_eval.whatif.judge_again import Again
 
     ready("--output", output)
     ref = chosen_ref(trace, None, episode)

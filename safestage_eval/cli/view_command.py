@@ -62,7 +62,7 @@ def command(
     """
     from safestage_eval.rules import builtin_names, load_binding, load_rules
     from safestage_eval.viewer.episode.episode_page import build
-    from safestage_eval.whatif.again import Again
+    from safestage_eval.whatif.judge_again import Again
 
     ref = chosen_ref(trace, name, episode)
     loaded = load_rules(list(rules) or builtin_names())

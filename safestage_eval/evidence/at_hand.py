@@ -11,7 +11,7 @@ from safestage_eval.episode import Mesh, RobotFrames
 from safestage_eval.episode.contacts import Pair
 from safestage_eval.episode.contradictions import CONTACTS
 
-from .gaps import Gaps
+from .missing_values import Gaps
 
 
 class ReadSoFar:

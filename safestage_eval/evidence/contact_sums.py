@@ -13,7 +13,7 @@ from safestage_eval.episode import Episode
 from safestage_eval.episode.contacts import Pair
 
 from .contact_kernels import add_up, add_up_normal, strange
-from .gaps import Gaps
+from .missing_values import Gaps
 from .query import Growth, Query
 from .store import Store
 

@@ -18,7 +18,7 @@ from safestage_eval.geometry.shape import BodyShape
 from . import motion
 from .contact_sums import ContactSums
 from .declare import Options, OptionValue, Signal
-from .gaps import Gaps
+from .missing_values import Gaps
 from .reference import Baseline, Reference
 from .series import Series, exact, unknown
 from .settling import settled

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from safestage_eval.episode import Episode
-from safestage_eval.geometry.certified_distance import SLACK, Clearance, motion_bound
 from safestage_eval.geometry.gjk import PROMISED
+from safestage_eval.geometry.group_clearance import SLACK, Clearance, motion_bound
 
 from .declare import SIGNALS, Options, Signal
 from .facts import Facts, Request

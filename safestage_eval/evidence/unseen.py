@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Body
 
 from .facts import Request
-from .gaps import POSE, around
+from .missing_values import POSE, around
 from .motion import before, derived
 from .series import Series, hide
 

@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.contact_sums import ONE_STEP
-from safestage_eval.evidence.gaps import TWIST
+from safestage_eval.evidence.missing_values import TWIST
 from safestage_eval.evidence.motion import derived
 from safestage_eval.evidence.series import Series
-from safestage_eval.geometry.certified_distance import motion_bound
+from safestage_eval.geometry.group_clearance import motion_bound
 from safestage_eval.geometry.mover import Mover
 
 if TYPE_CHECKING:
-    from .support import Support
+    from .support_facts import Support
 
 Bool = NDArray[np.bool_]
 F64 = NDArray[np.float64]

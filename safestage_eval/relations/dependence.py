@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.evidence.contact_sums import ContactSums
-from safestage_eval.evidence.gaps import Gaps
+from safestage_eval.evidence.missing_values import Gaps
 
 from .arrangement import Arrangement
 from .chains import Chains

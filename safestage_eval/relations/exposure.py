@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
-from safestage_eval.geometry.certified_distance import clearance_series, motion_bound
+from safestage_eval.geometry.group_clearance import clearance_series, motion_bound
 from safestage_eval.geometry.pose import angle
 
 from .held import gripper_frame
 from .proximity import TOUCH
 
 if TYPE_CHECKING:
-    from .support import Support
+    from .support_facts import Support
 
 Bool = NDArray[np.bool_]
 

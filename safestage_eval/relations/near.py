@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Episode
 from safestage_eval.episode.body import IDENTITY
-from safestage_eval.geometry.certified_distance import clearance_series
+from safestage_eval.geometry.group_clearance import clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.pose import matrix
 from safestage_eval.geometry.shape import BodyShape

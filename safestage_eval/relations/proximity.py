@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode
 from safestage_eval.evidence.facts import Movers
-from safestage_eval.geometry.certified_distance import Clearance, clearance_series
+from safestage_eval.geometry.group_clearance import Clearance, clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.pose import relative
 

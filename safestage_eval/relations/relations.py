@@ -20,7 +20,7 @@ from safestage_eval.evidence.series import Series, exact, hidden, hide, unknown
 from . import between, unmeasured
 from .exposure import Causes, Exposure
 from .graph import SupportGraph
-from .support import Support
+from .support_facts import Support
 
 Bool = NDArray[np.bool_]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from safestage_eval.evidence.declare import RELATIONS
 
 if TYPE_CHECKING:
-    from .support import Support
+    from .support_facts import Support
 
 Bool = NDArray[np.bool_]
 

@@ -17,7 +17,7 @@ from safestage_eval.verdicts import Verdict
 from safestage_eval.verdicts.ask import ask, by_bodies
 from safestage_eval.verdicts.curves import Bound, Looked, looked_at
 from safestage_eval.verdicts.players import nodes
-from safestage_eval.whatif.again import Again
+from safestage_eval.whatif.judge_again import Again
 
 from .figure import ready, write
 

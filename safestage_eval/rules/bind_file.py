@@ -32,11 +32,11 @@ from . import syntax as ast
 from .body_facts import BodyFacts, with_facts
 from .check import check_goal
 from .command_binding import CommandBinding, command_binding
+from .condition_checks import Usage
 from .diagnostic import Diagnostic, RuleErrors
 from .files import RuleFile, builtin_folder, read_toml
 from .locate import Keys
 from .names import Names, nearest
-from .usage import Usage
 
 BIND = "bind"
 """The folder of those that come along, among the rules."""

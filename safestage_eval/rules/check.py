@@ -12,6 +12,7 @@ from safestage_eval.signals import SIGNALS
 from . import parse, structure
 from . import syntax as ast
 from .coherence import Coherence
+from .condition_checks import Usage
 from .diagnostic import Diagnostic
 from .files import RuleFile
 from .keys import NAMED, REPEATED, TABLES, TOP
@@ -19,8 +20,7 @@ from .locate import Keys
 from .names import Names, Near, table_of
 from .obligations import Obligations
 from .references import Read, Scope
-from .usage import Usage
-from .variants import read_option
+from .signal_options import read_option
 
 
 def check(files: Sequence[RuleFile]) -> list[Diagnostic]:

@@ -9,12 +9,12 @@ from safestage_eval.evidence.declare import Relation, Signal
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.signals import SIGNALS
 
+from .condition_checks import Usage
 from .diagnostic import Diagnostic
 from .files import RuleFile
 from .locate import Keys
 from .names import Names, table_of
 from .references import Read, Scope
-from .usage import Usage
 
 _Accepts = Callable[[Signal | Relation], bool]
 

@@ -12,7 +12,7 @@ from . import syntax as ast
 from .check import check
 from .diagnostic import Diagnostic, RuleErrors
 from .files import RuleFile, read_files
-from .variants import read_options
+from .signal_options import read_options
 
 DEFINITIONS = ("param", "material", "signal", "state", "phase", "goal", "family", "task")
 """The tables whose entries are named, may be used by other files and may be overridden."""

@@ -8,11 +8,11 @@ from typing import Any
 
 from . import parse, structure
 from .clauses import CLAUSES
+from .condition_checks import Usage
 from .keys import TABLES
 from .locate import Keys
 from .names import Near, unfit
 from .references import Read, Scope
-from .usage import Usage
 
 _WORDS = ("signal", "value", "limit", "margin", "time", "t.worst", "t.first")
 """Words that a rule's ``explain`` may use besides roles and states."""

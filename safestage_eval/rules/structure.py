@@ -7,10 +7,10 @@ import re
 from typing import Any
 
 from . import parse
+from .condition_checks import Usage
 from .keys import IN_BIND, TABLES, Key
 from .locate import Keys
 from .names import RESERVED, Near
-from .usage import Usage
 
 CODE = "[A-Z]{3}[0-9]{3}"
 """A rule's code: three letters for its stage or benchmark, three digits."""

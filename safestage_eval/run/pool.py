@@ -14,7 +14,7 @@ from safestage_eval._process.children import LOADING
 from safestage_eval._process.spawned import LOOK, READY, Births, Spawned
 from safestage_eval.verdicts.problem import Problem
 
-from .engine import Engine, Found, Numbered
+from .engine_interface import Engine, Found, Numbered
 from .settings import Settings
 from .sharing import Place, Shares, place
 from .worker import work

@@ -19,7 +19,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts.problem import Problem
 
-from .engine import Line, Numbered
+from .engine_interface import Line, Numbered
 from .pool import Local
 from .result_parts import write
 from .settings import Settings

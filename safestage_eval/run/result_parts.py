@@ -23,7 +23,7 @@ import zstandard
 from safestage_eval.errors import InputError
 from safestage_eval.formats.atomic import write_bytes
 
-from .engine import Line
+from .engine_interface import Line
 
 FORMAT = 1
 ENDING = ".results"

@@ -23,7 +23,7 @@ from safestage_eval.formats.episode_filter import Selection
 from safestage_eval.verdicts.problem import Problem
 
 from .bind_checks import require_match
-from .engine import Line, Numbered
+from .engine_interface import Line, Numbered
 from .gates import Gates
 from .pool import PRELOAD, Local
 from .result_keys import Keys

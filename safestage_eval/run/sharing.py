@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from .engine import Numbered
+from .engine_interface import Numbered
 
 Place = tuple[Path, str | None]
 """The files that an episode is in."""

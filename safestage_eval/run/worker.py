@@ -14,7 +14,7 @@ from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts import EpisodeResult
 from safestage_eval.verdicts.problem import Problem
 
-from .engine import Found, Line
+from .engine_interface import Found, Line
 from .score_episode import score_episode
 from .settings import Settings
 

@@ -39,7 +39,7 @@ def clearance_xy(request: Request) -> Series:
 
 
 def _clearance(request: Request, *, flat: bool) -> Series:
-    from safestage_eval.geometry.certified_distance import clearance_series
+    from safestage_eval.geometry.group_clearance import clearance_series
 
     movers = request.shapes()
     if isinstance(movers, Series):
@@ -71,7 +71,7 @@ def self_clearance(request: Request) -> Series:
     m; exact up to the cap.
     """
     from safestage_eval.evidence.facts import colliding_pairs, open_below
-    from safestage_eval.geometry.certified_distance import clearance_pairs
+    from safestage_eval.geometry.group_clearance import clearance_pairs
 
     pairs = request.facts.pairs_between(())
     if not pairs:
@@ -93,7 +93,7 @@ def self_clearance(request: Request) -> Series:
 
 def _gap_at_start(pair: tuple[Mover, Mover]) -> float:
     """m, distance of two shapes in the first frame."""
-    from safestage_eval.geometry.certified_distance import clearance_pairs
+    from safestage_eval.geometry.group_clearance import clearance_pairs
     from safestage_eval.geometry.mover import Mover
 
     a, b = (Mover.build(m.shape, m.position[0], m.orientation[0]) for m in pair)

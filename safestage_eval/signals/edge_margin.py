@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.evidence.declare import Option, signal
-from safestage_eval.evidence.gaps import POSE, TWIST, around
+from safestage_eval.evidence.missing_values import POSE, TWIST, around
 from safestage_eval.evidence.series import Series
 
 if TYPE_CHECKING:

@@ -130,7 +130,7 @@ def _unaided(
 
 def _hand_near(relations: Relations, name: str, first: int, then: int) -> bool:
     """Between two frames the hand may have come to the body and gone again."""
-    from safestage_eval.geometry.certified_distance import clearance_series
+    from safestage_eval.geometry.group_clearance import clearance_series
 
     signals = relations.signals
     episode, movers = signals.episode, signals.movers

@@ -28,7 +28,7 @@ def moved_by(request: SupportRequest) -> Series:
     """While the two touch: how far one of them, which was at rest, goes at once and within the
     stated time after; 0 when they do not touch. The robot itself does not count.
     """
-    from safestage_eval.relations.effect import effect_of_touch
+    from safestage_eval.relations.touch_effect import effect_of_touch
 
     return effect_of_touch(request)
 
@@ -39,6 +39,6 @@ def moved_by(request: SupportRequest) -> Series:
 )  # fmt: skip
 def tipped_by(request: SupportRequest) -> Series:
     """The same of the angle by which its up axis leans away from how it stood."""
-    from safestage_eval.relations.effect import effect_of_touch
+    from safestage_eval.relations.touch_effect import effect_of_touch
 
     return effect_of_touch(request)

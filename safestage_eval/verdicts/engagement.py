@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from safestage_eval.episode.runs import runs
-from safestage_eval.geometry.certified_distance import SLACK, clearance_series
+from safestage_eval.geometry.group_clearance import SLACK, clearance_series
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.load import load_rules
 from safestage_eval.states.band import Band

@@ -9,8 +9,8 @@ from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import RuleSet
 from safestage_eval.rules.digest import digest_of
 
+from .each_episode import Progress, each
 from .examples import Checked, Library, Suite, check_rule, deciding, suite
-from .many import Progress, each
 from .mutants import Hunted, definitions, hunt, hunt_in
 
 WORTH = 12

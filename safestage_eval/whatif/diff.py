@@ -12,9 +12,9 @@ from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import RuleSet, load_bind, load_rules, parse_overrides
 from safestage_eval.rules.bind_file import BindFile
 
-from .again import Again
-from .cause import cause_of
-from .many import each_episode
+from .each_episode import each_episode
+from .flip_cause import cause_of
+from .judge_again import Again
 from .results import Difference, Flip, difference
 
 

@@ -12,9 +12,9 @@ import polars as pl
 from safestage_eval.rules import load_bind, load_rules, parse_overrides
 
 from .diff import diff_episode
+from .each_episode import each_episode
 from .flip_query import verdicts_under
 from .flip_table import COLUMNS, FlipTable
-from .many import each_episode
 from .results import Difference, Flip, difference
 
 

@@ -14,9 +14,9 @@ from safestage_eval.rules import load_bind, load_rules
 from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.problem import Problem
 
+from .each_episode import each_episode
 from .flip_query import pieces_about, was_at_risk
 from .flip_table import FlipTable
-from .many import each_episode
 from .sweep import (
     CODES,
     FIELDS,

@@ -27,9 +27,9 @@ from safestage_eval.rules.digest import parameters_read
 from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.problem import Problem
 
-from .again import Again
+from .each_episode import each_episode
 from .flips import pieces_of
-from .many import each_episode
+from .judge_again import Again
 from .swept_values import si_unit
 
 SUFFIX = ".what-if.parquet"

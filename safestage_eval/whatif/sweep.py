@@ -24,9 +24,9 @@ from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.problem import Problem
 from safestage_eval.verdicts.verdict import Verdict, VerdictName, at_risk
 
-from .again import Again
+from .each_episode import each_episode
 from .flips import pieces_of
-from .many import each_episode
+from .judge_again import Again
 from .swept_values import si_unit
 
 FEW = 4

@@ -10,7 +10,7 @@ from bodies import box, put, shape, sphere, wanderer
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.errors import InputError
 from safestage_eval.geometry import backend
-from safestage_eval.geometry.certified_distance import SLACK, clearance_series
+from safestage_eval.geometry.group_clearance import SLACK, clearance_series
 
 FLOOR = Geom(kind="plane")
 

@@ -8,8 +8,8 @@ import pytest
 from bodies import put, wanderer
 
 from safestage_eval.episode import Geom
-from safestage_eval.geometry.certified_distance import SLACK, clearance_series
 from safestage_eval.geometry.gjk import geom_distance, relative_pose, scratch
+from safestage_eval.geometry.group_clearance import SLACK, clearance_series
 from safestage_eval.geometry.mover import Mover, rotation_at
 from safestage_eval.geometry.support_function import Pair
 

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from safestage_eval.episode import Geom, Mesh
-from safestage_eval.geometry.certified_distance import clearance_series
 from safestage_eval.geometry.footprint import overlap_xy
+from safestage_eval.geometry.group_clearance import clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.polygon import contains, convex_hull, edges, nearest_on, union_area
 from safestage_eval.geometry.pose import transform

@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.geometry import pose
-from safestage_eval.geometry.certified_distance import clearance_series
+from safestage_eval.geometry.group_clearance import clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.penetration import DEPTH_TOLERANCE
 

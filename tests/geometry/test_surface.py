@@ -8,7 +8,7 @@ import trimesh
 from bodies import box, put, shape, sphere
 
 from safestage_eval.episode import Geom, Mesh
-from safestage_eval.geometry.certified_distance import clearance_series
+from safestage_eval.geometry.group_clearance import clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
 from safestage_eval.geometry.surface import encloses

@@ -4,7 +4,7 @@ import numpy as np
 from scenes import Scene
 
 from safestage_eval.rules import load_rules
-from safestage_eval.whatif.again import Again
+from safestage_eval.whatif.judge_again import Again
 
 RULE = """
 [ruleset]

@@ -3,7 +3,7 @@
 import pytest
 
 from safestage_eval.errors import InputError
-from safestage_eval.run.engine import Line
+from safestage_eval.run.engine_interface import Line
 from safestage_eval.run.result_parts import Parts
 
 

@@ -8,7 +8,7 @@ from transforms import rebuilt
 from safestage_eval.episode import Episode, Geom, Joint, RobotFrames
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.series import Series
-from safestage_eval.geometry.certified_distance import motion_bound
+from safestage_eval.geometry.group_clearance import motion_bound
 
 T = np.arange(41) / 100
 JOINTS = (

@@ -15,8 +15,8 @@ from safestage_eval.rules.digest import parameters_read
 from safestage_eval.rules.syntax import amount
 from safestage_eval.sketch import resolve
 from safestage_eval.verdicts.verdict import at_risk
-from safestage_eval.whatif.again import Again
 from safestage_eval.whatif.flips import pieces_of
+from safestage_eval.whatif.judge_again import Again
 from safestage_eval.whatif.swept_values import like
 
 ROOT = Path(__file__).parents[2]

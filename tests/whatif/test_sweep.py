@@ -12,7 +12,7 @@ from safestage_eval.rules import load_rules
 from safestage_eval.run.score_many import score_paths
 from safestage_eval.sketch import resolve
 from safestage_eval.verdicts.problem import Problem
-from safestage_eval.whatif.again import Again
+from safestage_eval.whatif.judge_again import Again
 from safestage_eval.whatif.sweep import sweep
 from safestage_eval.whatif.swept_values import between, chosen, text_of
 

@@ -16,8 +16,8 @@ from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.players import nodes
 from safestage_eval.verdicts.problem import Problem
 from safestage_eval.viewer.episode.episode_section import StoredVerdicts, section
-from safestage_eval.whatif.again import Again
-from safestage_eval.whatif.many import each_episode
+from safestage_eval.whatif.each_episode import each_episode
+from safestage_eval.whatif.judge_again import Again
 from safestage_eval.whatif.sweep import Segment, Sweep, segment_frame, segments_of
 from safestage_eval.whatif.swept_values import between
 

@@ -14,7 +14,7 @@ from safestage_eval.viewer.episode.episode_section import ORDER, evidence
 from safestage_eval.viewer.episode.timeline import LEFT, RIGHT, WIDTH
 from safestage_eval.viewer.film import film
 from safestage_eval.viewer.html_page import THEME_SWITCH, page, part, replay_script
-from safestage_eval.whatif.again import Again
+from safestage_eval.whatif.judge_again import Again
 
 Finding = tuple[ast.Scoped, Verdict]
 

@@ -13,7 +13,7 @@ from safestage_eval.rules import syntax as ast
 from safestage_eval.units import format_quantity, told_apart
 from safestage_eval.verdicts import Verdict
 from safestage_eval.verdicts.curves import Looked, frames_to_measure, looked_at
-from safestage_eval.whatif.again import Again
+from safestage_eval.whatif.judge_again import Again
 
 from .scene_drawing import scene
 from .timeline import timeline

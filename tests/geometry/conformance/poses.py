@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from safestage_eval.episode import Body, Geom, Mesh
-from safestage_eval.geometry.certified_distance import Clearance, clearance_series
+from safestage_eval.geometry.group_clearance import Clearance, clearance_series
 from safestage_eval.geometry.mover import Mover
 from safestage_eval.geometry.shape import BodyShape
 

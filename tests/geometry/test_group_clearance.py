@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from safestage_eval.episode import Geom, Mesh
 from safestage_eval.geometry import gjk, pose
-from safestage_eval.geometry.certified_distance import (
+from safestage_eval.geometry.group_clearance import (
     Clearance,
     clearance_pairs,
     clearance_series,

@@ -5,7 +5,7 @@ import itertools
 from hypothesis import given
 from hypothesis import strategies as st
 
-from safestage_eval.whatif.cause import smallest
+from safestage_eval.whatif.flip_cause import smallest
 
 FEW = 5
 

@@ -16,7 +16,7 @@ from safestage_eval.rules.uses import calls
 from safestage_eval.verdicts.evaluate import Evaluator
 from safestage_eval.verdicts.judging import baseline_frames, judge_scoped
 
-from .again import Again
+from .judge_again import Again
 
 P = TypeVar("P")
 

@@ -16,7 +16,7 @@ from safestage_eval.geometry.pose import rotate
 
 if TYPE_CHECKING:
     from .relations import SupportRequest
-    from .support import Support
+    from .support_facts import Support
 
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
