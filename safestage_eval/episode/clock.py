@@ -174,7 +174,7 @@ class Clock:
         return self._once(lasting, False)
 
     def gap(self, lasting: Lasting) -> Window:
-        """Likewise the samples of the shortest gap that is too long to be closed."""
+        """The samples of the shortest gap that is too long to be closed, from each sample on."""
         return self._once(lasting, True)
 
     def _once(self, lasting: Lasting, gap: bool) -> Window:

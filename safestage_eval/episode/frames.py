@@ -1,4 +1,4 @@
-"""What is recorded once per frame: joints, commands, gripper."""
+"""Columns recorded once per frame: joints, commands, gripper."""
 
 from __future__ import annotations
 

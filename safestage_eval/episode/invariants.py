@@ -1,4 +1,4 @@
-"""What every episode must satisfy, whatever file it came from."""
+"""Invariants of every episode, whatever file it came from."""
 
 from __future__ import annotations
 

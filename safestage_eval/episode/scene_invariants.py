@@ -1,4 +1,4 @@
-"""What the bodies, shapes and joints of every episode must satisfy."""
+"""Invariants of the bodies, shapes and joints of every episode."""
 
 from __future__ import annotations
 

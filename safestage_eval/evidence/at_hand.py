@@ -1,4 +1,4 @@
-"""What was read of an episode so far, for checks that read nothing themselves."""
+"""Data of an episode that were read so far, for checks that read nothing themselves."""
 
 from __future__ import annotations
 

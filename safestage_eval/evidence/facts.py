@@ -1,4 +1,4 @@
-"""What all signals of one episode are measured from: motion, shapes, forces, the initial state."""
+"""Facts that all signals of one episode are measured from: motion, shapes, forces, the initial state."""
 
 from __future__ import annotations
 
@@ -211,7 +211,7 @@ class Request(NamedTuple):
 
     @property
     def reference(self) -> Reference:
-        """What a change is measured from."""
+        """Return the reference of a change."""
         baseline = self.facts.baseline_of(self.bodies[0])
         if self.since is None:
             return Reference(baseline)

@@ -173,7 +173,7 @@ class Signals(Facts):
         return self._without_gaps(mask_unseen(signal.measure(request), request), request)
 
     def _without_gaps(self, found: Series, request: Request) -> Series:
-        """The same, unknown where something that it is measured from was not measured."""
+        """Return the series, unknown where a value that it is measured from was not recorded."""
         lost = gap_of(request)
         lower, upper = found.lower, found.upper
         if np.isnan(lower).any() or np.isnan(upper).any():

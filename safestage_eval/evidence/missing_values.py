@@ -1,4 +1,4 @@
-"""What of an episode was not measured: the one place that knows, per frame, what is missing.
+"""Values of an episode that were not recorded, per frame.
 
 Missing are: a body's pose or velocity where it is NaN; everything at the frames of
 ``Episode.unseen``; the force of a pair of bodies where a contact of theirs holds NaN, a normal that
@@ -28,7 +28,7 @@ STILL, SAMPLES, PLACE = 0.1, 3, 1e-4
 
 
 class Gaps:
-    """What is missing in one episode, and the episode without NaN."""
+    """Missing values of one episode, and the episode without NaN."""
 
     def __init__(self, episode: Episode) -> None:
         """Nothing is read; a column is looked at when it is first loaded."""

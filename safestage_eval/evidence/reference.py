@@ -1,4 +1,4 @@
-"""What a change is measured from: the baseline, or an event."""
+"""Reference of a change: the baseline, or an event."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Baseline:
     start: int = 0
     """The first of them: 0 but for a body that settles first. Before it, nothing counts as moved."""
     notes: tuple[str, ...] = ()
-    """What the reader of anything measured from it should be told."""
+    """Notes on the reference, for the reader of a change measured from it."""
 
     @property
     def stretch(self) -> slice:

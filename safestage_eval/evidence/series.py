@@ -54,7 +54,7 @@ def exact(values: ArrayLike, dimension: str, notes: tuple[str, ...] = ()) -> Ser
 
 
 def hide(found: Series, where: NDArray[np.bool_]) -> Series:
-    """The same series, unknown where ``where`` (T,) is true."""
+    """Return the series, unknown where ``where`` (T,) is true."""
     lower, upper = np.where(where, -np.inf, found.lower), np.where(where, np.inf, found.upper)
     return Series(lower, upper, found.dimension, found.notes)
 
@@ -65,7 +65,7 @@ def unknown(frames: int, dimension: str, why: str) -> Series:
 
 
 def hidden(found: Series, lost: NDArray[np.bool_], note: str) -> Series:
-    """The same series, unknown where ``lost`` (T,) is true, and a note that says so."""
+    """Return the series, unknown where ``lost`` (T,) is true, with a note that says so."""
     if not lost.any():
         return found
     return replace(hide(found, lost), notes=(*found.notes, note))

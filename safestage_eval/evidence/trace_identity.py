@@ -1,4 +1,4 @@
-"""What identifies the state of a trace's files and of the code that reads them."""
+"""Identity of the state of a trace's files and of the code that reads them."""
 
 from __future__ import annotations
 
