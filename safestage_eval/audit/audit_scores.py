@@ -6,10 +6,13 @@ from collections.abc import Iterator
 from functools import cached_property, lru_cache
 from typing import Any
 
+from safestage_eval._text.plural import count
 from safestage_eval.episode import Episode
 from safestage_eval.errors import TraceError
 from safestage_eval.rules import BindFile, RuleSet
+from safestage_eval.rules import syntax as ast
 from safestage_eval.run.scores import Scores
+from safestage_eval.verdicts.verdict import EpisodeResult, Verdict
 
 from .audit import Audit, audit_campaign
 from .audit_check import Check, choose
@@ -28,9 +31,19 @@ class _Judged(Subject):
 
     readable = True
 
+    def __init__(
+        self, episode: Episode, rules: RuleSet, bind: BindFile | None, result: EpisodeResult
+    ) -> None:
+        super().__init__(episode, rules, bind)
+        self._verdicts = {verdict.rule: verdict for verdict in result.verdicts}
+
     def _read(self, episode: Episode) -> Episode:
         """As it is: of contacts only what is asked for."""
         return episode
+
+    def verdict(self, rule: ast.Scoped) -> Verdict | None:
+        """As it was judged."""
+        return self._verdicts.get(rule.code)
 
     @cached_property
     def broken(self) -> list[TraceError]:
@@ -48,13 +61,15 @@ def _cheap() -> tuple[Check, ...]:
     return tuple(check for check in choose(ignore=TOLD) if check.cheap)
 
 
-def look(episode: Episode, rules: RuleSet, bind: BindFile | None = None) -> dict[str, Any]:
+def look(
+    episode: Episode, rules: RuleSet, bind: BindFile | None, result: EpisodeResult
+) -> dict[str, Any]:
     """What the cheap checks need and find in an episode that was just judged, as JSON values.
 
     Returns:
         ``findings``, and the ``summary`` for the checks of an evaluation.
     """
-    subject = _Judged(episode, rules, bind)
+    subject = _Judged(episode, rules, bind, result)
     found = check_subject(subject, _cheap(), str(episode.path or ""))
     summary = dict(vars(summarize(subject, goal=False)))
     del summary["waypoints"], summary["goal"]
@@ -96,11 +111,11 @@ def in_one_line(audit: Audit, traces: str) -> str:
     counts = ", ".join(_counts(audit))
     bad = {f.place.episode for f in graver if f.place.episode}
     bad |= {episode for f in graver for episode in f.episodes}
-    where = f" in {len(bad)} of {audit.episodes} episodes" if bad else ""
+    where = f" in {len(bad)} of {count(audit.episodes, 'episode')}" if bad else ""
     return f"audit: {counts}{where}; safestage audit {traces} shows them"
 
 
 def _counts(audit: Audit) -> Iterator[str]:
-    for severity, count in audit.counts.items():
-        if count and severity != "note":
-            yield f"{count} {severity}{'s' * (count > 1)}"
+    for severity, number in audit.counts.items():
+        if number and severity != "note":
+            yield count(number, severity)

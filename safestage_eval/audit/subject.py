@@ -29,7 +29,7 @@ from safestage_eval.episode.body_invariants import (
 from safestage_eval.episode.clock_invariants import check_clock
 from safestage_eval.episode.contradiction import ContradictionError
 from safestage_eval.episode.contradictions import contradictions
-from safestage_eval.errors import RuleError, TraceError
+from safestage_eval.errors import InputError, RuleError, TraceError
 from safestage_eval.rules import BindFile, Binding, RuleSet, bind_episode
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.resolve import BY_ROLES
@@ -39,6 +39,8 @@ from .finding import Defect
 
 if TYPE_CHECKING:
     from safestage_eval.relations.relations import Relations
+    from safestage_eval.verdicts.judging import Judge
+    from safestage_eval.verdicts.verdict import Verdict
 
 
 class Subject:
@@ -193,8 +195,35 @@ class Subject:
         """Relations and signals of the episode as it is judged; for a sound recording."""
         from safestage_eval.evidence.measure import Signals
         from safestage_eval.relations.relations import Relations
+        from safestage_eval.verdicts.judging import baseline_frames
 
-        return Relations(Signals(with_holes(self.episode)))
+        episode = with_holes(self.episode)
+        return Relations(Signals(episode, baseline_frames(self.rules, episode)))
+
+    @cached_property
+    def _judge(self) -> Judge | None:
+        from safestage_eval.verdicts.judging import Judge
+
+        binding = self.binding
+        if binding is None or not self.sound or not len(self.episode):
+            return None
+        try:
+            return Judge(self.episode, self.rules, binding, self.relations)
+        except InputError:  # a name in its goal or rules that it does not bear
+            return None
+
+    def verdict(self, rule: ast.Scoped) -> Verdict | None:
+        """What scoring says; None of what is not judged: a broken recording, a cost without a budget."""
+        if self._judge is None:
+            return None
+        try:
+            return (
+                self._judge.verdict(rule)
+                if isinstance(rule, ast.Rule)
+                else self._judge.cost(rule)[1]
+            )
+        except InputError:
+            return None
 
 
 def _at_once(table: ContactTable) -> ContactTable:

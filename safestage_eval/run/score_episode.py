@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from safestage_eval.verdicts import EpisodeResult
 
 
-Look = Callable[["Episode", "RuleSet", "BindFile | None"], dict[str, Any]]
+Look = Callable[["Episode", "RuleSet", "BindFile | None", "EpisodeResult"], dict[str, Any]]
 """Finds more in an episode that was judged, as JSON values: ``EpisodeResult.audit``."""
 
 
@@ -46,7 +46,9 @@ def score_episode(
                 episode, rules, overrides=overrides, bind=bind, backend=backend,
                 assigned_only=assigned_only, store=store,
             )  # fmt: skip
-            return result if look is None else replace(result, audit=look(episode, rules, bind))
+            if look is None:
+                return result
+            return replace(result, audit=look(episode, rules, bind, result))
 
         if cache is None:
             return judged(ref.open())

@@ -50,6 +50,15 @@ def inconclusive(cause: str, remedy: str = "") -> str:
     return f"Cannot be decided: {cause}{end}{remedy}"
 
 
+def cause_and_remedy(explanation: str) -> tuple[str, str]:
+    """What ``inconclusive`` was given, without full stops; ("", "") of another sentence."""
+    told = re.fullmatch(
+        r"Cannot be decided: (.+?)\.?(?: ([A-Z](?:[^.]|\.(?=\S))*)\.)?", explanation
+    )
+    cause, remedy = told.groups(default="") if told else ("", "")
+    return cause, remedy[:1].lower() + remedy[1:]
+
+
 def seconds(time: float | None) -> str:
     """A time as sentences say it; None is ``never``."""
     return "never" if time is None else f"{time:.2f} s"

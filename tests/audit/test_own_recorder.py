@@ -1,0 +1,106 @@
+"""Recordings as somebody's own recorder writes them: a cube pushed over a table, and no robot."""
+
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from safestage_eval.audit import audit, choose
+from safestage_eval.audit.audit_episode import check_subject
+from safestage_eval.audit.subject import Subject
+from safestage_eval.episode import Body, Geom, Header
+from safestage_eval.formats import TraceWriter, load
+from safestage_eval.rules import builtin_names, load_rules
+from safestage_eval.verdicts import judge
+from safestage_eval.verdicts.explain import cause_and_remedy, inconclusive
+
+TRACES = Path(__file__).parents[2] / "traces"
+
+NAN = (math.nan,) * 3
+
+
+def record(path, *, turn=lambda t: (1.0, 0, 0, 0), spin=lambda t: (0, 0, 0), place=None, vase=True,
+           up=lambda v: v, seconds=6.5, **header):  # fmt: skip
+    """A cube moves by 10 cm in the first second, at 100 Hz. Returns the path."""
+    given = {"roles": {"target": ("cube",), "protected": ("vase",) if vase else ()}, **header}
+    given = {"success": True, "success_time": 1.0, "physics_dt": 0.01, "frame_dt": 0.01, **given}
+    with TraceWriter(Header(episode_id="own", **given), path=path) as writer:
+        top, cube = Geom(kind="box", size=up((0.5, 0.4, 0.02))), (0.03, 0.03, 0.03)
+        writer.add_body(Body(name="table", kind="fixture", movable=False, geoms=(top,)),
+                        up((0, 0, -0.02)))  # fmt: skip
+        writer.add_body(Body(name="cube", kind="object", mass=0.2, up_axis=(0, 0, 1),
+                             geoms=(Geom(kind="box", size=cube),)))  # fmt: skip
+        if vase:
+            shape = Geom(kind="box", size=(0.04, 0.04, 0.04))
+            writer.add_body(Body(name="vase", kind="object", mass=0.5, geoms=(shape,)))
+        for frame in range(round(100 * seconds) + 1):
+            t = frame * 0.01
+            at = (0.1 * min(t, 1), 0, 0.03) if place is None else place(t)
+            going = up((0.1 * (t < 1), 0, 0))
+            poses, rates = {"cube": (up(at), turn(t))}, {"cube": (going, spin(t))}
+            if vase:
+                poses["vase"], rates["vase"] = (up((0.3, 0.2, 0.04)), turn(0)), ((0,) * 3,) * 2
+            writer.add_frame(t, poses, rates)
+    return path
+
+
+def findings(path, *select):
+    return {found.code: found for found in audit(path, select=select).findings}
+
+
+def spinning(rate, axis, *, xyzw=False):
+    """Turn and angular velocity about an axis, for a second."""
+
+    def turn(t):
+        half = rate * min(t, 1) / 2
+        q = [math.cos(half), 0, 0, 0]
+        q[1 + axis] = math.sin(half)
+        return tuple(q[1:] + q[:1]) if xyzw else tuple(q)
+
+    def spin(t):
+        return tuple(rate * (t < 1) * (k == axis) for k in range(3))
+
+    return {"turn": turn, "spin": spin}
+
+
+def told_decided(episode, rules):
+    """How many rules the audit says can be decided, and which it names as undecidable."""
+    subject = Subject(episode, rules)
+    [note] = check_subject(subject, choose(["AUD158"]))
+    count = int(re.search(r"(\d+) of the loaded rules can be decided", note.what)[1])
+    return count, note.what
+
+
+def test_what_can_be_decided_is_what_scoring_decides(tmp_path):
+    """Of a trace without a robot, and of recorded episodes as if no rule were assigned to them."""
+    rules = load_rules(builtin_names())
+    own = load(record(tmp_path / "own.mcap"))
+    bare = [replace(e, header=e.header.model_copy(update={"rules": ()}))
+            for e in map(load, sorted(TRACES.glob("*.mcap"))[:4])]  # fmt: skip
+    for episode in (own, *bare):
+        verdicts = [v for v in judge(episode, rules).verdicts
+                    if v.vacuity not in ("no_player", "unbound")]  # fmt: skip
+        open_ = [v for v in verdicts if v.verdict == "inconclusive"]
+        count, what = told_decided(episode, rules)
+        assert count == len(verdicts) - len(open_)
+        assert all(cause_and_remedy(v.explanation)[0].split("; ")[0] in what for v in open_)
+    assert "no robot" in told_decided(own, rules)[1]
+
+
+@pytest.mark.parametrize("code", ["ETS101", "ETS102", "ETS201", "FSH101", "FSH103"])
+def test_an_assigned_rule_is_undecidable_where_its_verdict_is_inconclusive(tmp_path, code):
+    path = record(tmp_path / "own.mcap", rules=(code,))
+    [verdict] = [
+        v for v in judge(load(path), load_rules(builtin_names())).verdicts if v.rule == code
+    ]
+    assert ("AUD157" in findings(path, "AUD157")) == (verdict.verdict == "inconclusive")
+
+
+@pytest.mark.parametrize(
+    "cause", ["no robot", "it ends 0.25 s after success", "who is x: did you mean y?"]
+)
+@pytest.mark.parametrize("remedy", ["", "record 0.5 s more; or not"])
+def test_causes_are_read_back(cause, remedy):
+    assert cause_and_remedy(inconclusive(cause, remedy)) == (cause, remedy)
