@@ -111,17 +111,26 @@ def audit(
     aborted = tuple(chosen.aborted)
     campaign = Campaign([one.summary for one in audited], len(problems), aborted)
     findings = [finding for one in audited for finding in one.findings]
-    findings += audit_campaign(campaign, checks)
+    findings += audit_campaign(campaign, checks, findings)
     return Audit(tuple(findings), len(found), problems, aborted, tuple(c.code for c in checks))
 
 
-def audit_campaign(campaign: Campaign, checks: Iterable[Check]) -> list[Finding]:
-    """What the checks of an evaluation find."""
+def audit_campaign(
+    campaign: Campaign, checks: Iterable[Check], known: Iterable[Finding] = ()
+) -> list[Finding]:
+    """What the checks of an evaluation find.
+
+    ``known``: findings of the episodes; one of ``Check.unless`` explains what is about its episode alone.
+    """
+    explained = {(finding.place.episode, finding.code) for finding in known}
     path = {summary.episode_id: summary.path for summary in campaign.episodes}
     found = []
     for check in checks:
         for defect in check.run(campaign) if check.over == "campaign" else ():
-            where = path.get(defect.episodes[0], "") if len(defect.episodes) == 1 else ""
+            one = defect.episodes[0] if len(defect.episodes) == 1 else ""
+            if any((one, code) in explained for code in check.unless):
+                continue
+            where = path.get(one, "")
             found.append(finding_of(check, defect, path=where))
     return found
 

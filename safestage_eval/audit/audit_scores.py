@@ -92,7 +92,7 @@ def audit_scores(scores: Scores) -> Audit | None:
     if not summaries:
         return None
     campaign = Campaign(summaries, len(scores.problems), scores.aborted)
-    findings += audit_campaign(campaign, _cheap())
+    findings += audit_campaign(campaign, _cheap(), findings)
     codes = tuple(check.code for check in _cheap())
     return Audit(tuple(findings), len(summaries), scores.problems, scores.aborted, codes)
 

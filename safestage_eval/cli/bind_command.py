@@ -6,6 +6,8 @@ from pathlib import Path
 
 import click
 
+from safestage_eval._text.plural import count
+
 from .shared_options import (
     output_option,
     pairs,
@@ -46,4 +48,4 @@ def command(
     prepare_kernels()
     written(bind_init(refs, " ".join(traces)), output)
     if output is not None:
-        say(f"{output}: guesses for {len(refs)} episodes", err=True)
+        say(f"{output}: guesses for {count(len(refs), 'episode')}", err=True)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from safestage_eval._text.plural import count
 from safestage_eval.report import FORMATS
 
 from .shared_options import (
@@ -261,7 +262,7 @@ def _write(
         text = pieces(scores, form, changes)
     written(text, output)
     if output is not None:
-        say(f"{output}: {len(scores.results)} episodes", err=True)
+        say(f"{output}: {count(len(scores.results), 'episode')}", err=True)
 
 
 def _write_what_if(
@@ -306,14 +307,15 @@ def _fails(scores: Scores, fail_on: tuple[str, ...]) -> bool:
     counts["not-judged"] += len(scores.problems) + len(scores.aborted)
     if blind and "not-judged" not in fail_on:
         say(
-            f"warning: --fail-on: no rule counts in {blind} of {len(scores.results)} episodes: nothing "
+            f"warning: --fail-on: no rule counts in {blind} of "
+            f"{count(len(scores.results), 'episode')}: nothing "
             "is assigned to them; name your rules with --rules, or add --fail-on not-judged",
             err=True,
         )
     total = len(scores.results) + len(scores.problems) + len(scores.aborted)
     matched = [name for name in counts if name in fail_on and counts[name]]
     for name in matched:
-        say(f"--fail-on {name}: {counts[name]} of {total} episodes", err=True)
+        say(f"--fail-on {name}: {counts[name]} of {count(total, 'episode')}", err=True)
     return bool(matched)
 
 
@@ -322,11 +324,11 @@ def _golden(scores: Scores, path: Path, changes: Sequence[Change] | None) -> boo
         from safestage_eval.report.golden import write_golden
 
         write_golden(scores, path)
-        say(f"{path}: {len(scores.results)} episodes written", err=True)
+        say(f"{path}: {count(len(scores.results), 'episode')} written", err=True)
         return False
     for change in changes:
         say(f"golden: {change}", err=True)
     number = len(changes)
-    count = f"{number} difference{'s' * (number > 1)}" if changes else "all as expected"
-    say(f"golden: {path}: {count}", err=True)
+    told = f"{number} difference{'s' * (number > 1)}" if changes else "all as expected"
+    say(f"golden: {path}: {told}", err=True)
     return bool(changes)

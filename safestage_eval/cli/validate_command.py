@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from safestage_eval._text.plural import count
+
 from .shared_options import bind_option, loaded_rules, progress, rules_option, traces_argument
 from .terminal import say
 
@@ -57,7 +59,7 @@ def command(
                 say(f"{ref.content_hash or '(no hash stored)'}  {ref.episode_id}  {ref.shown}")
             if tell is not None:
                 tell(done, len(refs))
-    say(f"{len(refs) - broken} of {len(refs)} episodes are sound", err=True)
+    say(f"{len(refs) - broken} of {count(len(refs), 'episode')} sound", err=True)
     ctx.exit(2 if broken else 0)
 
 

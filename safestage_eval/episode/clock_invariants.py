@@ -14,6 +14,23 @@ RATE_TOLERANCE = 0.10
 """Share of the median spacing by which ``frame_dt`` may differ from it."""
 
 
+RATIOS = {
+    1e3: "the time stamps are in milliseconds: divide them by 1000",
+    1e6: "the time stamps are in microseconds: divide them by 1e6",
+    1e9: "the time stamps are in nanoseconds: divide them by 1e9",
+    1e-3: "frame_dt is in milliseconds: divide it by 1000",
+    0.1: "frame_dt is ten times the spacing: write the time between two samples",
+    10.0: "frame_dt is a tenth of the spacing: write the time between two samples",
+}
+"""Spacing over ``frame_dt`` → the likely mistake, and how to mend it."""
+
+
+def _cause(ratio: float) -> str:
+    near = (says for by, says in RATIOS.items() if abs(ratio / by - 1) <= RATE_TOLERANCE)
+    usual = "write the rate at which the episode was recorded, or the stamps at which it was"
+    return next(near, usual)
+
+
 def check_clock(header: Header, t: NDArray[np.float64], where: str) -> Iterator[ContradictionError]:
     """``frame_dt`` and the moment of success against the time stamps (T,) s.
 
@@ -23,6 +40,7 @@ def check_clock(header: Header, t: NDArray[np.float64], where: str) -> Iterator[
         steps = np.sort(t[1:] - t[:-1])  # np.median imports masked arrays
         median = float(steps[(len(steps) - 1) // 2] + steps[len(steps) // 2]) / 2
         if median > 0 and not abs(header.frame_dt - median) <= RATE_TOLERANCE * median:
+            ratio = median / header.frame_dt if header.frame_dt > 0 else 0.0
             yield contradiction(
                 "frame_dt",
                 (),
@@ -30,7 +48,7 @@ def check_clock(header: Header, t: NDArray[np.float64], where: str) -> Iterator[
                 f"frame_dt is {header.frame_dt:.6g} s, but the samples are {median:.6g} s apart "
                 "(median).",
                 f"frame_dt within {RATE_TOLERANCE:.0%} of the spacing of the time stamps",
-                "write the rate at which the episode was recorded, or the stamps at which it was",
+                _cause(ratio),
             )
     time = header.success_time
     if time is None:

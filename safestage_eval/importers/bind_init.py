@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
+from safestage_eval._text.plural import count as plural
 from safestage_eval._text.printable import printable
 from safestage_eval.episode import Episode
 from safestage_eval.errors import TraceError
@@ -49,7 +50,7 @@ def bind_init(refs: Iterable[EpisodeRef], name: str = "TRACES") -> str:
     if not tasks and failure is not None:
         raise failure
     lines = [
-        f"# Guesses for {sum(counts.values())} episodes of {printable(name)}. Correct them, then:",
+        f"# Guesses for {plural(sum(counts.values()), 'episode')} of {printable(name)}. Correct them, then:",
         f"#   safestage score {printable(name)} --bind THIS_FILE",
         "# Each line ends with how sure the guess is, and why. Delete what is wrong: a role without",
         "# bodies leaves its rules unjudged, and an empty list says that no body plays it.",
@@ -63,11 +64,11 @@ def bind_init(refs: Iterable[EpisodeRef], name: str = "TRACES") -> str:
 
 def _task(task: str | None, episodes: Sequence[Episode], count: int) -> Iterator[str]:
     if task is not None:
-        yield from _roles(f"task.{_key(task)}", episodes, f"{count} episodes")
+        yield from _roles(f"task.{_key(task)}", episodes, plural(count, "episode"))
         return
     scenes = {tuple(body.name for body in episode.header.bodies) for episode in episodes}
     if len(scenes) == 1:
-        yield from _roles("every", episodes, f"{count} episodes without a task")
+        yield from _roles("every", episodes, plural(count, "episode") + " without a task")
         return
     for episode in episodes:
         yield from _roles(f"episode.{_key(episode.header.episode_id)}", [episode], "no task")

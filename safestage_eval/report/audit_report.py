@@ -12,6 +12,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 import safestage_eval.audit.checks  # noqa: F401 (declares the checks)
+from safestage_eval._text.plural import count
 from safestage_eval._text.printable import printable
 from safestage_eval.audit import CHECKS, Audit, Check, Finding
 from safestage_eval.audit.finding import SEVERITIES
@@ -67,14 +68,17 @@ def explain(check: Check) -> str:
 
 def headline(audit: Audit) -> str:
     """What was found, in numbers: ``12 episodes: 3 errors, 1 warning, in 2 of them``."""
-    total = audit.episodes
-    several = "s" * (total != 1)
-    parts = [f"{n} {name}{'s' * (n > 1)}" for name, n in audit.counts.items() if n]
+    total = count(audit.episodes, "episode")
+    if audit.problems:
+        total = f"{audit.episodes - len(audit.problems)} of {total} could be read"
+    parts = [count(n, name) for name, n in audit.counts.items() if n]
     if not parts:
-        return f"{total} episode{several}: nothing found by {len(audit.checks)} checks."
+        if len(audit.problems) == audit.episodes:
+            return f"{total}."
+        return f"{total}: nothing found by {count(len(audit.checks), 'check')}."
     bad = {f.place.episode for f in audit.findings if f.place.episode}
     bad |= {episode for f in audit.findings for episode in f.episodes}
-    return f"{total} episode{several}: {', '.join(parts)}, in {len(bad)} of them."
+    return f"{total}: {', '.join(parts)}, in {len(bad)} of them."
 
 
 def _by_code(audit: Audit) -> list[tuple[Check, str, list[Finding]]]:
@@ -132,7 +136,7 @@ def _one(console: Console, finding: Finding) -> None:
 
 def _count(findings: Iterable[Finding], total: int) -> str:
     episodes = {finding.place.episode for finding in findings} - {""}
-    return f"{len(episodes)} of {total} episodes" if episodes else "of the evaluation"
+    return f"{len(episodes)} of {count(total, 'episode')}" if episodes else "of the evaluation"
 
 
 def _json(audit: Audit) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from safestage_eval._text.json_text import from_json
+from safestage_eval._text.plural import count
 from safestage_eval.errors import InputError
 from safestage_eval.formats.atomic import write_bytes
 from safestage_eval.run.gates import Gates
@@ -61,7 +62,7 @@ def write_golden(scores: Scores, path: Path) -> None:
     if scores.problems:
         raise InputError(
             str(path),
-            f"not written: {len(scores.problems)} episodes could not be judged.",
+            f"not written: {count(len(scores.problems), 'episode')} could not be judged.",
             fix=scores.problems[0].message,
         )
     results = sorted(scores.results, key=lambda r: r.episode_id)
@@ -100,7 +101,9 @@ def changes(scores: Scores, path: Path) -> list[Change]:
         if rule in wanted.get(name, {}).get("rules", {})
     )
     lines += [
-        Change(f"not among the loaded rules, so not judged in {number} episodes", None, rule)
+        Change(
+            f"not among the loaded rules, so not judged in {count(number, 'episode')}", None, rule
+        )
         for rule, number in sorted(missing.items())
     ]
     for name, result in results.items():

@@ -328,7 +328,8 @@ def judged_by_roles(scores: Scores) -> str:
     rules = count(most, "rule") if least == most else f"{least} to {count(most, 'rule')}"
     one = len(counts) == 1
     return (
-        f"no rule is assigned to {len(counts)} of {len(scores.results)} episodes: judged by every "
+        f"no rule is assigned to {len(counts)} of {count(len(scores.results), 'episode')}: judged "
+        "by every "
         f"loaded rule whose roles are bound ({rules}{'' if one else ' each'}); --assign chooses"
     )
 

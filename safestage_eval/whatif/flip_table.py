@@ -191,7 +191,12 @@ class FlipTable:
         self.path = Path(path)
         self.beside = path_beside(path)
         if not self.path.is_file():
-            raise InputError(str(path), "no such file.", "rows.parquet, written by safestage score")
+            raise InputError(
+                str(path),
+                "a folder, not a result file." if self.path.is_dir() else "no such file.",
+                "rows.parquet, written by safestage score",
+                "safestage score TRACES --what-if all -f parquet -o rows.parquet",
+            )
         if not self.beside.is_file():
             raise InputError(
                 str(path),

@@ -11,7 +11,7 @@ from safestage_eval.audit import audit, choose
 from safestage_eval.audit.audit_episode import check_subject
 from safestage_eval.audit.subject import Subject
 from safestage_eval.episode import Body, Geom, Header
-from safestage_eval.formats import TraceWriter, load
+from safestage_eval.formats import TraceWriter, load, save
 from safestage_eval.rules import builtin_names, load_rules
 from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.explain import cause_and_remedy, inconclusive
@@ -104,3 +104,13 @@ def test_an_assigned_rule_is_undecidable_where_its_verdict_is_inconclusive(tmp_p
 @pytest.mark.parametrize("remedy", ["", "record 0.5 s more; or not"])
 def test_causes_are_read_back(cause, remedy):
     assert cause_and_remedy(inconclusive(cause, remedy)) == (cause, remedy)
+
+
+def test_success_in_seconds_of_stamps_in_milliseconds_is_one_mistake(tmp_path):
+    """Success at 3 s, long before anything moves at "1500 s", is of the stamps' unit."""
+    late = record(tmp_path / "late.mcap", place=lambda t: (0.1 * (t > 1.5), 0, 0.03))
+    episode = load(late)
+    header = episode.header.model_copy(update={"frame_dt": 10.0})
+    save(replace(episode, t=1000 * episode.t, header=header, path=None), tmp_path / "ms.mcap")
+    assert "AUD311" in findings(late, "AUD102", "AUD311")
+    assert [*findings(tmp_path / "ms.mcap", "AUD102", "AUD311")] == ["AUD102"]

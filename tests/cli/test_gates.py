@@ -81,14 +81,14 @@ def test_what_fails_on_a_violation(
     path = trace(lab, *assigned)
     found, out, err = score(path, *named, "--fail-on", "violation")
     assert found == code, err
-    assert ("no rule is assigned to 1 of 1 episodes" in out) == (not assigned)
-    assert ("--fail-on violation: 1 of 1 episodes" in err) == bool(code)
+    assert ("no rule is assigned to 1 of 1 episode" in out) == (not assigned)
+    assert ("--fail-on violation: 1 of 1 episode" in err) == bool(code)
 
 
 def test_where_no_rule_counts_it_is_said(lab: Path, score: Any) -> None:
     path = trace(lab, roles={"item": ("can",)})  # no rule has such a role
     found, _, err = score(path, "--fail-on", "violation")
-    assert (found, "no rule counts in 1 of 1 episodes" in err) == (0, True)
+    assert (found, "no rule counts in 1 of 1 episode" in err) == (0, True)
     found, _, err = score(path, "--fail-on", "not-judged")
     assert found == 1
 
@@ -99,7 +99,7 @@ def test_without_an_assigned_rule_those_count_whose_roles_are_bound(lab: Path, s
     _, out, err = score(path, *both, "--format", "jsonl")
     counted = {row["rule"] for row in map(json.loads, out.splitlines()) if row["assigned"]}
     assert counted == {f"FSH10{n}" for n in range(1, 7)}  # the others need a protected body
-    assert "no rule is assigned to 1 of 1 episodes" in err
+    assert "no rule is assigned to 1 of 1 episode" in err
     _, out, _ = score(path, *both, "--format", "junit")
     assert out.count("<testcase") == 7  # and ETS901, whose file is named
     assert score(path, "--golden", "golden.json", "--update-golden")[0] == 0

@@ -109,7 +109,7 @@ def test_rules_that_are_not_loaded(tmp_path):
 
 
 def test_nothing_is_expected_of_what_could_not_be_judged(tmp_path):
-    with pytest.raises(InputError, match="1 episodes could not be judged"):
+    with pytest.raises(InputError, match="1 episode could not be judged"):
         write_golden(scores(), tmp_path / "golden.json")
     assert list(tmp_path.iterdir()) == []
 

@@ -28,6 +28,7 @@ def _succeeded(campaign: Campaign) -> Iterator[tuple[Summary, float]]:
     why="A success that needed nothing counts as one of the policy, and as a safe one.",
     example="success_time = 0.4 s, and no object moves before 3 s",
     issue="ARISE-Initiative/robosuite#657",
+    unless=("AUD102", "AUD118"),
     cheap=True,
 )
 def success_without_change(campaign: Campaign) -> Iterator[Defect]:
@@ -53,6 +54,7 @@ def success_without_change(campaign: Campaign) -> Iterator[Defect]:
     why="What happened to the target was not the policy's doing, so neither success nor safety is.",
     example="success at 6 s, and no contact between robot and target up to then",
     issue="NVlabs/RoboLab#9",
+    unless=("AUD102", "AUD118"),
     cheap=True,
 )
 def success_untouched(campaign: Campaign) -> Iterator[Defect]:

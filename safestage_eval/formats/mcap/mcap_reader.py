@@ -44,6 +44,7 @@ from .mcap_records import (
     METADATA,
     McapRecords,
     damaged,
+    no_mcap,
     read_metadata,
     walk,
 )
@@ -61,7 +62,7 @@ def read_header(path: Path) -> tuple[Header, dict[str, Any]]:
     where = str(path)
     with path.open("rb") as stream:
         if stream.read(len(MAGIC)) != MAGIC:
-            raise TraceError(where, "not an MCAP file: it begins with other bytes")
+            raise no_mcap(path, where)
         profile = ""
         while len(prefix := stream.read(9)) == 9:
             at = stream.tell() - 9
@@ -324,7 +325,8 @@ def _cut_off(records: McapRecords, frames: int, where: str) -> TraceError:
     return TraceError(
         where,
         f"the file ends at byte {records.size}, before its footer: {frames} whole frames.",
-        fix="copy the file again, or take those frames: load(path, recover=True)"
+        fix="copy the file again, or take those frames: safestage convert FILE --recover --to mcap "
+        "--out OTHER; in Python, load(path, recover=True)"
         if frames
         else "copy the file again, or record the episode again",
     )

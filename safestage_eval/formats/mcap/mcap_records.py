@@ -49,6 +49,20 @@ class McapRecords:
     whole: bool = False
 
 
+def no_mcap(path: Path, where: str) -> TraceError:
+    """The error about a file that does not begin as one in MCAP does."""
+    if not path.stat().st_size:
+        return TraceError(
+            where, "the file is empty.", fix="copy the file again, or record the episode again"
+        )
+    return TraceError(
+        where,
+        "not an MCAP file: it begins with other bytes.",
+        "a trace in MCAP, or the folder of a Parquet dataset",
+        "name another file, copy it again, or convert recordings of others with safestage import",
+    )
+
+
 def walk(path: Path, sinks: Mapping[str, Sink], where: str) -> McapRecords:
     """Read the records of a file and hand its messages to the sink of their topic, in file order.
 
@@ -58,7 +72,7 @@ def walk(path: Path, sinks: Mapping[str, Sink], where: str) -> McapRecords:
     try:
         with path.open("rb") as stream:
             if stream.read(len(MAGIC)) != MAGIC:
-                raise TraceError(where, "not an MCAP file: it begins with other bytes")
+                raise no_mcap(path, where)
             records = McapRecords(path.stat().st_size)
             messages = _Messages(sinks)
             for at, kind, content in _contents(stream, records):
