@@ -114,3 +114,21 @@ def test_success_in_seconds_of_stamps_in_milliseconds_is_one_mistake(tmp_path):
     save(replace(episode, t=1000 * episode.t, header=header, path=None), tmp_path / "ms.mcap")
     assert "AUD311" in findings(late, "AUD102", "AUD311")
     assert [*findings(tmp_path / "ms.mcap", "AUD102", "AUD311")] == ["AUD102"]
+
+
+@pytest.mark.parametrize("role", ["protcted", "protectd"])
+def test_a_misspelt_role_is_found_without_assigned_rules(tmp_path, role):
+    path = record(tmp_path / "own.mcap", roles={"target": ("cube",), role: ("vase",)})
+    found = findings(path, "AUD152")["AUD152"]
+    assert (found.severity, found.fix) == ("warning", f"rename roles.{role} to roles.protected")
+    other = record(tmp_path / "other.mcap", roles={"target": ("cube",), "spectator": ("vase",)})
+    assert not findings(other, "AUD152")
+
+
+@pytest.mark.parametrize("height", [0.03, 0.2])
+def test_without_a_robot_nobody_knows_who_moves_turns_or_holds_what(tmp_path, height):
+    """A cube is lowered by 3 cm, tipped over, and (at 20 cm) held in the air."""
+    path = record(tmp_path / "own.mcap", place=lambda t: (0.1 * min(t, 1), 0, height - 0.03 * min(t, 1)),
+                  **spinning(1.5, 1))  # fmt: skip
+    assert {f.severity for f in findings(path, "AUD202", "AUD203", "AUD204", "AUD206", "AUD207").values()
+            } <= {"note"}  # fmt: skip

@@ -62,15 +62,32 @@ def role_players(subject: Subject) -> Iterator[Defect]:
     "AUD152",
     "error",
     of="recording",
-    title="a role of an assigned rule is not bound",
-    why="The rule is inconclusive: nobody says which bodies it is about.",
+    title="a role that a rule asks for is not bound",
+    why="An assigned rule is inconclusive: nobody says which bodies it is about. Of a role that is "
+    "misspelt, the rules that are not assigned judge nothing either.",
     example='rules = ["ETS101"], and roles = { target, protcted }',
     unless=("AUD151",),
     cheap=True,
 )
 def unbound_roles(subject: Subject) -> Iterator[Defect]:
-    """Compares the roles of assigned rules with those that header and bind file bind."""
+    """Compares the roles of assigned rules with those that header and bind file bind.
+
+    Where no rule is assigned, a warning of roles that no loaded rule asks for and that are spelt
+    nearly as one that a rule does.
+    """
     binding = subject.binding
+    if binding is not None and not subject.assigned:
+        asked = {role for rule in subject.rules.scoped.values() for role in binding.unbound(rule)}
+        for role in sorted(asked):
+            near = binding.misnamed(role)
+            if near:
+                yield Defect(
+                    f"no loaded rule asks for the role {near}, and nothing binds {role}.",
+                    f"rename roles.{near} to roles.{role}",
+                    f'"{near}" is a misspelling of "{role}"',
+                    field=f"roles.{near}",
+                    severity="warning",
+                )
     for rule in subject.assigned if binding is not None else ():
         for role in binding.unbound(rule) if binding is not None else ():
             near = binding.misnamed(role) if binding is not None else ""

@@ -84,9 +84,12 @@ def penetrating(subject: Subject) -> Iterator[Defect]:
     unless=("AUD201",),
 )
 def falling(subject: Subject) -> Iterator[Defect]:
-    """Looks for objects that come down by 2 cm before the robot touches anything."""
+    """Looks for objects that come down by 2 cm before the robot touches anything.
+
+    Without a recorded robot nobody can tell who lowers them.
+    """
     start = start_of(subject)
-    if start is None:
+    if start is None or not start.robot:
         return
     for body in start.moved:
         height = start.position(body.name)[:, 2]
@@ -113,7 +116,10 @@ def falling(subject: Subject) -> Iterator[Defect]:
     unless=("AUD111", "AUD144", "AUD201", "AUD202"),
 )
 def toppled(subject: Subject) -> Iterator[Defect]:
-    """Looks for objects with a role whose up axis is tilted by 60° or more before the robot touches anything."""
+    """Looks for objects with a role whose up axis is tilted by 60° or more before the robot touches anything.
+
+    Without a recorded robot nobody can tell who turns them: then at the first frame alone.
+    """
     start = start_of(subject)
     players = {name for who in subject.header.roles.values() for name in who}
     if start is None:
@@ -122,19 +128,20 @@ def toppled(subject: Subject) -> Iterator[Defect]:
         if body.up_axis is None:
             continue
         axis = np.asarray(body.up_axis) / np.linalg.norm(body.up_axis)
-        turn = subject.track(body.name).orientation[[0, start.stop - 1]].astype(float)
+        last = start.stop - 1 if start.robot else 0
+        turn = subject.track(body.name).orientation[[0, last]].astype(float)
         before, after = rotate(turn, axis)[:, 2]
         if after < TOPPLED and (body.name in players or before > TOPPLED):
             tilt = np.degrees(np.arccos(np.clip(after, -1, 1)))
+            when = "before the robot touches anything" if start.robot else "at the first frame"
             how = "falls over" if before > TOPPLED else "lies"
             yield Defect(
-                f"{body.name!r} {how} before the robot touches anything: its up axis is tilted by "
-                f"{tilt:.0f}°.",
+                f"{body.name!r} {how} {when}: its up axis is tilted by {tilt:.0f}°.",
                 "place it upright and let it settle; or declare the axis that points up as it lies, or none",
                 "it was placed unstably, or its up axis is not the one that points up",
                 bodies=(body.name,),
                 field="bodies.orientation",
-                time=float(subject.episode.t[start.stop - 1]),
+                time=float(subject.episode.t[last]),
             )
 
 
@@ -149,7 +156,10 @@ def toppled(subject: Subject) -> Iterator[Defect]:
     unless=("AUD201", "AUD202", "AUD203"),
 )
 def hovering(subject: Subject) -> Iterator[Defect]:
-    """Looks for objects at rest with more than 1 cm of air below and around them, where no contacts are recorded."""
+    """Looks for objects at rest with more than 1 cm of air below and around them, where no contacts are recorded.
+
+    A note where no robot is recorded, which may hold them.
+    """
     start = start_of(subject)
     if start is None or not start.blind:
         return
@@ -164,11 +174,16 @@ def hovering(subject: Subject) -> Iterator[Defect]:
         if not any(body is not other and _meets(start, other, low, high) for other in others):
             yield Defect(
                 f"{body.name!r} stands on nothing: there is no shape within {100 * GAP:.0f} cm of it.",
-                "record the shape of what it stands on, or place it there",
-                "its support is not recorded, or is of another size",
+                "record the shape of what it stands on, or place it there"
+                if start.robot
+                else "record the robot, and the shape of what it stands on",
+                "its support is not recorded, or is of another size"
+                if start.robot
+                else "a robot that is not recorded holds it, or its support is not recorded",
                 bodies=(body.name,),
                 field="bodies.position",
                 time=float(subject.episode.t[0]),
+                severity=None if start.robot else "note",
             )
 
 
