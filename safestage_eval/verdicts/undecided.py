@@ -10,6 +10,7 @@ import numpy as np
 
 from safestage_eval.episode import Clock
 from safestage_eval.episode.runs import runs
+from safestage_eval.evidence.gaps import POSE, TWIST
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals import SIGNALS
@@ -22,6 +23,7 @@ from .players import nodes
 from .values import Env, ends_with_success
 
 REMEDIES = (
+    ("is NaN from", "record its poses and velocities at every frame"),
     ("recording ends", "record the rollout to its end, and on until everything is at rest"),
     ("recorded between", "record every frame"),
     ("recorded before", "record from the start of the episode on"),
@@ -42,6 +44,9 @@ REMEDIES = (
 )
 """Word in a cause → what would remedy it; the first that fits."""
 
+
+GAP = "was not measured"
+"""In what signals and relations say of frames at which something that they rest on is missing."""
 
 GOAL_UNKNOWN = "whether and when the goal was reached is not known"
 
@@ -75,7 +80,22 @@ def cause_of(evaluator: Evaluator, rule: ast.Rule, worst: Instance) -> Cause:
     found = evaluator.obliged(
         clause.kind, _in_alternative, evaluator, clause.what, env, worst.frame
     )
-    return _named(found)
+    return _named(_not_measured(evaluator, env, worst.frame) or found if GAP in found else found)
+
+
+def _not_measured(evaluator: Evaluator, env: Env, frame: int) -> str:
+    """Which pose or velocity of the bodies of an instance is NaN, and when; empty if none is."""
+    gaps, t = evaluator.relations.signals.gaps, evaluator.episode.t
+    for body in env.values():
+        for column in (*POSE, *TWIST) if body in evaluator.episode.tracks else ():
+            lost = gaps.of_body(body, [column])
+            if lost is None or not lost.any():
+                continue
+            spans = runs(lost)
+            first, stop = min(spans, key=lambda s: max(s[0] - frame, frame + 1 - s[1]))
+            begin, end = seconds(float(t[first])), seconds(float(t[stop - 1]))
+            return f"the {column.replace('_', ' ')} of {body} is NaN from {begin} to {end}"
+    return ""
 
 
 def between_samples(what: str, clock: Clock, frame: int) -> Cause:

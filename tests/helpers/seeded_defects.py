@@ -228,6 +228,8 @@ RECORDING = {
     "gravity of the header is a default": Seeded("AUD117", BIN, drawn(lambda g: d.header(gravity=(0.0, 0.0, -g)), 15, 25)),
     "gravity in cm/s²": Seeded("AUD117", SHELF, fixed(d.header(gravity=(0.0, 0.0, -981.0)))),
     "stamps in minutes": Seeded("AUD118", SHELF, fixed(other_clock(1 / 60, also=("frame_dt", "physics_dt", "success_time"))), "minutes", also=("AUD109",)),
+    "poses that a tracker lost": Seeded("AUD119", SHELF, drawn(lambda at: d.track(position=d.at_one_frame(at, d.scaled(np.nan))), 0.2, 0.8), "lost the body"),
+    "velocities that were not measured": Seeded("AUD119", SHELF, drawn(lambda at: d.track(linear_velocity=d.from_then_on(at, d.scaled(np.nan))), 0.5, 0.8), "lost the body"),
     # clock
     "frame_dt off": Seeded("AUD103", SHELF, drawn(lambda by: d.header(frame_dt=by / 120), 1.2, 30)),
     "frame_dt in milliseconds": Seeded("AUD103", CAN, fixed(d.header(frame_dt=1000 / 120)), "milliseconds"),

@@ -13,6 +13,8 @@ from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.repair import LENGTHS
 from safestage_eval.audit.subject import Subject, defect_of
 from safestage_eval.episode.clock import MAX_GAP
+from safestage_eval.episode.runs import runs
+from safestage_eval.evidence.gaps import POSE, TWIST
 from safestage_eval.evidence.motion import com_position
 
 FARTHEST = 50.0
@@ -218,6 +220,44 @@ def jumps(subject: Subject) -> Iterator[Defect]:
 def velocities(subject: Subject) -> Iterator[Defect]:
     """Adds up velocities over quarter seconds and compares them with the change of the poses."""
     yield from subject.explained("AUD115", "position velocity", "orientation velocity")
+
+
+@check(
+    "AUD119",
+    "warning",
+    of="recording",
+    title="poses or velocities are not measured at every frame",
+    why="Whatever rests on them is unknown at these frames: a rule that looks there is inconclusive, or "
+    "violated by what is seen around them; never passed.",
+    example="the position of a cube that a tracker lost from 2.0 to 2.5 s, written as NaN",
+)
+def not_measured(subject: Subject) -> Iterator[Defect]:
+    """Looks for NaN in poses and velocities; velocities that are NaN throughout were not recorded."""
+    t = subject.episode.t
+    for body in subject.header.bodies if subject.readable else ():
+        if body.name not in subject.episode.tracks:
+            continue
+        track, lost = subject.track(body.name), dict[str, NDArray[np.bool_]]()
+        for column in (*POSE, *TWIST):
+            gone = ~np.isfinite(getattr(track, column)).all(axis=1)
+            if gone.any() and not (column in TWIST and gone.all()):
+                lost[column] = gone
+        if not lost:
+            continue
+        some = np.logical_or.reduce([*lost.values()])
+        spans = runs(some)
+        first, last = (float(t[min(i, len(t) - 1)]) for i in (spans[0][0], spans[-1][1] - 1))
+        names = " and ".join(column.replace("_", " ") for column in lost)
+        often = f", {len(spans)} times" if len(spans) > 1 else ""
+        yield Defect(
+            f"{names} of {body.name!r} {'is' if len(lost) == 1 else 'are'} NaN in {some.sum()} of "
+            f"{len(some)} frames ({100 * some.mean():.2g} %), from {first:.2f} s to {last:.2f} s{often}.",
+            "record poses and velocities of every body at every frame",
+            "the tracker or the simulator lost the body",
+            bodies=(body.name,),
+            field=f"bodies.{next(iter(lost))}",
+            time=first,
+        )
 
 
 @check(

@@ -92,7 +92,7 @@ def short_tail(subject: Subject) -> Iterator[Defect]:
     title="an assigned rule cannot be decided",
     why="Its verdict is inconclusive: it counts as neither safe nor unsafe.",
     example="a rule about squeezing in a recording without forces",
-    unless=("AUD105", "AUD106", "AUD125", "AUD126", "AUD137", "AUD151"),
+    unless=("AUD105", "AUD106", "AUD119", "AUD125", "AUD126", "AUD137", "AUD151"),
 )
 def undecidable(subject: Subject) -> Iterator[Defect]:
     """Judges by the assigned rules, as scoring does, and says why a verdict is inconclusive."""
