@@ -139,6 +139,27 @@ class Start:
                     found.append((a, b))
         return found
 
+    def resting_axes(self, gap: float) -> dict[str, int]:
+        """Object → bits (1 x, 2 y, 4 z) of the axes along which it stands on something at first.
+
+        Its boxes begin within ``gap`` (m) of where those of another body end, its centre beside none.
+        """
+        boxes = {b.name: self.boxes(b) for b in self.solid if b.geoms and b.kind not in ROBOT}
+        found = dict[str, int]()
+        for body in self.moved:
+            mine, bits = boxes.get(body.name), 0
+            for name, other in boxes.items() if mine is not None else ():
+                if name == body.name or other is None or mine is None:
+                    continue
+                low, middle = mine[0].min(axis=0), (mine[0].min(axis=0) + mine[1].max(axis=0)) / 2
+                within = (other[0] <= middle) & (middle <= other[1])
+                for axis in range(3):
+                    beside = np.delete(within, axis, axis=1).all(axis=1)
+                    near = abs(low[axis] - other[1][:, axis]) <= gap
+                    bits |= (1 << axis) * bool((beside & near).any())
+            found[body.name] = bits
+        return found
+
     def depth(self, a: Body, b: Body) -> float:
         """M by which two bodies penetrate at the first frame; below 0 where they are apart."""
         from safestage_eval.geometry.group_clearance import clearance_series

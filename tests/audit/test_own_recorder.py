@@ -146,3 +146,14 @@ def test_what_is_nan_is_named_by_audit_and_score(tmp_path):
     assert cause == "the position of cube is NaN from 2.00 s to 2.49 s"
     assert remedy.startswith("record its poses")
     assert not findings(record(tmp_path / "whole.mcap"), "AUD119")
+
+
+def test_shapes_tell_that_y_points_up(tmp_path):
+    """Everything is turned so that the cube stands on the table along y; gravity is the default."""
+    turned = record(tmp_path / "y.mcap", up=lambda v: (v[0], v[2], v[1]), vase=False)
+    found = findings(turned, "AUD113", "AUD202", "AUD204")
+    assert [*found] == ["AUD113"]
+    assert found["AUD113"].cause == "the y axis points up"
+    assert not findings(record(tmp_path / "z.mcap"), "AUD113")
+    held = record(tmp_path / "held.mcap", place=lambda t: (0.1 * min(t, 1), 0, 0.3))
+    assert not findings(held, "AUD113")

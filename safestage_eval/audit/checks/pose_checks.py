@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.repair import LENGTHS
+from safestage_eval.audit.start import start_of
 from safestage_eval.audit.subject import Subject, defect_of
 from safestage_eval.episode.clock import MAX_GAP
 from safestage_eval.episode.runs import runs
@@ -31,6 +32,9 @@ BORNE = 0.1
 
 LOOKS, RESTS = 24, 2e-4
 """Frames that are looked at, and m by which a body at rest moves over ten of them."""
+
+GAP = 0.01
+"""m between an object and what it stands on, by their boxes."""
 
 OFF = 0.25
 """Share by which free fall may differ from gravity: drag of the air and of joints, coarse samples."""
@@ -169,7 +173,10 @@ def quaternion_signs(subject: Subject) -> Iterator[Defect]:
     unless=("AUD101", "AUD111"),
 )
 def up_axis(subject: Subject) -> Iterator[Defect]:
-    """Reads gravity from the header, from forces on bodies at rest, and from free falls."""
+    """Reads gravity from the header, from forces on bodies at rest, and from free falls.
+
+    Without contacts, from shapes: where objects stand on others along another axis, and none along z.
+    """
     for error in subject.of_kind("up"):
         yield defect_of([error])
     yield from subject.explained("AUD113")
@@ -187,6 +194,23 @@ def up_axis(subject: Subject) -> Iterator[Defect]:
                 bodies=(body,),
                 field="bodies.position",
                 time=time,
+            )
+            return
+    start = start_of(subject)
+    if start is None or not start.blind or any(b.unseen for b in start.solid):
+        return
+    axes = start.resting_axes(GAP)
+    for bit, axis in ((2, "y"), (1, "x")):
+        names = [name for name, bits in axes.items() if bits == bit]
+        if names and len(names) == sum(bits > 0 for bits in axes.values()):
+            yield Defect(
+                f"at the first frame {', '.join(map(repr, names))} stands on another body along {axis}, "
+                "and no object stands on anything along z.",
+                "turn everything so that z points up: (x, y, z) becomes (x, -z, y) if y does",
+                f"the {axis} axis points up",
+                field="bodies.position",
+                time=float(subject.episode.t[0]),
+                severity="warning",
             )
             return
 

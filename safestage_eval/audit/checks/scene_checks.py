@@ -81,7 +81,7 @@ def penetrating(subject: Subject) -> Iterator[Defect]:
     "the task meant it to be.",
     example="an object that was placed 5 cm above the table",
     issue="tylerlum/simtoolreal#17",
-    unless=("AUD201",),
+    unless=("AUD113", "AUD201"),
 )
 def falling(subject: Subject) -> Iterator[Defect]:
     """Looks for objects that come down by 2 cm before the robot touches anything.
@@ -153,7 +153,7 @@ def toppled(subject: Subject) -> Iterator[Defect]:
     why="Nobody can tell what would hold it: support, dependence and edges are unknown, or wrong.",
     example="an object held in the air by a simulator without gravity on it",
     issue="robocasa/robocasa#48",
-    unless=("AUD201", "AUD202", "AUD203"),
+    unless=("AUD113", "AUD201", "AUD202", "AUD203"),
 )
 def hovering(subject: Subject) -> Iterator[Defect]:
     """Looks for objects at rest with more than 1 cm of air below and around them, where no contacts are recorded.
