@@ -10,7 +10,7 @@ import numpy as np
 
 from safestage_eval.episode import Clock
 from safestage_eval.episode.runs import runs
-from safestage_eval.evidence.gaps import POSE, TWIST
+from safestage_eval.evidence.missing_values import POSE, TWIST
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import syntax as ast
 from safestage_eval.signals import SIGNALS

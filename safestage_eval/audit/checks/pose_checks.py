@@ -15,7 +15,7 @@ from safestage_eval.audit.start import start_of
 from safestage_eval.audit.subject import Subject, defect_of
 from safestage_eval.episode.clock import MAX_GAP
 from safestage_eval.episode.runs import runs
-from safestage_eval.evidence.gaps import POSE, TWIST
+from safestage_eval.evidence.missing_values import POSE, TWIST
 from safestage_eval.evidence.motion import com_position
 
 FARTHEST = 50.0
