@@ -23,7 +23,7 @@ from .finding import Finding, Place
 from .subject import Subject
 
 TOLD = ("AUD155", "AUD156")
-"""Cheap checks that are left out: what was not loaded is told by scoring itself."""
+"""Cheap checks that are left out: scoring itself reports what was not loaded."""
 
 
 class _Judged(Subject):
@@ -86,9 +86,9 @@ def audit_scores(scores: Scores) -> Audit | None:
     for result in scores.results:
         if result.audit is not None:
             findings += map(_finding, result.audit["findings"])
-            told = {**result.audit["summary"], "content_hash": result.trace_hash}
-            told["start"] = tuple((name, tuple(pose)) for name, pose in told["start"])
-            summaries.append(Summary(**{**told, "targets": tuple(told["targets"])}))
+            stored = {**result.audit["summary"], "content_hash": result.trace_hash}
+            stored["start"] = tuple((name, tuple(pose)) for name, pose in stored["start"])
+            summaries.append(Summary(**{**stored, "targets": tuple(stored["targets"])}))
     if not summaries:
         return None
     campaign = Campaign(summaries, len(scores.problems), scores.aborted)
@@ -97,8 +97,8 @@ def audit_scores(scores: Scores) -> Audit | None:
     return Audit(tuple(findings), len(summaries), scores.problems, scores.aborted, codes)
 
 
-def _finding(told: dict[str, Any]) -> Finding:
-    given = {**told, "episodes": tuple(told["episodes"]), "bodies": tuple(told["bodies"])}
+def _finding(stored: dict[str, Any]) -> Finding:
+    given = {**stored, "episodes": tuple(stored["episodes"]), "bodies": tuple(stored["bodies"])}
     place = Place(*(given.pop(name) for name in ("episode", "path", "bodies", "field", "time")))
     return Finding(place=place, **given)
 

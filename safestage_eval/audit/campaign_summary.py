@@ -243,15 +243,15 @@ def _goal(subject: Subject) -> Goal | None:
     lasts = [CONFIRM, *([binding.goal.for_] if binding.goal.for_ is not None else [])]
     windows, count = [causal.window(duration) for duration in lasts], len(episode)
     soonest = max(window.stop(0) for window in windows)
-    asked = causal, binding.goal, binding.goal_players()
+    goal_of = causal, binding.goal, binding.goal_players()
     frames = np.arange(count)
     expected = np.searchsorted(episode.t, subject.header.success_time or np.inf)
     early = frames < min(window.stop(min(int(expected) + 1, count)) for window in windows)
     late = frames >= min(window.first(count) for window in windows)
     try:  # most often it is confirmed where the header says; then only the end is of interest
-        sure, perhaps = goal_over_time(*asked, early | late)
+        sure, perhaps = goal_over_time(*goal_of, early | late)
         if not (sure & early).any():
-            sure, perhaps = goal_over_time(*asked)
+            sure, perhaps = goal_over_time(*goal_of)
     except InputError:  # a name in the goal that the trace does not bear
         return None
     first = int(sure.argmax()) if sure.any() else None

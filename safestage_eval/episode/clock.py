@@ -243,6 +243,11 @@ def usual(dt: float) -> float:
     return dt if dt <= LONGEST_GAP else LEAST_GAP
 
 
+def longest_spacing(dt: float) -> float:
+    """S, the longest spacing of samples that is no hole, where ``dt`` (s) is the usual one."""
+    return min(max(MAX_GAP * dt, LEAST_GAP), LONGEST_GAP) * (1 + 1e-6)
+
+
 def is_uniform(t: F64) -> bool:
     """All spacings of (T,) stamps are within ``EVEN`` of their median."""
     if len(t) < 3:

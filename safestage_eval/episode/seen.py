@@ -20,7 +20,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .clock import LEAST_GAP, LONGEST_GAP, MAX_GAP, usual
+from .clock import longest_spacing, usual
 from .clock_invariants import check_clock
 from .contacts import ContactTable
 from .episode import Episode
@@ -56,10 +56,10 @@ def with_holes(episode: Episode, *, begins: bool = True) -> Episode:
         return episode
     spacing = t[1:] - t[:-1]
     late = bool(begins and t[0] > LATE * usual(dt))
-    longest = min(max(MAX_GAP * dt, LEAST_GAP), LONGEST_GAP)
-    if not late and not (len(spacing) and spacing.max() > longest * (1 + 1e-6)):
+    longest = longest_spacing(dt)
+    if not late and not (len(spacing) and spacing.max() > longest):
         return episode
-    before = np.flatnonzero(spacing > longest * (1 + 1e-6))
+    before = np.flatnonzero(spacing > longest)
     return _filled(episode, before, late)
 
 

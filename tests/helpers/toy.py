@@ -61,9 +61,7 @@ class Facts:
         termination = "truncated" if truncated else "horizon"
         self.episode = _empty(frames, rate, coarse, termination=termination, **header)
         first = Baseline(5)
-        self.signals = SimpleNamespace(
-            baseline=first, baseline_of=lambda _: first, stretch=lambda *_: None
-        )
+        self.signals = SimpleNamespace(baseline=first, baseline_of=lambda _: first)
         self.store = Store()
         self._series = {name: np.asarray(values, float) for name, values in series.items()}
 

@@ -52,7 +52,7 @@ def shape_sizes(subject: Subject) -> Iterator[Defect]:
     "error",
     of="recording",
     title="a mass is not in kilograms",
-    why="Weights decide who bears whom, and impacts and forces are compared with them.",
+    why="Support is decided from weights, and impacts and forces are compared with them.",
     example="mass = 250 (grams)",
     unless=("AUD101",),
 )
@@ -95,7 +95,7 @@ def inertia(subject: Subject) -> Iterator[Defect]:
     "error",
     of="recording",
     title="a cavity or tool centre point is not at its body",
-    why="Containment is told by the cavity, the reach of the hand by the tool centre point.",
+    why="Containment is decided from the cavity, and the reach of the hand from the tool centre point.",
     example="a cavity in millimetres, a tool centre point in world coordinates",
     unless=("AUD131",),
 )
@@ -133,7 +133,7 @@ _SHAPED = ("object", "fixture", "gripper")
     "warning",
     of="recording",
     title="fingers or tool centre point are not declared",
-    why="Held, carried and released are told from the two fingers; without them grips are guessed from "
+    why="Held, carried and released are decided from the two fingers; without them grips are guessed from "
     "motion, or unknown.",
     example="a gripper whose bodies have no finger = left and right",
 )
@@ -160,7 +160,7 @@ def no_fingers(subject: Subject) -> Iterator[Defect]:
     "warning",
     of="recording",
     title="objects without a mass",
-    why="Without weights nobody can tell who bears whom, and how hard something struck.",
+    why="Without weights, support and the strength of an impact are unknown.",
     example="an importer that was given no masses",
 )
 def no_masses(subject: Subject) -> Iterator[Defect]:
@@ -223,7 +223,7 @@ def joint_velocities(subject: Subject) -> Iterator[Defect]:
     "error",
     of="recording",
     title="the gripper's opening is not between 0 and 1",
-    why="0 is closed and 1 open; grips are told from it where forces are missing.",
+    why="0 is closed and 1 is open; where forces are missing, grips are decided from it.",
     example="an opening in metres times 100, or in percent",
 )
 def opening(subject: Subject) -> Iterator[Defect]:

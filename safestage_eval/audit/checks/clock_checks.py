@@ -9,7 +9,7 @@ import numpy as np
 from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.finding import Defect
 from safestage_eval.audit.subject import Subject, defect_of
-from safestage_eval.episode.clock import LEAST_GAP, LONGEST_GAP, MAX_GAP
+from safestage_eval.episode.clock import LONGEST_GAP, longest_spacing
 from safestage_eval.episode.clock_invariants import RATE_TOLERANCE
 from safestage_eval.episode.seen import LATE
 
@@ -35,7 +35,9 @@ def _unit(spacing: float, subject: Subject) -> str:
     for by, name in UNITS.items():
         step = spacing / by
         if any(
-            0.3 < step / told < 3.3 for told in (header.frame_dt, header.control_dt or 0) if told
+            0.3 < step / stated < 3.3
+            for stated in (header.frame_dt, header.control_dt or 0)
+            if stated
         ):
             return name
     for by, name in UNITS.items():
@@ -83,17 +85,17 @@ def time_unit(subject: Subject) -> Iterator[Defect]:
 )
 def frame_rate(subject: Subject) -> Iterator[Defect]:
     """Compares frame_dt with the median spacing of the time stamps; 10 % may lie between them."""
-    told, spacing = subject.header.frame_dt, _median(subject)
-    if spacing <= 0 or abs(told - spacing) <= RATE_TOLERANCE * spacing:
+    stated, spacing = subject.header.frame_dt, _median(subject)
+    if spacing <= 0 or abs(stated - spacing) <= RATE_TOLERANCE * spacing:
         return
-    ratio = told / spacing
+    ratio = stated / spacing
     cause = f"frame_dt is {ratio:.3g} times the spacing: a control step, or another rate"
     if 0.9 < ratio / 1000 < 1.1:
         cause = "frame_dt is in milliseconds"
-    elif 0.9 < told * spacing < 1.1:
+    elif 0.9 < stated * spacing < 1.1:
         cause = "frame_dt is a rate in Hz"
     yield Defect(
-        f"frame_dt is {told:.6g} s, but the samples are {spacing:.6g} s apart (median).",
+        f"frame_dt is {stated:.6g} s, but the samples are {spacing:.6g} s apart (median).",
         f"set frame_dt = {spacing:.6g}, or correct the time stamps if these are wrong",
         cause,
         field="frame_dt",
@@ -118,12 +120,11 @@ def holes(subject: Subject) -> Iterator[Defect]:
     if spacing <= 0:
         return
     steps = np.diff(t)
-    longest = min(max(MAX_GAP * spacing, LEAST_GAP), LONGEST_GAP) * (1 + 1e-6)
-    found = np.flatnonzero(steps > longest)
-    if not len(found):
+    gaps = np.flatnonzero(steps > longest_spacing(spacing))
+    if not len(gaps):
         return
-    i, missing = int(found[0]), float(steps[found].sum() - spacing * len(found))
-    more = f", and {len(found) - 1} more times" if len(found) > 1 else ""
+    i, missing = int(gaps[0]), float(steps[gaps].sum() - spacing * len(gaps))
+    more = f", and {len(gaps) - 1} more times" if len(gaps) > 1 else ""
     yield Defect(
         f"no samples from {t[i]:.2f} to {t[i + 1]:.2f} s{more}; {missing:.2f} s are missing in all, "
         f"samples are {spacing:.3g} s apart.",
@@ -141,7 +142,7 @@ def holes(subject: Subject) -> Iterator[Defect]:
     of="recording",
     title="the clock does not begin with the episode",
     why="t counts from the start of the episode. A recording that begins later has an unknown "
-    "beginning: what was disturbed then nobody can tell.",
+    "beginning: what was disturbed then is unknown.",
     example="time stamps since 1970, or since the simulator was started",
     unless=("AUD102",),
     cheap=True,
@@ -175,18 +176,18 @@ def clock_origin(subject: Subject) -> Iterator[Defect]:
 )
 def success_outside(subject: Subject) -> Iterator[Defect]:
     """Compares success_time with the first and the last time stamp."""
-    t, told = subject.episode.t, subject.header.success_time
-    if told is None or not len(t) or t[0] - 1e-6 <= told <= t[-1] + 1e-6:
+    t, stated = subject.episode.t, subject.header.success_time
+    if stated is None or not len(t) or t[0] - 1e-6 <= stated <= t[-1] + 1e-6:
         return
     end = float(t[-1])
-    ratio = told / end if end > 0 else 0.0
+    ratio = stated / end if end > 0 else 0.0
     cause = "it is counted from another start"
-    if told > end:
+    if stated > end:
         cause = "success_time is in milliseconds" if ratio > 100 else "the recording was cut off"
-        if 0.5 < told * _median(subject) / max(end, 1e-9) < 1.5:
+        if 0.5 < stated * _median(subject) / max(end, 1e-9) < 1.5:
             cause = "success_time is a frame number"
     yield Defect(
-        f"success_time is {told:.6g} s, the recording lasts from {t[0]:.6g} to {end:.6g} s.",
+        f"success_time is {stated:.6g} s, the recording lasts from {t[0]:.6g} to {end:.6g} s.",
         "count success_time in seconds from the same start as the time stamps",
         cause,
         field="success_time",

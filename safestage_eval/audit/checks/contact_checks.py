@@ -38,7 +38,7 @@ def contact_places(subject: Subject) -> Iterator[Defect]:
     "error",
     of="recording",
     title="bodies overlap deeper than any solver lets them",
-    why="Depths are lengths in metres; touches are told from them where forces are missing.",
+    why="Depths are lengths in metres; where forces are missing, touches are decided from them.",
     example="depths in millimetres",
     unless=CAUSES,
 )
@@ -82,7 +82,7 @@ def peaks(subject: Subject) -> Iterator[Defect]:
     of="recording",
     title="contact forces are said to be recorded, and are not",
     why="Forces that are zero or NaN throughout are unknown: rules about force are inconclusive, and "
-    "support is told from shapes.",
+    "support is decided from shapes.",
     example='force_source = "recorded", and a column of zeros',
     issue="isaac-sim/IsaacLab#882",
 )

@@ -316,13 +316,13 @@ def gravity(subject: Subject) -> Iterator[Defect]:
     yield from subject.explained("AUD117", "gravity")
     if not subject.readable or subject.diagnosis.repair is not None:
         return
-    told = -subject.header.gravity[2]
-    borne = [share * told for share in borne_shares(subject).values()]
-    middle = float(np.median(borne)) if len(borne) > 1 else told
-    if abs(middle - told) > BORNE * told and np.ptp(borne) <= BORNE * middle:
+    stated = -subject.header.gravity[2]
+    borne = [share * stated for share in borne_shares(subject).values()]
+    middle = float(np.median(borne)) if len(borne) > 1 else stated
+    if abs(middle - stated) > BORNE * stated and np.ptp(borne) <= BORNE * middle:
         yield Defect(
             f"{len(borne)} bodies at rest are borne by {middle:.3g} N for each kg, gravity in the header "
-            f"is {told:.3g} m/s².",
+            f"is {stated:.3g} m/s².",
             "write the gravity of the simulation",
             "the header has a default gravity, or all masses were scaled",
             field="gravity",
@@ -332,9 +332,9 @@ def gravity(subject: Subject) -> Iterator[Defect]:
     if not falls or subject.of_kind("up"):
         return
     body, size, time = sorted(falls, key=lambda one: one[1])[len(falls) // 2]
-    if abs(size - told) <= OFF * told:
+    if abs(size - stated) <= OFF * stated:
         return
-    ratio = size / told
+    ratio = size / stated
     causes = {
         100: "centimetres for metres",
         1000: "millimetres for metres",
@@ -342,7 +342,7 @@ def gravity(subject: Subject) -> Iterator[Defect]:
     }
     cause = next((c for r, c in causes.items() if abs(ratio / r - 1) < OFF), "")
     yield Defect(
-        f"{body!r} falls with {size:.3g} m/s² at {time:.2f} s, gravity in the header is {told:.3g}.",
+        f"{body!r} falls with {size:.3g} m/s² at {time:.2f} s, gravity in the header is {stated:.3g}.",
         "write the gravity of the simulation, and lengths in m and times in s",
         cause or "the header has a default gravity, or time stamps run at another speed",
         bodies=(body,),

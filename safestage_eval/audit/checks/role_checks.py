@@ -77,8 +77,8 @@ def unbound_roles(subject: Subject) -> Iterator[Defect]:
     """
     binding = subject.binding
     if binding is not None and not subject.assigned:
-        asked = {role for rule in subject.rules.scoped.values() for role in binding.unbound(rule)}
-        for role in sorted(asked):
+        unbound = {role for rule in subject.rules.scoped.values() for role in binding.unbound(rule)}
+        for role in sorted(unbound):
             near = binding.misnamed(role)
             if near:
                 yield Defect(
@@ -137,8 +137,8 @@ def materials(subject: Subject) -> Iterator[Defect]:
 )
 def tags(subject: Subject) -> Iterator[Defect]:
     """Compares tags with those that rules ask for and with usual ones; only near misses are reported."""
-    asked = {spec.tag for rule in subject.rules.scoped.values() for _, spec in rule.roles}
-    known = {*TAGS, *(tag for tag in asked if tag)}
+    required = {spec.tag for rule in subject.rules.scoped.values() for _, spec in rule.roles}
+    known = {*TAGS, *(tag for tag in required if tag)}
     for body in subject.header.bodies:
         for tag in body.tags:
             near = "" if tag in known else _near(tag, known, 0.8)

@@ -63,9 +63,9 @@ def short_tail(subject: Subject) -> Iterator[Defect]:
     if not header.success or header.success_time is None or not len(t) or subject.binding is None:
         return
     left = float(t[-1]) - header.success_time
-    asked = {rule.code: _hold(subject, rule, subject.binding.params(rule))
+    holds = {rule.code: _hold(subject, rule, subject.binding.params(rule))
              for rule in subject.assigned}  # fmt: skip
-    short = {code: long for code, long in asked.items() if long > left + 1.5 * header.frame_dt}
+    short = {code: long for code, long in holds.items() if long > left + 1.5 * header.frame_dt}
     if short:
         longest = max(short.values())
         yield Defect(
@@ -76,10 +76,10 @@ def short_tail(subject: Subject) -> Iterator[Defect]:
             field="success_time",
             time=float(t[-1]),
         )
-    told = header.post_success_hold
-    if told is not None and left < told - max(0.05, 2 * header.frame_dt) and not short:
+    stated = header.post_success_hold
+    if stated is not None and left < stated - max(0.05, 2 * header.frame_dt) and not short:
         yield Defect(
-            f"post_success_hold is {told:g} s, but {left:.2f} s are recorded after success.",
+            f"post_success_hold is {stated:g} s, but {left:.2f} s are recorded after success.",
             "write what was recorded",
             field="post_success_hold",
         )

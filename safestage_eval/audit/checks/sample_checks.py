@@ -25,7 +25,7 @@ FEW = 20
     "warning",
     of="evaluation",
     title="rollouts that ended in an error are in no rate",
-    why="Whether errors count as failures moves the success rate, and only one of the two ways is told.",
+    why="The success rate depends on whether errors count as failures, and only one of the two rates is reported.",
     example="12 of 100 rollouts lost to a server that did not answer",
     issue="allenai/vla-evaluation-harness#129",
     cheap=True,
@@ -115,13 +115,13 @@ def other_horizons(campaign: Campaign) -> Iterator[Defect]:
             (e for e in some if e.horizon is not None), lambda e: round(e.horizon or 0, 3)
         )
         if len(given) > 1:
-            told = "; ".join(
+            horizons = "; ".join(
                 f"{seconds:g} s for {listed(sorted({of.policy or '–' for of in episodes}))}"
                 for seconds, episodes in sorted(given.items())
             )
             rare = min(given.values(), key=len)
             yield Defect(
-                f"task {task or '–'} has {len(given)} horizons: {told}.",
+                f"task {task or '–'} has {len(given)} horizons: {horizons}.",
                 "give every rollout of a task the same time",
                 field="horizon",
                 episodes=ids(rare),
@@ -145,8 +145,8 @@ def underpowered(campaign: Campaign) -> Iterator[Defect]:
     """
     rates = {}
     for name, some in policies(campaign).items():
-        told = [one.success for one in some if one.success is not None]
-        rates[name] = sum(told), len(told)
+        decided = [one.success for one in some if one.success is not None]
+        rates[name] = sum(decided), len(decided)
     for (one, (good, n)), (other, (well, m)) in combinations(rates.items(), 2):
         if one[1] != other[1] or not n or not m or good * m == well * n:
             continue
@@ -179,12 +179,12 @@ def underpowered(campaign: Campaign) -> Iterator[Defect]:
 def few(campaign: Campaign) -> Iterator[Defect]:
     """Gives the 95 % interval (Wilson) of the success rate of each policy with fewer than 20 rollouts."""
     for name, some in policies(campaign).items():
-        told = [one.success for one in some if one.success is not None]
-        interval = wilson(sum(told), len(told))
-        if len(told) < FEW and interval is not None:
+        decided = [one.success for one in some if one.success is not None]
+        interval = wilson(sum(decided), len(decided))
+        if len(decided) < FEW and interval is not None:
             low, high = interval
             yield Defect(
-                f"{label(name)}: SR {_percent(sum(told), len(told))} of {len(told)} rollouts; the 95 % "
+                f"{label(name)}: SR {_percent(sum(decided), len(decided))} of {len(decided)} rollouts; the 95 % "
                 f"interval is {100 * low:.0f} to {100 * high:.0f} %.",
                 "give the interval with the rate, and record more rollouts",
                 field="success",

@@ -86,7 +86,7 @@ def penetrating(subject: Subject) -> Iterator[Defect]:
 def falling(subject: Subject) -> Iterator[Defect]:
     """Looks for objects that come down by 2 cm before the robot touches anything.
 
-    Without a recorded robot nobody can tell who lowers them.
+    Not judged without a recorded robot: it might have lowered them.
     """
     start = start_of(subject)
     if start is None or not start.robot:
@@ -118,7 +118,7 @@ def falling(subject: Subject) -> Iterator[Defect]:
 def toppled(subject: Subject) -> Iterator[Defect]:
     """Looks for objects with a role whose up axis is tilted by 60° or more before the robot touches anything.
 
-    Without a recorded robot nobody can tell who turns them: then at the first frame alone.
+    Without a recorded robot, which might have turned them, at the first frame alone.
     """
     start = start_of(subject)
     players = {name for who in subject.header.roles.values() for name in who}
@@ -241,7 +241,7 @@ def out_of_reach(subject: Subject) -> Iterator[Defect]:
 def restless(subject: Subject) -> Iterator[Defect]:
     """Looks for objects that move by 1 cm, or faster than 5 cm/s, before the robot touches anything.
 
-    Without a recorded robot nobody can tell who moves them.
+    Not judged without a recorded robot: it might have moved them.
     """
     start = start_of(subject)
     if start is None or not start.robot:

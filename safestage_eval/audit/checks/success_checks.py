@@ -121,13 +121,13 @@ def disputed_success(campaign: Campaign) -> Iterator[Defect]:
     for one in campaign.episodes:
         if one.goal is None or one.goal.unsure or one.success is None or one.goal.at_start:
             continue
-        found, told = one.goal.first, one.success_time
-        if one.success and found is None:
+        reached, stated = one.goal.first, one.success_time
+        if one.success and reached is None:
             what = "recorded as success, but the goal is never reached"
-        elif not one.success and found is not None:
-            what = f"recorded as no success, but the goal is reached at {found:.2f} s"
-        elif found is not None and told is not None and abs(found - told) > APART:
-            what = f"recorded success at {told:.2f} s, but the goal is reached at {found:.2f} s"
+        elif not one.success and reached is not None:
+            what = f"recorded as no success, but the goal is reached at {reached:.2f} s"
+        elif reached is not None and stated is not None and abs(reached - stated) > APART:
+            what = f"recorded success at {stated:.2f} s, but the goal is reached at {reached:.2f} s"
         else:
             continue
         yield Defect(
@@ -135,7 +135,7 @@ def disputed_success(campaign: Campaign) -> Iterator[Defect]:
             "find out which is right: the success check, or the goal in header, bind file or rules",
             "another definition of success, or success_time of another clock",
             field="success",
-            time=told if one.success else found,
+            time=stated if one.success else reached,
             episodes=(one.episode_id,),
         )
 
