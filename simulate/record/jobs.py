@@ -12,6 +12,7 @@ from itertools import product
 from pathlib import Path
 from typing import Literal
 
+from safestage_eval.episode import Header
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats import TraceWriter, discover
 from safestage_eval.formats.discover import aborted
@@ -59,7 +60,7 @@ class Outcome:
     simulated: float = 0.0
     """s of episode."""
     taken: float = 0.0
-    """s of processor time, writing included."""
+    """s of processor time, writing included; 0 if its process died right after writing."""
     aborted: bool = False
     """Whether it ended in an error; the recording until then is kept, and the job tried again."""
     stopped: str = ""
@@ -77,7 +78,8 @@ class Outcome:
             said = f"goal not reached in {self.simulated:.1f} s"
         else:
             said = f"reached after {self.success_time:.1f} s, {self.simulated:.1f} s"
-        return f"{said} recorded at {self.simulated / self.taken:.0f}x real time"
+        speed = f" at {self.simulated / self.taken:.0f}x real time" if self.taken else ""
+        return f"{said} recorded{speed}"
 
 
 def plan(
@@ -160,6 +162,7 @@ def record(
         missing,
         jobs,
         None if done is None else lambda n: done(already + n),
+        partial(finished_job, out=out, tried=tried),
     )
     for name in ids:
         if name in there:
@@ -203,16 +206,35 @@ def record_one(
         _unreachable[job.policy] += 1
     else:
         _unreachable.pop(job.policy, None)
+    return _outcome(writer.header, len(writer), time.process_time() - start)
+
+
+def finished_job(job: Job, out: Path, tried: AbstractSet[str]) -> Outcome | None:
+    """Outcome of a job whose process died after the episode was written; None if it was not.
+
+    An id in ``tried`` may belong to the earlier try, so nothing is known of it.
+    """
+    if job.episode_id in tried or not out.exists():
+        return None
+    for ref in discover([out], maybe_none=True):
+        if ref.problem is None and ref.episode_id == job.episode_id:
+            episode = ref.open()
+            return _outcome(episode.header, len(episode), 0.0)
+    return None
+
+
+def _outcome(header: Header, frames: int, taken: float) -> Outcome:
+    """Outcome of a recorded episode; ``taken`` is the processor time in s."""
+    failed = header.termination == "error"
+    simulated = frames / FRAME_RATE
     return Outcome(
-        job.episode_id,
-        problem=f"{writer.header.notes[-1]} (after {len(writer) / FRAME_RATE:.1f} s)"
-        if failed
-        else "",
+        header.episode_id,
+        problem=f"{header.notes[-1]} (after {simulated:.1f} s)" if failed else "",
         aborted=failed,
-        success_time=writer.header.success_time,
-        simulated=len(writer) / FRAME_RATE,
-        taken=time.process_time() - start,
-        stopped=writer.header.notes[-1] if writer.header.termination == "truncated" else "",
+        success_time=header.success_time,
+        simulated=simulated,
+        taken=taken,
+        stopped=header.notes[-1] if header.termination == "truncated" else "",
     )
 
 

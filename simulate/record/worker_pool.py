@@ -30,17 +30,20 @@ def run_many(
     items: Sequence[Item],
     jobs: int = 1,
     done: Callable[[int], None] | None = None,
+    finished: Callable[[Item], Result | None] | None = None,
 ) -> Iterator[Result | Died]:
     """Do ``work`` on every item; results come in the order of the items, each as soon as it can.
 
     When a process dies, what was under way is done once more, one item at a time, so that the item
-    that kills is found; the others go on in new processes.
+    that kills is found; the others go on in new processes. Work with lasting effects must not be
+    done twice: of what was complete before its process died, ``finished`` returns the result.
 
     Args:
         work: a function of a module, as processes are spawned.
         items: what can be pickled.
         jobs: processes; with 1 all is done in this one.
         done: called with the number of items done, in whatever order.
+        finished: the result of an item whose work is complete already; None if it is not.
     """
     if min(jobs, len(items)) <= 1:
         for n, item in enumerate(items, 1):
@@ -49,7 +52,7 @@ def run_many(
                 done(n)
             yield result
         return
-    yield from _Pool(work, items, jobs, done).run()
+    yield from _Pool(work, items, jobs, done, finished or (lambda _: None)).run()
 
 
 class _Pool(Generic[Item, Result]):
@@ -59,8 +62,10 @@ class _Pool(Generic[Item, Result]):
         items: Sequence[Item],
         jobs: int,
         done: Callable[[int], None] | None,
+        finished: Callable[[Item], Result | None],
     ) -> None:
         self._work, self._items, self._jobs, self._tell = work, items, jobs, done
+        self._finished = finished
         self._results: dict[int, Result | Died] = {}
         self._given = 0
 
@@ -73,7 +78,7 @@ class _Pool(Generic[Item, Result]):
         yield from self._ready()
 
     def _go(self, todo: Sequence[int], jobs: int) -> Generator[Result | Died, None, list[int]]:
-        """Work until done, or until a process dies; returns those that were under way then."""
+        """Work until done, or until a process dies; returns what was under way and is not complete."""
         waiting, newest = iter(todo), todo[0]
         under_way: dict[Future[Result], int] = {}
         pool = ProcessPoolExecutor(
@@ -92,9 +97,16 @@ class _Pool(Generic[Item, Result]):
                     del under_way[future]
                 yield from self._ready()
         except BrokenProcessPool:
-            return [i for i in {*under_way.values(), newest} if i not in self._results]
+            left = [i for i in {*under_way.values(), newest} if i not in self._results]
+            return [i for i in left if not self._complete(i)]
         finally:
             pool.shutdown(cancel_futures=True)
+
+    def _complete(self, index: int) -> bool:
+        result = self._finished(self._items[index])
+        if result is not None:
+            self._note(index, result)
+        return result is not None
 
     def _note(self, index: int, result: Result | Died) -> None:
         self._results[index] = result

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -21,7 +22,15 @@ from simulate.cli.record_command import record as record_command
 from simulate.policies.policy_names import policy_named
 from simulate.record.campaign import Campaign, read_campaign
 from simulate.record.estimate import Estimate, counted, share_of
-from simulate.record.jobs import plan, record, recorded_ids, summary, write_recording
+from simulate.record.jobs import (
+    finished_job,
+    plan,
+    record,
+    record_one,
+    recorded_ids,
+    summary,
+    write_recording,
+)
 from simulate.record.rollout import roll_out
 from simulate.tasks.task import task_named
 
@@ -92,6 +101,18 @@ def test_a_policy_that_kills_or_raises_costs_only_its_own(tmp_path: Path) -> Non
     assert len(raised) == 2, "one of each task; another try leaves nothing behind"
     folder = tmp_path / "meta" / "episodes"
     assert len(list(folder.glob("*.parquet"))) == 3 + 2
+
+
+@pytest.mark.slow
+def test_an_episode_written_before_its_process_died_is_known(tmp_path: Path) -> None:
+    """Its outcome is read back, so that it is not recorded a second time."""
+    done, other = plan([task_named("fsh_bottle_on_shelf")], ["idle"], [0, 1], horizon=0.3)
+    assert finished_job(done, tmp_path / "none", frozenset()) is None
+    outcome = record_one(done, tmp_path)
+    assert finished_job(done, tmp_path, frozenset()) == replace(outcome, taken=0.0)
+    assert str(finished_job(done, tmp_path, frozenset())).endswith("s recorded")
+    assert finished_job(other, tmp_path, frozenset()) is None
+    assert finished_job(done, tmp_path, {done.episode_id}) is None, "may be the earlier try"
 
 
 @pytest.mark.slow

@@ -31,6 +31,21 @@ def test_results_come_in_order_and_the_dead_are_named() -> None:
     assert sorted(told) == [1, 2, 3, 4, 5, 6]
 
 
+def write_and_die(path: Path) -> str:
+    with path.open("a") as file:
+        file.write("x")
+    os._exit(1)
+
+
+def read_back(path: Path) -> str | None:
+    return path.read_text() if path.exists() else None
+
+
+def test_what_was_complete_before_its_process_died_is_not_done_again(tmp_path: Path) -> None:
+    paths = [tmp_path / name for name in "abc"]
+    assert list(run_many(write_and_die, paths, 2, finished=read_back)) == ["x", "x", "x"]
+
+
 def test_one_process_is_this_one() -> None:
     told = list[int]()
     assert list(run_many(lambda n: (n, os.getpid()), [1, 2], 1, told.append)) == [
