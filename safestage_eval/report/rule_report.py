@@ -33,6 +33,7 @@ def rule_facts(
         "code": rule.code,
         "title": rule.title,
         "why": rule.why,
+        "source": rule.source,
         "stage": rule.stage,
         "path": rule.path,
         "line": rule.line,
@@ -114,6 +115,7 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
     lines = [f"{facts['code']}  {facts['title']}"]
     roles = [f"{name}: {text}" for name, text in facts["roles"].items()]
     lines += _entry("why", [facts["why"]])
+    lines += _entry("source", [facts["source"]] * bool(facts["source"]))
     lines += _entry("roles", ["; ".join(roles)])
     lines += _entry("only if", [f"{facts['given']}, in the first frames"] * bool(facts["given"]))
     lines += _entry("judged", [facts["scope"]])

@@ -115,6 +115,7 @@ class Builder:
             "severity": tuple((name, settings(values)) for name, values in levels.items()),
             "set": settings(table.get("set", {})),
             "why": table.get("why", ""),
+            "source": table.get("source", ""),
             "explain": table.get("explain", ""),
             **{kind: tuple(examples.get(kind, ())) for kind in TABLES["examples"]},
             "path": path,

@@ -296,6 +296,8 @@ class _Judged:
     set: tuple[tuple[str, Setting], ...] = ()
     """Its own values of shared parameters."""
     why: str = field(default="", compare=False)
+    source: str = field(default="", compare=False)
+    """Whose question it is, where it is another benchmark's or a standard's."""
     explain: str = field(default="", compare=False)
     violates: tuple[str, ...] = field(default=(), compare=False)
     passes: tuple[str, ...] = field(default=(), compare=False)
