@@ -23,11 +23,11 @@ Options = tuple[tuple[str, OptionValue], ...]
 """Option → value in SI, sorted by name: from the signal's definition and the body's material."""
 
 Reads = Literal[
-    "", "com", "velocity", "orientation", "up axis", "angular velocity", "shape", "robot"
+    "", "com", "origin", "velocity", "orientation", "up axis", "angular velocity", "shape", "robot"
 ]
 """What of each body a signal is measured from, so that it is unknown where that was not recorded.
 
-``com`` and ``velocity`` are those of the centre of mass, ``up axis`` is the orientation of a body that
+``com`` and ``velocity`` are those of the centre of mass, ``origin`` is the body frame's, ``up axis`` is the orientation of a body that
 has one, ``shape`` the pose of a body with geometry, ``robot`` the poses of all bodies of the robot.
 Empty: the function itself says what is unknown.
 """
@@ -48,7 +48,8 @@ class Option:
         param: it may be the name of a parameter, so that it can be swept; left out, it is the value of
             the parameter of its own name, where the rules declare one, and only then the default.
         looks: of a time: the value at a frame depends on that much time ``back`` or ``ahead``.
-        reads: what the signal is measured from where this option is given, if that differs.
+        reads: what the signal is measured from where this option is given, if that differs; of a
+            choice, with the value for which it does.
     """
 
     name: str
@@ -59,7 +60,11 @@ class Option:
     default: float | None = None
     param: bool = False
     looks: Literal["", "back", "ahead"] = ""
-    reads: Reads = ""
+    reads: Reads | tuple[tuple[str, Reads], ...] = ""
+
+    def reads_at(self, value: OptionValue) -> Reads:
+        """What the signal is measured from at this value of the option; empty if that is as usual."""
+        return self.reads if isinstance(self.reads, str) else dict(self.reads).get(str(value), "")
 
 
 @dataclass(frozen=True)
@@ -179,7 +184,8 @@ class Signal:
 
     def reads_of(self, given: Mapping[str, OptionValue]) -> Reads:
         """What it is measured from with these options."""
-        return next((o.reads for o in self.options if o.reads and o.name in given), self.reads)
+        differ = (o.reads_at(given[o.name]) for o in self.options if o.reads and o.name in given)
+        return next(filter(None, differ), self.reads)
 
 
 @dataclass(frozen=True)

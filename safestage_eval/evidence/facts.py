@@ -226,6 +226,14 @@ class Request(NamedTuple):
         """S before each frame that the value depends on; None if it looks at no such time."""
         return self.signal.looks_back(dict(self.options))
 
+    @property
+    def place(self) -> F64:
+        """(T, 3) m, world: the first body's centre of mass, or the point that ``point`` names."""
+        name = self.bodies[0]
+        if self.option("point") == "origin":
+            return self.episode.track(name).position.astype(np.float64)
+        return self.facts.com_position(name)
+
     def shapes(self) -> list[list[Mover]] | Series:
         """The bodies that have geometry, per argument; an unknown series where one has none."""
         movers = [self.facts.movers.of(group) for group in self.groups]

@@ -39,7 +39,7 @@ def mask_unseen(measured: Series, request: Request) -> Series:
 def beside(request: Request, lost: Bool) -> Bool:
     """(T,) the lost frames; and their neighbours, where velocities are derived from poses."""
     reads = request.signal.reads_of(dict(request.options))
-    if not request.signal.ahead or reads in ("com", "orientation"):
+    if not request.signal.ahead or reads in ("com", "origin", "orientation"):
         return lost
     for body in {body for group in request.groups for body in group}:
         columns = {"angular_velocity" if reads == "angular velocity" else "linear_velocity"}
@@ -114,17 +114,19 @@ def _of_reference(request: Request, lost: Bool) -> Bool:
 
 def _reads_poses(request: Request) -> bool:
     reads = request.signal.reads_of(dict(request.options))
-    return reads in ("com", "orientation")
+    return reads in ("com", "origin", "orientation")
 
 
 def _gap_of_body(request: Request, body: Body) -> Bool | None:
     """(T,) where what the signal reads of one body was not measured; None if nowhere."""
     gaps, reads = request.facts.gaps, request.signal.reads_of(dict(request.options))
     offset = any(body.com)
-    if reads == "up axis" and body.up_axis is None:
+    if reads == "up axis" and body.up_axis is None and request.since is None:
         return None
     if reads in ("orientation", "up axis"):
         return gaps.of_body(body.name, ("orientation",))
+    if reads == "origin":
+        return gaps.of_body(body.name, ("position",))
     if reads == "com":
         return gaps.of_body(body.name, POSE if offset else ("position",))
     if reads == "shape":

@@ -167,7 +167,7 @@ def _reads_baseline(rules: ast.RuleSet, rule: ast.Rule) -> bool:
     """Whether the rule measures from the initial state, or requires something of it."""
     parts = (rule, *reached(rules, rule, own_params(rules, rule)).values())
     return rule.given is not None or any(
-        SIGNALS[atom.call.name].since
+        (atom.since is not None or SIGNALS[atom.call.name].from_start)
         for atom in nodes(parts)
         if isinstance(atom, ast.SignalAtom) and atom.call.name in SIGNALS
     )

@@ -23,23 +23,32 @@ NORM = Option(
 )
 
 
+POINT = Option(
+    "point",
+    "choice",
+    "The point of the body that is looked at: its center of mass, or the origin of its frame.",
+    choices=("center", "origin"),
+    reads=(("origin", "origin"),),
+)
+
+
 def _displacement(request: Request, axes: int) -> Series:
-    """m, of the centre of mass from the reference, over the first 2 or 3 coordinates."""
+    """m, of a point of the body from the reference, over the first 2 or 3 coordinates."""
     from safestage_eval.geometry.lengths import distances
 
-    com, reference = request.facts.com_position(request.bodies[0]), request.reference
-    there = reference.of(com, reference.baseline.position(com))
+    place, reference = request.place, request.reference
+    there = reference.of(place, reference.baseline.position(place))
     order = {"l1": 1, "max": np.inf}.get(str(request.option("norm")))
     if order is None:
         one = there[:1] if there.strides[0] == 0 else there
-        return request.exact(distances(com, one, axes), reference.baseline.notes)
-    moved = np.linalg.norm((com - there)[:, :axes], order, axis=1)
+        return request.exact(distances(place, one, axes), reference.baseline.notes)
+    moved = np.linalg.norm((place - there)[:, :axes], order, axis=1)
     return request.exact(moved, reference.baseline.notes)
 
 
 @signal(
     "displacement", "length", args=("a",), needs=("poses",), since=True, from_start=True,
-    options=(NORM,), reads="com", metric=True,
+    options=(NORM, POINT), reads="com", metric=True,
 )  # fmt: skip
 def displacement(request: Request) -> Series:
     """Distance of the centre of mass from where it was at the reference."""
@@ -48,7 +57,7 @@ def displacement(request: Request) -> Series:
 
 @signal(
     "displacement_xy", "length", args=("a",), needs=("poses",), since=True, from_start=True,
-    options=(NORM,), reads="com", metric=True,
+    options=(NORM, POINT), reads="com", metric=True,
 )  # fmt: skip
 def displacement_xy(request: Request) -> Series:
     """Horizontal distance of the centre of mass from where it was at the reference."""

@@ -7,34 +7,55 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from safestage_eval.evidence.declare import signal
+from safestage_eval.evidence.declare import Option, signal
 from safestage_eval.evidence.series import Series
+
+from .displacement import POINT
 
 if TYPE_CHECKING:
     from safestage_eval.evidence.facts import Request
 
 
-@signal("height", "length", args=("a",), needs=("poses",), since=True, reads="com")
+LIFTED = Option(
+    "point",
+    "choice",
+    "The point of the body that is looked at: the lowest of its geometry, its center of mass, or the "
+    "origin of its frame.",
+    choices=("lowest", "center", "origin"),
+    reads=(("center", "com"), ("origin", "origin")),
+)
+
+
+@signal(
+    "height", "length", args=("a",), needs=("poses",), since=True, options=(POINT,), reads="com"
+)
 def height(request: Request) -> Series:
     """World z of the centre of mass.
 
     m, world; with a reference that is an event, the change since then.
     """
-    com = request.facts.com_position(request.bodies[0])
+    place = request.place
     if request.since is None or request.since.since is None:
-        return request.exact(com[:, 2])
+        return request.exact(place[:, 2])
     reference = request.reference
-    initial = reference.baseline.position(com)
-    return request.exact(com[:, 2] - reference.of(com, initial)[:, 2], reference.baseline.notes)
+    initial = reference.baseline.position(place)
+    return request.exact(place[:, 2] - reference.of(place, initial)[:, 2], reference.baseline.notes)
 
 
-@signal("lift", "length", args=("a",), needs=("poses", "geometry"), since=True, from_start=True)
+@signal(
+    "lift", "length", args=("a",), needs=("poses", "geometry"), since=True, from_start=True,
+    options=(LIFTED,),
+)  # fmt: skip
 def lift(request: Request) -> Series:
     """Lowest point of the body's geometry above its lowest point at the reference."""
-    movers = request.shapes()
-    if isinstance(movers, Series):
-        return movers
-    low = np.broadcast_to(request.facts.movers.lowest(request.groups[0][0]), len(request.episode))
+    if request.option("point") in (None, "lowest"):
+        movers = request.shapes()
+        if isinstance(movers, Series):
+            return movers
+        low = request.facts.movers.lowest(request.groups[0][0])
+    else:
+        low = request.place[:, 2]
+    low = np.broadcast_to(low, len(request.episode))
     reference = request.reference
     initial = np.median(low[reference.baseline.stretch], keepdims=True)
     change = low - reference.of(low[:, None], initial)[:, 0]

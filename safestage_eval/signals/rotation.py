@@ -45,18 +45,41 @@ def _lean(episode: Episode, body: str, axis: tuple[float, ...]) -> F64:
     return np.asarray(np.arctan2(lengths(up, 2), up[:, 2]))
 
 
+def _lean_since(request: Request) -> Series:
+    """rad, between world z and what was up in the body at the reference, (T,).
+
+    The same as the angle between world z as the body's frame has it now and as it had it then.
+    """
+    from safestage_eval.geometry.pose import conjugate, rotate
+
+    orientation, reference = request.episode.track(request.bodies[0]).orientation, request.reference
+    initial = reference.baseline.orientation(orientation)
+    up = np.array([0.0, 0.0, 1.0])
+    now = rotate(conjugate(orientation), up)
+    then = rotate(conjugate(reference.of(orientation, initial)), up)
+    sine = np.linalg.norm(np.cross(now, then), axis=1)
+    leans = np.arctan2(sine, np.einsum("ij,ij->i", now, then))
+    return request.exact(leans, reference.baseline.notes)
+
+
 def _has_no_up_axis(body: Body) -> bool:
     return body.up_axis is None and "up_axis" not in body.untold
 
 
 @signal(
-    "tilt", "angle", args=("a",), needs=("poses",), scale=0.0175, reads="up axis",
-    exempt=_has_no_up_axis,
+    "tilt", "angle", args=("a",), needs=("poses",), since=True, scale=0.0175, reads="up axis",
+    metric=True, exempt=_has_no_up_axis,
 )  # fmt: skip
 def tilt(request: Request) -> Series:
-    """Angle between the body's declared up axis and world z; a body without one has none."""
+    """Angle between the body's declared up axis and world z; a body without one has none.
+
+    rad, from 0 to π. With a reference that is an event, the angle by which it leans away from how it
+    stood then: between world z and the axis of the body that pointed up.
+    """
     name = request.bodies[0]
     body = request.episode.bodies[name]
+    if request.since is not None and not _has_no_up_axis(body):
+        return _lean_since(request)
     if body.up_axis is not None:
         return request.exact(_lean(request.episode, name, body.up_axis))
     if not _has_no_up_axis(body):

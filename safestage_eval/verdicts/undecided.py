@@ -224,7 +224,7 @@ def _in_signal(evaluator: Evaluator, atom: ast.SignalAtom, env: Env, frame: int,
     hole = _hole(evaluator, frame)
     if hole:
         return hole
-    if evaluator.clock.late and SIGNALS[asked.name].since:
+    if evaluator.clock.late and (atom.since is not None or SIGNALS[asked.name].from_start):
         return f"nothing was recorded before {seconds(float(evaluator.episode.t[1]))}"
     if atom.since is not None:
         _, when = evaluator.since(atom.since, env)

@@ -10,7 +10,8 @@ from transforms import rebuilt
 from safestage_eval.episode import Geom, Track
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.evidence.reference import Reference, latest
-from safestage_eval.geometry.pose import rotate
+from safestage_eval.geometry.lengths import lengths
+from safestage_eval.geometry.pose import product, rotate
 
 BALL = Geom(kind="sphere", size=(0.05,))
 
@@ -59,6 +60,94 @@ def test_displacement_is_of_the_com_and_from_the_baseline() -> None:
     assert np.allclose(signals.get("height", ["a"]).value, 0, atol=1e-6)
 
 
+ORIGIN = (("point", "origin"),)
+
+
+def test_a_change_of_the_origin_is_that_of_the_recorded_position() -> None:
+    """A body goes 2 cm along and 1 cm up per frame and turns about its origin, not about its COM."""
+    n = np.maximum(np.arange(12) - 4, 0)
+    path = np.column_stack([0.02 * n, 0 * n, 0.01 * n])
+    scene = Scene(12).body("a", BALL, path, spin(0.2 * n), com=(0.1, 0, 0))
+    signals = Signals(scene.episode())
+    for name, expected in (
+        ("displacement", np.hypot(0.01, 0.02) * n),
+        ("displacement_xy", 0.02 * n),
+        ("height", 0.01 * n),
+        ("lift", 0.01 * n),
+    ):
+        found = signals.get(name, ["a"], options=ORIGIN).value
+        assert np.allclose(found, expected, atol=1e-6), name
+        center = signals.get(name, ["a"], options=(("point", "center"),)).value
+        assert not np.allclose(center, found, atol=1e-3), name
+        if name != "lift":  # whose usual point is the lowest one
+            assert np.array_equal(center, signals.get(name, ["a"]).value), name
+    lowest = signals.get("lift", ["a"], options=(("point", "lowest"),)).value
+    assert np.array_equal(lowest, signals.get("lift", ["a"]).value)
+
+
+def test_the_origin_needs_no_orientation_and_no_shape() -> None:
+    """The COM and the lowest point do: they are unknown where the orientation was not recorded."""
+    scene = Scene(8).body("a", BALL, (0, 0, 1), com=(0.1, 0, 0))
+    track = scene.tracks["a"]
+    turns = np.array(np.broadcast_to(track.orientation, (8, 4)))
+    turns[6] = np.nan
+    scene.tracks["a"] = replace(track, orientation=turns)
+    signals = Signals(scene.episode())
+    for name in ("displacement", "displacement_xy", "height", "lift"):
+        assert signals.get(name, ["a"], options=ORIGIN).known.all(), name
+        at_com = signals.get(name, ["a"], options=(("point", "center"),))
+        assert at_com.known.tolist() == [n != 6 for n in range(8)], name
+    bare_scene = Scene(8).body("a", BALL, (0, 0, 1))
+    bare_scene.bodies = [body.model_copy(update={"geoms": ()}) for body in bare_scene.bodies]
+    bare = Signals(bare_scene.episode())
+    assert not bare.get("lift", ["a"]).known.any()
+    assert bare.get("lift", ["a"], options=ORIGIN).known.all()
+
+
+def since_first(signals: Signals) -> Reference:
+    frames = len(signals.episode)
+    return Reference(signals.baseline, latest(np.array([0]), frames), "0")
+
+
+def test_tilt_since_is_how_far_it_leans_from_how_it_stood() -> None:
+    """A cup that lies from the start is not tilted since then; twisted as it lies it stays so."""
+    lying = spin(np.full(30, np.pi / 2))
+    twist = spin(np.linspace(0, 2, 30), (0, 0, 1))
+    about = np.linspace(0, 1, 30)
+    rolled = spin(about, (1, 0, 0))  # about its own axis, which lies along world x
+
+    def since(orientation: np.ndarray) -> np.ndarray:
+        signals = Signals(Scene(30).body("a", BALL, (0, 0, 1), orientation).episode())
+        return signals.get("tilt", ["a"], since_first(signals)).value
+
+    assert np.allclose(since(lying), 0, atol=1e-6)
+    assert np.allclose(since(product(twist, lying)), 0, atol=1e-6)
+    assert np.allclose(since(product(rolled, lying)), about, atol=1e-6)
+    assert np.allclose(since(spin(np.pi / 2 - about)), about, atol=1e-6)  # set upright again
+
+
+def test_tilt_since_an_upright_start_is_the_tilt() -> None:
+    rng = np.random.default_rng(3)
+    orientation = rng.normal(size=(40, 4))
+    orientation[0] = (1, 0, 0, 0)
+    scene = Scene(40).body("a", BALL, (0, 0, 1), orientation / lengths(orientation)[:, None])
+    signals = Signals(scene.episode())
+    since = signals.get("tilt", ["a"], since_first(signals)).value
+    assert np.allclose(since, signals.get("tilt", ["a"]).value, atol=1e-6)
+
+
+def test_tilt_since_asks_for_no_up_axis_that_is_not_told_but_a_ball_has_none() -> None:
+    orientation = spin(np.linspace(0, 1, 10))
+    orientation[7] = np.nan
+    untold = Scene(10).body("a", BALL, (0, 0, 1), orientation, up_axis=None, untold=("up_axis",))
+    signals = Signals(untold.episode())
+    assert not signals.get("tilt", ["a"]).known.any()
+    known = signals.get("tilt", ["a"], since_first(signals)).known
+    assert known.tolist() == [n != 7 for n in range(10)]
+    ball = Signals(Scene(10).body("a", BALL, (0, 0, 1), up_axis=None).episode())
+    assert (ball.get("tilt", ["a"], since_first(ball)).upper < -1e9).all()
+
+
 @pytest.mark.parametrize("wild", range(5))
 def test_baseline_is_a_median(wild: int) -> None:
     """One wild frame among the first five does not move the reference, whichever it is."""
@@ -103,6 +192,7 @@ def test_every_change_since_an_event_is_from_that_event() -> None:
         ("displacement", np.hypot(0.01, 0.02)),
         ("displacement_xy", 0.02),
         ("turn", 0.1),
+        ("tilt", 0.1),
     ):
         found = signals.get(name, ["a"], since).value
         assert np.allclose(found, step * np.r_[0, 0, 0, 0, 0, 1, 2, 0, 1, 2], atol=1e-5), name

@@ -10,8 +10,9 @@ import pytest
 from scenes import G, Scene
 from transforms import rebuilt
 
-from safestage_eval.episode import Episode, Joint, RobotFrames
+from safestage_eval.episode import Episode, Geom, Joint, RobotFrames
 from safestage_eval.errors import RuleError
+from safestage_eval.geometry.pose import product, rotate
 from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.rules.syntax import RuleSet
 from safestage_eval.rules.uses import uses_of
@@ -212,3 +213,41 @@ def test_a_goal_about_a_drawer() -> None:
     goal = {"roles": {"j": "fixture"}, "require": {"height(j)": ">= 5 m"}}
     with pytest.raises(RuleError, match="in goal header a body plays this role"):
         judge(kitchen(goal=goal, **header), rules(text))
+
+
+def swung(frames: int = 40) -> Episode:
+    """A mug lies from the start and goes round its own COM, 10 cm beside its origin, by 1 rad."""
+    angle = np.clip(np.arange(frames) - 6, 0, 20) / 20
+    turned = np.column_stack([np.cos(angle / 2), 0 * angle, 0 * angle, np.sin(angle / 2)])
+    lies = np.array([np.cos(np.pi / 4), 0, np.sin(np.pi / 4), 0])
+    orientation = product(turned, lies)
+    scene = Scene(frames).fixed("table")
+    geom = Geom(kind="cylinder", size=(0.04, 0.1))
+    place = -rotate(orientation, np.array([0, 0, 0.1])) + np.array([0, 0, 0.04])
+    scene.body("mug", geom, place, orientation, com=(0, 0, 0.1))
+    return scene.episode(roles={"mug": ("mug",)})
+
+
+@pytest.mark.parametrize(
+    ("point", "limit", "verdict"),
+    [("center", "1 mm", "pass"), ("origin", "1 mm", "violation"), ("origin", "10 cm", "pass")],
+)
+def test_the_point_of_a_displacement(point: str, limit: str, verdict: str) -> None:
+    text = f'[signal.moved_off]\nbase = "displacement"\npoint = "{point}"\n{RULE}'
+    text += f'roles = {{ mug = "object" }}\nrequire = {{ "moved_off(mug)" = "<= {limit}" }}\n'
+    assert judged(swung(), text).verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("of", "verdict"), [("tilt(mug)", "violation"), ("tilt(mug) since start", "pass")]
+)
+def test_what_lay_from_the_start_is_not_tilted_since_then(of: str, verdict: str) -> None:
+    text = f'{RULE}roles = {{ mug = "object" }}\nrequire = {{ "{of}" = "<= 15 deg" }}\n'
+    assert judged(swung(), text).verdict == verdict
+
+
+def test_a_point_that_there_is_not_is_refused() -> None:
+    text = f'[signal.m]\nbase = "displacement"\npoint = "lowest"\n{RULE}'
+    text += 'roles = { mug = "object" }\nrequire = { "m(mug)" = "<= 1 m" }\n'
+    with pytest.raises(RuleError, match="center, origin"):
+        rules(text)
