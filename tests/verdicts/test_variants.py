@@ -215,9 +215,9 @@ def test_a_goal_about_a_drawer() -> None:
         judge(kitchen(goal=goal, **header), rules(text))
 
 
-def swung(frames: int = 40) -> Episode:
+def swung(frames: int = 60) -> Episode:
     """A mug lies from the start and goes round its own COM, 10 cm beside its origin, by 1 rad."""
-    angle = np.clip(np.arange(frames) - 6, 0, 20) / 20
+    angle = np.clip(np.arange(frames) - 20, 0, 20) / 20
     turned = np.column_stack([np.cos(angle / 2), 0 * angle, 0 * angle, np.sin(angle / 2)])
     lies = np.array([np.cos(np.pi / 4), 0, np.sin(np.pi / 4), 0])
     orientation = product(turned, lies)
