@@ -51,7 +51,7 @@ class Found(Exception):  # noqa: N818 — it is no error of this program
 def mcap(folder: Path) -> tuple[list[bytes], One]:
     """One file of one episode."""
     from mcap_target import Mcap
-    from trace_target import judged
+    from oracle import judged
 
     target = Mcap(folder)
     (sound, truth), _ = target.seeds
@@ -69,7 +69,7 @@ def mcap(folder: Path) -> tuple[list[bytes], One]:
 def parquet(folder: Path) -> tuple[list[bytes], One]:
     """One table of a dataset; the first byte says which."""
     from parquet_target import Parquet
-    from trace_target import judged
+    from oracle import judged
 
     seed, truth = Parquet(folder).seeds[0]
     files = sorted(seed.rglob("*.parquet"))

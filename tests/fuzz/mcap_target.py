@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 import zlib
+from collections.abc import Iterable
 from pathlib import Path
 from random import Random
 
@@ -12,11 +13,13 @@ import lz4.frame
 import zstandard
 from damage import HUGE, damaged
 from outcome import Outcome
-from seeds import episodes
+from oracle import Sound, judged, sound
+from seeds import recorded, rules
 from strange import NAMES, altered, strange
-from trace_target import judged, used, verdicts
+from trace_target import used
 
 from safestage_eval.formats import save
+from safestage_eval.formats.mcap.mcap_messages import FRAME
 
 MAGIC = b"\x89MCAP0\r\n"
 CHANNEL, MESSAGE, CHUNK, METADATA = 4, 5, 6, 12
@@ -32,22 +35,21 @@ class Mcap:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.seeds: list[tuple[bytes, dict[str, str]]] = []
-        for i, episode in enumerate(episodes()):
+        self.seeds: list[tuple[bytes, Sound]] = []
+        for i, episode in enumerate(recorded()):
             path = folder / f"seed{i}.mcap"
             save(episode, path)
-            truth = verdicts(path)
-            assert isinstance(truth, dict)
-            self.seeds.append((path.read_bytes(), truth))
+            self.seeds.append((path.read_bytes(), sound(path, rules())))
 
     def run(self, rng: Random) -> Outcome:
         """One input."""
-        data, truth = rng.choice(self.seeds)
+        data, whole = rng.choice(self.seeds)
         act = rng.choice(_ACTS)
         data, what, is_damage = act(rng, data)
         path = self.folder / "input.mcap"
         path.write_bytes(data)
-        outcome = judged(path, truth if is_damage else None, f"{act.__name__.strip('_')}: {what}")
+        what = f"{act.__name__.strip('_')}: {what}"
+        outcome = judged(path, whole, what, rules(), damage=is_damage)
         if rng.random() < 0.03:
             used(rng, path, self.folder)
         return outcome
@@ -166,11 +168,8 @@ def _floats(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
     return _all(found), f"{value} at {where} of message {at}", False
 
 
-def _header(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
-    """A strange value in the header, or in what stands beside it."""
-    found = records(data[: -len(MAGIC)])
-    place = next(i for i, (kind, _) in enumerate(found) if kind == METADATA)
-    content = found[place][1]
+def _texts(content: bytes) -> tuple[bytes, dict[str, str]]:
+    """What the metadata record begins with, and its texts."""
     size = int.from_bytes(content[:4], "little")
     at, end, texts = 4 + size + 4, len(content), {}
     while at < end:
@@ -180,6 +179,81 @@ def _header(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
             pair.append(content[at + 4 : at + 4 + n].decode())
             at += 4 + n
         texts[pair[0]] = pair[1]
+    return content[: 4 + size], texts
+
+
+def _metadata(head: bytes, texts: dict[str, str]) -> Record:
+    pairs = b"".join(text(k) + text(v) for k, v in texts.items())
+    return METADATA, head + struct.pack("<I", len(pairs)) + pairs
+
+
+def _unsealed(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
+    """What checksums would tell, told by none: there is neither content hash nor digest."""
+    data, what, _ = rng.choice((_stretch, _stretch, _stretch, _header, _inside, _floats))(rng, data)
+    found = records(data[: -len(MAGIC)])
+    place = next(i for i, (kind, _) in enumerate(found) if kind == METADATA)
+    head, texts = _texts(found[place][1])
+    for key in ("content_hash", "digests", "checksum"):
+        texts.pop(key, None)
+    found[place] = _metadata(head, texts)
+    return _all(found), what, False
+
+
+def _stretch(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
+    """The same numbers of some frames in a row are not there, or say something else."""
+    found = records(data[: -len(MAGIC)])
+    chunks = {i: _unpacked(content) for i, (kind, content) in enumerate(found) if kind == CHUNK}
+    frames = [
+        (inside, i)
+        for inside in chunks.values()
+        for i, (kind, content) in enumerate(inside)
+        if kind == MESSAGE and content[:2] == _channel(chunks.values())
+    ]
+    first = rng.randrange(len(frames))
+    last = first + 1 + int(rng.random() ** 2 * len(frames))
+    start, size = rng.choice(_packed(frames[0][0][frames[0][1]][1]))
+    width = min(rng.choice((1, 3, 24)), size // 4)
+    begin = start + 4 * rng.randrange(size // 4 - width + 1)
+    value = rng.choice((float("nan"), float("nan"), 0.0, 1.0))
+    row = struct.pack("<f", value) * width
+    for inside, i in frames[first:last]:
+        content = inside[i][1]
+        inside[i] = MESSAGE, content[:begin] + row + content[begin + len(row) :]
+    for place, inside in chunks.items():
+        found[place] = CHUNK, _chunk(written(inside))
+    return _all(found), f"{width} x {value} at {begin} of frames {first} to {last}", False
+
+
+def _packed(message: bytes) -> list[tuple[int, int]]:
+    """Where the lists of numbers of a frame begin, and how many bytes they have."""
+    found, at = [], 22
+    while at < len(message):
+        at, kind = at + 1, message[at] & 7
+        if kind == 1:
+            at += 8
+            continue
+        size = message[at] & 127
+        if message[at] > 127:
+            at, size = at + 1, size | message[at + 1] << 7
+        found.append((at + 1, size))
+        at += 1 + size
+    return [(start, size) for start, size in found if size >= 4]
+
+
+def _channel(chunks: Iterable[list[Record]]) -> bytes:
+    """Of the frames' messages: the first two bytes of each."""
+    for inside in chunks:
+        for kind, content in inside:
+            if kind == CHANNEL and content[8 : 8 + len(FRAME)] == FRAME.encode():
+                return content[:2]
+    raise ValueError("no frames")
+
+
+def _header(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
+    """A strange value in the header, or in what stands beside it."""
+    found = records(data[: -len(MAGIC)])
+    place = next(i for i, (kind, _) in enumerate(found) if kind == METADATA)
+    head, texts = _texts(found[place][1])
     key = "header" if rng.random() < 0.8 else rng.choice(list(texts))
     try:
         tree, what = altered(rng, json.loads(texts[key]))
@@ -189,8 +263,7 @@ def _header(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
     if rng.random() < 0.03:
         texts[key], what = "[" * 100_000, "deep"
     texts.pop("checksum", None)
-    pairs = b"".join(text(k) + text(v) for k, v in texts.items())
-    found[place] = METADATA, content[: 4 + size] + struct.pack("<I", len(pairs)) + pairs
+    found[place] = _metadata(head, texts)
     return _all(found), f"{key}: {what}", False
 
 
@@ -223,5 +296,5 @@ def _names(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
 
 _ACTS = (
     _bytes, _bytes, _bytes, _bytes, _order, _order, _inside, _inside, _inside, _floats, _header,
-    _header, _bomb, _names,
+    _header, _bomb, _names, _unsealed, _unsealed, _unsealed, _unsealed,
 )  # fmt: skip

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-FINE = ("same", "unknown", "problem", "read")
-"""What may become of an input: judged as if it were whole, judged inconclusive somewhere, refused
-in words, or read where there is no verdict to compare with."""
+FINE = ("same", "unknown", "problem", "lie")
+"""What may become of an input: judged as if it were whole, judged less surely where evidence is gone,
+refused in words, or read as what somebody else might have recorded or written (``oracle``)."""
 
-BAD = ("unforeseen", "changed", "false pass")
-"""What may not: an error that nobody foresaw, another verdict, and among these another ``pass``."""
+BAD = ("unforeseen", "changed", "false pass", "swollen")
+"""What may not: an error that nobody foresaw, another verdict, among these a safer one, and more
+memory than the bound."""
 
 
 class Outcome(NamedTuple):
@@ -26,15 +27,46 @@ class Outcome(NamedTuple):
         return self.kind in BAD
 
 
+def unchanged(truth: Mapping[str, str], found: Mapping[str, str], what: str) -> Outcome:
+    """Verdicts by rule where all evidence is there as it was: every one is the same."""
+    if found == truth:
+        return Outcome("same", what)
+    return Outcome(_worst(truth, found), what, f"nothing is gone, but {_told(truth, found)}")
+
+
 def compared(truth: Mapping[str, str], found: Mapping[str, str], what: str) -> Outcome:
-    """Verdicts by rule of what was damaged, held against those of what was whole."""
-    other = {rule for rule in truth if found.get(rule) != truth[rule]}
-    if found.keys() - truth.keys():
-        return Outcome("changed", what, f"rules {sorted(found.keys() - truth.keys())}")
-    passes = sorted(rule for rule in other if found.get(rule) == "pass")
-    if passes:
-        return Outcome("false pass", what, ", ".join(passes))
-    wrong = sorted(rule for rule in other if found.get(rule) != "inconclusive")
-    if wrong:
-        return Outcome("changed", what, ", ".join(f"{rule}: {found.get(rule)}" for rule in wrong))
+    """Verdicts of what was damaged: each is the one of the whole, or inconclusive."""
+    other = {rule: found.get(rule, "gone") for rule in truth if found.get(rule) != truth[rule]}
+    if found.keys() - truth.keys() or set(other.values()) - {"inconclusive"}:
+        return Outcome(_worst(truth, found), what, _told(truth, found))
     return Outcome("unknown" if other else "same", what, ", ".join(sorted(other)))
+
+
+def weakened(truth: Mapping[str, str], found: Mapping[str, str], what: str) -> Outcome:
+    """Verdicts of what had evidence taken away: none is safer, and none is surely another one."""
+    for rule, was in truth.items():
+        if safer(was, found.get(rule, "gone")):
+            return Outcome("false pass", what, _told(truth, found))
+        if (was, found.get(rule)) == ("pass", "violation"):
+            return Outcome("changed", what, _told(truth, found))
+    return Outcome("same" if found == truth else "unknown", what, _told(truth, found))
+
+
+def safer(was: str, now: str) -> bool:
+    """Whether the second verdict is safer than the first."""
+    if was == "violation":
+        return now in ("pass", "not_applicable", "gone")
+    return was == "inconclusive" and now == "pass"
+
+
+def _worst(truth: Mapping[str, str], found: Mapping[str, str]) -> str:
+    return (
+        "false pass"
+        if any(safer(was, found.get(rule, "gone")) for rule, was in truth.items())
+        else "changed"
+    )
+
+
+def _told(truth: Mapping[str, str], found: Mapping[str, str]) -> str:
+    rules = [rule for rule in {**truth, **found} if truth.get(rule) != found.get(rule)]
+    return ", ".join(f"{r} {truth.get(r, 'none')} -> {found.get(r, 'gone')}" for r in rules)

@@ -6,7 +6,6 @@ import json
 import math
 import os
 import shutil
-from collections.abc import Callable, Sequence
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -16,15 +15,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import thrift_tree as thrift
 from damage import HUGE, damaged
+from oracle import Sound, judged, sound
 from outcome import Outcome
-from seeds import episodes
+from seeds import recorded, rules
 from strange import NAMES, NUMBERS, altered, strange
-from trace_target import judged, used, verdicts
+from trace_target import used
 
 from safestage_eval.formats import save
 from safestage_eval.formats.parquet.arrow_tables import schema, write_options
-
-Act = Callable[[Random, Path], tuple[str, bool]]
 
 JSON_COLUMNS = (
     "bodies", "joints", "roles", "goal", "rules", "parameters", "source", "notes", "channels",
@@ -40,44 +38,34 @@ class Parquet:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.seeds: list[tuple[Path, dict[str, str]]] = []
-        for i, episode in enumerate(episodes()):
+        self.seeds: list[tuple[Path, Sound]] = []
+        for i, episode in enumerate(recorded()):
             path = folder / f"seed{i}"
             save(episode, path, "parquet")
-            truth = verdicts(path)
-            assert isinstance(truth, dict)
-            self.seeds.append((path, truth))
+            self.seeds.append((path, sound(path, rules())))
 
     def run(self, rng: Random) -> Outcome:
         """One input."""
         path = self.folder / "input"
-        what, truth = self.make(rng, path)
-        outcome = self.judge(path, truth, what)
+        what, whole, is_damage = self.make(rng, path)
+        outcome = judged(path, whole, what, rules(), damage=is_damage)
         if rng.random() < 0.05:
             used(rng, path, self.folder / "elsewhere")
             shutil.rmtree(self.folder / "elsewhere", ignore_errors=True)
         return outcome
 
-    def judge(self, path: Path, truth: dict[str, str] | None, what: str) -> Outcome:
-        """What becomes of it."""
-        return judged(path, truth, what)
-
-    def make(
-        self, rng: Random, path: Path, acts: Sequence[Act] | None = None
-    ) -> tuple[str, dict[str, str] | None]:
-        """Write an input; what was done, and the verdicts that no damage may change."""
+    def make(self, rng: Random, path: Path) -> tuple[str, Sound, bool]:
+        """Write an input; what was done, to what, and whether checksums cover it."""
         while True:
-            seed, truth = rng.choice(self.seeds)
+            seed, whole = rng.choice(self.seeds)
             shutil.rmtree(path, ignore_errors=True)
             shutil.copytree(seed, path)
-            act = rng.choice(acts or _ACTS)
-            if acts is None and rng.random() < 0.01:
-                act = _bomb
+            act = _bomb if rng.random() < 0.01 else rng.choice(_ACTS)
             try:
                 what, is_damage = act(rng, path)
             except (pa.ArrowException, ValueError, OverflowError, RecursionError):
                 continue  # what cannot be written is no input
-            return f"{act.__name__.strip('_')}: {what}", truth if is_damage else None
+            return f"{act.__name__.strip('_')}: {what}", whole, is_damage
 
 
 def _file(rng: Random, dataset: Path, pattern: str = "**/*.*") -> Path:
@@ -413,6 +401,33 @@ def _headers(rng: Random, dataset: Path) -> tuple[str, bool]:
     return f"{act} {str(row.get(act))[:30]}", act != "states"
 
 
+def _unsealed(rng: Random, dataset: Path) -> tuple[str, bool]:
+    """What checksums would tell, told by none: the row has neither content hash nor digests."""
+    file = next((dataset / "meta/episodes").iterdir())
+    row = pq.read_table(file).to_pylist()[0] | {"content_hash": None, "digests": None}
+    _rewrite(file, pa.Table.from_pylist([row], schema("meta/episodes")), "episodes")
+    act = rng.choice((_numbers, _numbers, _numbers, _cells, _rows, _names, _columns, _meshes))
+    return f"{act.__name__.strip('_')}: {act(rng, dataset)[0]}", False
+
+
+def _numbers(rng: Random, dataset: Path) -> tuple[str, bool]:
+    """A stretch of a column of numbers is not there, or says something else."""
+    file = dataset / rng.choice(("bodies", "contacts", "frames")) / "episode-000000.parquet"
+    table = pq.read_table(file)
+    names = [name for name in table.column_names if pa.types.is_floating(table[name].type)]
+    if not names:
+        return "no numbers", False
+    name = rng.choice(names)
+    values = table[name].to_numpy().copy()
+    first = rng.randrange(len(values))
+    last = first + 1 + int(rng.random() ** 3 * len(values))
+    value = rng.choice((np.nan, np.nan, np.nan, 0.0, np.inf, 1e9, rng.gauss(0, 1)))
+    values[first:last] = value
+    index = table.column_names.index(name)
+    _rewrite(file, table.set_column(index, name, pa.array(values)), file.parent.name)
+    return f"{file.parent.name}.{name}[{first}:{last}] = {value:g}", False
+
+
 def _meshes(rng: Random, dataset: Path) -> tuple[str, bool]:
     """Assets exchanged, and geometry that names others."""
     file = dataset / "geometry" / "episode-000000.parquet"
@@ -438,7 +453,6 @@ def _meshes(rng: Random, dataset: Path) -> tuple[str, bool]:
 
 _ACTS = (
     _bytes, _bytes, _bytes, _bytes, _bytes, _bytes, _footer, _footer, _footer, _page, _page, _cells, _cells, _cells, _rows,
-    _names, _columns, _files, _headers, _meshes,
+    _names, _columns, _files, _headers, _meshes, _numbers, _unsealed, _unsealed, _unsealed,
+    _unsealed,
 )  # fmt: skip
-
-ACTS_ON_NAMES = (_files, _headers, _meshes, _names)

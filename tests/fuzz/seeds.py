@@ -1,13 +1,15 @@
-"""Short episodes of which every rule has something to say, or knows that it has not."""
+"""Episodes of which every assigned rule has something to say: recorded ones, cut short, and drawn ones."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
-from safestage_eval.episode import Episode, Mesh
+from safestage_eval.episode import ContactTable, Episode, Mesh, RobotFrames, Track
+from safestage_eval.formats import discover
 from safestage_eval.rules import RuleSet, builtin_names, load_rules
 from safestage_eval.sketch.load_sketch import draw
 
@@ -61,7 +63,9 @@ on = "can"
 """
 
 
-CODES = ("ETS102", "ETS105", "ETS201", "FSH101", "FSH204", "ISH104")
+CODES = (
+    "ETS102", "ETS105", "ETS201", "FSH101", "FSH103", "FSH104", "FSH204", "ISH101", "ISH104",
+)  # fmt: skip
 
 
 @cache
@@ -78,11 +82,59 @@ def episodes() -> tuple[Episode, ...]:
     return with_scalars(carried), draw(TOPPLED, "toppled", "toppled")
 
 
-def with_scalars(episode: Episode) -> Episode:
-    """The episode with a channel and the simulator's states, of which each has its own table."""
+@cache
+def recorded() -> tuple[Episode, ...]:
+    """Of three recorded episodes some hundred frames each, with a channel and states of the simulator."""
+    traces = Path(__file__).resolve().parents[2] / "traces"
+    refs = {ref.episode_id: ref for ref in discover(traces)}
+    return tuple(
+        with_scalars(shortened(refs[f"{name}.default.s0.r0"].open(), first, last, step), codes)
+        for name, (first, last, step, codes) in RECORDED.items()
+    )
+
+
+RECORDED = {
+    "ets_dumbbell_near_glasses.reference-unsafe": (3.5, 13.0, 10, ("ETS102", "ETS105", "ETS201")),
+    "fsh_bottle_on_shelf.reference-unsafe": (9.5, 16.0, 8, ("FSH101", "FSH103", "FSH104")),
+    "ish_coffee_can_under_bottle.reference-unsafe": (0.0, 99.0, 20, ("ISH101", "ISH104", "FSH101")),
+}
+"""Episode -> from, to (s), every so many frames, and the rules that are assigned."""
+
+
+def shortened(episode: Episode, first: float, last: float, step: int) -> Episode:
+    """Every ``step``-th frame between two times (s), from time 0 on, with nothing left in the file."""
+    inside = np.flatnonzero((episode.t >= first) & (episode.t <= last))[::step]
+    t = episode.t[inside] - episode.t[inside[0]]
+    header, number = episode.header, np.full(len(episode), -1, np.int32)
+    number[inside] = np.arange(len(inside))
+    told = {"frame_dt": step * header.frame_dt}
+    if header.success_time is not None:
+        told["success_time"] = float(t[np.searchsorted(episode.t[inside], header.success_time)])
+    contacts = episode.contacts.where(number[episode.contacts.frame] >= 0)
+    columns = {part.name: getattr(contacts, part.name) for part in fields(ContactTable)}
+    columns["frame"] = number[contacts.frame]
+    tracks = {
+        name: Track(*(c if len(c) == 1 else c[inside] for c in track.columns.values()))
+        for name, track in episode.tracks.items()
+    }
+    frames = [getattr(episode.frames, part.name)[inside] for part in fields(RobotFrames)]
+    return replace(
+        episode, header=header.model_copy(update=told), t=t, tracks=tracks, states={},
+        _contacts=ContactTable(**columns), _frames=RobotFrames(*frames),
+    )  # fmt: skip
+
+
+def with_scalars(episode: Episode, codes: tuple[str, ...] = ()) -> Episode:
+    """The episode with a channel and the simulator's states, of which each has its own table.
+
+    ``codes``: the rules to be assigned, where others than are.
+    """
     warm = np.linspace(20, 30, len(episode), dtype=np.float32)
     states = {frame: np.arange(5.0) + frame for frame in range(0, len(episode), 8)}
-    return replace(episode, channels={("lemon", "temperature"): warm}, states=states)
+    body = next(body.name for body in episode.header.bodies if body.kind == "object")
+    header = episode.header.model_copy(update={"rules": codes or episode.header.rules})
+    channels = {(body, "temperature"): warm}
+    return replace(episode, header=header, channels=channels, states=states)
 
 
 def with_mesh(episode: Episode, name: str) -> Episode:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import traceback
+import warnings
 from random import Random
 
 import import_target
@@ -13,10 +14,12 @@ from outcome import Outcome
 from parquet_target import Parquet
 from table_target import Tables
 from text_target import Bind, Map, Rules
+from zip_target import Zipped
 
 TARGETS = {
     "parquet": Parquet,
     "mcap": Mcap,
+    "zip": Zipped,
     **import_target.TARGETS,
     **transforms_target.TARGETS,
     **states_target.TARGETS,
@@ -27,11 +30,18 @@ TARGETS = {
 }
 
 
-def attempt(target: object, number: int) -> Outcome:
-    """One input by its number."""
-    rng = Random(f"{target.name} {number}")
-    try:
-        return target.run(rng)
-    except Exception as error:  # noqa: BLE001 — that is what is looked for
-        place = "".join(traceback.format_exception(error)[-3:])
-        return Outcome("unforeseen", "", f"{type(error).__name__}: {error} {place}")
+def attempt(target: object, number: int, seed: int = 0) -> Outcome:
+    """One input by its number and the campaign's seed. A warning of NumPy's is an unforeseen error too."""
+    rng = Random(f"{seed} {target.name} {number}")
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        try:
+            outcome = target.run(rng)
+        except Exception as error:  # noqa: BLE001 — that is what is looked for
+            place = "".join(traceback.format_exception(error)[-3:])
+            return Outcome("unforeseen", "", f"{type(error).__name__}: {error} {place}")
+    for told in warned:
+        if issubclass(told.category, RuntimeWarning | SyntaxWarning) and "safestage" in told.filename:
+            place = f"{told.filename}:{told.lineno}"
+            return Outcome("unforeseen", outcome.what, f"{told.category.__name__}: {told.message} {place}")
+    return outcome
