@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from .shared_options import (
+    allow_host_option,
     bind_option,
     loaded_rules,
     pairs,
@@ -57,6 +58,7 @@ PORT = 8350
     type=click.IntRange(0, 65535),
     help=f"Serve on this port. Default: {PORT}, or any that is free.",
 )
+@allow_host_option
 @click.option("--no-open", is_flag=True, help="Start no browser.")
 def command(
     traces: tuple[str, ...],
@@ -70,6 +72,7 @@ def command(
     bind: Path | None,
     where: tuple[str, ...],
     port: int | None,
+    allow_host: tuple[str, ...],
     no_open: bool,
 ) -> None:
     """Let people judge rollouts, without seeing what the evaluator says.
@@ -100,7 +103,7 @@ def command(
     )
     session.reviewer = None if reviewer is None else session.named(reviewer)
     _warn(chosen, loaded, bound)
-    server = _server(session, port)
+    server = _server(session, port, allow_host)
     answered = (
         f", {count(len(session.ledger.reviewers), 'reviewer')} in {file} so far"
         if file.exists()
@@ -169,16 +172,16 @@ def _warn(refs: Sequence[EpisodeRef], rules: RuleSet, bind: BindFile | None) -> 
             say(f"{task}: no requirement to show: {why}", err=True)
 
 
-def _server(session: Session, port: int | None) -> Server:
+def _server(session: Session, port: int | None, names: tuple[str, ...]) -> Server:
     from safestage_eval.errors import InputError
     from safestage_eval.label import serve
 
     if port is not None:
-        return serve(session, port)
+        return serve(session, port, names)
     try:
-        return serve(session, PORT)
+        return serve(session, PORT, names)
     except InputError:
-        return serve(session)
+        return serve(session, 0, names)
 
 
 def _options(rules: Sequence[str], bind: Path | None) -> list[str]:

@@ -85,6 +85,12 @@ jobs_option = click.option(
     help="Use N worker processes. Default: one per processor.",
 )
 
+allow_host_option = click.option(
+    "--allow-host", multiple=True, metavar="NAME[:PORT]",
+    help="Answer under this host name too, and pages from it. Repeatable. "
+    "Default: loopback names and the address reached.",
+)  # fmt: skip
+
 resamples_option = click.option(
     "--resamples", type=click.IntRange(100), default=2000, show_default=True,
     help="Draw tasks anew so many times for bootstrap intervals.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from safestage_eval.cli.shared_options import allow_host_option
 from safestage_eval.cli.terminal import say
 
 from .simulate_options import explains
@@ -29,6 +30,15 @@ from .simulate_options import explains
     show_default=True,
     help="Number of observations per request, where POLICY is a served GR00T.",
 )
+@allow_host_option
+@click.option(
+    "--max-message",
+    "largest",
+    default="64 MB",
+    show_default=True,
+    metavar="SIZE",
+    help="Hang up on a caller whose message is larger.",
+)
 @explains
 def serve(
     policy: str,
@@ -38,6 +48,8 @@ def serve(
     seed: int,
     task: str | None,
     batch: int,
+    allow_host: tuple[str, ...],
+    largest: str,
 ) -> None:
     """Serve a policy in a model's protocol, to test a client, a campaign or a network.
 
@@ -48,6 +60,9 @@ def serve(
     POLICY may also be a GR00T that is served already. Then requests that wait for it are sent on
     as one batch: serve its address, and point `record --jobs` at this server.
 
+    Answers requests under loopback names and under the address itself, not under names that were
+    pointed at it, and no web pages. Ends with 0 on Ctrl+C, and with 2 if it cannot go on.
+
     \b
     Examples:
       safestage serve reference:safe --protocol openpi
@@ -55,10 +70,13 @@ def serve(
       safestage serve my_module:MyPolicy --protocol "groot?horizon=16" --port 5556
       safestage serve groot:tcp://gpu:5555 --protocol groot --port 5556
     """
+    from safestage_eval._process.memory_limit import size
+    from safestage_eval._serving.guard import Guard
     from simulate.servers.serve import serve as start
 
     with start(
         policy, protocol, host=host, port=port, seed=seed, task=task, most=batch,
+        guard=Guard(allow_host, size(largest)),
         tell=lambda line: say(f"episode: {line}", err=True),
     ) as server:  # fmt: skip
         name, mark, options = protocol.partition("?")

@@ -6,6 +6,7 @@ import time
 from contextlib import ExitStack
 from typing import Any, Protocol
 
+from safestage_eval._serving.guard import LARGEST_MESSAGE
 from simulate.policy import PolicyError
 
 PAUSE = 0.25
@@ -54,7 +55,7 @@ class WebsocketLine:
                     connect(
                         url,
                         compression=None,
-                        max_size=None,
+                        max_size=LARGEST_MESSAGE,
                         additional_headers=headers,
                         open_timeout=left,
                         close_timeout=1.0,
@@ -124,6 +125,7 @@ class ZeromqLine:
         self._url = url
         self._socket: Any = zmq.Context.instance().socket(zmq.REQ)
         self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.setsockopt(zmq.MAXMSGSIZE, LARGEST_MESSAGE)
         try:
             self._socket.connect(url)
         except zmq.ZMQError as error:

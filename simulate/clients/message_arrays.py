@@ -4,18 +4,25 @@
 - ``nd``: a map with ``nd``, as package msgpack-numpy writes it; GR00T's newer servers.
 - ``npy``: a map with ``__ndarray_class__`` around a NumPy file; GR00T's older servers.
 
-Nothing is ever unpickled: arrays of objects are refused in both directions.
+Nothing is ever unpickled: arrays of objects are refused in both directions. Few bytes can stand for many
+objects, so those are counted; pictures and joints are arrays, each of which counts as one.
 """
 
 from __future__ import annotations
 
 import io
+import re
+from collections.abc import Sequence
 from typing import Any, Literal
 
 import msgpack
 import numpy as np
 
 Style = Literal["openpi", "nd", "npy"]
+
+MOST_VALUES, MOST_TOGETHER = 200_000, 16_384
+"""Numbers, texts, maps and lists of a message, and in one map or list."""
+_DTYPE = re.compile(r"[<>=|]?[?biufSU]\d{0,5}|bool|u?int(8|16|32|64)|float(16|32|64)", re.ASCII)
 
 
 def pack(message: Any, arrays: Style = "openpi") -> bytes:
@@ -26,8 +33,20 @@ def pack(message: Any, arrays: Style = "openpi") -> bytes:
 
 def unpack(data: bytes) -> Any:
     """A message, its arrays written in any of the three ways. Raises ValueError for anything else."""
+    left = MOST_VALUES
+
+    def counted(values: Any) -> Any:
+        nonlocal left
+        left -= len(values) + 1
+        if left < 0:
+            raise ValueError(f"more than {MOST_VALUES:,} values")
+        return values
+
     try:
-        return msgpack.unpackb(data, object_hook=_read)
+        return msgpack.unpackb(
+            data, object_hook=lambda item: _read(counted(item)), list_hook=counted,
+            max_array_len=MOST_TOGETHER, max_map_len=MOST_TOGETHER,
+        )  # fmt: skip
     except (msgpack.UnpackException, ValueError, TypeError, KeyError, EOFError) as error:
         raise ValueError(f"not a message of MessagePack: {error}") from None
 
@@ -84,16 +103,29 @@ def _read(item: dict[Any, Any]) -> Any:
             return _array(item[b"data"], item[b"type"], item[b"shape"])
         return np.frombuffer(item[b"data"], _dtype(item[b"type"]))[0]
     if "__ndarray_class__" in item:
-        return np.load(io.BytesIO(item["as_npy"]), allow_pickle=False)
+        return _npy_array(item["as_npy"])
     return item
 
 
-def _array(data: bytes, dtype: str | bytes, shape: list[int]) -> np.ndarray[Any, Any]:
-    return np.frombuffer(data, _dtype(dtype)).reshape(shape)
+def _array(
+    data: bytes, dtype: str | bytes, shape: Sequence[int], order: Literal["C", "F"] = "C"
+) -> np.ndarray[Any, Any]:
+    return np.frombuffer(data, _dtype(dtype)).reshape(shape, order=order)
 
 
 def _dtype(name: str | bytes) -> np.dtype[Any]:
-    dtype = np.dtype(name.decode() if isinstance(name, bytes) else name)
-    if dtype.kind in "VO":
-        raise ValueError(f"arrays of {dtype} are not read")
-    return dtype
+    text = name.decode() if isinstance(name, bytes) else name
+    if not _DTYPE.fullmatch(text):
+        raise ValueError(f"arrays of {text[:40]} are not read")
+    return np.dtype(text)
+
+
+def _npy_array(data: bytes) -> np.ndarray[Any, Any]:
+    """The array of a NumPy file, which holds as many bytes as its header says."""
+    file = io.BytesIO(data)
+    version = np.lib.format.read_magic(file)
+    if version not in ((1, 0), (2, 0)):
+        raise ValueError(f"NumPy files of version {version}")
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0  # fmt: skip
+    shape, is_fortran, dtype = read(file)
+    return _array(data[file.tell() :], dtype.str, shape, "F" if is_fortran else "C")

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import Any
 
+from safestage_eval._serving.guard import Guard
 from simulate.clients.address import Address
 from simulate.clients.batch import join, kind, part, rows
 from simulate.clients.line import ZeromqLine
@@ -23,7 +24,14 @@ from .zeromq import Asked, Router
 class GatheringServer(Router):
     """Hands requests on to a server of GR00T's protocol, and their answers back."""
 
-    def __init__(self, behind: Address, most: int, host: str = "127.0.0.1", port: int = 0) -> None:
+    def __init__(
+        self,
+        behind: Address,
+        most: int,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        guard: Guard | None = None,
+    ) -> None:
         """Begin to serve.
 
         Args:
@@ -31,6 +39,7 @@ class GatheringServer(Router):
             most: observations in a batch.
             host: to listen on.
             port: to listen on; any free one for 0.
+            guard: how much it takes.
 
         Raises OSError.
         """
@@ -39,7 +48,7 @@ class GatheringServer(Router):
         self._line: ZeromqLine | None = None
         self.batches: Counter[int] = Counter()
         """Observations in a request → how many requests had so many."""
-        super().__init__(host, port)
+        super().__init__(host, port, guard)
 
     def answers(self, waiting: Sequence[Asked]) -> Iterator[Asked]:
         """Requests for actions in batches, everything else as it is."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from safestage_eval._serving.guard import Guard
 from safestage_eval.errors import InputError
 from simulate.clients.address import address_of, is_address
 from simulate.policies.policy_names import policy_name
@@ -28,6 +29,7 @@ def serve(
     seed: int = 0,
     task: str | None = None,
     most: int = MOST,
+    guard: Guard | None = None,
     tell: Callable[[str], None] = lambda _line: None,
 ) -> WebsocketServer | Router:
     """A server that is answering already.
@@ -40,6 +42,7 @@ def serve(
         seed: the environment seed that clients roll out.
         task: the task that they roll out; found by its prompt where None.
         most: observations of several clients that go on to a served policy in one request.
+        guard: whom it answers, and how much it takes.
         tell: hears of every episode that begins.
 
     Raises InputError for what cannot be served, or not there.
@@ -47,19 +50,21 @@ def serve(
     name, _, options = protocol.partition("?")
     dialect = address_of(f"{name}:talk:none?{options}").dialect
     if is_address(policy):
-        return _gathering(policy, name, host, dialect.port if port is None else port, most)
+        return _gathering(policy, name, host, dialect.port if port is None else port, most, guard)
     policy_name(policy)
     desk = partial(Desk, dialect, policy, seed, task, tell)
     at = dialect.port if port is None else port
     try:
         if dialect.schemes[0] == "tcp":
-            return ZeromqServer(desk, host, at)
-        return WebsocketServer(desk, host, at, asks_setting=not is_own(policy))
+            return ZeromqServer(desk, host, at, guard)
+        return WebsocketServer(desk, host, at, asks_setting=not is_own(policy), guard=guard)
     except OSError as error:
         raise _unheard(host, port, error) from None
 
 
-def _gathering(policy: str, protocol: str, host: str, port: int, most: int) -> GatheringServer:
+def _gathering(
+    policy: str, protocol: str, host: str, port: int, most: int, guard: Guard | None
+) -> GatheringServer:
     behind = address_of(policy)
     if not behind.dialect.batches or behind.dialect.protocol != protocol:
         raise InputError(
@@ -67,7 +72,7 @@ def _gathering(policy: str, protocol: str, host: str, port: int, most: int) -> G
             fix="name it in record --policy; only requests of groot can be gathered, by groot",
         )  # fmt: skip
     try:
-        return GatheringServer(behind, most, host, port)
+        return GatheringServer(behind, most, host, port, guard)
     except OSError as error:
         raise _unheard(host, port, error) from None
 

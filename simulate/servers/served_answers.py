@@ -17,6 +17,8 @@ from .served_episode import Direct, Shadow, at_home, is_own
 
 DONE = "reset successful"
 """DreamZero's answer to a reset, as text."""
+MOST_ROWS = 256
+"""Observations that one request may hold."""
 TOGETHER = 8
 """Episodes that one client may have under way where a request holds several observations."""
 
@@ -96,6 +98,8 @@ class Desk:
             return [request]
         data = request["data"]
         seen = data["observation"]
+        if rows(seen) > MOST_ROWS:
+            raise ValueError(f"more than {MOST_ROWS} observations in one request")
         return [
             {**request, "data": {**data, "observation": part(seen, i, i + 1)}}
             for i in range(rows(seen))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import socket
-import threading
 from collections.abc import Callable
 from contextlib import suppress
+from http import HTTPStatus
 from typing import TYPE_CHECKING
 
-from safestage_eval._process.closing import Closing
+from safestage_eval._serving.guard import Guard, isolated
+from safestage_eval._serving.listener import Listener
 from simulate.clients.line import SETTING
 
 from .served_answers import Desk, complaint
@@ -17,11 +18,12 @@ if TYPE_CHECKING:
     from websockets.http11 import Request, Response
     from websockets.sync.server import ServerConnection
 
-INTERNAL_ERROR = 1011
+INTERNAL_ERROR, TRY_LATER = 1011, 1013
+"""Codes of RFC 6455 by which a connection is closed."""
 
 
-class WebsocketServer(Closing):
-    """Serves in threads from when it is made until it is closed. A context manager."""
+class WebsocketServer(Listener):
+    """A thread for each connection, a desk for each caller."""
 
     def __init__(
         self,
@@ -30,6 +32,7 @@ class WebsocketServer(Closing):
         port: int = 0,
         *,
         asks_setting: bool = False,
+        guard: Guard | None = None,
     ) -> None:
         """Begin to serve.
 
@@ -38,38 +41,60 @@ class WebsocketServer(Closing):
             host: to listen on.
             port: to listen on; any free one for 0.
             asks_setting: clients are asked which task and seed they roll out.
+            guard: whom it answers, and how much it takes.
 
         Raises OSError.
         """
         from websockets.sync.server import serve
 
-        self._desk = desk
+        self._desk, self._guard = desk, guard or Guard()
         self._open: set[ServerConnection] = set()
         self._server = serve(
-            self._talk, host, port, compression=None, max_size=None, ping_interval=None,
-            process_request=_health, process_response=_asking if asks_setting else None,
+            self._answer, host, port, compression=None, ping_interval=None,
+            max_size=self._guard.largest, max_queue=1,  # frames that wait, each as large as that
+            process_request=self._admit, process_response=_asking if asks_setting else None,
         )  # fmt: skip
         shown = f"[{host}]" if ":" in host else host
         self.url = f"ws://{shown}:{self._server.socket.getsockname()[1]}"
-        self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
-        self._thread.start()
+        self._begin(self._server.serve_forever)
+
+    def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Refuse whoever is a stranger; answer whoever asks whether the server is well."""
+        address = connection.socket.getsockname()
+        why = self._guard.refusal(
+            (address[0], address[1]),
+            request.headers.get_all("Host"),
+            request.headers.get_all("Origin"),
+        )
+        if why is not None:
+            return connection.respond(HTTPStatus.FORBIDDEN, why + "\n")
+        return connection.respond(HTTPStatus.OK, "OK\n") if request.path == "/healthz" else None
+
+    def _answer(self, connection: ServerConnection) -> None:
+        with self._guard.place() as free:
+            if free:
+                self._talk(connection)
+            else:
+                connection.close(TRY_LATER, f"{self._guard.callers} callers at a time")
 
     def _talk(self, connection: ServerConnection) -> None:
         from websockets.exceptions import ConnectionClosed
 
         self._open.add(connection)
         desk = self._desk()
+        trouble: list[Exception] = []
+
+        def complain(error: Exception) -> str:
+            trouble.append(error)
+            return complaint(error)
+
         try:
             connection.send(desk.greeting())
             for message in connection:
-                data = message if isinstance(message, bytes) else message.encode()
-                try:
-                    answer = desk.answered(data)
-                except Exception as error:  # noqa: BLE001 - sent to the client, whatever it is
-                    connection.send(complaint(error))
+                connection.send(isolated(lambda m=message: desk.answered(_bytes(m)), complain))  # type: ignore[misc]
+                if trouble:
                     connection.close(INTERNAL_ERROR, "what is wrong is said in the frame before")
                     return
-                connection.send(answer)
         except (ConnectionClosed, OSError):
             return
         finally:
@@ -83,13 +108,9 @@ class WebsocketServer(Closing):
         self._server.shutdown()
         self._thread.join()
 
-    def wait(self) -> None:
-        """Serve until somebody closes it."""
-        self._thread.join()
 
-
-def _health(connection: ServerConnection, request: Request) -> Response | None:
-    return connection.respond(200, "OK\n") if request.path == "/healthz" else None
+def _bytes(message: bytes | str) -> bytes:
+    return message if isinstance(message, bytes) else message.encode()
 
 
 def _asking(connection: ServerConnection, request: Request, response: Response) -> None:  # noqa: ARG001

@@ -17,6 +17,7 @@ ROOMS = {
         "units",
         "_text",  # JSON and TOML that others wrote
         "_process",  # memory limits, worker processes, compiled kernels
+        "_serving",  # what stands before every server
         "episode",
         "formats",
         "geometry",

@@ -1,0 +1,185 @@
+"""An HTTP server behind a guard, for pages on this machine."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Callable
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from socketserver import TCPServer
+from typing import Any
+from urllib.parse import SplitResult, urlsplit
+
+from safestage_eval._text.json_text import from_json
+from safestage_eval.errors import InputError
+
+from .guard import Guard
+
+LOOPBACK = "127.0.0.1"
+SAFETY = {
+    "Content-Security-Policy": "frame-ancestors 'none'",  # the page itself says the rest
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+_LENGTH = re.compile("[0-9]{1,18}")
+
+
+class Refused(Exception):  # noqa: N818
+    """A request that is answered with a status other than 200."""
+
+    def __init__(self, status: HTTPStatus, why: str) -> None:
+        super().__init__(why)
+        self.status = status
+
+
+class GuardedServer(ThreadingHTTPServer):
+    """Serves on the loopback interface, a thread for each connection and no more than the guard allows."""
+
+    daemon_threads = True
+
+    def __init__(self, handler: type[GuardedHandler], guard: Guard, port: int = 0) -> None:
+        """Bind to a port; 0 is any that is free. Raises OSError if it is taken."""
+        self.guard = guard
+        super().__init__((LOOPBACK, port), handler)
+
+    def server_bind(self) -> None:
+        """Bind, without the look-up of the machine's name by which the standard library goes on."""
+        TCPServer.server_bind(self)
+        self.server_name, self.server_port = LOOPBACK, self.server_address[1]
+
+    @property
+    def url(self) -> str:
+        """The page's address."""
+        return f"http://{LOOPBACK}:{self.server_port}/"
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer one connection, or hang up where there are too many."""
+        with self.guard.place() as free:
+            if free:
+                super().process_request_thread(request, client_address)
+            else:
+                self.shutdown_request(request)
+
+    def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ARG002
+        """Ignore browsers that hang up; whatever else went wrong ends this connection alone."""
+        error = sys.exception()
+        if not isinstance(error, ConnectionError | TimeoutError):
+            print(f"a request failed: {type(error).__name__}", file=sys.stderr)  # noqa: T201
+
+
+class GuardedHandler(BaseHTTPRequestHandler):
+    """Every request is answered: with what ``get`` and ``post`` send, or with a status and a reason."""
+
+    protocol_version = "HTTP/1.1"
+    server_version, sys_version = "SafeStage", ""
+    timeout = 60
+    server: GuardedServer
+
+    def get(self, url: SplitResult) -> None:  # noqa: ARG002
+        """Send what a GET asks for. Raises Refused."""
+        raise Refused(HTTPStatus.NOT_FOUND, "no such page")
+
+    def post(self, url: SplitResult) -> None:  # noqa: ARG002
+        """Take what a POST brings. Raises Refused."""
+        self.close_connection = True
+        raise Refused(HTTPStatus.NOT_FOUND, "no such page")
+
+    def not_saved(self, error: OSError) -> str:
+        """What to say where a disk failed."""
+        return str(error.strerror or error)
+
+    def do_GET(self) -> None:
+        """Answer a GET."""
+        self._answer(self.get)
+
+    def do_POST(self) -> None:
+        """Answer a POST."""
+        self._answer(self.post)
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002
+        """Log nothing: the terminal belongs to the command."""
+
+    def _answer(self, act: Callable[[SplitResult], None]) -> None:
+        try:
+            self._check_sender()
+            act(self._url())
+        except Refused as error:
+            self.send_json({"error": str(error)}, error.status)
+        except InputError as error:
+            self.send_json({"error": str(error)}, HTTPStatus.UNPROCESSABLE_ENTITY)
+        except (ConnectionError, TimeoutError):
+            self.close_connection = True
+        except OSError as error:
+            why = f"not saved: {self.not_saved(error)}"
+            self.send_json({"error": why}, HTTPStatus.INTERNAL_SERVER_ERROR)
+        except Exception as error:  # noqa: BLE001 - one request ends nothing
+            self.close_connection = True
+            why = f"the server failed on this request: {type(error).__name__}"
+            self.send_json({"error": why}, HTTPStatus.INTERNAL_SERVER_ERROR)
+
+    def _check_sender(self) -> None:
+        """Accept only our own page under our own host name: others could otherwise read and write."""
+        address = self.connection.getsockname()
+        headers = self.headers
+        why = self.server.guard.refusal(
+            (address[0], address[1]),
+            headers.get_all("Host") or [],
+            headers.get_all("Origin") or [],
+            headers.get("Sec-Fetch-Site"),
+            headers.get("Sec-Fetch-Mode"),
+        )
+        if why is not None:
+            self.close_connection = True
+            raise Refused(HTTPStatus.FORBIDDEN, why)
+
+    def _url(self) -> SplitResult:
+        try:
+            return urlsplit(self.path)
+        except ValueError:
+            raise Refused(HTTPStatus.BAD_REQUEST, "no address") from None
+
+    def body(self) -> dict[str, Any]:
+        """The JSON object that a POST brings, of text that can be stored. Raises Refused."""
+        lengths = self.headers.get_all("Content-Length") or []
+        if len(lengths) != 1 or not _LENGTH.fullmatch(lengths[0]):
+            self.close_connection = True
+            raise Refused(HTTPStatus.BAD_REQUEST, "Content-Length is no number")
+        if int(lengths[0]) > self.server.guard.largest:
+            self.close_connection = True
+            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "too long")
+        data = self.rfile.read(int(lengths[0]))
+        if self.headers.get_content_type() != "application/json":  # what forms cannot send
+            raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "JSON is expected")
+        try:
+            body = from_json(data)
+            json.dumps(body, ensure_ascii=False).encode()  # no half of a character
+        except ValueError:
+            raise Refused(HTTPStatus.BAD_REQUEST, "no JSON of whole characters") from None
+        if not isinstance(body, dict):
+            raise Refused(HTTPStatus.BAD_REQUEST, "not a JSON object")
+        if any("\0" in value for value in body.values() if isinstance(value, str)):
+            raise Refused(HTTPStatus.BAD_REQUEST, "text with a NUL in it")
+        return body
+
+    def send_json(self, value: Any, status: HTTPStatus = HTTPStatus.OK) -> None:
+        """Send a value as JSON."""
+        self.send(json.dumps(value).encode(), "application/json", status)
+
+    def send(
+        self,
+        data: bytes,
+        kind: str,
+        status: HTTPStatus = HTTPStatus.OK,
+        more: dict[str, str] | None = None,
+    ) -> None:
+        """Send a whole answer, with the headers that keep it where it belongs."""
+        self.send_response(status)
+        for name, value in {"Content-Type": kind, **SAFETY, **(more or {})}.items():
+            self.send_header(name, value)
+        self.send_header("Content-Length", str(len(data)))
+        self.end_headers()
+        self.wfile.write(data)
