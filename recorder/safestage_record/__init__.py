@@ -10,7 +10,16 @@ from ._version import __version__
 from .env_wrap import EnvRecording, wrap
 from .mujoco_recorder import MujocoRecorder
 from .record_error import RecordError
+from .rollout_log import recover
 
 mujoco = MujocoRecorder
 
-__all__ = ["EnvRecording", "MujocoRecorder", "RecordError", "__version__", "mujoco", "wrap"]
+__all__ = [
+    "EnvRecording",
+    "MujocoRecorder",
+    "RecordError",
+    "__version__",
+    "mujoco",
+    "recover",
+    "wrap",
+]

@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-import re
-from typing import Any, Mapping
+from typing import Any
 
 import numpy as np
 
-from .record_error import RecordError
-
-KINDS = ("robot", "gripper", "object", "fixture", "region")
-SIDES = ("left", "right")
-
-_GRIPPER = re.compile(r"gripper|finger|thumb|hand(?!le)|claw|knuckle|robotiq", re.IGNORECASE)
-_ARM_SIDE = re.compile(r"^gripper\d+_(right_|left_)?|^robot\d+[:_]", re.IGNORECASE)
-"""robosuite's names say the side of the arm first, which is no finger's."""
+from .told_facts import SIDES, ToldFacts, named_side, names_gripper
 
 
 class BodyFacts:
@@ -33,8 +25,7 @@ class BodyFacts:
         self,
         model: Any,
         names: list[str],
-        kinds: Mapping[str, str],
-        fingers: Mapping[str, str],
+        told: ToldFacts,
         enums: Any,
     ) -> None:
         """Guess, and put what the user gave in its place.
@@ -42,19 +33,14 @@ class BodyFacts:
         Args:
             model: the compiled model.
             names: of its bodies, as the trace has them.
-            kinds: body name → kind, for bodies and what hangs on them.
-            fingers: body name → left or right.
+            told: what the user says.
             enums: the ``mujoco`` module.
-
-        Raises:
-            RecordError: a body or kind that does not exist.
         """
         self._model, self._names, self._mj = model, names, enums
         self._parent = model.body_parentid.astype(int)
         self._root = model.body_rootid.astype(int)
         self._driven = {int(self._root[b]) for b in self._driven_bodies()} - {0}
-        given = _by_id(kinds, names, KINDS, "kind")
-        sides = _by_id(fingers, names, SIDES, "side")
+        given = told.kinds
         self.kinds = [self._kind(i) for i in range(model.nbody)]
         for i in range(1, model.nbody):
             near: int | None = i
@@ -65,7 +51,7 @@ class BodyFacts:
         if 0 in given:
             self.kinds[0] = given[0]
         self.guessed = False
-        self.sides = dict(sides) if sides else self._guess_sides()
+        self.sides = dict(told.fingers) if told.fingers else self._guess_sides()
 
     def _kind(self, body: int) -> str:
         if body and int(self._root[body]) in self._driven:
@@ -86,9 +72,7 @@ class BodyFacts:
 
     def _on_gripper(self, body: int) -> bool:
         while body:
-            if _GRIPPER.search(_ARM_SIDE.sub("", self._names[body])) or (
-                _GRIPPER.search(self._names[body])
-            ):
+            if names_gripper(self._names[body]):
                 return True
             body = int(self._parent[body])
         return False
@@ -121,12 +105,7 @@ class BodyFacts:
 
     def _side_of(self, body: int) -> str | None:
         joint = self._model.joint(int(self._model.body_jntadr[body])).name
-        for full in (self._names[body], joint):
-            name = _ARM_SIDE.sub("", full).lower()
-            for side in SIDES:
-                if side in name or re.search(rf"(^|[^a-z]){side[0]}([^a-z]|$)", name):
-                    return side
-        return None
+        return named_side(self._names[body], joint)
 
     def _driven_bodies(self) -> set[int]:
         """Bodies that an actuator acts on."""
@@ -198,28 +177,3 @@ class Opening:
             local = model.geom_pos[start : start + count].mean(axis=0) if count else np.zeros(3)
             points.append(data.xpos[body] + data.xmat[body].reshape(3, 3) @ local)
         return np.mean(points, axis=0)
-
-
-def find_bodies(wanted: str, names: list[str], what: str) -> int:
-    """The id of a body by name. Raises RecordError where there is none, with those that are alike."""
-    name = wanted.replace("/", "_")
-    if name in names:
-        return names.index(name)
-    import difflib
-
-    near = difflib.get_close_matches(name, names, 4, 0.4) or names[:12]
-    raise RecordError(
-        f"{what} {wanted!r} is no body of the model. Near it: {', '.join(near)}. "
-        f"All {len(names)}: print(recorder.body_names)."
-    )
-
-
-def _by_id(
-    given: Mapping[str, str], names: list[str], allowed: tuple[str, ...], what: str
-) -> dict[int, str]:
-    found = {}
-    for name, value in given.items():
-        if value not in allowed:
-            raise RecordError(f"{what} {value!r} of body {name!r}. Allowed: {', '.join(allowed)}.")
-        found[find_bodies(name, names, f"the body of {what} {value!r},")] = value
-    return found

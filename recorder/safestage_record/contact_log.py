@@ -2,98 +2,98 @@
 
 from __future__ import annotations
 
+import ctypes
 from typing import Any
 
 import numpy as np
 
+from .record_error import RecordError
 from .zip_trace import CONTACT_POINT
 
-BATCH = 50_000
-"""Contacts that wait before they are worked out: about 10 MB."""
+BATCH = 20_000
+"""Contacts that wait before they are worked out: about 12 MB."""
 
 
 class ContactLog:
     """Gathers contacts step by step, and makes each frame's contacts with their peak forces of them."""
 
-    def __init__(self, model: Any, geom_index: Any, pyramidal: bool) -> None:
+    def __init__(self, model: Any, data: Any, geom_index: Any, pyramidal: bool) -> None:
         """``geom_index``: (ngeom,) MuJoCo geom id → index in the trace, −1 for none."""
+        self._data = data
+        self._memory: Any = None
+        self._kind: Any = None
+        self._address = 0
         self._geom_index = geom_index
         self._geom_body = model.geom_bodyid.astype(np.int64)
         self._pyramidal = pyramidal
-        self._waiting: list[tuple[Any, ...]] = []
-        self._frames: list[bool] = []
+        self._steps: list[tuple[int, bool, Any, Any]] = []
         self._rows = 0
-        self._touching = b""
-        self._same: tuple[Any, ...] = ()
-        self._frame = 0
+        self._frame = self._given = 0
         self._done: list[tuple[Any, Any]] = []
         self.unrecorded = 0
         """Contacts of shapes that the trace does not have."""
 
-    def take(self, data: Any) -> None:
+    def copy(self) -> tuple[Any, Any]:
+        """(C,) contacts and (N,) constraint forces, as MuJoCo has them at this moment."""
+        data = self._data
+        count = data.ncon
+        if not count:
+            return _NOTHING
+        if self._memory is None:
+            self._memory, self._kind = _contact_memory(data)
+            self._address = _address(data)
+        return self._memory[:count].copy(), data.efc_force.copy()
+
+    def take(self) -> None:
         """Take the forces of a step between two frames.
 
-        Where the same geoms touch as in the step before, points and normals are not copied again:
-        only a pair that no frame shows has a row of such a step, and it has no force.
+        Only a pair that no frame shows has a row of such a step, and it has no force.
         """
-        contact = data.contact
-        geom = _geoms(contact)
-        touching = geom.tobytes()
-        if touching != self._touching:
-            self._touching = touching
-            self._same = (
-                contact.dim.copy(), contact.pos.copy(), contact.frame.copy(),
-                contact.friction.copy(),
-            )  # fmt: skip
-        self._waiting.append(
-            (self._frame, geom, contact.efc_address.copy(), contact.dist.copy(),
-             data.efc_force.copy(), *self._same)
-        )  # fmt: skip
-        self._frames.append(False)
-        self._rows += len(geom)
+        contacts, force = self.copy()
+        self._steps.append((self._frame, False, contacts, force))
+        self._rows += len(contacts)
 
-    def take_frame(self, contacts: tuple[Any, ...]) -> None:
-        """Take the contacts (``copy_contacts``) of a frame, which ends with it."""
-        self._waiting.append((self._frame, *contacts))
-        self._frames.append(True)
+    def take_frame(self, contacts: tuple[Any, Any]) -> None:
+        """Take the contacts (``copy``) of a frame, which ends with it."""
+        self._steps.append((self._frame, True, *contacts))
         self._rows += len(contacts[0])
         self._frame += 1
         if self._rows > BATCH:
             self._work_out()
 
     def finish(self) -> tuple[Any, Any]:
-        """(C,) CONTACT_POINT of all frames in order, and (T,) how many each has."""
+        """(C,) CONTACT_POINT of the frames since the last call, and (T,) how many each has."""
         self._work_out()
         points = [some for some, _ in self._done] or [np.zeros(0, CONTACT_POINT)]
         frames = [some for _, some in self._done] or [np.zeros(0, np.int64)]
-        counts = np.bincount(np.concatenate(frames), minlength=self._frame)
+        numbers = np.concatenate(frames) - self._given
+        counts = np.bincount(numbers, minlength=self._frame - self._given)
+        self._done, self._given = [], self._frame
         return np.concatenate(points), counts.astype(np.int64)
 
     def _work_out(self) -> None:
-        """Turn what waits into points; steps after the last frame belong to none."""
-        steps = [
-            (entry, whole)
-            for entry, whole in zip(self._waiting, self._frames)
-            if entry[0] < self._frame and len(entry[2])
-        ]
-        self._waiting, self._frames, self._rows = [], [], 0
+        """Turn what waits into points; steps after the last frame wait on."""
+        if self._memory is not None and self._data.ncon and _address(self._data) != self._address:
+            raise RecordError("MuJoCo moved its contacts; please report this with its version.")
+        steps = [some for some in self._steps if some[0] < self._frame and len(some[2])]
+        self._steps = [some for some in self._steps if some[0] >= self._frame]
+        self._rows = sum(len(some[2]) for some in self._steps)
         if not steps:
             return
-        number, geom, address, dist, force, dim, position, frame, friction = zip(
-            *(entry for entry, _ in steps)
-        )
-        sizes = [len(some) for some in address]
+        number, is_frame, contacts, force = zip(*steps)
+        sizes = [len(some) for some in contacts]
         step = np.repeat(np.arange(len(steps)), sizes)
         starts = np.cumsum([0] + [len(some) for some in force[:-1]])
-        own = np.concatenate(address).astype(np.int64)
+        every = np.concatenate(contacts).view(self._kind)[:, 0]
+        own = every["efc_address"].astype(np.int64)
         table = _Rows(
-            geom=np.concatenate(geom),
+            geom=every["geom"],
             row=np.where(own >= 0, own + starts[step], starts[step]),
-            dim=np.concatenate(dim),
-            dist=np.concatenate(dist),
-            position=np.concatenate(position),
-            axes=np.concatenate([some.reshape(-1, 3, 3) for some in frame]),
-            friction=np.concatenate(friction),
+            dim=every["dim"],
+            dist=every["dist"],
+            position=every["pos"],
+            axes=every["frame"].reshape(-1, 3, 3),
+            friction=every["friction"],
             force=np.concatenate((*force, np.zeros(1))),
             pyramidal=self._pyramidal,
         )
@@ -106,7 +106,7 @@ class ContactLog:
         if not len(rows):
             return
         step, normal = step[rows], normal[rows]
-        whole = np.array([flag for _, flag in steps])[step]
+        whole = np.array(is_frame)[step]
         at = np.array(number)[step]
         body = self._geom_body[table.geom[rows]]
         pair = body.min(axis=1) << 20 | body.max(axis=1)
@@ -182,24 +182,48 @@ class _Rows:
         return force
 
 
-def copy_contacts(data: Any) -> tuple[Any, ...]:
-    """Copy contacts and constraint forces as MuJoCo has them at this moment."""
+_WANTED = ("efc_address", "dist", "dim", "pos", "frame", "friction")
+_NOTHING = (np.zeros((0, 0), np.uint8), np.zeros(0))
+
+
+def _contact_memory(data: Any) -> tuple[Any, Any]:
+    """(most, bytes) view of MuJoCo's contacts, and the structure of a row.
+
+    So contacts are copied as they lie, in one copy and not one a field.
+
+    Where each field lies is read off MuJoCo's own views of it. Their memory does not move as long
+    as the data live: contacts stand at the start of its arena.
+    """
     contact = data.contact
-    return (
-        _geoms(contact),
-        contact.efc_address.copy(),
-        contact.dist.copy(),
-        data.efc_force.copy(),
-        contact.dim.copy(),
-        contact.pos.copy(),
-        contact.frame.copy(),
-        contact.friction.copy(),
-    )
-
-
-def _geoms(contact: Any) -> Any:
-    """(C, 2) ids."""
+    fields: dict[str, Any] = {name: getattr(contact, name) for name in _WANTED}
     try:
-        return contact.geom.copy()
+        fields["geom"] = contact.geom
     except AttributeError:  # before MuJoCo 3
-        return np.stack([contact.geom1, contact.geom2], axis=1)
+        fields["geom"] = contact.geom1
+        second = _start(contact.geom2) - _start(contact.geom1)
+        if second != contact.geom1.itemsize:
+            raise RecordError("this MuJoCo's contacts cannot be read.") from None
+    starts = {name: _start(values) for name, values in fields.items()}
+    low, size = min(starts.values()), int(fields["dist"].strides[0])
+    kind = np.dtype(
+        {
+            "names": list(fields),
+            "formats": [
+                (values.dtype, (2,) if name == "geom" else values.shape[1:])
+                for name, values in fields.items()
+            ],
+            "offsets": [starts[name] - low for name in fields],
+            "itemsize": size,
+        }
+    )
+    most = max(int(data.narena) // size - 1, len(fields["dist"]))
+    block: Any = (ctypes.c_char * (most * size)).from_address(low)
+    return np.frombuffer(block, np.uint8).reshape(most, size), kind
+
+
+def _start(values: Any) -> int:
+    return int(values.__array_interface__["data"][0])
+
+
+def _address(data: Any) -> int:
+    return _start(data.contact.dist)

@@ -8,6 +8,7 @@ from typing import Any, Mapping, Sequence
 import numpy as np
 
 from .body_facts import BodyFacts
+from .told_facts import tell_apart
 
 _SIZES = {"sphere": 1, "box": 3, "cylinder": 2, "capsule": 2, "ellipsoid": 3, "plane": 0}
 
@@ -203,11 +204,7 @@ class ModelScene:
 
 def body_names(model: Any) -> list[str]:
     """Names of all bodies, the world's first; unnamed ones by number, and none of them twice."""
-    names: list[str] = []
-    for i in range(model.nbody):
-        name = model.body(i).name.replace("/", "_") or f"body_{i}"
-        names.append(f"{name}_{i}" if name in names else name)
-    return names
+    return tell_apart([model.body(i).name for i in range(model.nbody)])
 
 
 def _floats(values: Any) -> list[float]:

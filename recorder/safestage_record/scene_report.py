@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Mapping
+from typing import Any, Mapping, Sequence
 
 import numpy as np
-
-from .body_facts import BodyFacts
-from .model_scene import ModelScene
 
 _AXES = {
     "x": (1.0, 0.0, 0.0),
@@ -22,75 +19,80 @@ UPRIGHT = 0.996
 """Cosine of the 5° within which an axis counts as vertical."""
 
 
-def guess_ups(scene: ModelScene, quats: Any) -> dict[int, list[float]]:
-    """Body id → the body axis (3,) that points up at the first frame, of objects that have one.
+def guess_ups(
+    bodies: Sequence[dict[str, Any]], quats: Any
+) -> list[tuple[dict[str, Any], list[float]]]:
+    """The body axis (3,) that points up at the first frame, of objects that have one.
 
-    ``quats``: (nbody, 4) wxyz, body frame to world, by MuJoCo's ids.
+    Args:
+        bodies: of the header.
+        quats: (M, 4) wxyz, body frame to world, of those that move.
     """
-    found = {}
-    for i, body in zip(scene.ids, scene.bodies):
+    found = []
+    moving = (body for body in bodies if body["movable"])
+    for body, quat in zip(moving, quats):
         if body["kind"] != "object" or not body["geoms"]:
             continue
         if all(geom["kind"] == "sphere" for geom in body["geoms"]):
             continue
-        w, x, y, z = (float(c) for c in quats[i])
+        w, x, y, z = (float(c) for c in quat)
         row = (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y))
-        for axis in _AXES.values():
-            if float(np.dot(row, axis)) > UPRIGHT:
-                found[i] = list(axis)
+        up = [axis for axis in _AXES.values() if float(np.dot(row, axis)) > UPRIGHT]
+        found += [(body, list(axis)) for axis in up]
     return found
 
 
 def report(
-    scene: ModelScene,
-    facts: BodyFacts,
-    ups: Mapping[int, Any],
-    proposed: Mapping[int, Any],
-    sees_steps: bool | None,
+    bodies: Sequence[Mapping[str, Any]],
+    proposed: Mapping[str, Any],
     roles: Mapping[str, list[str]],
-) -> list[str]:
-    """Say what can be judged, and what to pass where something is missing or wrong.
+    sees_steps: bool | None,
+    sides_guessed: bool,
+    without_shape: Sequence[str],
+) -> dict[str, str]:
+    """Say what can be judged, and what to pass where something is missing or wrong, by subject.
 
-    ``sees_steps``: None before the first control step.
+    ``proposed``: name → axis that points up at the first frame. ``sees_steps``: None before the
+    first control step.
     """
-    by_kind: dict[str, list[str]] = {}
-    for body in scene.bodies:
-        if body["geoms"]:
-            by_kind.setdefault(body["kind"], []).append(body["name"])
-    lines = [
-        f"{kind}s: {_some(by_kind[kind])}"
-        for kind in ("object", "gripper", "robot", "fixture", "region")
-        if kind in by_kind
-    ]
-    name = {i: body["name"] for i, body in zip(scene.ids, scene.bodies)}
-    if facts.sides:
-        pairs = [f"{name[i]} {side}" for i, side in sorted(facts.sides.items())]
-        guess = " (guessed from their order)" if facts.guessed else ""
-        lines.append(f"held: yes – fingers {_some(pairs)}{guess}")
+    lines: dict[str, str] = {}
+    for kind in ("object", "gripper", "robot", "fixture", "region"):
+        names = [body["name"] for body in bodies if body["geoms"] and body["kind"] == kind]
+        if names:
+            lines[f"{kind}s"] = _some(names)
+    sides = {body["name"]: body["finger"] for body in bodies if body["finger"]}
+    missing = [side for side in ("left", "right") if side not in sides.values()]
+    if not missing:
+        guess = " (guessed from their order)" if sides_guessed else ""
+        pairs = [f"{name} {side}" for name, side in sides.items()]
+        lines["held"] = f"yes – fingers {_some(pairs)}{guess}"
     else:
-        lines.append('held: no – no two fingers; pass fingers={"NAME": "left", "NAME": "right"}')
+        lines["held"] = f"no – no finger named {' or '.join(missing)}; " + (
+            'pass fingers={"NAME": "left", "NAME": "right"}'
+        )
+    ups = [body["name"] for body in bodies if body["up_axis"]]
     if ups:
-        lines.append(f"tilt: up axes of {_some([name[i] for i in ups])}")
+        lines["tilt"] = f"up axes of {_some(ups)}"
     else:
-        standing = [f"{name[i]} {_axis(axis)}" for i, axis in proposed.items()]
+        standing = [f"{name} {_axis(axis)}" for name, axis in proposed.items()]
         seen = f"; at the first frame these point up: {_some(standing)}" if standing else ""
-        lines.append(f'tilt: no up axes{seen}; pass up={{"NAME": (0, 0, 1)}} or up="guess"')
+        lines["tilt"] = f'no up axes{seen}; pass up={{"NAME": (0, 0, 1)}} or up="guess"'
     if sees_steps is None:
-        lines.append("forces: yes; of every physics step, if the steps turn out to be seen")
+        lines["forces"] = "yes; of every physics step, if the steps turn out to be seen"
     elif sees_steps:
-        lines.append("forces: yes, of every physics step")
+        lines["forces"] = "yes, of every physics step"
     else:
-        lines.append("forces: at frames only – no physics step was seen; call substep() after each")
-    if scene.without_shape:
-        lines.append(f"shapes: missing of {_some(scene.without_shape)}")
+        lines["forces"] = "at frames only – no physics step was seen; call substep() after each"
+    if without_shape:
+        lines["shapes"] = f"missing of {_some(list(without_shape))}"
     given = [f"{role} = {', '.join(names)}" for role, names in roles.items()]
-    lines.append(f"roles: {'; '.join(given) or 'none; pass roles={...}'}")
+    lines["roles"] = "; ".join(given) or "none; pass roles={...}"
     return lines
 
 
 def remarks(
-    facts: BodyFacts,
-    guessed_ups: Mapping[int, Any],
+    sides_guessed: bool,
+    guessed_ups: int,
     sees_steps: bool,
     unrecorded: int,
 ) -> list[dict[str, str]]:
@@ -103,7 +105,7 @@ def remarks(
             "remedy": 'kinds={"NAME": "object"}',
         }
     ]
-    if facts.guessed:
+    if sides_guessed:
         found.append(
             {
                 "kind": "guessed",
@@ -116,7 +118,7 @@ def remarks(
         found.append(
             {
                 "kind": "guessed",
-                "what": f"up axes of {len(guessed_ups)} objects",
+                "what": f"up axes of {guessed_ups} objects",
                 "how": "the axis that points up at the first frame",
                 "remedy": 'up={"NAME": (0, 0, 1)}',
             }

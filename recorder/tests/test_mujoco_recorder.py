@@ -2,11 +2,7 @@
 
 import io
 import json
-import os
-import subprocess
-import sys
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -242,6 +238,7 @@ def test_fingers_are_named_by_the_user_where_no_name_tells(tmp_path):
         model, data, tmp_path / "t.zip", kinds={"arm": "gripper"}, fingers=given
     )
     recorder.stop()
+    assert "tilt: no up axes" in recorder.tells()
     assert "held: yes – fingers left_finger right, right_finger left" in recorder.report()
 
 
@@ -303,31 +300,6 @@ def test_mujoco_is_as_it_was_when_nothing_is_recorded(tmp_path):
         raise ZeroDivisionError
     assert mujoco.mj_step is before
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_recorder_that_is_killed_leaves_no_trace(tmp_path):
-    program = (
-        "import sys, os, mujoco, safestage_record\n"
-        "sys.path.insert(0, sys.argv[1])\n"
-        "from test_mujoco_recorder import scene\n"
-        "model, data = scene()\n"
-        "recorder = safestage_record.mujoco(model, data, sys.argv[2])\n"
-        "mujoco.mj_step(model, data)\n"
-        "recorder.step()\n"
-        "safestage_record.zip_trace.os.fsync = lambda _: os._exit(9)\n"
-        "recorder.close()\n"
-    )
-    path = tmp_path / "t.zip"
-    here = Path(__file__).resolve().parent
-    roots = os.pathsep.join([str(here.parent), *sys.path])
-    done = subprocess.run(
-        [sys.executable, "-c", program, str(here), str(path)],
-        env=dict(os.environ, PYTHONPATH=roots), check=False,
-    )  # fmt: skip
-    assert done.returncode == 9
-    assert not path.exists()
-    left = [some.name for some in tmp_path.iterdir()]
-    assert all(name.startswith(".") and name.endswith(".part") for name in left)
 
 
 @pytest.mark.parametrize(

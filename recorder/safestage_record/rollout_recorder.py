@@ -1,0 +1,306 @@
+"""What every recorder does, whatever the simulator: control steps, success, the file."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Sequence
+
+import numpy as np
+
+from ._version import __version__
+from .record_error import RecordError
+from .rollout_log import RolloutLog
+from .scene_report import guess_ups, remarks, report
+from .told_facts import ToldFacts
+
+FRAME_DT = 0.01
+"""s between frames. Control steps of 0.05 s are too far apart to tell how something moved or fell."""
+
+MOST_WAITING = 256
+"""Frames, and ``LONGEST_WAIT`` s: what of a recording is lost at most if the process is killed."""
+LONGEST_WAIT = 1.0
+
+
+class RolloutRecorder:
+    """Records one rollout; as a context manager it writes the file at the end of the block.
+
+    A subclass for a simulator sets ``_bodies``, ``_joints``, ``_meshes`` and calls ``_keep`` for
+    each frame; ``_columns`` and ``_contacts`` turn frames into arrays, many at a time.
+
+    Attributes:
+        body_names: all bodies, as the trace names them.
+        path: the file that ``close`` writes.
+    """
+
+    simulator = ""
+    force_source = "recorded"
+    body_names: list[str]
+    _bodies: list[dict[str, Any]]
+    _joints: list[dict[str, Any]]
+    _meshes: dict[str, tuple[Any, Any]]
+    _version_of_simulator = ""
+    _physics_dt = 0.0
+    _gravity: Sequence[float] = (0.0, 0.0, -9.81)
+    _sides_guessed = False
+    _without_shape: Sequence[str] = ()
+    _unrecorded = 0
+
+    def __init__(self, path: str | Path, told: ToldFacts, frame_dt: float | None, **header: Any):
+        """``told``: what the user says; ``header``: further fields of the trace's header."""
+        self.path = Path(path)
+        if self.path.suffix.lower() != ".zip":
+            raise RecordError(
+                f"{path}: recordings are ZIP files. Allowed: a name ending in .zip. "
+                "safestage convert makes MCAP and Parquet of them."
+            )
+        self._told, self._frame_dt = told, frame_dt
+        self._fields = dict(header)
+        self._log = RolloutLog(self.path)
+        self._waiting: list[Any] = []
+        self._actions: list[Any] = []
+        self._action: Any = None
+        self._times: list[float] = []
+        self._steps: list[float] = []
+        self._success: bool | None = None
+        self._success_time: float | None = None
+        self._closed = False
+        self._flushed = time.monotonic()
+        self._first: Any = None
+        self._started = 0.0
+
+    # ------------------------------------------------------------------ what the user calls
+
+    def step(self, action: Any = None) -> None:
+        """End a control step: call it after each, with the action that it carried out.
+
+        Args:
+            action: (A,) the command; always of one length, or never given.
+
+        Raises:
+            RecordError: the recording is closed, or the simulation's time went back.
+        """
+        self._open()
+        now = self.time
+        latest = self._steps[-1] if self._steps else self._started
+        if now < latest:
+            raise RecordError(
+                f"{self.path}: the simulation went back from {latest:.6g} s to {now:.6g} s. "
+                "Close this recording before a reset and begin another."
+            )
+        if action is not None:
+            self._action = np.array(action, np.float32).ravel()
+        self._end_step()
+        self._steps.append(now)
+        waiting = len(self._waiting)
+        if waiting:
+            self._fill_actions()
+            due = waiting >= MOST_WAITING or not self._log.begun
+            if due or time.monotonic() - self._flushed > LONGEST_WAIT:
+                self._flush()
+
+    def success(self, reached: bool | None = True) -> None:
+        """Say whether the task's goal is reached; the last frame is the time of the first success."""
+        if reached is None:
+            return
+        if reached and not self._success and self._times:
+            self._success_time = self._times[-1] - self._times[0]
+        self._success = bool(reached) or bool(self._success)
+
+    def header(self, **fields: Any) -> None:
+        """Set further fields of the header (``termination``, ``post_success_hold``, …)."""
+        self._fields.update(fields)
+
+    def report(self) -> str:
+        """What was recorded, guessed and is missing, in lines; what to pass where a guess is wrong."""
+        return "\n".join(f"{name}: {text}" for name, text in self._tell().items())
+
+    def tells(self) -> str:
+        """What rules can be told of grasps, tilts and forces, in one line."""
+        told = self._tell()
+        return ";  ".join(f"{name}: {told[name]}" for name in ("held", "tilt", "forces"))
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether the goal was reached so far."""
+        return bool(self._success)
+
+    @property
+    def stepped(self) -> int:
+        """Control steps so far."""
+        return len(self._steps)
+
+    @property
+    def time(self) -> float:
+        """s, time of the simulation."""
+        raise NotImplementedError
+
+    def __len__(self) -> int:
+        """Frames so far."""
+        return len(self._times)
+
+    def close(self) -> Path:
+        """Write the file, whole or not at all, and return its path.
+
+        Raises:
+            RecordError: no frame was recorded, or the file cannot be written.
+        """
+        self._stop()
+        if not self._times:
+            raise RecordError(f"{self.path}: no frame was recorded. Call step() after each action.")
+        self._flush()
+        self._log.write(self._header())
+        return self.path
+
+    def stop(self) -> None:
+        """Record no further, and write nothing."""
+        self._stop()
+        self._log.drop()
+
+    def __enter__(self) -> Any:
+        """The recorder itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Write the file; none after an exception."""
+        if kind is not None:
+            self.stop()
+        elif not self._closed:
+            self.close()
+
+    # ------------------------------------------------------------------ what a simulator supplies
+
+    def _end_step(self) -> None:
+        """Keep what frames a control step still lacks."""
+        raise NotImplementedError
+
+    def _columns(self, frames: list[Any]) -> dict[str, Any]:
+        """``BODY_COLUMNS`` (T, M, 3 or 4), joints and gripper (T, width) of frames as kept."""
+        raise NotImplementedError
+
+    def _contacts(self) -> tuple[Any, Any]:
+        """(C,) CONTACT_POINT of the frames since the last call, and (T,) how many each has."""
+        raise NotImplementedError
+
+    def _fixed(self) -> tuple[Any, Any]:
+        """(F, 3) m and (F, 4) wxyz, poses of the bodies that do not move."""
+        raise NotImplementedError
+
+    def _sees(self) -> bool:
+        """Whether physics steps between frames are looked at."""
+        raise NotImplementedError
+
+    def _watch_no_more(self) -> None:
+        """Leave the simulator as it was."""
+
+    # ------------------------------------------------------------------ inside
+
+    def _open(self) -> None:
+        if self._closed:
+            raise RecordError(f"{self.path}: the recording is closed. Begin another one.")
+
+    def _stop(self) -> None:
+        self._closed = True
+        self._watch_no_more()
+
+    def _keep(self, moment: float, frame: Any) -> bool:
+        """Append a frame of a moment (s); one of the same moment as the last is none."""
+        if self._times and moment <= self._times[-1] + 1e-9:
+            return False
+        self._times.append(moment)
+        self._waiting.append(frame)
+        self._actions.append(None)
+        return True
+
+    def _fill_actions(self) -> None:
+        for i in range(len(self._actions) - 1, -1, -1):
+            if self._actions[i] is not None:
+                break
+            self._actions[i] = self._action
+
+    def _flush(self) -> None:
+        """Turn the frames that wait into arrays, and write them to the journal."""
+        if not self._waiting:
+            return
+        self._fill_actions()
+        frames, self._waiting = self._waiting, []
+        actions, self._actions = self._actions, []
+        columns = self._columns(frames)
+        columns["t"] = np.array(self._times[-len(frames) :], np.float64)
+        columns["contacts"], columns["counts"] = self._contacts()
+        width = 0 if self._action is None else len(self._action)
+        columns["action"] = np.array(
+            [np.zeros(width) if some is None else some for some in actions]
+        ).reshape(len(frames), width)
+        if not self._log.begun:
+            self._first = columns["orientation"][0]
+            if self._told.guess_up:
+                for body, axis in self._proposed():
+                    if body["up_axis"] is None:
+                        body["up_axis"] = axis
+                        body["untold"] = [name for name in body["untold"] if name != "up_axis"]
+            scene = {"bodies": self._bodies, "joints": self._joints}
+            self._log.begin(scene, self._fixed(), self._meshes)
+        self._log.append(columns, self._header())
+        self._flushed = time.monotonic()
+
+    def _proposed(self) -> list[tuple[dict[str, Any], list[float]]]:
+        return [] if self._first is None else guess_ups(self._bodies, self._first)
+
+    def _tell(self) -> dict[str, str]:
+        if not self._log.begun and not self._closed:
+            self._flush()
+        sees = self._sees() if self._sees() or self._steps else None
+        proposed = {body["name"]: axis for body, axis in self._proposed()}
+        return report(
+            self._bodies, proposed, self._told.roles, sees, self._sides_guessed, self._without_shape
+        )
+
+    def _header(self) -> dict[str, Any]:
+        """The header's fields besides the scene, as they are known by now."""
+        step = self._physics_dt
+        control = _usual_gap([self._started, *self._steps], step)
+        frame = control
+        if self._frame_dt is not None and self._sees() and len(self._times) > 1:
+            frame = _usual_gap(self._times, step)
+        guessed = len(self._proposed()) if self._told.guess_up else 0
+        header = {
+            "schema_version": "1.2",
+            "episode_id": self.path.stem,
+            "physics_dt": step,
+            "frame_dt": frame,
+            "control_dt": control,
+            "gravity": [float(g) for g in self._gravity],
+            "success": self._success,
+            "success_time": self._success_time,
+            "termination": "success" if self._success else None,
+            "roles": self._told.roles,
+            "force_source": self.force_source,
+            "source": {
+                "simulator": self.simulator,
+                "simulator_version": self._version_of_simulator,
+                "recorder": "safestage-record",
+                "recorder_version": __version__,
+                "account": [
+                    *remarks(self._sides_guessed, guessed, self._sees(), self._unrecorded),
+                    *self._own_remarks(),
+                ],
+            },
+        }
+        return {**header, **self._fields}
+
+    def _own_remarks(self) -> list[dict[str, str]]:
+        """What this simulator does not tell."""
+        return []
+
+
+def _usual_gap(times: list[float], step: float) -> float:
+    """The median gap (s) between times, in whole physics steps; one step where there is none."""
+    gaps = np.sort(np.diff(times[-1001:]))
+    return max(1, round(float(gaps[len(gaps) // 2]) / step)) * step if len(gaps) else step
