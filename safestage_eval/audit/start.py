@@ -16,6 +16,7 @@ from safestage_eval.geometry.pose import matrix
 from .subject import Subject
 
 if TYPE_CHECKING:
+    from safestage_eval.geometry.mover import Mover
     from safestage_eval.relations.relations import Relations
 
 F64 = NDArray[np.float64]
@@ -102,6 +103,7 @@ class Start:
         if shapes is None or (shapes.kind == PLANE).any():
             return None
         track = self.episode.track(body.name)
+        frame = min(frame, len(track) - 1)
         turn = matrix(track.orientation[frame].astype(float))
         half = np.where(shapes.kind[:, None] == SPHERE, shapes.size[:, :1], shapes.size)
         round_ = (shapes.kind > 1) & (
@@ -115,10 +117,10 @@ class Start:
         centre = shapes.place @ turn.T + track.position[frame].astype(float)
         return centre - reach, centre + reach
 
-    def overlaps(self, least: float) -> list[tuple[Body, Body]]:
+    def overlaps(self, least: float, frame: int = 0) -> list[tuple[Body, Body]]:
         """Pairs of bodies of which boxes around geoms overlap by so much (m) along every axis."""
         bodies = [b for b in self.solid if b.geoms]
-        boxes = {body.name: self.boxes(body) for body in bodies}
+        boxes = {body.name: self.boxes(body, frame) for body in bodies}
         found = []
         for i, a in enumerate(bodies):
             for b in bodies[i + 1 :]:
@@ -138,6 +140,26 @@ class Start:
                 if (high - low > least).all(axis=2).any():
                     found.append((a, b))
         return found
+
+    def below(self, body: Body) -> tuple[str, float] | None:
+        """The body whose top is next below the middle of another at first, and m between them.
+
+        By boxes around geoms; None where there is none, or its box is not known.
+        """
+        mine = self.boxes(body)
+        if mine is None:
+            return None
+        low, high = mine[0].min(axis=0), mine[1].max(axis=0)
+        middle, found = (low + high) / 2, dict[str, float]()
+        for other in self.solid:
+            theirs = self.boxes(other) if other is not body and other.geoms else None
+            if theirs is None or other.kind in ROBOT:
+                continue
+            under = (theirs[0] <= middle)[:, :2].all(1) & (middle <= theirs[1])[:, :2].all(1)
+            gaps = low[2] - theirs[1][under, 2]
+            if (gaps > 0).any():
+                found[other.name] = float(gaps[gaps > 0].min())
+        return min(found.items(), key=lambda one: one[1], default=None)
 
     def resting_axes(self, gap: float) -> dict[str, int]:
         """Object → bits (1 x, 2 y, 4 z) of the axes along which it stands on something at first.
@@ -160,17 +182,20 @@ class Start:
             found[body.name] = bits
         return found
 
-    def depth(self, a: Body, b: Body) -> float:
-        """M by which two bodies penetrate at the first frame; below 0 where they are apart."""
+    def depth(self, a: Body, b: Body, frame: int = 0) -> float:
+        """M by which two bodies penetrate at a frame; below 0 where they are apart."""
         from safestage_eval.geometry.group_clearance import clearance_series
+
+        one, other = (self.mover(body, np.array([frame])) for body in (a, b))
+        return -float(clearance_series([one], [other], 0.01, deep=True).upper[0])
+
+    def mover(self, body: Body, frames: NDArray[np.integer]) -> Mover:
+        """A body at some frames; a fixed one stays one pose."""
         from safestage_eval.geometry.mover import Mover
         from safestage_eval.geometry.shape import BodyShape
 
-        movers = []
-        for body in (a, b):
-            track, shape = self.episode.track(body.name), BodyShape.build(body, self.episode.meshes)
-            movers.append(Mover.build(shape, track.position[:1], track.orientation[:1]))
-        return -float(clearance_series(movers[:1], movers[1:], 0.01, deep=True).upper[0])
+        track, shape = self.episode.track(body.name), BodyShape.build(body, self.episode.meshes)
+        return Mover.build(shape, track.position, track.orientation).at(frames)
 
     @cached_property
     def relations(self) -> Relations:

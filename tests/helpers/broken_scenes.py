@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from safestage_eval.episode import Episode
+from safestage_eval.episode import Episode, Track
 from safestage_eval.sketch import draw
 
 Amounts = dict[str, tuple[float, float]]
@@ -100,6 +100,42 @@ def with_amount(low: float, high: float, **parts: str) -> Callable[[np.random.Ge
     return build
 
 
+def resized(name: str, low: float, high: float) -> Callable[[np.random.Generator], Episode]:
+    """A scene without contacts in which a round body is some cm thicker than what was held."""
+
+    def build(rng: np.random.Generator) -> Episode:
+        episode, by = scene(top="forces = false"), rng.uniform(low, high) / 100
+        bodies = list(episode.header.bodies)
+        [i] = [i for i, body in enumerate(bodies) if body.name == name]
+        [geom] = bodies[i].geoms
+        other = geom.model_copy(update={"size": (geom.size[0] + by, *geom.size[1:])})
+        bodies[i] = bodies[i].model_copy(update={"geoms": (other,)})
+        header = episode.header.model_copy(update={"bodies": tuple(bodies)})
+        object.__setattr__(episode, "header", header)
+        return episode
+
+    return build
+
+
+def hand_raised(rng: np.random.Generator) -> Episode:
+    """A scene without contacts in which the hand is some cm higher than where it held the bottle."""
+    episode, up = scene(top="forces = false"), np.float32([0, 0, rng.uniform(0.08, 0.3)])
+    for name in ("hand", "finger_left", "finger_right"):
+        track = episode.tracks[name]
+        episode.tracks[name] = Track(
+            track.position + up, track.orientation, track.linear_velocity, track.angular_velocity
+        )
+    return episode
+
+
+def on_its_edge(rng: np.random.Generator) -> Episode:
+    """The box rests on the table, tilted about its long side."""
+    angle = rng.uniform(10, 45)
+    height = 4 * np.sin(np.radians(angle))  # its frame is in the middle of its lower face
+    turned = f'at = "30, 0, {height:.4f} cm"\nturned = "{angle:.4f} deg about x"'
+    return scene(top="forces = false", box=turned)
+
+
 BESIDE = {"bottle": 'at = "<x>, 40 cm"', "down": "-10"}
 AIR = {"top": "forces = false"}
 
@@ -133,6 +169,9 @@ SCENES = {
         0.5, 2, story='{ touch = "box", by = "gripper", side = "+y", force = "<x> N", during = "0 to 0.5 s" }'), "'box'"),
     "a bottle beside the can": Broken("AUD208", with_amount(15, 45, **BESIDE), "ISH101"),
     "nothing to protect": Broken("AUD208", protecting_nothing, "protected"),
+    "a box on its edge": Broken("AUD210", on_its_edge, "'box' rests on an edge"),
+    "a hand above what it holds": Broken("AUD211", hand_raised, "'bottle' is in the air"),
+    "a bottle thicker than its grasp": Broken("AUD212", resized("bottle", 0.9, 2), "'bottle'"),
     "a target that is welded on": Broken("AUD209", with_amount(1, 2, can='at = "0, 0 cm"\nmovable = false'), "'can'"),
 }  # fmt: skip
 """Kinds of scenes that start broken."""

@@ -172,8 +172,11 @@ def hovering(subject: Subject) -> Iterator[Defect]:
             continue
         low, high = mine[0].min(axis=0) - GAP, mine[1].max(axis=0) + GAP
         if not any(body is not other and _meets(start, other, low, high) for other in others):
+            below = start.below(body)
+            lower = f"; {below[0]!r} is {100 * below[1]:.1f} cm below it" if below else ""
             yield Defect(
-                f"{body.name!r} stands on nothing: there is no shape within {100 * GAP:.0f} cm of it.",
+                f"{body.name!r} stands on nothing: there is no shape within {100 * GAP:.0f} cm of it"
+                f"{lower}.",
                 "record the shape of what it stands on, or place it there"
                 if start.robot
                 else "record the robot, and the shape of what it stands on",
