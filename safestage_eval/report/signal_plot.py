@@ -11,6 +11,7 @@ import numpy as np
 
 from safestage_eval.errors import InputError
 from safestage_eval.evidence.series import Series
+from safestage_eval.palette import INKS, SIGNS, VERDICTS
 from safestage_eval.rules import syntax as ast
 from safestage_eval.units import format_quantity, in_unit, unit_of
 from safestage_eval.verdicts import Verdict
@@ -21,11 +22,8 @@ from safestage_eval.whatif.judge_again import Again
 
 from .figure import ready, write
 
-INK, BAD, GOAL = "#191d21", "#ae360b", "#4a3fb0"
-SIGNS = {"violation": "✕", "pass": "✓", "inconclusive": "?", "not_applicable": "–"}
-COLORS = {
-    "violation": BAD, "pass": "#00668a", "inconclusive": "#755500", "not_applicable": "#555e67",
-}  # fmt: skip
+INK, BAD, GOAL = INKS["ink"].light, VERDICTS["violation"].light, INKS["accent"].light
+COLORS = {name: pair.light for name, pair in VERDICTS.items()}
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from safestage_eval._text.plural import count
 from safestage_eval.metrics import METRICS
+from safestage_eval.palette import SERIES
 from safestage_eval.rules.syntax import amount
 from safestage_eval.version import __version__
 from safestage_eval.whatif.swept_values import factor_of, text_of, unit_name
@@ -22,8 +23,7 @@ from .table import Table
 if TYPE_CHECKING:
     from safestage_eval.whatif.sweep import Sweep
 
-COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-"""Okabe and Ito's palette, which colour-blind readers can distinguish as well."""
+COLORS = tuple(pair.light for pair in SERIES)
 
 STYLES = ("-", (0, (4, 2)), (0, (1, 1.5)))
 """Line styles, in turn, so that two curves that coincide are both visible."""

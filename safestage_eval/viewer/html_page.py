@@ -9,6 +9,8 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 
+from safestage_eval.palette import custom_properties
+
 THEME_SWITCH = '<button type="button" class="quiet no-print" data-theme-switch>Theme</button>'
 """The button that ``theme.js`` listens to."""
 
@@ -49,12 +51,12 @@ def page(
     Args:
         title: as plain text.
         body: pieces of HTML, in order.
-        styles: style sheets after the theme's.
+        styles: style sheets after the palette's and the theme's.
         scripts: scripts after the theme's; they run when the body is there.
         allow: further directives, ``{"connect-src": "'self'"}`` for a page with a server.
         data: attributes ``data-NAME`` of the body, for the scripts.
     """
-    sheets = [part("theme.css"), *styles]
+    sheets = [custom_properties(), part("theme.css"), *styles]
     first, last = [part("theme.js")], list(scripts)
     rules = {
         "default-src": "'none'",

@@ -15,6 +15,7 @@ ROOMS = {
         "version",
         "errors",
         "units",
+        "palette",  # the colours of every page and plot
         "_text",  # JSON and TOML that others wrote
         "_process",  # memory limits, worker processes, compiled kernels
         "_serving",  # what stands before every server

@@ -5,12 +5,13 @@ import re
 import numpy as np
 import pytest
 
+from safestage_eval.palette import custom_properties
 from safestage_eval.viewer.html_page import page, part
 
 PAIRS = {
     name: (light, dark)
     for name, light, dark in re.findall(
-        r"--([\w-]+): light-dark\((#\w{6}), (#\w{6})\)", part("theme.css")
+        r"--([\w-]+): light-dark\((#\w{6}), (#\w{6})\)", custom_properties()
     )
 }
 GROUNDS = ("ground", "surface", "sunken")
@@ -79,7 +80,7 @@ def test_pass_and_violation_are_told_apart_by_colour_blind_readers(sight, dark):
 
 
 def test_every_token_that_is_used_exists():
-    text = part("theme.css")
+    text = custom_properties() + part("theme.css")
     defined = set(re.findall(r"--([\w-]+):", text))
     assert set(re.findall(r"var\(--([\w-]+)\)", text)) <= defined
 
@@ -88,7 +89,7 @@ def test_a_page_names_its_scripts_and_styles_by_hash_and_allows_nothing_else():
     html = page("A <title>", ["<p>hello</p>"], styles=["p { color: red }"], scripts=["void 0;"])
     policy = re.search(r'Security-Policy" content="([^"]*)"', html)[1]
     assert "default-src &#x27;none&#x27;" in policy
-    assert policy.count("sha256-") == 4
+    assert policy.count("sha256-") == 5
     assert "unsafe" not in policy
     assert "A &lt;title&gt;" in html
     assert not re.search(r'(?:src|href)="(?!data:)', html)
