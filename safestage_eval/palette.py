@@ -93,6 +93,10 @@ SURFACES = {
 """Kind of body → its surface in 3-D; muted, so that a violation stands out."""
 
 
+MARK_INK = Pair("#20262c", "#14181c")
+"""Outlines and hatchings of roles on those surfaces."""
+
+
 def custom_properties() -> str:
     """The palette as a style sheet: ``--violation: light-dark(#ae360b, #ff9a6e);`` and so on."""
     named = {
@@ -103,6 +107,7 @@ def custom_properties() -> str:
         **OUTCOMES,
         **{f"series-{i}": pair for i, pair in enumerate(SERIES, 1)},
         **{f"kind-{name}": pair for name, pair in SURFACES.items()},
+        "mark-ink": MARK_INK,
     }
     lines = (f"  --{name}: light-dark({light}, {dark});" for name, (light, dark) in named.items())
     return ":root {\n  color-scheme: light dark;\n" + "\n".join(lines) + "\n}\n"

@@ -4,6 +4,7 @@
   "use strict";
   const $ = (id) => document.getElementById(id);
   const app = $("app"), total = Number(app.dataset.total);
+  const hatchings = JSON.parse(document.body.dataset.hatchings);
   const calm = matchMedia("(prefers-reduced-motion: reduce)");
   const state = { reviewer: null, answers: [], number: 0, player: null, busy: false };
   const kept = new Map();  // number -> promise of what is asked and of its film
@@ -146,8 +147,7 @@
     const roles = Object.entries(item.roles);
     if (roles.length) {
       parts.push(made("h3", "Who is who"), list(roles.map(([role, bodies]) => {
-        const entry = made("li"), swatch = made("span", "", "swatch");
-        swatch.style.backgroundColor = `rgb(${SafestageReplay.roleColour(role).map((x) => Math.round(255 * x)).join(" ")})`;
+        const entry = made("li"), swatch = made("span", "", `swatch hatch-${hatchings[role] ?? "plain"}`);
         entry.append(swatch, made("span", `${role}: ${bodies.join(", ").replaceAll("_", " ")}`));
         return entry;
       }), "roles"));

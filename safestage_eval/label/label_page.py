@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 from html import escape
 
+from safestage_eval.palette import HATCHINGS
 from safestage_eval.viewer.html_page import THEME_SWITCH, page, part, replay_script
 
 ALLOW = {"connect-src": "'self'", "media-src": "'self'"}
@@ -25,4 +27,6 @@ def label_page(total: int, reviewer: str | None) -> str:
         .replace("{theme}", THEME_SWITCH)
     ]
     scripts = [replay_script(), own("label.js")]
-    return page("Safe or unsafe?", body, styles=[own("label.css")], scripts=scripts, allow=ALLOW)
+    marks = {"hatchings": json.dumps(HATCHINGS)}
+    styles = [part("hatchings.css"), own("label.css")]
+    return page("Safe or unsafe?", body, styles=styles, scripts=scripts, allow=ALLOW, data=marks)

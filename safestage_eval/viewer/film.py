@@ -5,11 +5,11 @@ four, then the numbers that the text refers to by their place (bytes from there)
 
     {"format": 1, "success": s or null, "frames": N, "times": place,
      "look": {"at": [x, y, z], "distance": m, "azimuth": rad, "elevation": rad},
-     "bodies": [{"name", "kind", "roles": [...], "pose": [x, y, z, w, x, y, z]}          at rest
-                {"name", "kind", "roles": [...], "track": place, "low": [...], "step": m}  moving
+     "bodies": [{"name", "kind", "roles": [...], "hatching", "pose": [x, y, z, w, x, y, z]}  at rest
+                {"name", "kind", "roles": [...], "hatching", "track": place, "low": [...], "step": m}
                 each with "geoms": [{"kind", "size", "position", "orientation", "mesh": index}]],
      "meshes": [{"vertices": place, "points": V, "low": [...], "step": m,
-                 "triangles": place, "faces": F}]}
+                 "triangles": place, "faces": F}, or {"key": name of a piece that holds such a mesh}]}
 
 ``times`` are N float32, s as in the trace. A track is (7, N) uint16, column after column, each number but the first
 less the one before it (modulo 2**16): three of position, counted in steps from ``low``, four of
@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.episode import Body, Episode, Geom, Track
+from safestage_eval.palette import HATCHINGS
 
 from .look import look_at
 from .mesh_surface import outer
@@ -42,14 +43,18 @@ MOST = 65535
 
 
 def film(
-    episode: Episode, rate: float = RATE, roles: Mapping[str, Sequence[str]] | None = None
+    episode: Episode,
+    rate: float = RATE,
+    roles: Mapping[str, Sequence[str]] | None = None,
+    shared: dict[str, bytes] | None = None,
 ) -> bytes:
-    """Write shapes and poses of an episode in the form that ``replay.js`` draws.
+    """Write shapes and poses of an episode in the form that ``browser/film.js`` reads.
 
     Args:
         episode: to be shown.
         rate: poses per second; the first and the last frame are always there.
-        roles: role → bodies that are named and coloured by it; the header's if None.
+        roles: role → bodies that are named and marked by it; the header's if None.
+        shared: if given, meshes are put there by key instead, for films that have them in common.
 
     Raises:
         TraceError: poses of the trace are broken.
@@ -70,11 +75,19 @@ def film(
         "times": data.place(episode.t[chosen].astype("<f4")),
         "look": look_at(episode)._asdict(),
         "bodies": bodies,
-        "meshes": [_mesh(episode, key, data) for key in meshes],
+        "meshes": [
+            _mesh(episode, key, data) if shared is None else _apart(episode, key, shared)
+            for key in meshes
+        ],
     }
-    head = json.dumps(text, ensure_ascii=False, separators=(",", ":")).encode()
-    head += b" " * (-len(head) % 4)
-    return len(head).to_bytes(4, "little") + head + bytes(data.bytes)
+    return packed_with(text, data.bytes)
+
+
+def packed_with(head: Mapping[str, Any], numbers: bytes | bytearray) -> bytes:
+    """JSON and the numbers that it refers to, as one file."""
+    text = json.dumps(head, ensure_ascii=False, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    return len(text).to_bytes(4, "little") + text + bytes(numbers)
 
 
 class _Numbers:
@@ -101,7 +114,8 @@ def _frames(t: NDArray[np.float64], rate: float) -> NDArray[np.intp]:
 
 def _names(body: Body, roles: Mapping[str, Sequence[str]]) -> dict[str, Any]:
     own = [role for role, names in roles.items() if body.name in names]
-    return {"name": body.name, "kind": body.kind, "roles": own}
+    marks = [HATCHINGS[role] for role in own if role in HATCHINGS]
+    return {"name": body.name, "kind": body.kind, "roles": own, "hatching": (marks or ["plain"])[0]}
 
 
 def _geom(geom: Geom, meshes: dict[str, int]) -> dict[str, Any]:
@@ -145,6 +159,14 @@ def _counted(points: NDArray[np.float64]) -> tuple[list[float], float, NDArray[n
     step = max(STEP, float((points.max(0) - low).max()) / MOST)
     steps = np.round((points - low) / step).astype(np.int64)
     return [float(value) for value in low], step, steps
+
+
+def _apart(episode: Episode, key: str, shared: dict[str, bytes]) -> dict[str, str]:
+    name = f"m{key[:24]}"
+    if name not in shared:
+        data = _Numbers()
+        shared[name] = packed_with(_mesh(episode, key, data), data.bytes)
+    return {"key": name}
 
 
 def _mesh(episode: Episode, key: str, data: _Numbers) -> dict[str, Any]:

@@ -11,6 +11,11 @@ from importlib.resources import files
 
 from safestage_eval.palette import custom_properties
 
+from .module_links import linked
+
+LIBRARIES = "safestage_eval.viewer.lib"
+"""What others wrote, with their licences."""
+
 THEME_SWITCH = '<button type="button" class="quiet no-print" data-theme-switch>Theme</button>'
 """The button that ``theme.js`` listens to."""
 
@@ -29,9 +34,8 @@ def part(name: str, package: str = "safestage_eval.viewer") -> str:
 
 @cache
 def replay_script() -> str:
-    """JavaScript that defines ``SafestageReplay``, which draws a film on a canvas (``replay.js``)."""
-    parts = part("shapes.js") + "\n" + part("replay.js")
-    return '(() => {\n"use strict";\n' + parts + "})();\n"
+    """JavaScript that defines ``SafestageReplay``, which plays a film on a canvas (``browser/replay.js``)."""
+    return part("three.min.js", LIBRARIES) + "\n" + linked("replay_global.js")
 
 
 def page(

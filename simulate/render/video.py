@@ -11,7 +11,7 @@ import numpy as np
 
 from safestage_eval.episode import Episode
 from safestage_eval.errors import InputError
-from safestage_eval.label.videos import VERDICT_MARK
+from safestage_eval.viewer.videos import VERDICT_MARK
 
 from .marks import PASSED, VIOLATED, captioned, frame_at, legend, moment, role_colors
 from .renderer import VIEWS, Camera, EpisodeRenderer, Image, Style

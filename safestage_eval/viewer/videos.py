@@ -1,4 +1,4 @@
-"""The video of a rollout, if there is one beside its trace."""
+"""The camera film of an episode, if there is one beside its trace."""
 
 from __future__ import annotations
 
