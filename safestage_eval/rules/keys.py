@@ -58,7 +58,9 @@ _SCOPE = {
     "code": Key("code", "Three letters and three digits; the letters name the stage.", True),
     "title": Key("text", "The requirement as an instruction, in one line.", True),
     "why": Key("text", "Why it matters, in one sentence."),
-    "source": Key("text", "Whose question it is: owner/repository@commit file function, or a paper."),
+    "source": Key(
+        "text", "Whose question it is: owner/repository@commit file function, or a paper."
+    ),
     "explain": Key(
         "text",
         "What to say of a violation: {role}, {signal}, {value}, {limit}, {margin}, {time}, "

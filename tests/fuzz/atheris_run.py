@@ -68,8 +68,8 @@ def mcap(folder: Path) -> tuple[list[bytes], One]:
 
 def parquet(folder: Path) -> tuple[list[bytes], One]:
     """One table of a dataset; the first byte says which."""
-    from parquet_target import Parquet
     from oracle import judged
+    from parquet_target import Parquet
 
     seed, truth = Parquet(folder).seeds[0]
     files = sorted(seed.rglob("*.parquet"))

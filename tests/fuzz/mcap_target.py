@@ -12,8 +12,8 @@ from random import Random
 import lz4.frame
 import zstandard
 from damage import HUGE, damaged
-from outcome import Outcome
 from oracle import Sound, judged, sound
+from outcome import Outcome
 from seeds import recorded, rules
 from strange import NAMES, altered, strange
 from trace_target import used

@@ -41,7 +41,12 @@ def attempt(target: object, number: int, seed: int = 0) -> Outcome:
             place = "".join(traceback.format_exception(error)[-3:])
             return Outcome("unforeseen", "", f"{type(error).__name__}: {error} {place}")
     for told in warned:
-        if issubclass(told.category, RuntimeWarning | SyntaxWarning) and "safestage" in told.filename:
+        if (
+            issubclass(told.category, RuntimeWarning | SyntaxWarning)
+            and "safestage" in told.filename
+        ):
             place = f"{told.filename}:{told.lineno}"
-            return Outcome("unforeseen", outcome.what, f"{told.category.__name__}: {told.message} {place}")
+            return Outcome(
+                "unforeseen", outcome.what, f"{told.category.__name__}: {told.message} {place}"
+            )
     return outcome

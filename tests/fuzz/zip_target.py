@@ -24,7 +24,17 @@ from safestage_eval.formats.zip_reader import HEADER
 Members = dict[str, bytes]
 
 KINDS = ("<f4", "<f8", "<i8", "|O", "|b1", "<M8[s]", "|V4", "<c8", "<U1000000000", ">f4", "|S1")
-SHAPES = ("()", "(0,)", "(-1,)", "(2**40, 3)", f"({2**62}, 4)", "(1, 1, 1, 1)", "3", "[3]", "(True,)")
+SHAPES = (
+    "()",
+    "(0,)",
+    "(-1,)",
+    "(2**40, 3)",
+    f"({2**62}, 4)",
+    "(1, 1, 1, 1)",
+    "3",
+    "[3]",
+    "(True,)",
+)
 SYNTAX = (
     "{", "{'descr': '<f4'", "('", "\\", "{'a' 'b'}", "'''", "é" * 30, "\0", "(" * 2000, "1 if x else",
     "{'descr': __import__('os'), 'fortran_order': False, 'shape': (1,), }", "0777", "\t\n x", "$",
@@ -75,7 +85,11 @@ def packed(parts: Members, *, packing: int = zipfile.ZIP_STORED, twice: str = ""
             if name == twice:
                 archive.start_dir = archive.fp.tell()
                 archive.writestr(zipfile.ZipInfo(name + "x", (1980, 1, 1, 0, 0, 0)), content[::-1])
-    return out.getvalue().replace(f"{twice}x".encode(), f"{twice}".encode()) if twice else out.getvalue()
+    return (
+        out.getvalue().replace(f"{twice}x".encode(), f"{twice}".encode())
+        if twice
+        else out.getvalue()
+    )
 
 
 def array(content: bytes) -> np.ndarray[Any, Any]:
@@ -137,8 +151,10 @@ def _frames(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
     frames = about["frames"]
     keep = np.ones(frames, bool)
     first = rng.randrange(1, frames)
-    keep[first : frames if rng.random() < 0.4 else first + 1 + int(rng.random() ** 3 * frames)] = False
-    moving = [name for name in ("position", "orientation", "linear_velocity", "angular_velocity")]
+    keep[first : frames if rng.random() < 0.4 else first + 1 + int(rng.random() ** 3 * frames)] = (
+        False
+    )
+    moving = ["position", "orientation", "linear_velocity", "angular_velocity"]
     counts = array(parts["counts.npy"])
     changed = {"counts.npy": npy(counts[keep])}
     changed["contacts.npy"] = npy(array(parts["contacts.npy"])[np.repeat(keep, counts)])
@@ -172,7 +188,9 @@ def _shapes(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
     elif act == "fortran":
         text = text.replace("False", "True")
     raw = text.encode("latin-1", "replace")
-    head = content[:6] + bytes([rng.choice((0, 1, 2, 3, 255)), 0]) if act == "version" else content[:8]
+    head = (
+        content[:6] + bytes([rng.choice((0, 1, 2, 3, 255)), 0]) if act == "version" else content[:8]
+    )
     if act == "bytes":
         raw = damaged(rng, raw)[0]
     made = head + struct.pack("<H", len(raw) & 0xFFFF) + raw + content[10 + size :]
