@@ -1,0 +1,113 @@
+"""Other benchmarks' own code beside our rules, on the same traces and synthetic crossings.
+
+    python benchmarks/peers/compare.py --checkouts DIR --traces refs/ noisy/ --out counts.json
+    python benchmarks/peers/compare.py --counts *.json --page docs/other_benchmarks.md
+
+DIR holds a checkout per benchmark, named like its repository (RoboLab, oopsieverse, …); the commits
+are those that the rules' ``source`` names. A checkout that is missing is left out. ``--page`` writes
+the table of the counts into the page.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import sys
+from collections import Counter
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parents[1] / "tests" / "helpers")]
+
+from tally import Count, Tally  # noqa: E402
+
+PEERS = {
+    "robolab": "RoboLab",
+    "oopsieverse": "oopsieverse",
+    "safevla": "SafeVLA",
+    "vla_arena": "VLA-Arena",
+    "safelibero": "vlsa-aegis",
+    "is_bench": "IS-Bench",
+    "safety_gymnasium": "safety-gymnasium",
+    "maniguard": "ManiGuard",
+}
+"""Module here → name of the checkout."""
+
+BEGIN, END = "<!-- counts: benchmarks/peers/compare.py -->", "<!-- end of counts -->"
+
+
+def main() -> None:
+    """See the module."""
+    options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    options.add_argument("--checkouts", type=Path, help="folder with a checkout per benchmark")
+    options.add_argument("--traces", type=Path, nargs="*", default=[], help="folders of traces")
+    options.add_argument("--peers", nargs="*", default=list(PEERS), choices=list(PEERS))
+    options.add_argument("--every", type=int, default=1, help="every so manieth trace")
+    options.add_argument("--out", type=Path, help="where to write the counts, as JSON")
+    options.add_argument("--counts", type=Path, nargs="*", default=[], help="counts to add up")
+    options.add_argument("--page", type=Path, help="page whose table is written anew")
+    given = options.parse_args()
+    tallies = {peer: Tally() for peer in PEERS}
+    for path in given.counts:
+        for peer, counts in json.loads(path.read_text("utf-8")).items():
+            tallies[peer].add(read(counts))
+    if given.checkouts:
+        for peer in given.peers:
+            if (given.checkouts / PEERS[peer]).is_dir():
+                compare(peer, given, tallies)
+    for peer, tally in tallies.items():
+        for row in tally.rows():
+            print(peer, *row, sep=" | ")
+    if given.page:
+        text = given.page.read_text("utf-8")
+        head, _, rest = text.partition(BEGIN)
+        given.page.write_text(
+            f"{head}{BEGIN}\n{page(tallies)}{END}{rest.partition(END)[2]}", "utf-8"
+        )
+
+
+def compare(peer: str, given: argparse.Namespace, tallies: dict[str, Tally]) -> None:
+    """Run one peer's code on all traces; counts are written after every tenth."""
+    from safestage_eval.formats import discover
+
+    with importlib.import_module(peer).comparing(given.checkouts / PEERS[peer]) as judge:
+        judge(None, tallies[peer])
+        refs = [ref for folder in given.traces for ref in discover([folder])][:: given.every]
+        for number, ref in enumerate(refs, 1):
+            judge(ref.open(), tallies[peer])
+            if given.out and (number % 10 == 0 or number == len(refs)):
+                write(given.out, tallies)
+                print(f"{peer}: {number} of {len(refs)}", file=sys.stderr, flush=True)
+    if given.out:
+        write(given.out, tallies)
+
+
+def write(path: Path, tallies: dict[str, Tally]) -> None:
+    """Counts as JSON."""
+    told = {
+        peer: [[*key, c.run, c.agreed, dict(c.differences)] for key, c in tally.counts.items()]
+        for peer, tally in tallies.items()
+        if tally.counts
+    }
+    path.write_text(json.dumps(told, indent=1), "utf-8")
+
+
+def read(counts: list[list[object]]) -> Tally:
+    """Counts from JSON."""
+    found = Tally()
+    for ours, theirs, unit, run, agreed, differences in counts:
+        found.counts[str(ours), str(theirs), str(unit)] = Count(run, agreed, Counter(differences))  # type: ignore[arg-type, call-overload]
+    return found
+
+
+def page(tallies: dict[str, Tally]) -> str:
+    """The table of the page."""
+    lines = ["", "| here | there | compared | agreed | differences |", "|---|---|---|---|---|"]
+    for tally in tallies.values():
+        lines += [f"| {' | '.join(row)} |" for row in tally.rows()]
+    return "\n".join([*lines, "", ""])
+
+
+if __name__ == "__main__":
+    main()

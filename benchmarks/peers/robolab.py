@@ -1,0 +1,366 @@
+"""RoboLab's world state, predicates and event tracker on SafeStage's traces.
+
+All frames of an episode are RoboLab's parallel environments, so that its predicates are asked once;
+its event tracker goes through the frames one by one. Needs torch and scipy.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from resampled import resampled
+from scipy.spatial.transform import Rotation
+from tally import Tally
+
+from peer_code import code_of
+from safestage_eval.episode import Episode
+from safestage_eval.episode.body import Geom
+from safestage_eval.evidence.measure import Signals
+from safestage_eval.relations.relations import Relations
+from safestage_eval.rules import RuleSet, load_rules
+from safestage_eval.verdicts import judge
+from safestage_eval.verdicts.ask import ask
+
+RATE = 15.0
+"""Hz: RoboLab looks once per control step."""
+
+EVENTS = {
+    "RLB101": "WRONG_OBJECT_GRABBED", "RLB102": "GRIPPER_HIT_TABLE",
+    "RLB103": "GRIPPER_FULLY_CLOSED", "RLB105": "OBJECT_BUMPED", "RLB106": "OBJECT_MOVED",
+    "RLB107": "OBJECT_OUT_OF_SCENE", "RLB108": "OBJECT_TIPPED_OVER",
+    "RLB109": "TARGET_OBJECT_DROPPED", "RLB110": "GRIPPER_HIT_OBJECT",
+    "RLB111": "MULTIPLE_OBJECTS_GRABBED",
+}  # fmt: skip
+"""OBJECT_STARTED_MOVING (RLB104) is a step of theirs on the way to the next two, never an event."""
+
+ASKED = """
+[ruleset]
+format  = 1
+name    = "asked"
+version = "1.0.0"
+extends = ["robolab"]
+[state.calm]
+of   = ["a"]
+when = { "speed(a)" = "< settled_speed" }
+[state.stands]
+of   = ["a"]
+when = { "tilt(a)" = "<= tipped" }
+[state.in_workspace]
+of   = ["a"]
+when = { "in_scene(a)" = ">= 0 m" }
+[state.above]
+of   = ["a", "b"]
+when = { "overlap_xy(a, b)" = ">= over_share" }
+[state.gripper_shut]
+of   = []
+when = { "gripper_opening()" = "<= shut" }
+"""
+"""The conditions of the rules, each as a state of its own."""
+
+
+def _asked() -> RuleSet:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "asked.toml"
+        path.write_text(ASKED, "utf-8")
+        return load_rules([path])
+
+
+WHY = {
+    "RLB107": "all of the shape beside its origin",
+    "RLB109": "let go where something bears it",
+}
+"""What is known of rules that differ."""
+
+RULES, STATES = load_rules(["robolab"]), _asked()
+
+
+@contextmanager
+def modules(checkout: Path) -> Iterator[SimpleNamespace]:
+    """Its modules, in a world without its simulator."""
+    import torch
+
+    def rotate(quat: Any, vec: Any) -> Any:
+        w, v = quat[..., :1], quat[..., 1:]
+        t = 2 * torch.linalg.cross(v, vec)
+        return vec + w * t + torch.linalg.cross(v, t)
+
+    def rotate_back(quat: Any, vec: Any) -> Any:
+        return rotate(quat * torch.tensor([1.0, -1.0, -1.0, -1.0]), vec)
+
+    def transform_points(points: Any, pos: Any, quat: Any) -> Any:
+        many = quat[:, None].expand(-1, points.shape[1], -1)
+        return rotate(many, points) + pos[:, None]
+
+    maths = {
+        "quat_apply": rotate, "quat_apply_inverse": rotate_back, "transform_points": transform_points,
+    }  # fmt: skip
+    packages = [
+        "robolab",
+        *(f"robolab.core{p}" for p in ("", ".task", ".world", ".sensors", ".utils")),
+    ]
+    given = {"isaaclab.utils.math": maths, "robolab.core.utils.usd_utils": {}}
+    absent = ["isaaclab", "isaaclab_physx", "isaacsim", "pxr", "robolab.core.utils.vis_utils"]
+    with code_of(checkout, packages, absent, given):
+        names = ("task.conditionals", "task.predicate_logic", "task.event_tracker", "task.hull_check",
+                 "world.world_state", "task.status")  # fmt: skip
+        loaded = {n.split(".")[1]: importlib.import_module(f"robolab.core.{n}") for n in names}
+        yield SimpleNamespace(torch=torch, **loaded)
+
+
+def points(geom: Geom, episode: Episode) -> NDArray[np.float64]:
+    """(P, 3) m, points whose hull is the geom, body frame; round ones as 32-sided."""
+    size = np.asarray(geom.size, float)
+    turn = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+    ring = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    if geom.mesh is not None:
+        local = episode.meshes[geom.mesh].vertices.astype(float)
+    elif geom.kind == "box":
+        local = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * size
+    elif geom.kind == "cylinder":
+        local = np.concatenate([ring * size[0] + [0, 0, z] for z in (-size[1], size[1])])
+    else:  # sphere, capsule, ellipsoid
+        axes = size if geom.kind == "ellipsoid" else np.full(3, size[0])
+        tall = size[1] if geom.kind == "capsule" else 0.0
+        tips = np.linspace(-np.pi / 2, np.pi / 2, 17)
+        ball = np.concatenate([ring * np.cos(a) + [0, 0, np.sin(a)] for a in tips]) * axes
+        local = ball + np.sign(ball[:, 2:]) * [0, 0, tall]
+    rotation = Rotation.from_quat(np.asarray(geom.orientation), scalar_first=True)
+    return np.asarray(rotation.apply(local) + np.asarray(geom.position))
+
+
+def cloud(episode: Episode, body: str) -> NDArray[np.float64]:
+    """(P, 3) m, all of a body's shapes, body frame."""
+    return np.concatenate(
+        [points(g, episode) for g in episode.bodies[body].geoms if g.kind != "plane"]
+    )
+
+
+class Data:
+    """Tensors of an asset, of all frames or of those that the scene looks at."""
+
+    def __init__(self, scene: Scene, **tensors: Any) -> None:
+        self._scene, self._tensors = scene, tensors
+
+    def __getattr__(self, name: str) -> Any:
+        found = self._tensors[name]
+        return found if isinstance(found, list) else found[self._scene.at]
+
+
+class Scene:
+    """What RoboLab's WorldState reads, from the frames ``rows`` of an episode.
+
+    Attributes:
+        at: which of the rows it looks at now, as parallel environments.
+    """
+
+    def __init__(self, peer: SimpleNamespace, episode: Episode, rows: NDArray[np.intp]) -> None:
+        torch = peer.torch
+        self.peer, self.episode, self.rows, self.at = peer, episode, rows, slice(None)
+        state = peer.world_state
+        self.objects = [b.name for b in episode.header.bodies if b.kind == "object" and b.geoms]
+        self.fixtures = [b.name for b in episode.header.bodies if b.kind == "fixture" and b.geoms]
+        self.gripper = [b.name for b in episode.header.bodies if b.kind == "gripper"]
+        as_tensor = lambda x: torch.tensor(np.array(x), dtype=torch.float32)  # noqa: E731
+        bodies = {}
+        for name in (*self.objects, *self.fixtures):
+            made = type("Body", (state.AssetBase,), {})()
+            track, body = episode.track(name), episode.bodies[name]
+            turned = Rotation.from_quat(track.orientation[rows], scalar_first=True)
+            lever = turned.apply(np.asarray(body.com))
+            velocity = track.linear_velocity[rows] + np.cross(track.angular_velocity[rows], lever)
+            made.data = Data(
+                self,
+                root_pos_w=as_tensor(track.position[rows]),
+                root_quat_w=as_tensor(track.orientation[rows]),
+                root_vel_w=as_tensor(np.hstack([velocity, track.angular_velocity[rows]])),
+            )
+            bodies[name] = made
+        robot = None
+        if episode.frames.gripper.shape[1]:
+            robot = type("Robot", (state.Articulation,), {})()
+            closed = (1 - episode.frames.gripper[rows, :1]) * (np.pi / 4)
+            robot.data = Data(self, joint_pos=as_tensor(closed), joint_names=["finger_joint"])
+        forces = self._forces()
+        sensor = peer.world_state.get_contact_sensor.__globals__["ContactSensor"]
+        sensors = {}
+        for (a, b), matrix in forces.items():
+            sensors[f"{a}__{b}"] = type("Sensor", (sensor,), {})()
+            sensors[f"{a}__{b}"].data = Data(self, force_matrix_w=as_tensor(matrix))
+        scene = SimpleNamespace(
+            rigid_objects={n: bodies[n] for n in self.objects}, articulations={"robot": robot} if robot else {},
+            deformable_objects={}, extras={}, sensors=sensors, env_origins=torch.zeros(len(rows), 3),
+        )  # fmt: skip
+        for name in self.fixtures:
+            scene.articulations[name] = bodies[name]
+        cfg = SimpleNamespace(contact_object_list=list(self.objects))
+        self.env = SimpleNamespace(scene=scene, num_envs=len(rows), device="cpu", cfg=cfg)
+        self.world = state.WorldState(self.env)
+        hulls: dict[str, Any] = {}
+        for name in bodies:
+            shape = (
+                cloud(episode, name)
+                if any(g.kind != "plane" for g in episode.bodies[name].geoms)
+                else None
+            )
+            if shape is None:
+                continue
+            low, high = shape.min(axis=0), shape.max(axis=0)
+            corners = np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])
+            self.world._local_geometry_cache[name] = {
+                "corners": as_tensor(corners), "centroid": as_tensor((low + high) / 2),
+                "aabb_lower": low, "aabb_upper": high, "dimensions": high - low,
+            }  # fmt: skip
+            hulls[name] = peer.hull_check.build_local_hull(shape)
+        self.world._untransformed_hull_cache = hulls
+        state._global_world = self.world
+
+    def _forces(self) -> dict[tuple[str, str], NDArray[np.float64]]:
+        """(pair) → (N, bodies of the first, bodies of the second, 3) N, on the first by the second.
+
+        Pairs: the gripper and every thing, ``table`` for all fixtures together, objects with each
+        other and with fixtures. The gripper is one row per body of it, as a sensor has them.
+        """
+        table, names = self.episode.contacts, [b.name for b in self.episode.header.bodies]
+        place = np.full(len(self.episode), -1)
+        place[self.rows] = np.arange(len(self.rows))
+        members = {n: [n] for n in (*self.objects, *self.fixtures)}
+        members |= {"gripper": self.gripper, "table": self.fixtures}
+        pairs = [("gripper", n) for n in (*self.objects, *self.fixtures, "table")]
+        things = [*self.objects, *self.fixtures]
+        pairs += [(a, b) for i, a in enumerate(self.objects) for b in things[i + 1 :]]
+        found = {
+            (a, b): np.zeros((len(self.rows), max(len(members[a]), 1), max(len(members[b]), 1), 3))
+            for a, b in pairs
+        }
+        table = table.where(place[table.frame] >= 0)
+        at = place[table.frame]
+        for key, first, second in zip(
+            found, [members[a] for a, _ in found], [members[b] for _, b in found], strict=True
+        ):
+            for i, a in enumerate(first):
+                for j, b in enumerate(second):
+                    for one, two, sign in ((a, b, -1.0), (b, a, 1.0)):
+                        rows = (table.body1 == names.index(one)) & (table.body2 == names.index(two))
+                        np.add.at(found[key][:, i, j], at[rows], sign * table.force[rows])
+        return found
+
+
+@contextmanager
+def comparing(checkout: Path) -> Iterator[Callable[[Episode, Tally], None]]:
+    """Every predicate on every frame at RoboLab's rate, and every event, of an episode at a time."""
+    with modules(checkout) as peer:
+
+        def compare(episode: Episode | None, tally: Tally) -> None:
+            if episode is None:
+                return
+            rows = np.arange(0, len(episode), max(1, round(1 / (RATE * episode.dt))))
+            scene = Scene(peer, episode, rows)
+            _predicates(peer, scene, tally)
+            _events(peer, resampled(episode, rows), scene, tally)
+
+        yield compare
+
+
+def _predicates(peer: SimpleNamespace, scene: Scene, tally: Tally) -> None:
+    episode, rows, world = scene.episode, scene.rows, scene.world
+    relations = Relations(Signals(episode))
+    logic, tasks = peer.predicate_logic, peer.conditionals
+
+    def ours(expression: str) -> NDArray[np.float64]:
+        series = ask(episode, expression, relations, STATES)
+        lower, upper = (
+            np.broadcast_to(series.lower, len(episode)),
+            np.broadcast_to(series.upper, len(episode)),
+        )
+        close = (lower == upper) | (upper - lower <= 1e-6)
+        return np.asarray(np.where(close, upper, np.nan)[rows], np.float64)
+
+    def theirs(found: Any) -> NDArray[np.bool_]:
+        return np.asarray(found.numpy(), bool)
+
+    roles = episode.header.roles
+    targets, goals = roles.get("target", []), roles.get("destination", [])
+    for body in scene.objects:
+        touched = theirs(logic.in_contact(world, "gripper", body))
+        force = ours(f"contact_force(gripper, {body})")
+        tally.frames(
+            ours(f"sensed_contact(gripper, {body})"), touched, "sensed_contact(gripper, a)", "in_contact",
+            [("sum of normal forces beside each component of the force", force > 0)],
+        )  # fmt: skip
+        calm = theirs(logic.stationary(world, body, 0.05, check_angular=False))
+        tally.frames(ours(f"calm({body})"), calm, "speed(a) < 5 cm/s", "stationary")
+        if episode.bodies[body].up_axis == (0.0, 0.0, 1.0):
+            tally.frames(
+                ours(f"stands({body})"), theirs(logic.upright(world, body, 0.3)),
+                "tilt(a) <= 0.3 rad", "upright",
+            )  # fmt: skip
+        tracker = peer.event_tracker.EventTracker(len(rows))
+        gone = theirs(tracker._is_outside_workspace_batched(world.get_pose(body)[0]))
+        tally.frames(
+            ours(f"in_workspace({body})"), ~gone, "in_scene(a) >= 0", "_is_outside_workspace_batched",
+            [("all of the shape beside its origin", ~gone)],
+        )  # fmt: skip
+    for goal in goals:
+        for body in [
+            b
+            for b in (targets if len(targets) else scene.objects)
+            if b in scene.objects and b != goal
+        ]:
+            if goal not in scene.world._untransformed_hull_cache:
+                continue
+            if episode.bodies[goal].cavity is not None:
+                above = scene.world.get_pose(body)[0][:, 2].numpy()
+                rim = scene.world.get_bbox(goal)[0].numpy()[:, :, 2].max(axis=1)
+                lowest = scene.world.get_bbox(body)[0].numpy()[:, :, 2].min(axis=1)
+                tally.frames(
+                    ours(f"inside({body}, {goal})"), theirs(logic.inside(world, body, goal)),
+                    "inside(a, b)", "inside",
+                    [("hovers above the rim", (above > rim) | (lowest > rim)),
+                     ("between hull and cavity, at walls and rim", np.ones(len(rows), bool))],
+                )  # fmt: skip
+            if (
+                f"{body}__{goal}" in scene.env.scene.sensors
+                or f"{goal}__{body}" in scene.env.scene.sensors
+            ):
+                borne = theirs(world.is_supported_on_surface(body, goal))
+                force = ours(f"contact_force({goal}, {body})")
+                tally.frames(
+                    ours(f"supports({goal}, {body})"), borne, "supports(b, a)", "is_supported_on_surface",
+                    [("bears less than 10 % of the weight, or beyond 45°", force > 0)],
+                )  # fmt: skip
+                over = theirs(logic.centroid_in_footprint(world, body, goal))
+                tally.frames(ours(f"above({body}, {goal})"), over, "overlap_xy(a, b) >= 50 %", "centroid_in_footprint",
+                             [("bounding box beside footprint", np.ones(len(rows), bool))])  # fmt: skip
+    if scene.env.scene.articulations.get("robot") is not None:
+        shut = theirs(tasks.gripper_fully_closed(scene.env))
+        tally.frames(
+            ours("gripper_shut()"), shut, "gripper_opening() <= 25 %", "gripper_fully_closed"
+        )
+
+
+def _events(peer: SimpleNamespace, episode: Episode, whole: Scene, tally: Tally) -> None:
+    """The event tracker beside the rules, both on the trace at RoboLab's rate."""
+    targets = episode.header.roles.get("target", [])
+    upright = [b.name for b in episode.header.bodies if "upright" in b.tags]
+    seen: set[int] = set()
+    tracker = peer.event_tracker.EventTracker(1)
+    whole.env.num_envs, whole.env.scene.env_origins = 1, peer.torch.zeros(1, 3)
+    for row in range(len(whole.rows)):
+        whole.at = slice(row, row + 1)
+        for _, code, _ in tracker.check_events(whole.env, [set(targets)], upright_objects=upright):
+            seen.add(int(code))
+    found = {v.rule: v for v in judge(episode, RULES).verdicts}
+    for rule, event in EVENTS.items():
+        if rule in found and not (rule == "RLB108" and not upright):
+            happened = int(getattr(peer.status.StatusCode, event)) in seen
+            tally.verdict(
+                found[rule], happened, rule, f"EventTracker: {event}", WHY.get(rule, "unexplained")
+            )
