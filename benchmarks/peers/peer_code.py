@@ -30,7 +30,9 @@ class _Any(type):
 class _Empty(ModuleType):
     """A module that has every name."""
 
-    __path__: list[str] = []
+    def __init__(self, name: str) -> None:
+        super().__init__(name)
+        self.__path__: list[str] = []
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from peer_code import code_of
 from resampled import resampled
 from scipy.spatial.transform import Rotation
 from tally import Tally
 
-from peer_code import code_of
 from safestage_eval.episode import Episode
 from safestage_eval.episode.body import Geom
 from safestage_eval.evidence.measure import Signals
