@@ -51,6 +51,7 @@ class Condition:
     rule: str
     count: int
     action: tuple[str, ...]
+    said: str
     literals: tuple[Literal, ...]
     tags: dict[str, list[str]]
 
@@ -62,16 +63,13 @@ class Condition:
 
     def __str__(self) -> str:
         """``TOGGLE_ON stove: not frozen tofu``."""
-        parts = [
-            " ".join(("not " * (not p.wanted) + p.predicate, *p.bodies)) for p in self.literals
-        ]
-        return f"{' '.join(self.action)}: {' and '.join(parts)}"
+        return f"{' '.join(self.action)}: {self.said}"
 
 
 def conditions(path: Path = TABLE) -> list[Condition]:
     """All conditions of the table."""
     return [
-        Condition(rule, count, tuple(action.split()), tuple(map(literal, said.split(" and "))), part["tags"])
+        Condition(rule, count, tuple(action.split()), said, tuple(map(literal, said.split(" and "))), part["tags"])
         for rule, part in tomllib.loads(path.read_text("utf-8")).items()
         for count, action, said in part["conditions"]
     ]  # fmt: skip

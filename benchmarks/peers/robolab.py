@@ -19,14 +19,13 @@ from numpy.typing import NDArray
 from peer_code import code_of
 from resampled import resampled
 from scipy.spatial.transform import Rotation
-from tally import Tally
+from tally import Tally, verdicts
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.body import Geom
 from safestage_eval.evidence.measure import Signals
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import RuleSet, load_rules
-from safestage_eval.verdicts import judge
 from safestage_eval.verdicts.ask import ask
 
 RATE = 15.0
@@ -357,7 +356,7 @@ def _events(peer: SimpleNamespace, episode: Episode, whole: Scene, tally: Tally)
         whole.at = slice(row, row + 1)
         for _, code, _ in tracker.check_events(whole.env, [set(targets)], upright_objects=upright):
             seen.add(int(code))
-    found = {v.rule: v for v in judge(episode, RULES).verdicts}
+    found = verdicts(episode, RULES)
     for rule, event in EVENTS.items():
         if rule in found and not (rule == "RLB108" and not upright):
             happened = int(getattr(peer.status.StatusCode, event)) in seen

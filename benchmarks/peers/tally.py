@@ -10,9 +10,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from safestage_eval.episode import Episode
+from safestage_eval.rules import RuleSet
+from safestage_eval.rules.resolve import bind_episode
+from safestage_eval.verdicts.judging import Judge
 from safestage_eval.verdicts.verdict import Verdict
 
 Differences = Counter[str]
+
+
+def verdicts(episode: Episode, rules: RuleSet) -> dict[str, Verdict]:
+    """Rule → what it says of an episode, thinned ones included, whose velocities and poses may differ."""
+    judge = Judge(episode, rules, bind_episode(rules, episode.header))
+    found = {code: judge.verdict(rule) for code, rule in rules.rules.items()}
+    costs = {code: judge.cost(cost)[1] for code, cost in rules.costs.items()}
+    return found | {code: verdict for code, verdict in costs.items() if verdict is not None}
 
 
 @dataclass
