@@ -13,6 +13,7 @@ from transforms import rebuilt
 from safestage_eval.episode import Episode, Geom, Joint, RobotFrames
 from safestage_eval.errors import RuleError
 from safestage_eval.geometry.pose import product, rotate
+from safestage_eval.rules.check import check
 from safestage_eval.rules.load import RuleFile, merge
 from safestage_eval.rules.syntax import RuleSet
 from safestage_eval.rules.uses import uses_of
