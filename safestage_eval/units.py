@@ -17,11 +17,31 @@ DIMENSIONS: dict[str, dict[str, float]] = {
     "torque": {"N m": 1.0},
     "time": {"s": 1.0, "ms": 1e-3, "min": 60.0},
     "temperature": {"degC": 1.0, "K": 1.0},
+    "acceleration": {"m/s^2": 1.0, "cm/s^2": 1e-2},
+    "jerk": {"m/s^3": 1.0, "cm/s^3": 1e-2},
+    "angular acceleration": {"rad/s^2": 1.0, "deg/s^2": math.pi / 180},
+    "angular jerk": {"rad/s^3": 1.0, "deg/s^3": math.pi / 180},
+    "area": {"m^2": 1.0, "cm^2": 1e-4},
+    "stay": {"m s": 1.0, "cm s": 1e-2},
+    "force rate": {"N/s": 1.0},
+    "power": {"W": 1.0},
+    "heating": {"K/s": 1.0},
+    "frequency": {"1/s": 1.0, "%/s": 1e-2},
     "ratio": {"%": 1e-2},
     "number": {},
 }
 """Dimension → unit → factor to SI (temperatures: to °C). A ratio may be written without a unit,
-a plain number (a count, a recorded flag) has none."""
+a plain number (a count, a recorded flag) has none. A stay is a length for so long."""
+
+_POWERS: dict[str, dict[str, int]] = {
+    "length": {"m": 1}, "angle": {"rad": 1}, "speed": {"m": 1, "s": -1}, "rate": {"rad": 1, "s": -1},
+    "force": {"N": 1}, "impulse": {"N": 1, "s": 1}, "torque": {"N": 1, "m": 1}, "time": {"s": 1},
+    "temperature": {"K": 1}, "acceleration": {"m": 1, "s": -2}, "jerk": {"m": 1, "s": -3},
+    "angular acceleration": {"rad": 1, "s": -2}, "angular jerk": {"rad": 1, "s": -3}, "area": {"m": 2},
+    "stay": {"m": 1, "s": 1}, "force rate": {"N": 1, "s": -1}, "power": {"N": 1, "m": 1, "s": -1},
+    "heating": {"K": 1, "s": -1}, "frequency": {"s": -1}, "ratio": {}, "number": {},
+}  # fmt: skip
+"""Dimension → power of each unit that it is made of."""
 
 ZERO = {"K": -273.15}
 """Unit → where its zero lies in SI, if that is not 0."""
@@ -41,8 +61,34 @@ _PREFERRED = {
     "torque": ("N m", 2),
     "time": ("s", 2),
     "temperature": ("degC", 1),
+    "acceleration": ("m/s^2", 2),
+    "jerk": ("m/s^3", 1),
+    "angular acceleration": ("rad/s^2", 2),
+    "angular jerk": ("rad/s^3", 1),
+    "area": ("cm^2", 1),
+    "stay": ("cm s", 2),
+    "force rate": ("N/s", 1),
+    "power": ("W", 2),
+    "heating": ("K/s", 2),
+    "frequency": ("1/s", 3),
     "ratio": ("%", 1),
 }
+
+
+def powers_of(dimension: str) -> dict[str, int]:
+    """The power of each SI unit in a dimension: a speed is m¹ s⁻¹. Forces count as a unit."""
+    return _POWERS[dimension]
+
+
+def dimension_of_powers(powers: dict[str, int]) -> str | None:
+    """The dimension made of these powers, those of 0 aside; None if it has no name."""
+    kept = {unit: power for unit, power in powers.items() if power}
+    return next((name for name, made_of in _POWERS.items() if made_of == kept), None)
+
+
+def same_kind(first: str, second: str) -> bool:
+    """Two dimensions that may be compared: equal ones, and plain numbers with ratios."""
+    return first == second or {first, second} == {"number", "ratio"}
 
 
 def in_si(number: float, unit: str) -> float:

@@ -9,6 +9,7 @@ from . import parse
 from . import syntax as ast
 from .clauses import CLAUSES, ClauseSpec
 from .keys import TABLES
+from .names import operands_of, operation_of
 
 Table = Mapping[str, Any]
 
@@ -140,6 +141,14 @@ class Builder:
             parse.call(table["of"]) if "of" in table else None,
             parse.limit(f"> {above}").value if above is not None else None,
         )
+
+
+def derived(name: str, table: Table, dimension: str) -> ast.DerivedDef:
+    """``[signal.NAME]`` with an operation, and the dimension that it comes to."""
+    operation = operation_of(table)
+    assert operation is not None
+    operands = tuple(parse.operand(one) for one in operands_of(table))
+    return ast.DerivedDef(name, tuple(table.get("of", ())), operation, operands, dimension)
 
 
 def family(name: str, table: Table) -> ast.FamilyDef:

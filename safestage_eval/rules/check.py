@@ -17,8 +17,9 @@ from .diagnostic import Diagnostic
 from .files import RuleFile
 from .keys import NAMED, REPEATED, TABLES, TOP
 from .locate import Keys
-from .names import Names, Near, table_of
+from .names import Names, Near, operands_of, table_of
 from .obligations import Obligations
+from .operations import OPERATIONS, DimensionError, Operation, dimension_of_result
 from .references import Read, Scope
 from .signal_options import read_option
 
@@ -158,14 +159,79 @@ class _FileChecker(Obligations):
 
     def _signal(self, name: str, table: dict[str, Any], keys: Keys) -> None:
         base = table.get("base")
-        if base is not None and base not in SIGNALS:
+        operations = [key for key in OPERATIONS if key in table]
+        if operations and (base is not None or len(operations) > 1):
+            self.usage.report(
+                "R205", (*keys, operations[-1]), f"signal {name} is said to be two things",
+                f"base, or one of {', '.join(OPERATIONS)}", key=True,
+            )  # fmt: skip
+        elif operations:
+            self._derived(name, operations[0], table, keys)
+        elif base is None:
+            self.usage.report(
+                "R202", keys, f'[signal.{name}] needs "base", or an operation',
+                f'base = "impact"; or one of {", ".join(OPERATIONS)} = [...]', key=True,
+            )  # fmt: skip
+        elif base not in SIGNALS:
             self.usage.report(
                 "R401", (*keys, "base"), f'there is no built-in signal "{base}"',
                 ", ".join(SIGNALS), Near(base, SIGNALS),
             )  # fmt: skip
-        elif base is not None:
+        else:
             scope = self.scope(("signal", name), f"signal {name}", ())
             self._options(base, {k: v for k, v in table.items() if k != "base"}, keys, scope)
+
+    def _derived(self, name: str, operation: Operation, table: dict[str, Any], keys: Keys) -> None:
+        """A signal that is computed from others."""
+        usage, at = self.usage, (*keys, operation)
+        for key in table.keys() - {"of", operation}:
+            usage.report(
+                "R414", (*keys, key), f'a signal that is computed has no option "{key}"',
+                f"of, {operation}", key=True,
+            )  # fmt: skip
+        scope = self.formals("signal", name, table, keys)
+        operands, spec = operands_of(table), OPERATIONS[operation]
+        if not spec.least <= len(operands) <= spec.most:
+            takes = "one signal" if spec.most == 1 else f"{spec.least} to {spec.most} operands"
+            takes = "two operands" if spec.least == spec.most == 2 else takes
+            usage.report(
+                "R416", at, f"{operation} takes {takes}, not {len(operands)}", spec.meaning
+            )
+        found = 0
+        for index, value in enumerate(operands):
+            where = (*at, index) if isinstance(table[operation], list) else at
+            found += self._operand(value, where, scope)
+        if operands and not found:
+            usage.report("R416", at, "constants alone are no signal", "at least one signal")
+        given = [usage.names.operand_dimension(one) for one in operands]
+        if found and None not in given and spec.least <= len(given) <= spec.most:
+            try:
+                dimension_of_result(operation, [str(one) for one in given])
+            except DimensionError as error:
+                usage.report("R407", at, error.what, error.allowed)
+        self.unused(scope, (*keys, "of"))
+
+    def _operand(self, value: Any, keys: Keys, scope: Scope) -> bool:
+        """Whether it is a signal; what is wrong with it is reported."""
+        usage = self.usage
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            usage.report("R416", keys, "this is no operand", '"speed(a)", "2 cm", 0.5, a parameter')
+            return False
+        operand = usage.parsed("R416", keys, parse.operand, value)
+        if operand is None:
+            scope.unreadable()
+        if isinstance(operand, ast.Parameter):
+            usage.parameter(operand.name, keys, scope)
+        if not isinstance(operand, ast.SignalAtom):
+            return False
+        if operand.since is not None:
+            usage.moment(operand.since, keys, scope)
+        kind = usage.call(operand.call, keys, scope)
+        if kind == "state":
+            usage.report("R404", keys, f"{operand.call.name}() is a state", "a signal")
+        elif kind == "signal" and operand.since is not None:
+            usage.since(operand.call, keys)
+        return True
 
     def _options(self, base: str, given: dict[str, Any], keys: Keys, scope: Scope) -> None:
         options = {option.name: option for option in SIGNALS[base].options}

@@ -192,7 +192,8 @@ class Coherence:
         if (callee, index) in seen:
             return ""
         seen.add((callee, index))
-        for kind in ("state", "phase"):
+        names = next((usage.names for usage, _ in self._scopes.values()), Names())
+        for kind in ("state", "phase", *(["signal"] if callee in names.derived else [])):
             if (kind, callee) in self._scopes:
                 scope = self._scopes[kind, callee][1]
                 if index >= len(scope.roles):
@@ -203,7 +204,6 @@ class Coherence:
                         if blocking:
                             return blocking
                 return ""
-        names = next((usage.names for usage, _ in self._scopes.values()), Names())
         spec = names.signal(callee) or RELATIONS.get(callee)
         return callee if spec is not None and not accepts(spec) else ""
 

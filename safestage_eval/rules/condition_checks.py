@@ -89,12 +89,8 @@ class Usage(References):
         spec = self.names.signal(call.name)
         if spec is None:
             return
-        if since is not None and not spec.since:
-            self.report(
-                "R406", keys, f'{call.name}() has no reference, so it cannot be taken "since"',
-                "signals with a reference: "
-                + ", ".join(one.name for one in SIGNALS.values() if one.since), key=True,
-            )  # fmt: skip
+        if since is not None:
+            self.since(call, keys, key=True)
         limits = value if isinstance(value, list) else [value]
         for index, item in enumerate(limits):
             at = (*keys, index) if isinstance(value, list) else keys
@@ -107,6 +103,16 @@ class Usage(References):
             limit = self.parsed("R301", at, parse.limit, item)
             if limit is not None:
                 self.limit_value(limit.value, spec.dimension, f"{call.name}()", at, scope)
+
+    def since(self, call: ast.Call, keys: Keys, *, key: bool = False) -> None:
+        """Whether a signal can be taken since an event."""
+        spec = self.names.signal(call.name)
+        if spec is not None and not spec.since:
+            self.report(
+                "R406", keys, f'{call.name}() has no reference, so it cannot be taken "since"',
+                "signals with a reference: "
+                + ", ".join(one.name for one in SIGNALS.values() if one.since), key=key,
+            )  # fmt: skip
 
     def _truth(
         self, call: ast.Call, since: ast.Event | None, value: Any, keys: Keys, scope: Scope

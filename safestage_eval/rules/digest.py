@@ -163,6 +163,7 @@ def _named(node: Any, rules: ast.RuleSet) -> Iterator[tuple[str, Any]]:
             ("state", rules.states),
             ("phase", rules.phases),
             ("signal", rules.signals),
+            ("signal", rules.derived),
         ):
             if node.name in table:
                 yield f"{kind}.{node.name}", table[node.name]

@@ -8,11 +8,12 @@ from typing import Literal
 from safestage_eval.signals import SIGNALS
 
 from .clauses import CLAUSES
+from .operations import OPERATIONS
 
 Kind = Literal[
     "text", "texts", "names", "format", "code", "condition", "alternative", "alternatives", "span",
     "event", "duration", "roles", "players", "settings", "levels", "examples", "charges", "number",
-    "call", "value", "per", "goal", "goal table", "base", "box", "axis", "side",
+    "call", "operands", "value", "per", "goal", "goal table", "base", "box", "axis", "side",
 ]  # fmt: skip
 """The kinds of values; ``schema`` and ``structure`` know each of them."""
 
@@ -84,8 +85,10 @@ TABLES: dict[str, dict[str, Key]] = {
     },
     "baseline": {"span": Key("span", "The frames that are the initial state.", True)},
     "signal": {
-        "base": Key("base", "The built-in signal that this is a variant of.", True),
+        "base": Key("base", "The built-in signal that this is a variant of."),
         **_option_keys(),
+        "of": Key("names", "Formal arguments of a signal that is computed from others."),
+        **{name: Key("operands", operation.meaning) for name, operation in OPERATIONS.items()},
     },
     "state": {
         "of": Key("names", "Its formal arguments; [] if it has none.", True),

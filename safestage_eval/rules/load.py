@@ -7,11 +7,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from safestage_eval.evidence.declare import Signal
+
 from . import build, parse
 from . import syntax as ast
 from .check import check
 from .diagnostic import Diagnostic, RuleErrors
 from .files import RuleFile, read_files
+from .names import Names, operation_of
 from .signal_options import read_options
 
 DEFINITIONS = ("param", "material", "signal", "state", "phase", "goal", "family", "task")
@@ -70,6 +73,8 @@ def merge(files: Sequence[RuleFile]) -> ast.RuleSet:
         baseline = file.table.get("baseline", {}).get("span", baseline)
     builder = build.Builder(frozenset(tables["phase"]))
     named = [file for file in files if file.asked]
+    computed = {n: t for n, t in tables["signal"].items() if operation_of(t) is not None}
+    signals = Names.of_table(file.table for file in files).variants if computed else {}
     rules = [
         builder.rule(table, file.path, file.locations.key(("rule", index)).line)
         for file in named
@@ -93,6 +98,7 @@ def merge(files: Sequence[RuleFile]) -> ast.RuleSet:
         signals={
             name: ast.SignalDef(name, t["base"], read_options(t))
             for name, t in tables["signal"].items()
+            if name not in computed
         },
         states={name: builder.state(name, t) for name, t in tables["state"].items()},
         phases={name: builder.phase(name, t) for name, t in tables["phase"].items()},
@@ -101,4 +107,13 @@ def merge(files: Sequence[RuleFile]) -> ast.RuleSet:
         tasks={name: build.task(name, t) for name, t in tables["task"].items()},
         rules={rule.code: rule for rule in rules},
         costs={cost.code: cost for cost in costs},
+        derived={
+            name: build.derived(name, t, _dimension(signals[name])) for name, t in computed.items()
+        },
     )
+
+
+def _dimension(signal: Signal | None) -> str:
+    """Of a derived signal of checked files."""
+    assert signal is not None
+    return signal.dimension

@@ -14,6 +14,7 @@ from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 
 from . import parse
 from . import syntax as ast
+from .operations import OPERATIONS, DimensionError, Operation, dimension_of_result
 
 RESERVED = frozenset(
     [
@@ -38,6 +39,7 @@ class Names:
         states: declared state → formal arguments.
         phases: phase → formal arguments.
         variants: declared signal → what it is, with its options given.
+        derived: declared signals that are computed from others, as TOML gives them.
         goals, families, rules: names alone.
     """
 
@@ -46,6 +48,7 @@ class Names:
     states: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
     phases: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
     variants: dict[str, Signal | None] = field(default_factory=dict)
+    derived: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     goals: set[str] = field(default_factory=set)
     families: set[str] = field(default_factory=set)
     rules: set[str] = field(default_factory=set)
@@ -56,6 +59,8 @@ class Names:
         names = cls()
         for table in tables:
             names._add(table)
+        for name in names.derived:
+            names._derive(name)
         return names
 
     @classmethod
@@ -68,9 +73,10 @@ class Names:
             states={name: state.of for name, state in rules.states.items()},
             phases={name: phase.of for name, phase in rules.phases.items()},
             variants={
-                name: SIGNALS[signal.base].variant(dict(signal.options))
-                for name, signal in rules.signals.items()
+                **{n: SIGNALS[s.base].variant(dict(s.options)) for n, s in rules.signals.items()},
+                **{name: derived_signal(one) for name, one in rules.derived.items()},
             },
+            derived={name: {"of": one.of} for name, one in rules.derived.items()},
             goals=set(rules.goals),
             families=set(rules.families),
             rules={*rules.rules, *rules.costs},
@@ -98,6 +104,11 @@ class Names:
             for name, value in table_of(table, kind).items():
                 declared[name] = _formals(value)
         for name, value in table_of(table, "signal").items():
+            self.derived.pop(name, None)
+            self.variants.pop(name, None)
+            if isinstance(value, dict) and operation_of(value) is not None:
+                self.derived[name] = value
+                continue
             base = value.get("base") if isinstance(value, dict) else None
             spec = SIGNALS.get(base) if isinstance(base, str) else None
             self.variants[name] = spec.variant(value) if spec is not None else None
@@ -107,6 +118,66 @@ class Names:
         for rule in (rule for rules in listed if isinstance(rules, list) for rule in rules):
             if isinstance(rule, dict) and isinstance(rule.get("code"), str):
                 self.rules.add(rule["code"])
+
+    def operand_dimension(self, value: Any) -> str | None:
+        """Of what a derived signal is computed from, as TOML gives it; None if that cannot be said."""
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            return None
+        try:
+            operand = parse.operand(value)
+        except parse.GrammarError:
+            return None
+        if isinstance(operand, ast.SignalAtom):
+            if operand.call.name in self.derived:
+                self._derive(operand.call.name)
+            spec = self.signal(operand.call.name)
+            return None if spec is None else spec.dimension
+        return (
+            operand.dimension
+            if isinstance(operand, ast.Quantity)
+            else self.params.get(operand.name)
+        )
+
+    def _derive(self, name: str) -> None:
+        """Find what a derived signal is, from what it is computed from; what leads back to it is None."""
+        if name in self.variants:
+            return
+        self.variants[name] = None
+        table = self.derived[name]
+        operation, formals = operation_of(table), _formals(table)
+        assert operation is not None
+        given = [self.operand_dimension(one) for one in operands_of(table)]
+        spec = OPERATIONS[operation]
+        if formals is None or None in given or not spec.least <= len(given) <= spec.most:
+            return
+        try:
+            dimension = dimension_of_result(operation, [str(one) for one in given])
+        except DimensionError:
+            return
+        self.variants[name] = _derived(name, formals, dimension)
+
+
+def operation_of(table: Mapping[str, Any]) -> Operation | None:
+    """The operation that a ``[signal.NAME]`` names, None if it is a variant of a built-in signal."""
+    return next((name for name in OPERATIONS if name in table), None)
+
+
+def operands_of(table: Mapping[str, Any]) -> list[Any]:
+    """What a derived signal is computed from, as TOML gives it."""
+    value = table.get(operation_of(table) or "", [])
+    return value if isinstance(value, list) else [value]
+
+
+def derived_signal(derived: ast.DerivedDef) -> Signal:
+    """What a derived signal is, as a built-in one would be declared."""
+    return _derived(derived.name, derived.of, derived.dimension)
+
+
+def _derived(name: str, formals: tuple[str, ...], dimension: str) -> Signal:
+    def measure(_: Any) -> Any:
+        raise TypeError(f"{name}() is computed from other signals")
+
+    return Signal(name, dimension, formals, (), measure, "", groups=True, reads="")
 
 
 def dimension_of(value: ast.Setting) -> str:

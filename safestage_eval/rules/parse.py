@@ -114,6 +114,16 @@ def call(text: str) -> ast.Call:
     return ast.Call(name, tuple(arg.strip() for arg in rest.split(",")) if rest else ())
 
 
+def operand(value: str | float) -> ast.SignalAtom | ast.Quantity | ast.Parameter:
+    """What a derived signal is computed from: ``"speed(a)"``, ``"2 cm"``, ``0.5``, ``"[-]param"``."""
+    if isinstance(value, str) and "(" in value:
+        call, since = atom_key(value)
+        return ast.SignalAtom(call, (), since)
+    if isinstance(value, str) and (match := re.fullmatch(rf"(-?)({NAME})", value)):
+        return ast.Parameter(match[2], bool(match[1]))
+    return quantity(value)
+
+
 def event(text: str) -> ast.Event:
     """``"success"``, ``"end of held(a)"``, ``"committed(a)"``. Raises GrammarError."""
     if text in ("start", "end", "success"):

@@ -122,7 +122,8 @@ def mixed(before: Meaning, after: Meaning, chosen: Collection[Part]) -> Meaning:
     rules = replace(
         a,
         materials=materials,
-        signals=pick("signal", a.signals, b.signals),
+        signals=_still(pick("signal", _signals(a), _signals(b)), ast.SignalDef),
+        derived=_still(pick("signal", _signals(a), _signals(b)), ast.DerivedDef),
         states=pick("state", a.states, b.states),
         phases=pick("phase", a.phases, b.phases),
         baseline=b.baseline if ("baseline", "") in keys else a.baseline,
@@ -255,8 +256,23 @@ def _definitions(before: Meaning, after: Meaning) -> list[tuple[Kind, Any, Any, 
     return [
         ("state", reached(a.states), reached(b.states), _state),
         ("phase", reached(a.phases), reached(b.phases), _phase),
-        ("signal", a.signals, b.signals, lambda item, _: None if item is None else item.base),
+        ("signal", _signals(a), _signals(b), _signal),
     ]
+
+
+def _signals(rules: ast.RuleSet) -> dict[str, Any]:
+    """Variants and derived signals by name."""
+    return {**rules.signals, **rules.derived}
+
+
+def _still(signals: Mapping[str, Any], kind: type) -> dict[str, Any]:
+    return {name: one for name, one in signals.items() if isinstance(one, kind)}
+
+
+def _signal(item: ast.SignalDef | ast.DerivedDef | None, side: Meaning) -> str | None:
+    if isinstance(item, ast.DerivedDef):
+        return words.derived(item, side.params)
+    return None if item is None else item.base
 
 
 def _state(item: ast.StateDef | None, side: Meaning) -> str | None:

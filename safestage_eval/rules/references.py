@@ -138,7 +138,7 @@ class References:
                     "R413", keys, f"{name}() is about one body, and {arg} stands for several",
                     "a role", key=key,
                 )  # fmt: skip
-            elif kind == "state":
+            elif kind == "state" or name in names.derived:
                 scope.groups.append((name, index, arg, keys))
         return kind
 

@@ -20,6 +20,7 @@ from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 from . import parse, structure
 from .clauses import CLAUSES
 from .keys import IN_BIND, NAMED, REPEATED, TABLES, Key
+from .operations import OPERATIONS
 
 FILE = "rules.schema.json"
 
@@ -95,6 +96,7 @@ def _table(kind: str) -> dict[str, Any]:
         ]
     if kind == "signal":
         out["allOf"] = [_options(spec) for spec in SIGNALS.values()]
+        out["oneOf"] = [{"required": [name]} for name in ("base", *OPERATIONS)]
     if kind == "charge":
         out["oneOf"] = [{"required": ["when"]}, {"required": ["of"]}]
     return out
@@ -175,6 +177,10 @@ def _key(key: Key) -> dict[str, Any]:
             return _table("examples")
         case "charges":
             return _list(_table("charge"))
+        case "operands":
+            since = f"(?: since {parse.EVENT})?"
+            one = _text(f"(?:{parse.CALL}{since}|{_ANY_QUANTITY}|-?{_NAME})")
+            return {"anyOf": [one, _list({"anyOf": [{"type": "number"}, one]})]}
         case "number":
             return {"type": "number"}
         case "value":

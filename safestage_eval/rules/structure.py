@@ -31,6 +31,7 @@ _TYPES: dict[str, tuple[type | tuple[type, ...], str]] = {
     "event": (str, 'an event in quotes: "success", "start of moved(target)"'),
     "duration": (str, 'a duration in quotes: "0.5 s", "3 frames @ 120 Hz"'),
     "call": (str, 'a signal in quotes: "contact_force(robot, protected)"'),
+    "operands": ((str, list), '["displacement(a)", "2 cm"], or one signal in quotes'),
     "per": (str, '"start", "second" or "step"'),
     "condition": (dict, '{ "moved(target)" = true }'),
     "alternative": ((str, dict), '"moved(target)" or { "speed(target)" = ">= 5 cm/s" }'),

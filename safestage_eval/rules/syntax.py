@@ -1,8 +1,8 @@
 """The abstract syntax of the rule language: what a checked rule file means, with SI numbers.
 
-First the strings and conditions (quantities, limits, events, spans, roles), then the tables of a file.
-Everything is frozen, hashable and free of geometry. ``text`` fields keep what the author wrote, for
-messages and explanations; they are not part of the meaning.
+The tables of a file; what stands in their strings (quantities, limits, events, spans, roles) is in
+``string_syntax``, and is handed on. Everything is frozen, hashable and free of geometry. ``text`` fields
+keep what the author wrote, for messages and explanations; they are not part of the meaning.
 """
 
 from __future__ import annotations
@@ -14,210 +14,66 @@ from functools import cached_property
 from typing import Any, Literal
 
 from .clauses import CLAUSES, ClauseKind
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A number with its dimension: ``value`` in SI (``"8 cm"`` → 0.08, "length")."""
-
-    value: float
-    dimension: str
-    text: str = field(default="", compare=False)
-
-
-@dataclass(frozen=True)
-class Duration:
-    """A length of time: ``amount`` seconds, or frames of the trace when ``frames`` is true.
-
-    ``"3 frames @ 120 Hz"`` is 0.025 s, and at least 2 samples whatever the trace's rate (``least``),
-    because several frames were meant; bare ``"3 frames"`` counts frames of the trace.
-    """
-
-    amount: float
-    frames: bool = False
-    least: int = 1
-    text: str = field(default="", compare=False)
-
-
-Setting = Quantity | Duration
-"""The value of a parameter."""
-
-Params = Mapping[str, Setting]
-"""Parameter → its value."""
-
-
-def amount(value: Setting) -> float:
-    """The number of a value: SI; seconds or frames for a duration."""
-    return value.value if isinstance(value, Quantity) else value.amount
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A reference to ``[param]`` by name, in a limit or as a duration; ``negative`` flips its sign."""
-
-    name: str
-    negative: bool = False
-
-
-@dataclass(frozen=True)
-class Column:
-    """A reference to a material column of the body that plays ``role``: ``max_tilt(target)``."""
-
-    name: str
-    role: str
-    negative: bool = False
-
-
-Value = Quantity | Parameter | Column
-
-
-@dataclass(frozen=True)
-class Limit:
-    """A comparison: ``>= 2 cm``."""
-
-    op: Literal[">=", "<=", ">", "<"]
-    value: Value
-    text: str = field(default="", compare=False)
-
-
-@dataclass(frozen=True)
-class Call:
-    """A name applied to roles: ``clearance(target, protected)``."""
-
-    name: str
-    args: tuple[str, ...]
-
-    def __str__(self) -> str:
-        """As written in rule files."""
-        return f"{self.name}({', '.join(self.args)})"
-
-
-@dataclass(frozen=True)
-class Event:
-    """A moment, or the frames of a state where a set of frames is asked for.
-
-    kind ``start``, ``end`` (of the episode), ``success``, or ``state``: then ``call`` names it and
-    ``edge`` says whether its beginning, its end, or (None) the bare state is meant.
-    """
-
-    kind: Literal["start", "end", "success", "state"]
-    call: Call | None = None
-    edge: Literal["start", "end"] | None = None
-    text: str = field(default="", compare=False)
-
-
-@dataclass(frozen=True)
-class SignalAtom:
-    """Limits on a signal; all of them must hold. ``since`` moves its reference to an event."""
-
-    call: Call
-    limits: tuple[Limit, ...]
-    since: Event | None = None
-
-
-@dataclass(frozen=True)
-class StateAtom:
-    """A state or relation that must be true (or false)."""
-
-    call: Call
-    want: bool
-
-
-@dataclass(frozen=True)
-class CountAtom:
-    """``"at least 2 fruit"`` / ``"at most 1 fruit"``: over the bodies that play ``role``."""
-
-    call: Call
-    bound: Literal["least", "most"]
-    count: int
-    role: str
-
-
-@dataclass(frozen=True)
-class AnyOf:
-    """At least one of the alternatives holds."""
-
-    alternatives: tuple[Alternative, ...]
-
-
-Atom = SignalAtom | StateAtom | CountAtom | AnyOf
-
-
-@dataclass(frozen=True)
-class Condition:
-    """All atoms hold."""
-
-    atoms: tuple[Atom, ...]
-
-
-Alternative = Condition | Event
-
-
-@dataclass(frozen=True)
-class Whole:
-    """Span: the whole episode."""
-
-
-@dataclass(frozen=True)
-class PhaseSpan:
-    """Span: a declared ``[phase.NAME]``, with the roles passed to it."""
-
-    call: Call
-
-
-@dataclass(frozen=True)
-class StateSpan:
-    """Span: every run of frames in which a state is true."""
-
-    call: Call
-
-
-@dataclass(frozen=True)
-class Part:
-    """Span: the first or last stretch of another span."""
-
-    which: Literal["first", "last"]
-    duration: Duration | Parameter
-    of: Span
-
-
-@dataclass(frozen=True)
-class Around:
-    """Span: a stretch before or after each occurrence of an event."""
-
-    which: Literal["before", "after"]
-    duration: Duration | Parameter
-    event: Event
-
-
-@dataclass(frozen=True)
-class FromTo:
-    """Span: from each occurrence of one event to the next of the other."""
-
-    begin: Event
-    stop: Event
-
-
-@dataclass(frozen=True)
-class While:
-    """Span: the frames of another span in which a state is true."""
-
-    of: Span
-    call: Call
-
-
-Span = Whole | PhaseSpan | StateSpan | Part | Around | FromTo | While
-
-
-@dataclass(frozen=True)
-class RoleSpec:
-    """The bodies that may play a role: ``"every object tagged fragile except target, support"``."""
-
-    kind: str
-    every: bool = False
-    tag: str | None = None
-    excluding: tuple[str, ...] = ()
-    text: str = field(default="", compare=False)
+from .operations import Operation
+from .string_syntax import (
+    Alternative,
+    AnyOf,
+    Around,
+    Atom,
+    Call,
+    Column,
+    Condition,
+    CountAtom,
+    Duration,
+    Event,
+    FromTo,
+    Limit,
+    Parameter,
+    Params,
+    Part,
+    PhaseSpan,
+    Quantity,
+    RoleSpec,
+    Setting,
+    SignalAtom,
+    Span,
+    StateAtom,
+    StateSpan,
+    Value,
+    While,
+    Whole,
+    amount,
+)
+
+__all__ = [
+    "Alternative",
+    "AnyOf",
+    "Around",
+    "Atom",
+    "Call",
+    "Column",
+    "Condition",
+    "CountAtom",
+    "Duration",
+    "Event",
+    "FromTo",
+    "Limit",
+    "Parameter",
+    "Params",
+    "Part",
+    "PhaseSpan",
+    "Quantity",
+    "RoleSpec",
+    "Setting",
+    "SignalAtom",
+    "Span",
+    "StateAtom",
+    "StateSpan",
+    "Value",
+    "While",
+    "Whole",
+    "amount",
+]  # handed on
 
 
 SignalOptions = tuple[tuple[str, "float | str | tuple[float, ...] | Parameter"], ...]
@@ -231,6 +87,18 @@ class SignalDef:
     base: str
     options: SignalOptions = ()
     """Option → value in SI, sorted by name."""
+
+
+@dataclass(frozen=True)
+class DerivedDef:
+    """``[signal.NAME]`` with an operation: a signal computed from others, over formal arguments."""
+
+    name: str
+    of: tuple[str, ...]
+    operation: Operation
+    operands: tuple[SignalAtom | Quantity | Parameter, ...]
+    """Signals without limits, and constants."""
+    dimension: str
 
 
 @dataclass(frozen=True)
@@ -408,13 +276,16 @@ class RuleSet:
     """By code. Only the rules of the files that were asked for, not of those they extend."""
     costs: Mapping[str, Cost]
     """By code, as ``rules``."""
+    derived: Mapping[str, DerivedDef] = field(default_factory=dict, repr=False)
+    """Signals computed from others; ``signals`` holds the variants of built-in ones."""
     known: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Answers about rules and parameter values so far, by the identity of their parts; never pickled."""
 
     @cached_property
     def digest(self) -> str:
         """SHA-256 of all that its files say, prose and places included."""
-        return hashlib.sha256(repr(self).encode()).hexdigest()
+        derived = repr(self.derived) if self.derived else ""
+        return hashlib.sha256((repr(self) + derived).encode()).hexdigest()
 
     def __hash__(self) -> int:
         return hash(

@@ -58,7 +58,8 @@ def uses_of(rules: ast.RuleSet, node: Any, params: ast.Params) -> Uses:
         kind, _, rest = name.partition(".")
         names.setdefault(kind, []).append(rest)
     called = {call.name for part in (node, *uses.values()) for call in calls(part)}
-    called |= {rules.signals[name].base for name in names.get("signal", ())}
+    variants = [name for name in names.get("signal", ()) if name in rules.signals]
+    called |= {rules.signals[name].base for name in variants}
     signals, relations = sorted(called & set(SIGNALS)), sorted(called & set(RELATIONS))
     needs = {need for name in signals for need in SIGNALS[name].needs}
     needs |= {need for name in relations for need in RELATIONS[name].needs}

@@ -111,6 +111,17 @@ def state(found: ast.StateDef, params: ast.Params) -> str:
     return "; ".join(parts)
 
 
+def derived(found: ast.DerivedDef, params: ast.Params) -> str:
+    """``difference of displacement(a) and 2 cm``."""
+    said = [
+        f"{one.call}{'' if one.since is None else f' since {event(one.since)}'}"
+        if isinstance(one, ast.SignalAtom)
+        else _bound(one, params)
+        for one in found.operands
+    ]
+    return f"{found.operation} of {' and '.join(said)}"
+
+
 def phase(found: ast.PhaseDef, params: ast.Params) -> str:
     """The frames of a phase, with what stands in for it."""
     said = span(found.span, params)

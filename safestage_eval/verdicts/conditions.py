@@ -14,19 +14,19 @@ from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES, ClauseKind
-from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band, moment
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.masks import widened
 from safestage_eval.states.moment import Moment, Truth, truth_of
 
 from . import hidden_start
-from .answers import Answers, Found
+from .answers import Found
+from .computed_signals import ComputedSignals
 from .costly import Costly
 from .values import Asked, Env, limit_margin
 
 
-class Conditions(Answers, ABC):
+class Conditions(ComputedSignals, ABC):
     """Conditions as ``Band`` of normalised margins; subclasses evaluate states."""
 
     def __init__(
@@ -100,11 +100,15 @@ class Conditions(Answers, ABC):
 
     def series(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None = None) -> Series:
         """The signal of an atom, up to where its limits need it exactly, at the wanted frames."""
-        return self._series(self.asked(atom, env), atom, env, wanted)
+        return self.measured_series(self.asked(atom, env), atom, env, wanted)
 
-    def _series(
+    def measured_series(
         self, measurement: Asked, atom: ast.SignalAtom, env: Env, wanted: Bool | None
     ) -> Series:
+        """As ``series``, of a measurement that is known already."""
+        computed = self.rules.derived.get(measurement.name)
+        if computed is not None:
+            return self.computed_series(computed, measurement.bodies, wanted)
         reference = when = None
         if atom.since is not None:
             reference, when = self.since(atom.since, env)
@@ -114,7 +118,7 @@ class Conditions(Answers, ABC):
             return self.relations.signal(name, bodies, reference, reach, wanted, options, limits)
 
         hidden = when is not None and atom.since is not None and hidden_start.concerns(atom.since)
-        if when is not None and hidden and SIGNALS[measurement.name].metric:
+        if when is not None and hidden and self.signal(measurement.name).metric:
             baseline = self.relations.signals.baseline
             series = hidden_start.since_some(measured, baseline, when.possible, measurement.reach)
             when = None
@@ -262,7 +266,7 @@ class Conditions(Answers, ABC):
     def _limited(self, atom: ast.SignalAtom, env: Env, wanted: Bool | None) -> Band:
         """Margins of a signal's limits; ``wanted`` as in ``condition``."""
         measurement = self.asked(atom, env)
-        series = self._series(measurement, atom, env, wanted)
+        series = self.measured_series(measurement, atom, env, wanted)
         if self._obligation is not None and self.exempt(measurement):
             skipped = not self._forbidding()
             return band.crisp(np.full(self.frames, skipped), np.ones(self.frames, np.bool_))
@@ -283,9 +287,12 @@ class Conditions(Answers, ABC):
 
     def exempt(self, measurement: Asked) -> bool:
         """The body has no such quantity: a ball has no tilt."""
-        is_exempt = SIGNALS[measurement.name].exempt
+        computed = self.rules.derived.get(measurement.name)
+        if computed is not None:
+            return self.lacks_operand(computed, measurement.bodies)
+        has_none = self.signal(measurement.name).exempt
         body = self.episode.bodies.get(measurement.bodies[0]) if measurement.bodies else None
-        return is_exempt is not None and body is not None and is_exempt(body)
+        return has_none is not None and body is not None and has_none(body)
 
     def _deep(self, call: ast.Call | None) -> bool:
         """A declared state that asks for something costly."""

@@ -51,6 +51,8 @@ class Costly:
         if part.call is None:
             return 0
         name = part.call.name
+        if name in self._rules.derived:
+            return self._of_computed(self._rules.derived[name])
         if name in self._rules.signals:
             name = self._rules.signals[name].base
         declared = self._rules.states.get(name)
@@ -59,6 +61,14 @@ class Costly:
         if not self.state(declared):
             return 0
         return 1 + self.depth(declared.when) + (declared.until is not None)
+
+    def _of_computed(self, computed: ast.DerivedDef) -> int:
+        signals = [one for one in computed.operands if isinstance(one, ast.SignalAtom)]
+        return max(map(self.depth, signals), default=0)
+
+    def computed(self, computed: ast.DerivedDef) -> bool:
+        """It is computed from something costly."""
+        return self._of_computed(computed) > 0
 
     def sorted(self, parts: Sequence[AnyPart]) -> list[AnyPart]:
         """The parts with the costly ones last."""

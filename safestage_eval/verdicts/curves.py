@@ -94,7 +94,8 @@ def looked_at(
     for atom, inner, bad_when in _atoms(evaluator, rule, env):
         if isinstance(atom, ast.Call):
             said = _said(atom, inner)
-            if said not in lanes and atom.name not in evaluator.rules.signals:
+            signals = (evaluator.rules.signals, evaluator.rules.derived)
+            if said not in lanes and not any(atom.name in declared for declared in signals):
                 lanes[said] = _lane(said, evaluator.state(atom, inner, wanted))
             continue
         curve = _curve(evaluator, atom, inner, bad_when, wanted)

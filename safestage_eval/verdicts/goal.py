@@ -185,11 +185,15 @@ class GoalMonitor:
         return None if frame is None else float(window.t[frame])
 
     def _looks_far_back(self, name: str) -> bool:
+        computed = self._rules.derived.get(name)
+        if computed is not None:
+            return computed.operation == "integral"
         variant = self._rules.signals.get(name)
         return SIGNALS[name if variant is None else variant.base].far_back
 
     def _lookback(self, frame_dt: float) -> int | None:
-        todo, seen, total = [self._goal.require], set[str](), 0.0
+        todo: list[ast.Condition | ast.DerivedDef] = [self._goal.require]
+        seen, total = set[str](), 0.0
         durations = [self._goal.for_ or CONFIRM]
         while todo:
             for node in nodes(todo.pop()):
@@ -197,6 +201,11 @@ class GoalMonitor:
                     node.since is not None or self._looks_far_back(node.call.name)
                 ):
                     return None
+                if isinstance(node, ast.Call) and node.name in {*self._rules.derived} - seen:
+                    seen.add(node.name)
+                    todo.append(self._rules.derived[node.name])
+                    if self._rules.derived[node.name].operation == "derivative":
+                        durations.append(ast.Duration(1, frames=True))
                 if isinstance(node, ast.Call) and node.name in self._rules.states:
                     state = self._rules.states[node.name]
                     if state.until is not None:

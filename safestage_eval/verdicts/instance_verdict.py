@@ -65,7 +65,7 @@ def undersampled(evaluator: Evaluator, witness: Witness) -> float | None:
     """M by which the value may differ between two frames, if the limit lies within that."""
     if witness.name is None or witness.value is None or witness.limit is None or witness.at_least:
         return None
-    slack = evaluator.relations.between_frames(witness.name, witness.bodies, witness.frame)
+    slack = evaluator.between_frames(witness.name, witness.bodies, witness.frame)
     if slack is None or abs(witness.value - witness.limit) > slack:
         return None
     return slack

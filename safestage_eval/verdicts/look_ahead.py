@@ -122,6 +122,9 @@ class Look:
 
     def _atom(self, atom: ast.Atom) -> Foresight:
         if isinstance(atom, ast.SignalAtom):
+            computed = self._rules.derived.get(atom.call.name)
+            if computed is not None:
+                return self._computed(computed)
             variant = self._rules.signals.get(atom.call.name)
             signal = SIGNALS[atom.call.name if variant is None else variant.base]
             if self._blind and signal.by_motion:
@@ -136,6 +139,11 @@ class Look:
         if isinstance(atom, ast.AnyOf):
             return latest(map(self.alternative, atom.alternatives))
         return self._state(atom.call)
+
+    def _computed(self, computed: ast.DerivedDef) -> Foresight:
+        """The first derivative is that of the second sample."""
+        parts = [self._atom(one) for one in computed.operands if isinstance(one, ast.SignalAtom)]
+        return latest(parts).then(self._dt if computed.operation == "derivative" else 0.0)
 
     def _state(self, call: ast.Call) -> Foresight:
         state = self._rules.states.get(call.name)

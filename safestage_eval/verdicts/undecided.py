@@ -13,7 +13,6 @@ from safestage_eval.episode.runs import runs
 from safestage_eval.evidence.missing_values import POSE, TWIST
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import syntax as ast
-from safestage_eval.signals import SIGNALS
 from safestage_eval.states.band import Band, Bool
 
 from .evaluate import Evaluator
@@ -224,7 +223,7 @@ def _in_signal(evaluator: Evaluator, atom: ast.SignalAtom, env: Env, frame: int,
     hole = _hole(evaluator, frame)
     if hole:
         return hole
-    if evaluator.clock.late and (atom.since is not None or SIGNALS[asked.name].from_start):
+    if evaluator.clock.late and (atom.since is not None or evaluator.signal(asked.name).from_start):
         return f"nothing was recorded before {seconds(float(evaluator.episode.t[1]))}"
     if atom.since is not None:
         _, when = evaluator.since(atom.since, env)

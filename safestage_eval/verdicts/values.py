@@ -7,10 +7,11 @@ from difflib import get_close_matches
 from typing import NamedTuple
 
 from safestage_eval.episode import Clock, Episode, Lasting, Window
-from safestage_eval.evidence.declare import Options, OptionValue
+from safestage_eval.evidence.declare import Options, OptionValue, Signal
 from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
+from safestage_eval.rules.names import derived_signal
 from safestage_eval.signals import SIGNALS
 from safestage_eval.states import limits
 from safestage_eval.states.band import Band
@@ -28,7 +29,7 @@ class Meant(NamedTuple):
 
     Attributes:
         call: as written; kept, so that no other comes to have its identity.
-        name: of the built-in signal.
+        name: of the built-in signal, or of one that is computed from others.
         roles: those of its arguments that are roles or bodies.
         options: what the variant or the first argument says, sorted by name.
         columns: material columns that it reads besides.
@@ -49,7 +50,7 @@ class Asked(NamedTuple):
     """The measurement that an atom compares, of certain bodies and under certain values.
 
     Attributes:
-        name: of the built-in signal.
+        name: of the built-in signal, or of one that is computed from others.
         bodies: names of bodies or unions, in the signal's order.
         options: what the signal's definition adds.
         limits: SI, in the order of the atom's limits.
@@ -162,6 +163,11 @@ class Values:
             self._limits[id(atom)] = atom, limits, reach
         return Asked(name, bodies, options, limits, reach)
 
+    def signal(self, name: str) -> Signal:
+        """What a signal of that name is: a built-in one, or one that is computed from others."""
+        found = SIGNALS.get(name)
+        return derived_signal(self.rules.derived[name]) if found is None else found
+
     def scale(self, call: ast.Call) -> float:
         """SI size of the signal that counts as one in a normalised margin when the limit is 0."""
         return self._meaning(call).scale
@@ -169,6 +175,14 @@ class Values:
 
 def _resolved(rules: ast.RuleSet, call: ast.Call) -> Meant:
     """The built-in signal and options behind a call."""
+    derived = rules.derived.get(call.name)
+    if derived is not None:
+        scales = [
+            _resolved(rules, one.call).scale
+            for one in derived.operands
+            if isinstance(one, ast.SignalAtom)
+        ]
+        return Meant(call, call.name, call.args, (), (), max(scales))
     variant = rules.signals.get(call.name)
     spec = SIGNALS[variant.base if variant is not None else call.name]
     given = dict(variant.options) if variant is not None else {}

@@ -18,7 +18,6 @@ from safestage_eval.geometry.gjk import PROMISED
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import ClauseKind
 from safestage_eval.rules.digest import parameters_read
-from safestage_eval.signals import SIGNALS
 from safestage_eval.states import band, persistence
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.verdicts.evaluate import Evaluator
@@ -149,7 +148,7 @@ class FlipBands:
         return keys
 
     def _series(self, atom: ast.SignalAtom, env: Env, name: str, wanted: Bool) -> Series:
-        if not SIGNALS[name].capped:
+        if not self.at.signal(name).capped:
             if atom.since is not None and self.at.since(atom.since, env)[1] is not None:
                 raise Undecided("what it is measured from is not known")
             return self.at.series(atom, env, wanted if self.at.asks_costly(atom) else None)

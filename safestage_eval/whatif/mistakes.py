@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 from safestage_eval.rules import RuleSet, words
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES
+from safestage_eval.rules.operations import OPERATIONS, Operation
 from safestage_eval.rules.uses import own_params, uses_of
 from safestage_eval.signals import SIGNALS
 
@@ -81,11 +82,14 @@ def mistakes_in(rules: RuleSet, name: str) -> Iterator[Mistake]:
 
     Args:
         rules: the set that declares it.
-        name: of a state, a phase or a variant of a signal.
+        name: of a state, a phase, a variant of a signal or one that is computed.
     """
     if name in rules.signals:
         for kind, text, variant in _of_variant(rules.signals[name]):
             yield Mistake(kind, text, replace(rules, signals={**rules.signals, name: variant}))
+    elif name in rules.derived:
+        for kind, text, computed in _of_computed(rules.derived[name], rules):
+            yield Mistake(kind, text, replace(rules, derived={**rules.derived, name: computed}))
     elif name in rules.states:
         state = rules.states[name]
         for kind, text, changed in _of_tree(state, _Place(rules, rules.params, state.of)):
@@ -110,6 +114,39 @@ def _of_variant(variant: ast.SignalDef) -> Iterator[Mistake]:
         for said, other in others.items():
             options = (*variant.options[:i], (option, other), *variant.options[i + 1 :])
             yield Mistake("unit", f"{option} → {said}", replace(variant, options=options))
+
+
+_MISTAKEN: dict[Operation, Operation] = {
+    "sum": "difference", "difference": "sum", "min": "max", "max": "min",
+}  # fmt: skip
+"""An operation mistaken for one of the same dimension."""
+
+
+def _of_computed(computed: ast.DerivedDef, rules: RuleSet) -> Iterator[Mistake]:
+    """Another operation, operands exchanged or left out, a constant ten times as large."""
+    place, operands = _Place(rules, rules.params, computed.of), computed.operands
+    others: list[tuple[Kind, ast.DerivedDef]] = []
+    other = _MISTAKEN.get(computed.operation)
+    if other is not None and len(operands) <= OPERATIONS[other].most:
+        others.append(("operator", replace(computed, operation=other)))
+    if computed.operation == "difference":
+        others.append(("operator", replace(computed, operands=operands[::-1])))
+    for i, operand in enumerate(operands):
+        rest = operands[:i] + operands[i + 1 :]
+        signals = [one for one in rest if isinstance(one, ast.SignalAtom)]
+        if len(rest) >= OPERATIONS[computed.operation].least and signals:
+            others.append(("obligation", replace(computed, operands=rest)))
+        if isinstance(operand, ast.SignalAtom):
+            for kind, text, changed in _of_tree(operand, place):
+                with_it = (*operands[:i], changed, *operands[i + 1 :])
+                yield Mistake(kind, text, replace(computed, operands=with_it))
+            continue
+        for value in _scalings(operand, place):
+            with_it = (*operands[:i], value, *operands[i + 1 :])
+            others.append(("unit", replace(computed, operands=with_it)))
+    said = words.derived(computed, rules.params)
+    for kind, changed in others:
+        yield Mistake(kind, f"{said} → {words.derived(changed, rules.params)}", changed)
 
 
 def _of_scope(rule: ast.Scoped, place: _Place) -> Iterator[Mistake]:

@@ -73,7 +73,8 @@ def mutants_in(rules: RuleSet, name: str) -> Iterator[Mutant]:
     """Every rule set in which a definition differs by one mistake and means something else."""
 
     def digest(some: RuleSet) -> str:
-        definition = some.states.get(name) or some.phases.get(name) or some.signals[name]
+        kinds = (some.states, some.phases, some.signals, some.derived)
+        definition = next(one[name] for one in kinds if name in one)
         return digest_of(some, definition, some.params)
 
     seen = {digest(rules)}

@@ -25,7 +25,7 @@ from safestage_eval.signals import SIGNALS
 
 FRAMES, STARTS = 80, 30
 BOX = (-1.0, -1.0, -1.0, 1.0, 1.0, 1.0)
-GIVEN: dict[str, Any] = {"time": 0.05, "channel": "heat", "box": BOX}
+GIVEN: dict[str, Any] = {"time": 0.05, "channel": "heat", "box": BOX, "choice": "z"}
 COLUMNS = {"force": 1.0, "ratio": 0.02}
 IN_THE_WORLD = {"workspace_margin"}
 """Signals that are about a place; they go along only if the place does."""

@@ -1,0 +1,124 @@
+"""Arithmetic with series that are known up to an interval: every value that may be, and no more.
+
+Where an end is not finite, so is that of the result; 0 times it is 0, for what is not known is some
+number. Nothing is lost where a signal stands in an operation once; where it stands twice
+(``a − a``), the interval is wider than it need be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .series import Series
+
+F64 = NDArray[np.float64]
+Ends = tuple[F64, F64]
+
+
+def combined(operation: str, operands: Sequence[Series]) -> Ends:
+    """Lower and upper end (T,) of a pointwise operation; one array where all operands are exact.
+
+    ``operation``: ``sum``, ``difference``, ``product``, ``magnitude``, ``min``, ``max`` or ``abs``.
+    """
+    ends = [(one.lower, one.upper) for one in operands]
+    with np.errstate(invalid="ignore", over="ignore"):
+        if operation == "difference":
+            (a, b), (c, d) = ends
+            return _known(lambda x, y: x - y, (a, d), (b, c))
+        if operation == "abs":
+            return _size(ends[0])
+        if operation == "magnitude":
+            squares = [_squared(_size(end)) for end in ends]
+            low, high = reduce(_sum, squares)
+            root = np.sqrt(low)
+            return root, root if high is low else np.sqrt(high)
+        return reduce(_OF_TWO[operation], ends)
+
+
+def change_per_second(of: Series, t: F64) -> Ends:
+    """Ends (T,) of the change since the sample before, per second; the first as the second.
+
+    A single sample tells of no change.
+    """
+    if len(t) < 2:
+        return np.full(len(t), -np.inf), np.full(len(t), np.inf)
+    seconds = np.diff(t)
+    with np.errstate(invalid="ignore"):
+        low = (of.lower[1:] - of.upper[:-1]) / seconds
+        high = (of.upper[1:] - of.lower[:-1]) / seconds
+    lower = np.where(np.isnan(low), -np.inf, low)
+    lower = np.append(lower[:1], lower)
+    if of.lower is of.upper and np.isfinite(lower).all():
+        return lower, lower
+    upper = np.where(np.isnan(high), np.inf, high)
+    return lower, np.append(upper[:1], upper)
+
+
+def summed_over_time(of: Series, t: F64) -> Ends:
+    """Ends (T,) of what it adds up to since the first sample, each value times the time before it."""
+    seconds = np.diff(t, prepend=t[:1])
+    low = _running(of.lower, seconds, -np.inf)
+    return low, low if of.upper is of.lower else _running(of.upper, seconds, np.inf)
+
+
+def _running(end: F64, seconds: F64, lost: float) -> F64:
+    """(T,) the running sum; once it is not known, it stays so."""
+    with np.errstate(invalid="ignore"):
+        parts = np.where(seconds == 0, 0.0, end * seconds)
+        total = np.cumsum(parts)
+    bad = np.logical_or.accumulate(~np.isfinite(parts))
+    return np.where(bad, lost, total)
+
+
+def _known(of: Callable[[F64, F64], F64], low: Ends, high: Ends) -> Ends:
+    """A lower end of ``of(*low)`` and an upper one of ``of(*high)``; ∞ − ∞ may be anything."""
+    lower = of(*low)
+    lower = np.where(np.isnan(lower), -np.inf, lower)
+    if low[0] is high[0] and low[1] is high[1]:
+        return lower, lower
+    upper = of(*high)
+    return lower, np.where(np.isnan(upper), np.inf, upper)
+
+
+def _sum(a: Ends, b: Ends) -> Ends:
+    return _known(lambda x, y: x + y, (a[0], b[0]), (a[1], b[1]))
+
+
+def _least(a: Ends, b: Ends) -> Ends:
+    return _known(np.minimum, (a[0], b[0]), (a[1], b[1]))
+
+
+def _greatest(a: Ends, b: Ends) -> Ends:
+    return _known(np.maximum, (a[0], b[0]), (a[1], b[1]))
+
+
+def _times(a: Ends, b: Ends) -> Ends:
+    if a[0] is a[1] and b[0] is b[1]:
+        found = a[0] * b[0]
+        found = np.where(np.isnan(found), 0.0, found)
+        return found, found
+    corners = np.array([x * y for x in a for y in b])
+    corners = np.where(np.isnan(corners), 0.0, corners)  # 0 · ∞
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+def _size(end: Ends) -> Ends:
+    low, high = end
+    if low is high:
+        found = np.abs(low)
+        return found, found
+    return np.maximum(np.maximum(low, -high), 0.0), np.maximum(np.abs(low), np.abs(high))
+
+
+def _squared(end: Ends) -> Ends:
+    low = end[0] * end[0]
+    return low, low if end[1] is end[0] else end[1] * end[1]
+
+
+_OF_TWO: dict[str, Callable[[Ends, Ends], Ends]] = {
+    "sum": _sum, "product": _times, "min": _least, "max": _greatest,
+}  # fmt: skip
