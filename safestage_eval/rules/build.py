@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from . import parse
@@ -36,6 +37,9 @@ class Builder:
     def _atom(self, key: str, value: Any) -> ast.Atom:
         if key == "any":
             return ast.AnyOf(tuple(self.alternative(item) for item in value))
+        of_states = parse.of_states(key)
+        if of_states is not None:
+            return replace(of_states, want=of_states.want == value)
         call, since = parse.atom_key(key)
         if isinstance(value, bool):
             return ast.StateAtom(call, value)

@@ -70,6 +70,13 @@ class Usage(References):
                 fix=f'write "{key} = …" before the sub-table that swallowed it', key=True,
             )  # fmt: skip
             return
+        if re.match(r"(once|always)\b(?!\()|.*\) (iff|xor) |.* since\[", key):
+            of_states = self.parsed("R307", keys, _of_states, key, key=True)
+            if of_states is None:
+                scope.unreadable()
+            else:
+                self._of_states(of_states, value, keys, scope)
+            return
         atom = self.parsed("R307", keys, parse.atom_key, key, key=True)
         if atom is None:
             scope.unreadable()
@@ -82,6 +89,22 @@ class Usage(References):
             self._limits(call, since, value, keys, scope)
         elif kind == "state":
             self._truth(call, since, value, keys, scope)
+
+    def _of_states(
+        self, atom: ast.PastAtom | ast.PairAtom, value: Any, keys: Keys, scope: Scope
+    ) -> None:
+        """States as they were, and two that are compared."""
+        other = atom.begun if isinstance(atom, ast.PastAtom) else atom.other
+        for call in (atom.call, *([] if other is None else [other])):
+            self._state(call, "this", keys, scope, key=True)
+        if isinstance(atom, ast.PastAtom):
+            for lasting in (atom.recent, atom.far):
+                if lasting is not None:
+                    self._lasting(lasting, keys, scope)
+        if not isinstance(value, bool):
+            self.report(
+                "R405", keys, f"{literal(value)} does not fit: states hold or do not", "true, false"
+            )
 
     def _limits(
         self, call: ast.Call, since: ast.Event | None, value: Any, keys: Keys, scope: Scope
@@ -142,3 +165,15 @@ class Usage(References):
                 "R403", keys, f'"{counted[2]}" is not an argument of {call}', ", ".join(call.args),
                 Near(counted[2], call.args),
             )  # fmt: skip
+
+
+def _of_states(key: str) -> ast.PastAtom | ast.PairAtom:
+    """As ``parse.of_states``. Raises GrammarError."""
+    found = parse.of_states(key)
+    if found is None:
+        raise parse.GrammarError(
+            f"{key!r} does not say of which states, and when",
+            "once[DUR, DUR] state(role, …), always[DUR, DUR] state(…), "
+            "state(…) since[DUR, DUR] state(…), state(…) iff state(…), state(…) xor state(…)",
+        )
+    return found

@@ -4,6 +4,9 @@ A small regular grammar, matched by hand; nothing is ever evaluated::
 
     LIMIT = (>= <= > <) ([-]number unit | [-]param | [-]column(role))
     ATOM  = name(roles) ["since" EVENT]
+          | once|always ["[" DUR ["," DUR] "]"] state(roles)
+          | state(roles) since "[" DUR ["," DUR] "]" state(roles)
+          | state(roles) iff|xor state(roles)
     EVENT = start | end | success | ["start of"|"end of"] state(roles)
     SPAN  = (episode | phase | phase(roles) | state(roles) | first|last DUR of SPAN
              | DUR before|after EVENT | from EVENT to EVENT) ["while" state(roles)]
@@ -196,6 +199,34 @@ def atom_key(text: str) -> tuple[ast.Call, ast.Event | None]:
             'name(role, …), optionally "since EVENT"; or "any"',
         )
     return call(match[1]), event(match[2]) if match[2] else None
+
+
+def of_states(text: str) -> ast.PastAtom | ast.PairAtom | None:
+    """``"once[0 s, 2 s] p(a)"``, ``"p(a) since[0 s] q(b)"``, ``"p(a) xor q(b)"``; None if it is none."""
+    bounds = rf"\[({DURATION})(?:, *({DURATION}))?\]"
+    if match := re.fullmatch(rf"(once|always)(?:{bounds})? ({CALL})", text):
+        how = cast('Literal["once", "always"]', match[1])
+        return ast.PastAtom(how, call(match[4]), *_bounds(text, match[2], match[3]))
+    if match := re.fullmatch(rf"({CALL}) since{bounds} ({CALL})", text):
+        recent, far = _bounds(text, match[2], match[3])
+        return ast.PastAtom("since", call(match[1]), recent, far, call(match[4]))
+    if match := re.fullmatch(rf"({CALL}) (iff|xor) ({CALL})", text):
+        return ast.PairAtom(call(match[1]), call(match[3]), match[2] == "iff")
+    return None
+
+
+def _bounds(
+    text: str, recent: str | None, far: str | None
+) -> tuple[ast.Duration | ast.Parameter, ast.Duration | ast.Parameter | None]:
+    """From when to when before now. Raises GrammarError where the second is not the earlier time."""
+    near = ast.Duration(0.0, text="0 s") if recent is None else duration(recent)
+    until = None if far is None else duration(far)
+    fixed = isinstance(near, ast.Duration) and isinstance(until, ast.Duration)
+    if fixed and near.frames == until.frames and until.amount < near.amount:  # type: ignore[union-attr]
+        raise GrammarError(
+            f"{text!r} looks back from {recent} to {far} ago", "the shorter time first"
+        )
+    return near, until
 
 
 def count(text: str) -> tuple[Literal["least", "most"], int, str] | None:

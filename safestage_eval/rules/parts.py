@@ -219,6 +219,8 @@ def _name(item: Any) -> str:
         return str(item.call)
     if isinstance(item, ast.Event):
         return words.event(item)
+    if isinstance(item, ast.PastAtom | ast.PairAtom):
+        return words.atom(replace(item, want=True), {})
     return words.atom(item, {}) if isinstance(item, ast.AnyOf) else words.condition(item, {})
 
 
@@ -237,7 +239,7 @@ def _said(item: Any, params: ast.Params) -> str | None:
         return words.event(item)
     if isinstance(item, ast.Duration | ast.Parameter):
         return words.duration(item, params)
-    if isinstance(item, ast.SignalAtom | ast.StateAtom | ast.CountAtom | ast.AnyOf):
+    if isinstance(item, ast.Atom):
         return words.atom(item, params)
     if isinstance(item, tuple):  # roles
         return "; ".join(f"{name}: {words.role(spec)}" for name, spec in item)

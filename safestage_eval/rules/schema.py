@@ -209,6 +209,12 @@ def _condition(nested: str | None) -> dict[str, Any]:
             "anyOf": [{"type": "boolean"}, _text(_COUNT)],
             "description": relation.meaning,
         }
+    bounds = rf"\[{parse.DURATION}(?:, *{parse.DURATION})?\]"
+    of_states = (
+        f"(?:once|always)(?:{bounds})? {parse.CALL}|{parse.CALL} since{bounds} {parse.CALL}"
+        f"|{parse.CALL} (?:iff|xor) {parse.CALL}"
+    )
+    entries[f"^(?:{of_states})$"] = {"type": "boolean"}
     built_in = "|".join([*SIGNALS, *RELATIONS])
     entries[rf"^(?!(?:{built_in})\(){parse.CALL}(?: since {parse.EVENT})?$"] = {
         "anyOf": [{"type": "boolean"}, _text(_COUNT), _text(_LIMIT), _list(_text(_LIMIT))]

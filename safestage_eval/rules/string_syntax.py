@@ -131,13 +131,38 @@ class CountAtom:
 
 
 @dataclass(frozen=True)
+class PastAtom:
+    """A state as it was from ``far`` to ``recent`` ago (since the start if None): ``once[1 s, 2 s] p(a)``.
+
+    ``once`` at some time, ``always`` all the time. ``since``: at some time then ``begun`` held, and
+    ``call`` at every sample behind it until now.
+    """
+
+    how: Literal["once", "always", "since"]
+    call: Call
+    recent: Duration | Parameter
+    far: Duration | Parameter | None
+    begun: Call | None = None
+    want: bool = True
+
+
+@dataclass(frozen=True)
+class PairAtom:
+    """Two states that hold alike (``p(a) iff q(b)``), or do not (``xor``, or ``want`` false)."""
+
+    call: Call
+    other: Call
+    want: bool = True
+
+
+@dataclass(frozen=True)
 class AnyOf:
     """At least one of the alternatives holds."""
 
     alternatives: tuple[Alternative, ...]
 
 
-Atom = SignalAtom | StateAtom | CountAtom | AnyOf
+Atom = SignalAtom | StateAtom | CountAtom | PastAtom | PairAtom | AnyOf
 
 
 @dataclass(frozen=True)

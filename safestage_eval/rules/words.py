@@ -45,11 +45,28 @@ def atom(found: ast.Atom, params: ast.Params) -> str:
         return f"{found.call}{since} {limits}"
     if isinstance(found, ast.StateAtom):
         return str(found.call) if found.want else f"not {found.call}"
+    if isinstance(found, ast.PastAtom):
+        return _past(found, params)
+    if isinstance(found, ast.PairAtom):
+        if found.want:
+            return f"{found.call} exactly where {found.other}"
+        return f"either {found.call} or {found.other}"
     if isinstance(found, ast.CountAtom):
         return f"{found.call} for at {found.bound} {found.count} {found.role}"
     if len(found.alternatives) == 1:
         return alternative(found.alternatives[0], params)
     return "any of: " + "; ".join(alternative(item, params) for item in found.alternatives)
+
+
+def _past(found: ast.PastAtom, params: ast.Params) -> str:
+    """``once from 2 s to 0.5 s ago contact(a, b)``."""
+    begin = "the start" if found.far is None else f"{duration(found.far, params)} ago"
+    recent = duration(found.recent, params)
+    when = f"from {begin} to {'now' if recent == '0 s' else f'{recent} ago'}"
+    said = f"{found.how} {when} {found.call}"
+    if found.begun is not None:
+        said = f"{found.call} ever since {found.begun} {when}"
+    return said if found.want else f"not ({said})"
 
 
 def condition(found: ast.Condition, params: ast.Params) -> str:

@@ -14,7 +14,7 @@ from safestage_eval.evidence.series import Series
 from safestage_eval.relations.relations import Relations
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.clauses import CLAUSES, ClauseKind
-from safestage_eval.states import band, moment
+from safestage_eval.states import band, moment, past
 from safestage_eval.states.band import Band, Bool
 from safestage_eval.states.masks import widened
 from safestage_eval.states.moment import Moment, Truth, truth_of
@@ -23,7 +23,7 @@ from . import hidden_start
 from .answers import Found
 from .computed_signals import ComputedSignals
 from .costly import Costly
-from .values import Asked, Env, limit_margin
+from .values import Asked, Env, lasting, limit_margin
 
 
 class Conditions(ComputedSignals, ABC):
@@ -228,6 +228,9 @@ class Conditions(ComputedSignals, ABC):
         if type(atom) is ast.StateAtom:
             state = self.must_not(atom.call, env, "forbid" if atom.want else "require", wanted)
             return state if atom.want else band.opposite(state)
+        if type(atom) is ast.PastAtom or type(atom) is ast.PairAtom:
+            found = self.of_states(atom, env)
+            return found if atom.want else band.opposite(found)
         if type(atom) is ast.CountAtom:
             each = [
                 self.state(atom.call, {**env, atom.role: body}, wanted)
@@ -238,6 +241,34 @@ class Conditions(ComputedSignals, ABC):
             return band.opposite(band.at_least(atom.count + 1, each, self.frames))
         assert type(atom) is ast.AnyOf
         return self._any(atom.alternatives, env, wanted)
+
+    def of_states(self, atom: ast.PastAtom | ast.PairAtom, env: Env) -> Band:
+        """(T,) states as they were, or two that are compared; whether that is wanted or not."""
+        key = ("of states", id(atom), self._obligation, *env.items())
+        return self.once(atom, key, self._of_states, atom, env)
+
+    def _of_states(self, atom: ast.PastAtom | ast.PairAtom, env: Env) -> Band:
+        def held(call: ast.Call) -> Band:
+            if isinstance(atom, ast.PairAtom):
+                return self.must_not(call, env)
+            return self.must_not(call, env, "forbid" if atom.want else "require")
+
+        return self.made_of(atom, held)
+
+    def made_of(self, atom: ast.PastAtom | ast.PairAtom, held: Callable[[ast.Call], Band]) -> Band:
+        """(T,) the same, from what tells when each of the states held."""
+        if isinstance(atom, ast.PairAtom):
+            return past.alike(held(atom.call), held(atom.other))
+        at = self.looks(atom)
+        if atom.begun is not None:
+            return past.since(held(atom.call), held(atom.begun), at)
+        return (past.once if atom.how == "once" else past.always)(held(atom.call), at)
+
+    def looks(self, atom: ast.PastAtom) -> past.Looks:
+        """The samples at which it looks back, from each."""
+        recent = lasting(self.duration(atom.recent), 0)
+        far = None if atom.far is None else lasting(self.duration(atom.far), 0)
+        return past.looks(self.clock, recent, far)
 
     def _any(
         self,

@@ -50,7 +50,10 @@ class Costly:
             return max(map(self.depth, part.alternatives), default=0)
         if part.call is None:
             return 0
-        name = part.call.name
+        others = (getattr(part, "other", None), getattr(part, "begun", None))
+        return max(self._of_call(call.name) for call in (part.call, *others) if call is not None)
+
+    def _of_call(self, name: str) -> int:
         if name in self._rules.derived:
             return self._of_computed(self._rules.derived[name])
         if name in self._rules.signals:

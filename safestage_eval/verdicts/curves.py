@@ -148,7 +148,10 @@ def _inside(
             inner = {**env, what.role: body}
             yield from _called(evaluator, what.call, inner, turned, deeper)
     elif what.call is not None:
-        turned = not bad_when if isinstance(what, ast.StateAtom) and not what.want else bad_when
+        turned = bad_when == getattr(what, "want", True)
+        other = getattr(what, "begun", None) or getattr(what, "other", None)
+        if other is not None:
+            yield from _called(evaluator, other, env, turned, deeper)
         yield from _called(evaluator, what.call, env, turned, deeper)
 
 

@@ -138,6 +138,9 @@ class Look:
             return NOW if atom.since is None else self._event(atom.since)
         if isinstance(atom, ast.AnyOf):
             return latest(map(self.alternative, atom.alternatives))
+        other = getattr(atom, "begun", None) or getattr(atom, "other", None)
+        if other is not None:
+            return latest([self._state(atom.call), self._state(other)])
         return self._state(atom.call)
 
     def _computed(self, computed: ast.DerivedDef) -> Foresight:

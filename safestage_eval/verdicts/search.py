@@ -107,6 +107,10 @@ class Search(NamedTuple):
                 return Witness(str(atom.call), tuple(bodies), frame, needs=search.asks)
             decisive = bodies[int(np.argsort(margins)[-count])]
             return search.state(atom.call, {**env, atom.role: decisive}, frame)
+        if isinstance(atom, ast.PastAtom):
+            return (self if atom.want else self._opposite()).as_it_was(atom, env, frame)
+        if isinstance(atom, ast.PairAtom):
+            return (self if atom.want else self._opposite()).compared(atom, env, frame)
         here = self._only(frame)
         margins = [
             self.end(self.evaluator.alternative(a, env, here), frame) for a in atom.alternatives
@@ -114,6 +118,39 @@ class Search(NamedTuple):
         greatest = _least([-margin for margin in margins])
         found = self.alternative(atom.alternatives[greatest], env, frame)
         return found.or_tied(margins, max(margins))
+
+    def as_it_was(self, atom: ast.PastAtom, env: Env, frame: int) -> Witness:
+        """Witness of a state as it was: at the latest sample that has the margin."""
+        evaluator = self.evaluator
+        margin = self.end(evaluator.of_states(atom, env), frame)
+        firsts, stops = evaluator.looks(atom)
+        first, stop = int(firsts[frame]), int(stops[frame])
+        parts = [(atom.call, first, stop)]
+        if atom.begun is not None:
+            parts = [(atom.begun, first, stop), (atom.call, first + 1, frame + 1)]
+        for call, begin, end in parts:
+            found = evaluator.must_not(call, env)
+            some = (found.upper if self.upper else found.lower)[begin:end]
+            same = np.flatnonzero(some == margin)
+            if len(same):
+                return self.state(call, env, begin + int(same[-1]))
+        return Witness(str(atom.call), self._bodies(atom.call, env), frame, needs=self.asks)
+
+    def compared(self, atom: ast.PairAtom, env: Env, frame: int) -> Witness:
+        """Witness of two states that are compared: the one whose margin it is."""
+        margin = self.end(self.evaluator.of_states(atom, env), frame)
+        for call in (atom.call, atom.other):
+            found = self.evaluator.must_not(call, env)
+            for upper, end in ((False, found.lower), (True, found.upper)):
+                if end[frame] == margin:
+                    return Search(self.evaluator, upper, self.sign).state(call, env, frame)
+                if end[frame] == -margin:
+                    return Search(self.evaluator, upper, -self.sign).state(call, env, frame)
+        return Witness(str(atom.call), self._bodies(atom.call, env), frame, needs=self.asks)
+
+    @staticmethod
+    def _bodies(call: ast.Call, env: Env) -> tuple[str, ...]:
+        return tuple([env.get(arg, arg) for arg in call.args])
 
     def state(self, call: ast.Call, env: Env, frame: int) -> Witness:
         """Witness of a state: of a declared one, what it was derived from."""

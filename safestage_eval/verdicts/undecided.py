@@ -214,6 +214,10 @@ def _in_atom(evaluator: Evaluator, atom: ast.Atom, env: Env, frame: int, here: B
         envs = [{**env, atom.role: body} for body in bodies]
         found = (_in_state(evaluator, atom.call, inner, frame) for inner in envs)
         return next(filter(None, found), "")
+    if isinstance(atom, ast.PastAtom | ast.PairAtom):
+        other = atom.begun if isinstance(atom, ast.PastAtom) else atom.other
+        calls = [atom.call] if other is None else [atom.call, other]
+        return next(filter(None, (_in_state(evaluator, c, env, frame) for c in calls)), "")
     open_ = (_in_alternative(evaluator, a, env, frame) for a in atom.alternatives)
     return next(filter(None, open_), "")
 

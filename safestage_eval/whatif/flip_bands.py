@@ -114,11 +114,25 @@ class FlipBands:
             least = atom.bound == "least"
             keys = band.at_least(atom.count + (not least), each, self.frames)
             return keys if least else band.opposite(keys)
+        if isinstance(atom, ast.PastAtom | ast.PairAtom):
+            return self._of_states(atom, env, kind)
         bands, mask = list[Band](), wanted
         for one in self.at.costly.sorted(atom.alternatives):
             bands.append(self.alternative(one, env, kind, mask))
             mask = mask & (bands[-1].lower != np.inf)
         return band.either(bands, self.frames)
+
+    def _of_states(self, atom: ast.PastAtom | ast.PairAtom, env: Env, kind: Kind) -> Band:
+        """(T,) states as they were, or two that are compared."""
+        if isinstance(atom, ast.PastAtom) and (
+            self.is_moved(atom.recent) or self.is_moved(atom.far)
+        ):
+            raise Undecided("how far it looks back depends on it")
+        if isinstance(atom, ast.PairAtom) and kind is not None:
+            raise Undecided("what may be too brief to count matters both ways")
+        breaks: ClauseKind = "forbid" if atom.want else "require"
+        keys = self.at.made_of(atom, lambda call: self._must_not(call, env, kind, breaks))
+        return keys if atom.want else band.opposite(keys)
 
     def _given(
         self, find: Callable[..., Band], node: object, env: Env, kind: Kind, wanted: Bool

@@ -263,8 +263,9 @@ def _of_tree(node: Any, place: _Place) -> Iterator[Mistake]:
             value = getattr(node, item.name)
             for kind, text, changed in _of_tree(value, place):
                 yield Mistake(kind, text, replace(node, **{item.name: changed}))
-            if item.name in ("for_", "gap", "duration") and value is not None:
-                for text, changed in _of_duration(value, place, item.name != "gap"):
+            if item.name in ("for_", "gap", "duration", "recent", "far") and value is not None:
+                least = item.name not in ("gap", "recent", "far")
+                for text, changed in _of_duration(value, place, least):
                     said = f"{item.name.rstrip('_')} {text}"
                     yield Mistake("duration", said, replace(node, **{item.name: changed}))
             if isinstance(value, ast.Event):
@@ -285,6 +286,16 @@ def _of_node(node: Any, place: _Place) -> Iterator[Mistake]:
         case ast.StateAtom():
             turned = replace(node, want=not node.want)
             yield _told("truth", node, turned, place)
+        case ast.PastAtom():
+            yield _told("truth", node, replace(node, want=not node.want), place)
+            if node.begun is not None:
+                turned_round = replace(node, call=node.begun, begun=node.call)
+                yield _told("operator", node, turned_round, place)
+            else:
+                how: Literal["once", "always"] = "once" if node.how == "always" else "always"
+                yield _told("operator", node, replace(node, how=how), place)
+        case ast.PairAtom():
+            yield _told("operator", node, replace(node, want=not node.want), place)
         case ast.CountAtom():
             bound: Literal["least", "most"] = "most" if node.bound == "least" else "least"
             yield _told("operator", node, replace(node, bound=bound), place)
