@@ -137,13 +137,14 @@ class Builder:
         return tuple([self.alternative(item) for item in items])
 
     def _charge(self, table: Table) -> ast.Charge:
-        above = table.get("above")
         return ast.Charge(
             float(table["add"]),
             table["per"],
             self.alternative(table["when"]) if "when" in table else None,
             parse.call(table["of"]) if "of" in table else None,
-            parse.limit(f"> {above}").value if above is not None else None,
+            _value(table, "above"),
+            _value(table, "below"),
+            table.get("whole") or None,
         )
 
 
@@ -183,6 +184,10 @@ def settings(table: Table) -> tuple[tuple[str, ast.Setting], ...]:
 
 def _roles(table: Table) -> tuple[tuple[str, ast.RoleSpec], ...]:
     return tuple((name, parse.role(text)) for name, text in table.get("roles", {}).items())
+
+
+def _value(table: Table, key: str) -> ast.Value | None:
+    return parse.limit(f"> {table[key]}").value if key in table else None
 
 
 def _duration(table: Table, key: str) -> ast.Duration | ast.Parameter | None:

@@ -13,7 +13,7 @@ from .operations import OPERATIONS
 Kind = Literal[
     "text", "texts", "names", "format", "code", "condition", "alternative", "alternatives", "span",
     "event", "duration", "roles", "players", "settings", "levels", "examples", "charges", "number",
-    "call", "operands", "value", "per", "goal", "goal table", "base", "box", "axis", "side",
+    "call", "flag", "operands", "value", "per", "goal", "goal table", "base", "box", "axis", "side",
 ]  # fmt: skip
 """The kinds of values; ``schema`` and ``structure`` know each of them."""
 
@@ -157,6 +157,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "when": Key("alternative", "Charge while, or each time, this holds."),
         "of": Key("call", "Charge what this signal exceeds `above` by, in SI units."),
         "above": Key("value", "Only what exceeds this is charged; 0 if it is left out."),
+        "below": Key("value", "Instead: what the signal falls short of this by is charged."),
+        "whole": Key("flag", "true: all of the signal is charged where it exceeds `above`."),
         "add": Key("number", "How much to charge; more than 0.", True),
         "per": Key("per", "For each start, second, or control step of the policy.", True),
     },

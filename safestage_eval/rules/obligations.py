@@ -194,8 +194,15 @@ class Obligations:
             usage.report("R205", keys, 'a charge has either "when" or "of"', "one of the two")
         if table.get("add", 1) <= 0:
             usage.report("R203", (*keys, "add"), "a charge adds to the cost", "a number above 0")
-        if "above" in table and "when" in table:
-            usage.report("R205", (*keys, "above"), '"above" goes with "of" only', key=True)
+        for limit in ("above", "below", "whole"):
+            if limit in table and "when" in table:
+                usage.report("R205", (*keys, limit), f'"{limit}" goes with "of" only', key=True)
+        for other in ("above", "whole"):
+            if "below" in table and other in table:
+                usage.report(
+                    "R205", (*keys, other), f'"{other}" and "below" do not go together: what is '
+                    "charged is too much, or too little", f'"{other}" or "below"', key=True,
+                )  # fmt: skip
         if "when" in table:
             usage.alternative(table["when"], (*keys, "when"), scope)
         if "of" in table:
@@ -205,8 +212,9 @@ class Obligations:
                     usage.report(
                         "R404", (*keys, "of"), f"{call.name}() is a state", "a signal, or: when"
                     )
-                elif "above" in table:
-                    usage.above(call, table["above"], (*keys, "above"), scope)
+                for limit in ("above", "below"):
+                    if limit in table:
+                        usage.above(call, table[limit], (*keys, limit), scope)
             if table.get("per") == "start":
                 usage.report("R205", (*keys, "per"), "a signal has no starts", '"second" or "step"')
 

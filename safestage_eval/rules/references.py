@@ -275,7 +275,7 @@ class References:
             self.report("R301", keys, "a cost is never negative", "a number from 0 on")
 
     def above(self, call: ast.Call, value: Any, keys: Keys, scope: Scope) -> None:
-        """Check the ``above`` of a charge."""
+        """Check the ``above`` or ``below`` of a charge."""
         spec = self.names.signal(call.name)
         limit = self.parsed("R301", keys, parse.limit, f"> {value}")
         if limit is not None and spec is not None:

@@ -181,6 +181,8 @@ def _key(key: Key) -> dict[str, Any]:
             since = f"(?: since {parse.EVENT})?"
             one = _text(f"(?:{parse.CALL}{since}|{_ANY_QUANTITY}|-?{_NAME})")
             return {"anyOf": [one, _list({"anyOf": [{"type": "number"}, one]})]}
+        case "flag":
+            return {"type": "boolean"}
         case "number":
             return {"type": "number"}
         case "value":

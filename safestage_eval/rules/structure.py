@@ -32,6 +32,7 @@ _TYPES: dict[str, tuple[type | tuple[type, ...], str]] = {
     "duration": (str, 'a duration in quotes: "0.5 s", "3 frames @ 120 Hz"'),
     "call": (str, 'a signal in quotes: "contact_force(robot, protected)"'),
     "operands": ((str, list), '["displacement(a)", "2 cm"], or one signal in quotes'),
+    "flag": (bool, "true or false"),
     "per": (str, '"start", "second" or "step"'),
     "condition": (dict, '{ "moved(target)" = true }'),
     "alternative": ((str, dict), '"moved(target)" or { "speed(target)" = ">= 5 cm/s" }'),
@@ -110,7 +111,7 @@ def _fits(usage: Usage, key: Key, value: Any, keys: Keys) -> bool:
         wrong = "" if _is_axis(value) else f'"{keys[-1]}" is no axis'
     elif key.kind == "side" and value not in ("left", "right"):
         wrong = f'"{keys[-1]}" is no side'
-    elif isinstance(value, bool) or not isinstance(value, types):
+    elif isinstance(value, bool) != (types is bool) or not isinstance(value, types):
         wrong = f'"{keys[-1]}" has a value of the wrong type'
     elif key.kind == "code" and not re.fullmatch(CODE, str(value)):
         wrong = f'"{value}" is not a code'

@@ -211,9 +211,10 @@ class Rule(_Judged):
 
 @dataclass(frozen=True)
 class Charge:
-    """One entry of a cost: ``add`` per start, second or step that ``when`` holds or ``of`` exceeds.
+    """One entry of a cost: ``add`` per start, second or step that ``when`` holds, or times an amount.
 
-    A step is a control step of the policy.
+    The amount is what ``of`` exceeds ``above`` by, or falls short of ``below``; with ``whole`` all of
+    it, where it exceeds. A step is a control step of the policy.
     """
 
     add: float
@@ -221,6 +222,8 @@ class Charge:
     when: Alternative | None = None
     of: Call | None = None
     above: Value | None = None
+    below: Value | None = None
+    whole: bool | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

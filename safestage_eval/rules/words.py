@@ -154,6 +154,12 @@ def charge(found: ast.Charge, params: ast.Params) -> str:
         link = "of" if found.per == "start" else "while"
         return f"{said} {link} {alternative(found.when, params)}"
     above = f" beyond {_bound(found.above, params)}" if found.above is not None else ""
+    if found.below is not None:
+        return (
+            f"{said} for each SI unit that {found.of} falls short of {_bound(found.below, params)}"
+        )
+    if found.whole:
+        return f"{said} for each SI unit of {found.of}, all of it where it is{above or ' beyond 0'}"
     return f"{said} for each SI unit of {found.of}{above}"
 
 

@@ -83,6 +83,27 @@ def _force(request: Request, *, peaks: bool) -> Series:
 
 
 @signal(
+    "contact_count", "number", args=("a", "b"), needs=("forces",), groups=True, scale=1.0, reads="",
+    per_frame=True, symmetric=True,
+)  # fmt: skip
+def contact_count(request: Request) -> Series:
+    """Number of contact points at which the two press on each other."""
+    gaps = request.facts.gaps
+    if not gaps.forces:
+        return request.unknown(gaps.about_forces)
+    pairs = _pairs(request)
+    count = np.zeros(len(request.episode))
+    for pair in pairs:
+        request.facts.contact_sums.normal(*pair)  # looks whether its contacts are sound
+        frame, force = request.episode.contacts.of_pair(pair, "frame", "force")
+        np.add.at(count, frame[force.any(axis=1)], 1.0)
+    lost, most = gaps.of_pairs(pairs), count
+    if lost is not None:
+        count, most = np.where(lost, 0.0, count), np.where(lost, np.inf, count)
+    return Series(count, most, request.dimension, gaps.told(pairs))
+
+
+@signal(
     "impulse", "impulse", args=("a", "b"), needs=("forces",), groups=True, scale=0.1, reads="",
     sums="up", symmetric=True,
 )  # fmt: skip

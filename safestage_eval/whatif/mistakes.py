@@ -209,8 +209,14 @@ def _of_charge(
 ) -> Iterator[tuple[Kind, ast.Charge]]:
     for above in _scalings(charge.above, place):
         yield "unit", replace(charge, above=above)
+    for below in _scalings(charge.below, place):
+        yield "unit", replace(charge, below=below)
+    if charge.below is not None:
+        yield "operator", replace(charge, above=charge.below, below=None)
     if not any(_scalings(cost.budget, place)):
         return  # without a budget to exceed, the first charge decides, whatever it comes to
+    if charge.whole:
+        yield "operator", replace(charge, whole=None)
     for factor in (FACTOR, 1 / FACTOR):
         yield "unit", replace(charge, add=charge.add * factor)
     for per in ("start", "second", "step"):

@@ -1,6 +1,7 @@
 """Costs: sums, budgets, what is not known, and what a result says of them."""
 
 import json
+import math
 import tomllib
 from pathlib import Path
 
@@ -15,8 +16,10 @@ from safestage_eval.report import render
 from safestage_eval.report.episode_report import explain
 from safestage_eval.report.result_schema import row_schema
 from safestage_eval.rules import RuleSet, check_rules, load_rules, rule_digest
+from safestage_eval.rules.check import check
 from safestage_eval.rules.files import RuleFile
 from safestage_eval.rules.load import merge
+from safestage_eval.rules.syntax import Quantity
 from safestage_eval.run.scores import Scores
 from safestage_eval.verdicts import judge
 
@@ -60,6 +63,84 @@ def test_a_step_is_one_of_the_policys() -> None:
     """Eight frames at 10 Hz are four steps of 0.2 s; at any rate of recording the same."""
     found, _ = total("0011111111", when("step"), control_dt=0.2)
     assert found.value == pytest.approx(4)
+
+
+def amount(values, charge, head="", **params):
+    facts = Facts({"height(a)": values}, rate=10.0)
+    found, _ = cost_toy(facts, f"{head}{HEAD}charge = [{charge}]\n", **params)
+    return found
+
+
+@given(st.lists(st.integers(-5, 5).map(float), min_size=1, max_size=9), st.integers(-3, 3))
+def test_amounts_beyond_and_short_of_a_limit(values, limit) -> None:
+    """What is above, what is missing, and all of what is above: plain sums over the frames."""
+    of = 'of = "height(a)", add = 2, per = "step"'
+    above = amount(values, f'{{ {of}, above = "{limit} m" }}').value
+    below = amount(values, f'{{ {of}, below = "{limit} m" }}').value
+    whole = amount(values, f'{{ {of}, above = "{limit} m", whole = true }}').value
+    assert above == pytest.approx(2 * sum(max(v - limit, 0) for v in values))
+    assert below == pytest.approx(2 * sum(max(limit - v, 0) for v in values))
+    assert whole == pytest.approx(2 * sum(max(v, 0) for v in values if v > limit))
+
+
+@given(
+    st.lists(st.integers(-5, 5).map(float), min_size=1, max_size=9),
+    st.sampled_from(['above = "1 m"', 'below = "1 m"', 'above = "1 m", whole = true']),
+    st.data(),
+)
+def test_what_is_not_known_may_be_any_amount(values, limit, data) -> None:
+    lost = [data.draw(st.booleans()) for _ in values]
+    charge = f'{{ of = "height(a)", add = 2, per = "second", {limit} }}'
+    whole = amount(values, charge)
+    less = amount([math.nan if gone else v for v, gone in zip(values, lost, strict=True)], charge)
+    assert less.value <= whole.value
+    assert less.most is None if any(lost) else less.most == whole.most
+
+
+def test_a_bigger_deficit_never_costs_less() -> None:
+    values = [3.0, 1.0, -2.0]
+    charge = '{ of = "height(a)", add = 1, per = "second", below = "far" }'
+    head = '[param]\nfar = "1 m"\n'
+    sums = [
+        amount(values, charge, head, far=Quantity(far, "length")).value
+        for far in (0.5, 1.0, 2.0, 4.0)
+    ]
+    assert sums == sorted(sums)
+    assert sums[-1] > sums[0]
+
+
+def test_each_contact_point_is_charged() -> None:
+    """Four corners for 6 frames, then two; a point without a force does not count."""
+    scene = Scene(10, 10.0).fixed("table").box("a", 0.05, (0, 0, 0.05))
+    scene.rests("a", "table", 0.05, (0, 0, 0), 9.81, frames=slice(0, 6))
+    scene.contact("table", "a", [[0.05, 0, 0], [-0.05, 0, 0]], (0, 0, 9.81), frames=slice(6, 9))
+    scene.contact("table", "a", [[0.05, 0, 0]], (0, 0, 0), frames=slice(6, 10))
+    text = FILE.replace('[param]\npatience = 2\nfar = "1 m"\n', "") + (
+        '[[cost]]\ncode = "TOY201"\ntitle = "t"\nroles = { a = "object", b = "fixture" }\n'
+        'charge = [{ of = "contact_count(a, b)", add = 1, per = "step" }]\n'
+    )
+    rules = merge([RuleFile("toy.toml", text, tomllib.loads(text), asked=True)])
+    (found,) = judge(scene.episode(roles={"a": ("a",), "b": ("table",)}), rules).costs
+    assert (found.value, found.most) == (6 * 4 + 3 * 2, 6 * 4 + 3 * 2)
+
+
+@pytest.mark.parametrize(
+    ("charge", "code"),
+    [
+        ('when = "p(a)", below = "1 m"', "R205"),
+        ('when = "p(a)", whole = true', "R205"),
+        ('of = "height(a)", above = "1 m", below = "1 m"', "R205"),
+        ('of = "height(a)", below = "1 m", whole = true', "R205"),
+        ('of = "height(a)", below = "1 N"', "R407"),
+        ('of = "height(a)", whole = 1', "R203"),
+    ],
+)
+def test_charges_that_make_no_sense(charge: str, code: str) -> None:
+    text = FILE.replace('[param]\npatience = 2\nfar = "1 m"\n', "")
+    text += '[state.p]\nof = ["a"]\nwhen = { "height(a)" = ">= 0 m" }\n' * ("p(a)" in charge)
+    text += HEAD + f'charge = [{{ {charge}, add = 1, per = "second" }}]\n'
+    problems = check([RuleFile("toy.toml", text, tomllib.loads(text), asked=True)])
+    assert [p.code for p in problems] == [code], problems
 
 
 def test_only_starts_in_the_scope_count() -> None:

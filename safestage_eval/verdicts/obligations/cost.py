@@ -209,10 +209,20 @@ def _amounts(
 ) -> tuple[F64, F64]:
     """(T,) what is certainly, and at most, charged at each frame."""
     if charge.of is not None:
-        above = charge.above or ast.Quantity(0.0, "")
-        atom = ast.SignalAtom(charge.of, (ast.Limit(">", above),))
-        series, limit = evaluator.series(atom, env, may), evaluator.number(above, env)
-        low, high = (np.maximum(end - limit, 0.0) for end in (series.lower, series.upper))
+        bound = charge.below or charge.above or ast.Quantity(0.0, "")
+        limits = [ast.Limit(">", bound)]
+        if charge.below is not None:  # of a distance the depth counts as well
+            limits.append(ast.Limit(">", ast.Quantity(0.0, "")))
+        atom = ast.SignalAtom(charge.of, tuple(limits))
+        series, limit = evaluator.series(atom, env, may), evaluator.number(bound, env)
+        low, high = series.lower, series.upper
+        if charge.below is not None:
+            low, high = limit - high, limit - low
+        elif charge.whole:
+            low, high = (np.where(end > limit, end, 0.0) for end in (low, high))
+        else:
+            low, high = low - limit, high - limit
+        low, high = np.maximum(low, 0.0), np.maximum(high, 0.0)
         least, most = np.where(sure, low, 0.0), np.where(may, high, 0.0)
     else:
         assert charge.when is not None
@@ -254,9 +264,10 @@ def _starts(true: Bool, possible: Bool, sure: Bool, may: Bool) -> tuple[F64, F64
 def _words(charge: ast.Charge) -> str:
     """``contact(robot, vase), per start``."""
     if charge.of is not None:
-        above = charge.above
-        over = f" above {above.text}" if isinstance(above, ast.Quantity) and above.text else ""
-        return f"{charge.of}{over}, per {charge.per}"
+        side = "above" if charge.below is None else "below"
+        bound = charge.above if charge.below is None else charge.below
+        said = f" {side} {bound.text}" if isinstance(bound, ast.Quantity) and bound.text else ""
+        return f"{'all of ' * bool(charge.whole)}{charge.of}{said}, per {charge.per}"
     if isinstance(charge.when, ast.Event):
         return f"{charge.when.text or charge.when.kind}, per {charge.per}"
     calls = dict.fromkeys(str(n) for n in nodes(charge.when) if isinstance(n, ast.Call))
