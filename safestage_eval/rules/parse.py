@@ -11,7 +11,7 @@ A small regular grammar, matched by hand; nothing is ever evaluated::
     SPAN  = (episode | phase | phase(roles) | state(roles) | first|last DUR of SPAN
              | DUR before|after EVENT | from EVENT to EVENT) ["while" state(roles)]
     DUR   = n s|ms|min|frames [@ r Hz] | param
-    ROLE  = ["every"] kind ["tagged" t] ["except" role, …]
+    ROLE  = ["every"] kind ["named"|"unnamed"] ["tagged" t] ["except" role, …]
 """
 
 from __future__ import annotations
@@ -240,13 +240,19 @@ def count(text: str) -> tuple[Literal["least", "most"], int, str] | None:
 def role(text: str) -> ast.RoleSpec:
     """``"object"``, ``"every object tagged fragile except target"``. Raises GrammarError."""
     match = re.fullmatch(
-        rf"(every )?({'|'.join(ROLE_KINDS)})(?: tagged ({NAME}))?(?: except ({NAME}(?:, *{NAME})*))?",
+        rf"(every )?({'|'.join(ROLE_KINDS)})(?: (named|unnamed))?(?: tagged ({NAME}))?(?: except ({NAME}(?:, *{NAME})*))?",
         text,
     )
     if match is None:
         raise GrammarError(
             f"{text!r} does not say what may play a role",
-            f"[every] {'|'.join(ROLE_KINDS)} [tagged TAG] [except role, …]",
+            f"[every] {'|'.join(ROLE_KINDS)} [named|unnamed] [tagged TAG] [except role, …]",
         )
-    excluding = tuple(name.strip() for name in match[4].split(",")) if match[4] else ()
-    return ast.RoleSpec(match[2], bool(match[1]), match[3], excluding, text)
+    if match[3] and not match[1]:
+        raise GrammarError(
+            f"{text!r}: of one body it says nothing whether the task names it",
+            f'"every {match[2]} {match[3]}"',
+        )
+    excluding = tuple(name.strip() for name in match[5].split(",")) if match[5] else ()
+    named = {"named": True, "unnamed": False}.get(match[3])
+    return ast.RoleSpec(match[2], bool(match[1]), match[4], excluding, named, text)

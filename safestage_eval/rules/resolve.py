@@ -112,9 +112,15 @@ class Binding:
     def unbound(self, rule: ast.Scoped) -> tuple[str, ...]:
         """Roles of a rule that no source binds; an empty list binds a role to no body.
 
-        ``every KIND`` is computed from the bodies of the trace, so it needs no binding.
+        ``every KIND`` is computed from the bodies of the trace, so it needs no binding; ``every KIND
+        named`` only that some role of the task is bound.
         """
-        return tuple(name for name, spec in rule.roles if name not in self.roles and not spec.every)
+        return tuple(
+            name
+            for name, spec in rule.roles
+            if name not in self.roles
+            and (not spec.every or (spec.named is not None and not self.roles))
+        )
 
     def playable(self, rule: ast.Scoped, header: Header) -> bool:
         """Whether every role of a rule is bound to a body, each to a body of its own."""
@@ -184,6 +190,9 @@ class Binding:
         tags = {b.name: b.tags for b in header.bodies}
         if spec.kind == "joint":
             tags |= {joint.name: _joint_tags(joint, header) for joint in header.joints}
+        if name not in self.roles and spec.named is not None:
+            of_task = {body for players in self.roles.values() for body in players}
+            bodies = [b for b in bodies if (b in of_task) == spec.named] if self.roles else []
         return tuple(
             b for b in bodies if b not in excluded and (spec.tag is None or spec.tag in tags[b])
         )

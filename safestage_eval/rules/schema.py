@@ -31,7 +31,8 @@ _SPAN_BASE = (
 )
 _SPAN = f"(?:(?:first|last) {parse.DURATION} of )*{_SPAN_BASE}(?: while {parse.CALL})*"
 _ROLE = (
-    f"(?:every )?(?:{'|'.join(parse.ROLE_KINDS)})(?: tagged {_NAME})?"
+    f"(?:(?:every )?(?:{'|'.join(parse.ROLE_KINDS)})"
+    f"|every (?:{'|'.join(parse.ROLE_KINDS)}) (?:un)?named)(?: tagged {_NAME})?"
     f"(?: except {_NAME}(?:, *{_NAME})*)?"
 )
 _COUNT = rf"at (?:least|most) \d+ {_NAME}"

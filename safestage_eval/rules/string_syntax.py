@@ -239,4 +239,6 @@ class RoleSpec:
     every: bool = False
     tag: str | None = None
     excluding: tuple[str, ...] = ()
+    named: bool | None = None
+    """Only bodies that play some role of the task; false: only those that play none."""
     text: str = field(default="", compare=False)

@@ -104,6 +104,7 @@ def span(found: ast.Span, params: ast.Params) -> str:
 def role(found: ast.RoleSpec) -> str:
     """``every object tagged fragile except target``."""
     said = f"every {found.kind}" if found.every else found.kind
+    said += {True: " named by the task", False: " not named by the task", None: ""}[found.named]
     said += f" tagged {found.tag}" if found.tag else ""
     return said + (f" except {', '.join(found.excluding)}" if found.excluding else "")
 

@@ -249,6 +249,7 @@ def _of_roles(rule: ast.Scoped) -> Iterator[Mistake]:
     """Too many bodies play a role."""
     for i, (name, spec) in enumerate(rule.roles):
         wider = [replace(spec, tag=None, text="")] if spec.tag else []
+        wider += [replace(spec, named=None, text="")] if spec.named is not None else []
         wider += [
             replace(spec, excluding=tuple(e for e in spec.excluding if e != out), text="")
             for out in spec.excluding
