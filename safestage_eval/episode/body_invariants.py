@@ -218,7 +218,8 @@ def check_joint_ranges(frames: RobotFrames, header: Header, where: str) -> list[
             continue
         low, high = joint.limits
         values, slack = frames.joint_position[:, i], 0.1 * (high - low) + 0.05
-        off = (values < low - slack) | (values > high + slack)
+        with np.errstate(over="ignore"):  # a limit may be larger than any float32
+            off = (values < low - slack) | (values > high + slack)
         if high > low and off.any():
             unit = "rad" if joint.kind == "revolute" else "m"
             found.append(

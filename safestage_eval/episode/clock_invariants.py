@@ -37,7 +37,8 @@ def check_clock(header: Header, t: NDArray[np.float64], where: str) -> Iterator[
     A success after the last sample is no contradiction: the recording was cut off before it.
     """
     if len(t) > 1:
-        steps = np.sort(t[1:] - t[:-1])  # np.median imports masked arrays
+        with np.errstate(invalid="ignore", over="ignore"):  # times may be anything
+            steps = np.sort(t[1:] - t[:-1])  # np.median imports masked arrays
         median = float(steps[(len(steps) - 1) // 2] + steps[len(steps) // 2]) / 2
         if median > 0 and not abs(header.frame_dt - median) <= RATE_TOLERANCE * median:
             ratio = median / header.frame_dt if header.frame_dt > 0 else 0.0

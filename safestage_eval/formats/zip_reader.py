@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -190,7 +191,7 @@ def _array(
         if np.lib.format.read_magic(content) != (1, 0):
             raise ValueError("not of version 1.0")
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(content)
-    except (ValueError, SyntaxError, RecursionError) as error:
+    except (ValueError, SyntaxError, TypeError, RecursionError, MemoryError, TokenError) as error:
         raise TraceError(where, f"{name}.npy cannot be read: {error}.") from None
     if dtype != wanted or len(shape) != axes or fortran or min(shape) < 0:
         raise TraceError(

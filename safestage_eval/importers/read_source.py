@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from safestage_eval._process.children import Children, Ended, Question
 from safestage_eval._process.closing import Closing
 from safestage_eval.errors import InputError
@@ -118,7 +120,8 @@ class Reader:
 
     def _import(self, task: Task) -> Imported | Failed:
         try:
-            return import_one(lambda: self._source(task.format, task.path), task, self.target)
+            with np.errstate(over="ignore", invalid="ignore"):  # what it leads to is refused
+                return import_one(lambda: self._source(task.format, task.path), task, self.target)
         except InputError as error:
             return Failed(task.source, str(error))
         except Exception as error:  # noqa: BLE001 — one episode must not cost the others

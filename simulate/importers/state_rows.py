@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ from safestage_eval.episode import Body, Cavity, Episode, Header
 from safestage_eval.errors import InputError
 from safestage_eval.formats import TraceWriter
 from safestage_eval.importers import Account, MapFile
+from safestage_eval.importers.importer import SourceError
 from safestage_eval.importers.scene_bodies import apply_map, fixed_from_map
 from simulate.world.contact_reader import ContactReader
 from simulate.world.describe import Description, body_name
@@ -98,6 +99,7 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
     bodies = tuple(
         apply_map(_plain(body, rows.loaded, rooms), map_, meshes) for body in about.bodies
     )
+    _same_shapes(about.bodies, bodies)
     full = header.model_copy(
         update={
             "bodies": bodies,
@@ -132,6 +134,19 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
             )
     tell(rows.loaded, facts, bodies, map_, account)
     return writer.episode()
+
+
+def _same_shapes(own: Iterable[Body], mapped: Iterable[Body]) -> None:
+    """Raise SourceError where a map file gives a body another number of shapes than its contacts name."""
+    for before, after in zip(own, mapped, strict=True):
+        if before.geoms and len(after.geoms) != len(before.geoms):
+            raise SourceError(
+                f"map file, body.{after.name}.shapes",
+                f"{len(after.geoms)} shapes, but the model has {len(before.geoms)}, and its contacts "
+                "are between those.",
+                f"{len(before.geoms)}, in the model's order",
+                f"leave out shapes of {after.name}: the model's are taken",
+            )
 
 
 def _put(model: mujoco.MjModel, data: mujoco.MjData, rows: Rows, frame: int) -> None:

@@ -23,7 +23,7 @@ from random import Random
 from types import FunctionType
 
 ROOT = Path(__file__).resolve().parents[2]
-PLACES = ("tests/fuzz", "tests/helpers", ".")
+PLACES = ("tests/fuzz", "tests/helpers", "recorder", ".")
 
 FOLLOWED = [
     *(f"safestage_eval.formats.{name}" for name in (
@@ -52,14 +52,15 @@ def mcap(folder: Path) -> tuple[list[bytes], One]:
     """One file of one episode."""
     from mcap_target import Mcap
     from oracle import judged
+    from seeds import rules
 
     target = Mcap(folder)
-    (sound, truth), _ = target.seeds
+    sound, whole = target.seeds[0]
 
     def one(data: bytes) -> None:
         path = folder / "input.mcap"
         path.write_bytes(data)
-        told = judged(path, truth, "")
+        told = judged(path, whole, "", rules(), damage=True)
         if told.bad:
             raise Found(told)
 
@@ -70,22 +71,23 @@ def parquet(folder: Path) -> tuple[list[bytes], One]:
     """One table of a dataset; the first byte says which."""
     from oracle import judged
     from parquet_target import Parquet
+    from seeds import rules
 
-    seed, truth = Parquet(folder).seeds[0]
+    seed, whole = Parquet(folder).seeds[0]
     files = sorted(seed.rglob("*.parquet"))
-    whole = [file.read_bytes() for file in files]
+    tables = [file.read_bytes() for file in files]
 
     def one(data: bytes) -> None:
         if not data:
             return
         at = data[0] % len(files)
         files[at].write_bytes(data[1:])
-        told = judged(seed, truth, files[at].parent.name)
-        files[at].write_bytes(whole[at])
+        told = judged(seed, whole, files[at].parent.name, rules(), damage=True)
+        files[at].write_bytes(tables[at])
         if told.bad:
             raise Found(told)
 
-    return [bytes([at]) + data for at, data in enumerate(whole)], one
+    return [bytes([at]) + data for at, data in enumerate(tables)], one
 
 
 def rules(folder: Path) -> tuple[list[bytes], One]:
@@ -101,7 +103,7 @@ def rules(folder: Path) -> tuple[list[bytes], One]:
         with suppress(RuleErrors):
             target.load(path)
 
-    return target.texts, one
+    return [sound.text for sound in target.sound], one
 
 
 TARGETS = {"parquet": parquet, "mcap": mcap, "rules": rules}

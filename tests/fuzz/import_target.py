@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import shutil
 from abc import ABC, abstractmethod
+from functools import cache
 from pathlib import Path
 from random import Random
 
@@ -17,29 +18,39 @@ import h5py
 import numpy as np
 from damage import damaged
 from exports import map_text, write_lerobot, write_maniskill, write_robolab
+from oracle import Sound, judged, sound
 from outcome import Outcome
-from scenes import Scene
+from seeds import recorded
 from strange import NAMES, NUMBERS
-from trace_target import judged
 
-from safestage_eval.episode import Body, Episode
+from safestage_eval.episode import Body, Episode, RobotFrames
 from safestage_eval.errors import InputError
-from safestage_eval.formats import EpisodeRef, discover, validate
+from safestage_eval.formats import discover, validate
 from safestage_eval.importers import Settings, import_all, load_map
 from safestage_eval.rules import load_rules
-from safestage_eval.run.score_episode import score_episode
+
+TAKEN = {"table": "table", "dumbbell": "cube", "glasses": "glasses", "robot_base": "hand"}
+"""Bodies of the recorded episode that others' layouts are given, and their names there."""
 
 
+@cache
 def episode() -> Episode:
-    """A cube that is pushed along a table, by a hand without shape."""
-    scene = (
-        Scene(8, 20.0)
-        .fixed("table")
-        .box("cube", 0.02, np.linspace((0, 0, 0.02), (0.1, 0, 0.02), 8))
-    )
-    scene.bodies.append(Body(name="hand", kind="gripper"))
-    scene.tracks["hand"] = scene.tracks["cube"]
-    return scene.episode(success=False, task="Push", roles={"target": ("cube",)})
+    """Of a recorded episode three things and a hand without shape, as far as others' layouts go."""
+    whole = recorded()[0]
+    bodies, tracks = [], {}
+    for body in whole.header.bodies:
+        if body.name in TAKEN:
+            name = TAKEN[body.name]
+            bodies.append(body.model_copy(update={"name": name, "parent": None, "excluded": ()}))
+            tracks[name] = whole.tracks[body.name]
+    bodies = [Body(name="hand", kind="gripper") if b.name == "hand" else b for b in bodies]
+    told = {
+        "bodies": tuple(bodies), "joints": (), "roles": {"target": ("cube",)}, "rules": (),
+        "task": "Push", "goal": None, "parameters": {}, "success": False, "success_time": None,
+        "force_source": "none", "cameras": (), "physics_dt": whole.header.frame_dt / 8,
+    }  # fmt: skip
+    header = whole.header.model_copy(update=told)
+    return Episode(header, whole.t, tracks, None, RobotFrames.empty(len(whole)))
 
 
 class Import(ABC):
@@ -48,20 +59,20 @@ class Import(ABC):
     def __init__(self, folder: Path) -> None:
         self.folder, self.seed = folder, folder / "seed"
         self.source, columns = self.write(self.seed)
-        text = map_text(episode()) + columns
+        text = self.said() + columns
         (folder / "map.toml").write_text(text)
         self.settings = Settings(map=load_map(folder / "map.toml"))
-        sound = import_all(self.seed, folder / "sound", self.settings)
-        assert sound.imported
-        assert not sound.failed
+        imported = import_all(self.seed, folder / "sound", self.settings)
+        assert imported.imported, imported.failed
+        assert not imported.failed
         self.rules = load_rules([Path(__file__).with_name("imports.toml")])
-        truths = [self.judge(ref) for ref in discover(folder / "sound")]
-        assert all(truth == truths[0] for truth in truths)
-        self.truth = truths[0]
+        self.wholes = [sound(ref, self.rules) for ref in discover(folder / "sound")]
+        for other in self.wholes[1:]:
+            assert other.verdicts == self.wholes[0].verdicts
 
-    def judge(self, ref: EpisodeRef) -> dict[str, str]:
-        """Rule → verdict."""
-        return {found.rule: found.verdict for found in score_episode(ref, self.rules).verdicts}
+    def said(self) -> str:
+        """The map file without columns."""
+        return map_text(episode())
 
     @abstractmethod
     def write(self, folder: Path) -> tuple[Path, str]:
@@ -84,7 +95,11 @@ class Import(ABC):
             return Outcome(kind, what, failed.message[:300])
         if rng.random() < 0.2 and (problems := validate(self.folder / "out")):
             return Outcome("changed", what, f"imported, and broken: {problems[0]}")
-        return judged(self.folder / "out", self.truth if is_damage else None, what, self.rules)
+        return judged(self.folder / "out", self.whole(), what, self.rules, damage=is_damage)
+
+    def whole(self) -> Sound:
+        """What the sound source is imported as."""
+        return self.wholes[0]
 
     def chosen(self, rng: Random, path: Path) -> Path:
         """What is imported, of a copy of the seed."""

@@ -59,9 +59,9 @@ class Sound:
     stated: str | None
 
 
-def sound(path: Path, by: RuleSet) -> Sound:
-    """The only episode under a path."""
-    (ref,) = discover(path)
+def sound(where: Path | EpisodeRef, by: RuleSet) -> Sound:
+    """The only episode under a path, or the one of a reference."""
+    ref = where if isinstance(where, EpisodeRef) else discover(where)[0]
     episode = ref.open()
     verdicts = verdicts_of(episode, by)
     difference(episode, episode)  # loads what is read when it is first asked for
@@ -186,7 +186,8 @@ def _columns(changed: Difference, whole: Episode, found: Episode) -> None:
         if was is None or now is None:
             (changed.lost if now is None else changed.hashed).append(name)
             continue
-        _values(changed, name, was if len(was) == len(now) == 1 else was[place], now)
+        kept = was[place] if len(was) > 1 else was
+        _values(changed, name, *(_over(max(len(kept), len(now)), c) for c in (kept, now)))
     _contacts(changed, whole.contacts, found.contacts, place)
 
 
@@ -205,6 +206,11 @@ def _pairs(whole: Episode, found: Episode) -> Iterator[tuple[str, Any, Any]]:
         yield part.name, was if was.shape[1] else None, now if now.shape[1] else None
     for key in {**whole.channels, **found.channels}:
         yield f"channel {key}", whole.channels.get(key), found.channels.get(key)
+
+
+def _over(frames: int, column: Any) -> Any:
+    """A column of so many frames: the row of a fixed body stands for all of them."""
+    return column if len(column) != 1 else np.broadcast_to(column, (frames, *column.shape[1:]))
 
 
 def _values(changed: Difference, name: str, was: Any, now: Any) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from damage import damaged
 from foreign_demos import demo_file, scene, settled
 from import_target import Import
+from oracle import Sound
 from strange import NAMES, NUMBERS
 
 BODIES = """
@@ -54,14 +55,14 @@ class States(Import):
     read_by = ("h5py", "mujoco")
 
     def write(self, folder: Path) -> tuple[Path, str]:
-        """The same three rows in both layouts, each in a folder of its own."""
+        """The same rows in both layouts, each in a folder of its own."""
         self.model = scene(bodies=BODIES, rest=REST)
-        states = settled(self.model, rows=3)
+        states = settled(self.model, rows=12)
         (folder / "hdf5").mkdir(parents=True)
         about = {"env": "Lift", "env_args": json.dumps({"env_kwargs": {"control_freq": 20}})}
         demo_file(
             folder / "hdf5/demo.hdf5", self.model, states, about=about,
-            actions=np.zeros((3, 7)), rewards=np.array([0.0, 0, 1]),
+            actions=np.zeros((12, 7)), rewards=np.array([0.0] * 11 + [1.0]),
         )  # fmt: skip
         extras = folder / "npz/extras/episode_000001"
         extras.mkdir(parents=True)
@@ -71,6 +72,10 @@ class States(Import):
         (extras.parent / "dataset_meta.json").write_text(about["env_args"])
         self.states = states
         return folder / "hdf5/demo.hdf5", ""
+
+    def said(self) -> str:
+        """Roles alone: the model has the shapes."""
+        return '[every]\ntask = "Push"\nroles = { target = ["cube"] }\n'
 
     def chosen(self, rng: Random, path: Path) -> Path:
         """One of the two."""
@@ -98,6 +103,13 @@ class States(Import):
             lost = what == "number" and not np.isfinite(states).all()
             return f"states: {what}", lost
         return super().hurt(rng, place)
+
+    def whole(self) -> Sound:
+        """That of the same layout."""
+        of = [
+            w for w in self.wholes if ("npz" in str(w.episode.header.source.episode)) == self.other
+        ]
+        return of[0]
 
     def chosen_place(self, path: Path) -> Path:
         """The folder of the chosen one's files."""
@@ -161,7 +173,7 @@ class States(Import):
         elif act == "rows":
             states = np.repeat(states, rng.choice((1, 2, 50)), axis=0)[: -rng.choice((1, 2))]
         else:
-            states[:, 0] = rng.choice((0, -1, 1e300, np.array([1, 1, 2]), np.array([3, 2, 1])))
+            states[:, 0] = rng.choice((0, -1, 1e300, np.r_[1, 1:12], np.r_[12:0:-1]))
         return states, act
 
 

@@ -28,7 +28,10 @@ def strange(rng: Random, like: Any = None) -> Any:
         if isinstance(like, int | float) and not isinstance(like, bool):
             return rng.choice(NUMBERS)
         if isinstance(like, list) and like:
-            return rng.choice((like * 2, like[:-1], like[::-1], [like], like * 50))
+            many = (
+                8 if isinstance(like[0], dict) else 50
+            )  # shapes by the hundred take long, no more
+            return rng.choice((like * 2, like[:-1], like[::-1], [like], like * many))
         if isinstance(like, dict) and like:
             return {key: like[key] for key in list(like)[1:]}
     return copy.deepcopy(rng.choice((*NAMES, *NUMBERS, *OTHERS)))

@@ -5,19 +5,32 @@ from __future__ import annotations
 import json
 import tomllib
 from abc import ABC, abstractmethod
+from dataclasses import replace
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, NamedTuple
 
 from damage import damaged
 from outcome import Outcome
+from seeds import recorded
 from strange import NAMES, altered
 
+from safestage_eval.episode import Episode
+from safestage_eval.episode.episode import with_header
 from safestage_eval.errors import InputError
-from safestage_eval.importers import load_map
+from safestage_eval.importers import MapFile, load_map
 from safestage_eval.importers.map_file import MapErrors
-from safestage_eval.rules import RuleErrors, load_bind, load_rules
+from safestage_eval.rules import (
+    BindFile,
+    RuleErrors,
+    RuleSet,
+    load_bind,
+    load_rules,
+    rule_digest,
+)
 from safestage_eval.rules.files import builtin_folder
+from safestage_eval.rules.uses import own_params
+from safestage_eval.verdicts import judge
 
 MAP = """
 [source]
@@ -65,38 +78,56 @@ PATTERNS = (
 )  # fmt: skip
 
 
+class SoundText(NamedTuple):
+    """A sound file: its bytes, what TOML makes of them, and what the program reads."""
+
+    text: bytes
+    tree: Any
+    read: Any
+
+
 class Text(ABC):
     """A file of ``kind`` with one thing in it that is not as it should be."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.texts = [text.encode() for text in self.seeds()]
+        path = folder / "input.toml"
+        self.sound = []
+        for text in self.seeds():
+            path.write_text(text, "utf-8")
+            self.sound.append(SoundText(text.encode(), tomllib.loads(text), self.load(path)))
 
     @abstractmethod
     def seeds(self) -> list[str]:
         """Sound files."""
 
     @abstractmethod
-    def load(self, path: Path) -> None:
+    def load(self, path: Path) -> Any:
         """Read one as the program does."""
 
     def run(self, rng: Random) -> Outcome:
         """One input."""
-        data, what = self.made(rng)
+        sound = rng.choice(self.sound)
+        data, what = self.made(rng, sound.text)
         path = self.folder / "input.toml"
         path.write_bytes(data)
         try:
-            self.load(path)
+            found = self.load(path)
         except (InputError, RuleErrors, MapErrors) as error:
             return Outcome("problem", what, str(error)[:300])
-        return Outcome("read", what)
+        return self.held(sound, tomllib.loads(data.decode("utf-8-sig")), found, what)
 
-    def made(self, rng: Random) -> tuple[bytes, str]:
+    def held(self, sound: SoundText, tree: Any, found: Any, what: str) -> Outcome:
+        """What was read against what the sound file says: TOML that says the same is read as the same."""
+        if repr(tree) != repr(sound.tree):
+            return Outcome("lie", what)
+        return Outcome("same" if found == sound.read else "changed", what, "the same TOML")
+
+    def made(self, rng: Random, data: bytes) -> tuple[bytes, str]:
         """The bytes of a file, and what was done."""
-        data = rng.choice(self.texts)
         act = rng.random()
         if act < 0.4:
-            return damaged(rng, data, [i for i, c in enumerate(data) if c in b'\n"={['])
+            return damaged(rng, data, [i for i, c in enumerate(data) if c in b'\n"={[#'])
         if act < 0.41:
             name = rng.choice(list(LONG))
             return LONG[name].encode(), name
@@ -126,9 +157,43 @@ class Rules(Text):
         """Those that are built in."""
         return [(builtin_folder() / f"{n}.toml").read_text("utf-8") for n in ("ish", "ets", "fsh")]
 
-    def load(self, path: Path) -> None:
+    def load(self, path: Path) -> RuleSet:
         """As ``--rules`` does."""
-        load_rules([path])
+        return load_rules([path])
+
+    def held(self, sound: SoundText, tree: Any, found: RuleSet, what: str) -> Outcome:
+        """Digests are those of what the rules say, and where they are the same, so is every verdict."""
+        read: RuleSet = sound.read
+        same, was = _digests(found), _digests(read)
+        if repr(tree) == repr(sound.tree):
+            return Outcome("same" if same == was else "changed", what, "the same TOML")
+        rows = {str(row.get("code")): row for row in sound.tree.get("rule", ())}
+        other = [
+            row["code"]
+            for row in tree.get("rule", ())
+            if same[row["code"]] == was.get(row["code"])
+            and repr(row) != repr(rows.get(row["code"]))
+        ]  # said otherwise, and by its digest the same rule
+        for code in other:
+            for episode in recorded():
+                truth, now = (_verdict(rules, code, episode) for rules in (read, found))
+                if now != truth:
+                    return Outcome("changed", what, f"{code} of the same digest: {truth} -> {now}")
+        return Outcome("same" if same == was else "lie", what, ", ".join(other))
+
+
+def _digests(rules: RuleSet) -> dict[str, str]:
+    return {
+        code: rule_digest(rules, rule, own_params(rules, rule))
+        for code, rule in rules.rules.items()
+    }
+
+
+def _verdict(rules: RuleSet, code: str, episode: Episode) -> str:
+    alone = replace(rules, rules={code: rules.rules[code]})
+    header = episode.header.model_copy(update={"rules": (code,)})
+    (found,) = judge(with_header(episode, header), alone, trace_hash="same").verdicts
+    return found.verdict
 
 
 class Bind(Text):
@@ -138,8 +203,8 @@ class Bind(Text):
     read_by = ()
 
     def __init__(self, folder: Path) -> None:
-        super().__init__(folder)
         self.rules = load_rules(["ish", "ets", "fsh"])
+        super().__init__(folder)
 
     def seeds(self) -> list[str]:
         """Some tasks of one that is built in, and an episode."""
@@ -149,9 +214,9 @@ class Bind(Text):
         own = {"x/0": {"roles": {"target": ["cube"]}, "rules": ["ETS101"], "set": {"edge": "3 cm"}}}
         return [written({"task": few}).decode(), written({"episode": own}).decode()]
 
-    def load(self, path: Path) -> None:
+    def load(self, path: Path) -> BindFile:
         """As ``--bind`` does."""
-        load_bind(path, self.rules)
+        return load_bind(path, self.rules)
 
 
 class Map(Text):
@@ -164,9 +229,9 @@ class Map(Text):
         """One with every kind of table."""
         return [MAP]
 
-    def load(self, path: Path) -> None:
+    def load(self, path: Path) -> MapFile:
         """As ``--map`` does."""
-        load_map(path)
+        return load_map(path)
 
 
 def written(tree: Any) -> bytes:

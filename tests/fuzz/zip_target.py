@@ -154,7 +154,7 @@ def _frames(rng: Random, data: bytes) -> tuple[bytes, str, bool]:
     keep[first : frames if rng.random() < 0.4 else first + 1 + int(rng.random() ** 3 * frames)] = (
         False
     )
-    moving = ["position", "orientation", "linear_velocity", "angular_velocity"]
+    moving = ("position", "orientation", "linear_velocity", "angular_velocity")
     counts = array(parts["counts.npy"])
     changed = {"counts.npy": npy(counts[keep])}
     changed["contacts.npy"] = npy(array(parts["contacts.npy"])[np.repeat(keep, counts)])
