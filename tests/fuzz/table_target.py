@@ -20,6 +20,7 @@ from strange import altered, strange
 from safestage_eval.cli import group
 from safestage_eval.errors import InputError
 from safestage_eval.formats import save
+from safestage_eval.metrics.read_rows import read_rows
 from safestage_eval.report import render
 from safestage_eval.run.score_episode import score_episode
 from safestage_eval.run.scores import Scores
@@ -70,7 +71,9 @@ class Tables:
         done = CliRunner().invoke(group, asked)
         what = f"{asked[0]}, {seed}: {what}"
         if done.exception is None or isinstance(done.exception, SystemExit):
-            return Outcome("read" if done.exit_code == 0 else "problem", what, done.output[-300:])
+            if done.exit_code:
+                return Outcome("problem", what, done.output[-300:])
+            return self.held(path, rows, asked, done.output, what)
         if isinstance(done.exception, InputError):
             return Outcome("problem", what, str(done.exception)[:300])
         place = done.exc_info[2]
@@ -80,6 +83,20 @@ class Tables:
         return Outcome(
             "unforeseen", what, f"{type(done.exception).__name__}: {done.exception} {where}"
         )
+
+    def held(
+        self, path: Path, rows: list[dict[str, Any]], asked: list[str], output: str, what: str
+    ) -> Outcome:
+        """What was printed: the same as of the sound table, where the rows are its rows."""
+        try:
+            found = repr(read_rows(path))
+        except InputError:  # in columns that the command does not read
+            return Outcome("lie", what)
+        path.write_bytes(_FORMS[path.suffix[1:]](rows))
+        if found != repr(read_rows(path)):
+            return Outcome("lie", what)
+        again = CliRunner().invoke(group, asked).output
+        return Outcome("same" if again == output else "changed", what, "the same rows")
 
     def made(self, rng: Random, rows: list[dict[str, Any]]) -> tuple[Path, str]:
         """The file, and what was done."""

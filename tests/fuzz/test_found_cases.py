@@ -10,9 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 from import_target import ManiSkill
 from recordings import everything, falling_cube
+from seeds import episodes
 
 from safestage_eval.errors import InputError, TraceError
-from safestage_eval.formats import discover, load
+from safestage_eval.formats import discover, load, save
 from safestage_eval.formats.mcap.mcap_metadata import checksum, from_texts
 from safestage_eval.formats.parquet.arrow_tables import schema, write_options
 from safestage_eval.formats.parquet.stored_table import StoredTable
@@ -345,8 +346,8 @@ def test_a_number_of_a_million_bytes():
 def test_a_damaged_state_of_an_mcap(tmp_path):
     import mcap_target as mcap
 
-    target = mcap.Mcap(tmp_path)
-    data, _ = target.seeds[0]
+    save(episodes()[0], tmp_path / "seed.mcap")
+    data = (tmp_path / "seed.mcap").read_bytes()
     found = mcap.records(data[: -len(mcap.MAGIC)])
     place = next(i for i, (kind, _) in enumerate(found) if kind == mcap.CHUNK)
     inside = mcap._unpacked(found[place][1])
