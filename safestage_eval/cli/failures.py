@@ -15,6 +15,9 @@ from .terminal import say
 _DISK = {errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG, errno.EDQUOT}
 """Full disks, and folders that may not be written to."""
 
+_FAILING = {errno.EIO, errno.ENXIO, errno.ENODEV, errno.ESTALE, errno.ETIMEDOUT}
+"""Disks and network file systems that do not do what they are told."""
+
 
 def run(command: click.Command) -> None:
     """Run a command and exit with its code; an ``InputError`` becomes a message and 2."""
@@ -37,10 +40,11 @@ def run(command: click.Command) -> None:
         sys.stderr.close()
         sys.exit(0)
     except OSError as error:
-        if error.errno not in _DISK:
+        if error.errno not in _DISK | _FAILING:
             raise
         where = f"{error.filename}: " if error.filename else ""
-        say(f"error: {where}cannot be written: {error.strerror}.", err=True)
+        what = "the disk fails" if error.errno in _FAILING else "cannot be written"
+        say(f"error: {where}{what}: {error.strerror}.", err=True)
         sys.exit(2)
     except SystemExit:
         if sys.stdout is not stdout:  # click muffles it when the reader of a pipe has gone:

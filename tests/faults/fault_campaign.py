@@ -14,6 +14,7 @@ import shutil
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -21,15 +22,25 @@ if __name__ == "__main__":
     sys.path[:0] = [
         str(HERE),
         str(HERE.parent / "helpers"),
+        str(HERE.parents[1] / "recorder"),
         str(HERE.parents[1]),
     ]
 
 from aftermath import Row, after, left_of  # noqa: E402
 from child import Child  # noqa: E402
 from disk import small_disk  # noqa: E402
+from file_victims import Auditor, LabelWriters  # noqa: E402
 from object_store import object_store  # noqa: E402
+from process_faults import denied, failing_disk, jumping_clock  # noqa: E402
 from processes import children, is_worker, pid_alive, ray_tasks  # noqa: E402
-from stores import broken_store, failing_store, slow_store  # noqa: E402
+from served_victim import ServedRecorder  # noqa: E402
+from stores import (  # noqa: E402
+    broken_store,
+    failing_store,
+    short_store,
+    slow_store,
+    throttling_store,
+)
 from victims import (  # noqa: E402
     ClusterScorer,
     Scorer,
@@ -167,37 +178,40 @@ def read_only(victim: Victim, chance: random.Random, place: Path) -> Row:
     return row
 
 
-def campaign(kills: int, disks: int, seed: int, place: Path) -> list[Row]:
-    """Everything; of the kills a twelfth each goes to the scorer and to its workers.
-
-    On a cluster, and from a store, a few more.
-    """
-    chance = random.Random(seed)
+def campaign(
+    asked: argparse.Namespace, place: Path, write: Callable[[list[Row]], None]
+) -> list[Row]:
+    """Everything, of which ``write`` is told after each row. Each writer is killed and has its faults; what only reads has a few of each."""
+    chance = random.Random(asked.seed)
     source = prepared(place)
-    copying, scorer = writers(source), Scorer(source)
-    few = max(1, kills // 12)
-    share = -(-(kills - 2 * few) // len(copying))
+    scorer = Scorer(source)
+    copying = [*writers(source), ServedRecorder(source)]
+    files = [Auditor(source), LabelWriters(source)]
+    every = [*copying, *files, scorer]
+    share, few = -(-asked.kills // (len(every) + 1)), max(1, asked.kills // 50)
     rows: list[Row] = []
 
     def add(row: Row) -> None:
         rows.append(row)
-        print(f"{time.process_time():.0f} s: {row}", file=sys.stderr, flush=True)
+        write(rows)
+        print(f"{time.monotonic() - began:.0f} s: {row}", file=sys.stderr, flush=True)
 
-    for i, victim in enumerate(copying):
+    began = time.monotonic()
+    for i, victim in enumerate(every):
         add(killed(victim, share, chance, place / f"kill{i}"))
-    add(killed(scorer, few, chance, place / "kill scorer"))
-    add(workers_killed(scorer, few, chance, place / "kill workers"))
-    add(workers_killed(ClusterScorer(source), max(1, few // 2), chance, place / "kill tasks"))
+    add(workers_killed(scorer, share, chance, place / "kill workers"))
+    add(workers_killed(ClusterScorer(source), few, chance, place / "kill tasks"))
+    for i, victim in enumerate(every):
+        add(failing_disk(victim, asked.faults, chance, place / f"failing{i}"))
+        add(denied(victim, max(1, asked.faults // 2), chance, place / f"denied{i}"))
+        add(jumping_clock(victim, max(1, asked.faults // 2), chance, place / f"clock{i}"))
     with object_store() as store:
         distant = StoreScorer(source, store)
-        add(killed(distant, max(1, few // 2), chance, place / "kill distant"))
-        add(slow_store(distant, max(1, few // 2), chance, place / "slow"))
-        add(failing_store(distant, max(1, few // 2), chance, place / "failing"))
-        add(broken_store(distant, max(1, few // 2), chance, place / "broken"))
-    for i, victim in enumerate(copying):
-        add(full_disk(victim, disks, chance, place / f"full{i}"))
-    add(full_disk(scorer, max(1, disks // 5), chance, place / "full scorer"))
-    for i, victim in enumerate([*copying, scorer]):
+        add(killed(distant, few, chance, place / "kill distant"))
+        for fault in (slow_store, failing_store, throttling_store, short_store, broken_store):
+            add(fault(distant, few, chance, place / fault.__name__))
+    for i, victim in enumerate(every):
+        add(full_disk(victim, asked.disks, chance, place / f"full{i}"))
         add(read_only(victim, chance, place / f"ro{i}"))
     return rows
 
@@ -221,23 +235,28 @@ BEGIN, END = "<!-- campaign -->\n", "<!-- end of campaign -->\n"
 def main() -> int:
     """Exit code 1 if anything was lost, taken for whole, or did not go on."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=120)
-    parser.add_argument("--disks", type=int, default=10, help="full disks for each writer")
+    parser.add_argument("--kills", type=int, default=120, help="over all writers")
+    parser.add_argument("--faults", type=int, default=5, help="failing writes for each writer")
+    parser.add_argument("--disks", type=int, default=3, help="full disks for each writer")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--write", type=Path, help="page whose table is replaced")
     args = parser.parse_args()
     logging.getLogger("werkzeug").setLevel(logging.ERROR)  # the store's, a line per request
+    how = f"--kills {args.kills} --faults {args.faults} --disks {args.disks} --seed {args.seed}"
+
+    def write(rows: list[Row]) -> None:
+        if args.write:
+            page = args.write.read_text("utf-8")
+            head, rest = page.split(BEGIN)
+            told = f"`{how}`, {sum(row.tried for row in rows)} in all:\n\n{table(rows)}"
+            args.write.write_text(head + BEGIN + told + END + rest.split(END)[1], "utf-8")
+
     with tempfile.TemporaryDirectory() as place:
-        rows = campaign(args.kills, args.disks, args.seed, Path(place))
+        rows = campaign(args, Path(place), write)
     print(table(rows))
     for row in rows:
         for line in sorted(row.said):
             print(f"{row.victim}, {row.fault}: {line}", file=sys.stderr)
-    if args.write:
-        page = args.write.read_text("utf-8")
-        head, rest = page.split(BEGIN)
-        told = f"`--kills {args.kills} --disks {args.disks} --seed {args.seed}`:\n\n{table(rows)}"
-        args.write.write_text(head + BEGIN + told + END + rest.split(END)[1], "utf-8")
     return int(any(row.lost or row.halves or row.next_failed for row in rows))
 
 

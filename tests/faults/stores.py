@@ -35,6 +35,26 @@ def failing_store(victim: StoreScorer, times: int, chance: random.Random, place:
     return _scored(victim, "answers fail now and then", times, place, fail, SOME)
 
 
+def throttling_store(victim: StoreScorer, times: int, chance: random.Random, place: Path) -> Row:
+    """One answer of five is refused because too much is asked for (429, 503), and to be asked for again."""
+
+    def throttle() -> None:
+        victim.store.ways = (429, 503)
+        victim.store.failing = lambda number, path: chance.random() < 1 / 5
+
+    return _scored(victim, "too much is asked for (429, 503)", times, place, throttle, SOME)
+
+
+def short_store(victim: StoreScorer, times: int, chance: random.Random, place: Path) -> Row:
+    """One answer of five has fewer bytes than were asked for, and says so: never another verdict."""
+
+    def shorten() -> None:
+        victim.store.ways = ("short",)
+        victim.store.failing = lambda number, path: chance.random() < 1 / 5
+
+    return _scored(victim, "ranges come back shorter than asked", times, place, shorten, SOME)
+
+
 def broken_store(victim: StoreScorer, times: int, chance: random.Random, place: Path) -> Row:
     """From some request on everything fails: what was judged stays, the rest is a problem."""
     store = victim.store

@@ -82,8 +82,11 @@ class Victim(ABC):
             return set()
         for ref in refs:
             assert ref.problem is None, f"{ref.path} passes for an episode: {ref.problem}"
-            episode = ref.open()
-            assert not check(episode)
+            try:
+                episode = ref.open()
+                assert not check(episode)
+            except InputError as error:
+                raise AssertionError(f"{ref.path} passes for an episode: {error}") from None
             assert episode.content_hash == self.truth[ref.episode_id] == ref.content_hash
         assert len({ref.episode_id for ref in refs}) == len(refs)
         return {ref.episode_id for ref in refs}
@@ -106,7 +109,7 @@ class Recorder(Victim):
             try:
                 path = folder if self._form == "parquet" else folder / f"{name}.mcap"
                 recording(name).close(path)
-            except InputError as error:
+            except (InputError, OSError) as error:
                 sys.stderr.write(f"{error}\n")
                 return 2
             commit(name)

@@ -18,7 +18,9 @@ class Between(ThreadingHTTPServer):
 
     Attributes:
         delay: s that each answer takes longer.
-        failing: of a request's number and path whether it is to fail: 503, or half an answer.
+        failing: of a request's number and path whether it is to fail, in one of these ways in turn:
+        ways: 503; "half" an answer, whose line breaks; 429 and its Retry-After; "short", an answer that
+            says of itself that it has fewer bytes than were asked for.
         requests: (method, path, bytes of the answer) of those that were handed on.
     """
 
@@ -29,6 +31,7 @@ class Between(ThreadingHTTPServer):
         self.store = store
         self.delay = 0.0
         self.failing = lambda number, path: False
+        self.ways: tuple[int | str, ...] = ("half", 503)
         self.requests: list[tuple[str, str, int]] = []
         self.failed = 0
         self.count = 0
@@ -45,6 +48,7 @@ class Between(ThreadingHTTPServer):
     def calm(self) -> None:
         """No delay, no failures, nothing counted."""
         self.delay, self.failing = 0.0, lambda number, path: False
+        self.ways = ("half", 503)
         self.requests.clear()
         self.failed = self.count = 0
 
@@ -62,10 +66,13 @@ class _Handler(BaseHTTPRequestHandler):
             number = self.server.count
         time.sleep(self.server.delay)
         body = self.rfile.read(int(self.headers.get("Content-Length") or 0))
-        bad = self.server.failing(number, self.path)
-        if bad and number % 2:
+        ways = self.server.ways
+        bad = ways[number % len(ways)] if self.server.failing(number, self.path) else None
+        if isinstance(bad, int):
             self.server.failed += 1
-            self.send_response(503)
+            self.send_response(bad)
+            if bad == 429:
+                self.send_header("Retry-After", "1")
             self.send_header("Content-Length", "0")
             self.end_headers()
             return
@@ -75,6 +82,9 @@ class _Handler(BaseHTTPRequestHandler):
         data = answer.read()
         onward.close()
         self.server.requests.append((self.command, self.path, len(data)))
+        if bad == "short" and self.command == "GET" and len(data) > 1:
+            self.server.failed += 1
+            data = data[: len(data) // 2]
         self.send_response(answer.status)
         for name, value in answer.getheaders():
             if name.lower() not in ("transfer-encoding", "content-length", "connection"):
@@ -82,7 +92,7 @@ class _Handler(BaseHTTPRequestHandler):
         length = answer.getheader("Content-Length") if self.command == "HEAD" else len(data)
         self.send_header("Content-Length", str(length or 0))
         self.end_headers()
-        if bad:  # the line breaks in the middle
+        if bad == "half":  # the line breaks in the middle
             self.server.failed += 1
             self.wfile.write(data[: len(data) // 2])
             self.close_connection = True

@@ -149,6 +149,7 @@ def _reserved(dataset: Path) -> Iterator[tuple[int, Path]]:
         sync(folder)
     except BaseException:
         part.unlink(missing_ok=True)
+        final.unlink(missing_ok=True)  # before its tables: a row without them is half an episode
         for table in (dataset / name for name in layout.TABLE_FOLDERS):
             (table / final.name).unlink(missing_ok=True)
         raise
