@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
 
 from safestage_eval.errors import InputError
+from safestage_eval.size_limits import size
 
 PROCESSES = Path("/proc")
 """Where Linux tells of processes."""
-
-_UNITS = {"": 1, "k": 2**10, "m": 2**20, "g": 2**30, "t": 2**40}
 
 
 def resident(pid: int) -> int:
     """Bytes of a process in memory; 0 for one that has ended. Linux only."""
     try:
         pages = (PROCESSES / f"{pid}/statm").read_text("ascii").split()[1]
+    except (OSError, IndexError):
+        return 0
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+def allocated() -> int:
+    """Bytes that this process has asked for, in memory or not; 0 where the system does not tell. Linux only."""
+    try:
+        pages = (PROCESSES / f"{os.getpid()}/statm").read_text("ascii").split()[5]
     except (OSError, IndexError):
         return 0
     return int(pages) * os.sysconf("SC_PAGE_SIZE")
@@ -31,11 +38,3 @@ def limit(text: str) -> int:
             "any value on Linux", "leave it out",
         )  # fmt: skip
     return size(text)
-
-
-def size(text: str) -> int:
-    """Bytes from ``600 MB``, ``2GiB`` or a plain number; kilo is 1,024. Raises InputError."""
-    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([kmgt]?)(?:i?b)?\s*", text, re.IGNORECASE)
-    if not found:
-        raise InputError(text, "is no amount of memory.", "such as 800 MB or 2 GB")
-    return int(float(found[1]) * _UNITS[found[2].lower()])

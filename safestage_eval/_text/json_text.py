@@ -5,14 +5,20 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from safestage_eval.size_limits import current
+
 
 def from_json(text: str | bytes) -> Any:
     """What a text says.
 
     Raises:
-        json.JSONDecodeError: it is no JSON, or lists lie within one another without end.
+        json.JSONDecodeError: it is no JSON, lists lie within one another without end, or it is longer
+            than the limits allow.
         UnicodeDecodeError: bytes that are no text. Both are a ValueError.
     """
+    if len(text) > (most := current().document):
+        what = f"{len(text):,} characters; {most:,} at most, or --limits document={len(text)}"
+        raise json.JSONDecodeError(what, "", 0)
     try:
         return json.loads(text)
     except RecursionError:

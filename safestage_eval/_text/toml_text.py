@@ -6,6 +6,8 @@ import re
 import tomllib
 from typing import Any
 
+from safestage_eval.size_limits import current
+
 MOST_PARTS = 100
 """Names one below the other in a key (``a.b.c``); the time that a parser takes grows with their square."""
 
@@ -23,6 +25,9 @@ def from_toml(text: str) -> dict[str, Any]:
         ValueError: it holds a number of too many digits.
         RecursionError: lists, tables or names lie within one another without end.
     """
+    if len(text) > (most := current().document):
+        what = f"{len(text):,} characters; {most:,} at most, or --limits document={len(text)}"
+        raise tomllib.TOMLDecodeError(what)
     if _LONG_KEY.search(text):
         raise RecursionError(f"a key of more than {MOST_PARTS} names")
     return tomllib.loads(text)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+from safestage_eval._process.within import within_limits
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.rules import BindFile, RuleSet
@@ -34,9 +35,10 @@ def audit_episode(
 ) -> Audited | Problem:
     """Open one episode and carry out the checks that are about one; what cannot be read is a problem."""
     try:
-        subject = Subject(ref.open(checked=False), rules, bind)
-        found = tuple(check_subject(subject, checks, ref.shown))
-        return Audited(summarize(subject, ref.content_hash), found)
+        with within_limits(ref.shown):
+            subject = Subject(ref.open(checked=False), rules, bind)
+            found = tuple(check_subject(subject, checks, ref.shown))
+            return Audited(summarize(subject, ref.content_hash), found)
     except InputError as error:
         return Problem(ref.shown, str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others

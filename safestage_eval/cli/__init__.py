@@ -59,7 +59,7 @@ class LazyGroup(click.Group):
         if cmd_name in COMMANDS:
             module = importlib.import_module(f"safestage_eval.cli.{cmd_name}_command")
             command: click.Command = module.command
-            return command
+            return with_limits(command)
         return _from_simulate(cmd_name) if cmd_name in FROM_SIMULATE else None
 
     def resolve_command(
@@ -78,13 +78,25 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, HELP[name]) for name in self.list_commands(ctx)])
 
 
+def with_limits(command: click.Command) -> click.Command:
+    """A command, and those below it, with ``--limits``."""
+    from .shared_options import limits_option
+
+    if isinstance(command, click.Group):
+        for below in command.commands.values():
+            with_limits(below)
+    elif not any("--limits" in parameter.opts for parameter in command.params):
+        limits_option(command)
+    return command
+
+
 def _from_simulate(name: str) -> click.Command:
     from safestage_eval._process import simulator
 
     missing = simulator.why_not()
     if missing is None:
         commands: list[click.Command] = importlib.import_module("simulate.cli").COMMANDS
-        return next(command for command in commands if command.name == name)
+        return with_limits(next(command for command in commands if command.name == name))
 
     @click.command(name, help=HELP[name], context_settings={"ignore_unknown_options": True})
     @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
@@ -121,4 +133,4 @@ def score_main() -> None:
     from .failures import run
     from .score_command import command
 
-    run(command)
+    run(with_limits(command))

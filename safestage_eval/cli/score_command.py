@@ -86,7 +86,7 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
 @click.option("--sample-seed", "seed", type=int, default=0, help="Random seed for --sample.")
 @click.option(
     "--timeout", type=click.FloatRange(0, min_open=True), metavar="SECONDS",
-    help="Abort an episode after SECONDS and list it as a problem.",
+    help="Abort an episode after SECONDS and list it as a problem. Default: 300 s of processor time.",
 )  # fmt: skip
 @click.option(
     "--memory", metavar="SIZE", help="Abort an episode whose worker exceeds SIZE, such as 800MB or 2GB.",

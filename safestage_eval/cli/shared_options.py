@@ -85,6 +85,27 @@ jobs_option = click.option(
     help="Use N worker processes. Default: one per processor.",
 )
 
+
+def _set_limits(_context: click.Context, _option: click.Parameter, text: str | None) -> None:
+    from safestage_eval.errors import InputError
+    from safestage_eval.size_limits import VARIABLE, parse_limits
+
+    if text is None:
+        return
+    try:
+        parse_limits(text)
+    except InputError as error:
+        raise click.UsageError(str(error)) from None
+    os.environ[VARIABLE] = text
+
+
+limits_option = click.option(
+    "--limits", metavar="NAME=NUMBER,...", expose_value=False, is_eager=True, callback=_set_limits,
+    help="Read larger episodes: bodies=10000,decoded=1GB, or none (docs/security.md).",
+)  # fmt: skip
+"""Of every command; worker processes inherit what it sets."""
+
+
 allow_host_option = click.option(
     "--allow-host", multiple=True, metavar="NAME[:PORT]",
     help="Answer under this host name too, and pages from it. Repeatable. "

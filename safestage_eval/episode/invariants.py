@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import fields
 from typing import TYPE_CHECKING
@@ -70,8 +71,8 @@ def check_header(header: Header, where: str, *, shapes: bool = True) -> Iterator
             f"{SCHEMA_VERSION.partition('.')[0]}.x",
             "install a newer safestage" if major.isdigit() else "",
         )
-    names = [body.name for body in header.bodies]
-    for name in sorted({n for n in names if names.count(n) > 1}):
+    names = Counter(body.name for body in header.bodies)
+    for name in sorted(name for name, times in names.items() if times > 1):
         yield TraceError(where, f"two bodies are named {name!r}", fix="give each body its own name")
     for role, players in header.roles.items():
         for player in players:

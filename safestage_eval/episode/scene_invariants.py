@@ -37,10 +37,11 @@ _CAVITY_COUNTS = {"box": 3, "cylinder": 2}
 def check_bodies(bodies: Iterable[Body], where: str) -> Iterator[TraceError]:
     """Shapes, places, masses and parents."""
     known = {body.name: body for body in bodies}
+    ends: set[str] = set()
     for body in known.values():
         if not _plainly_sound(body):
             yield from _body(body, f"{where}: body {body.name!r}")
-        if body.parent is not None and _is_its_own_parent(body, known):
+        if body.parent is not None and _is_its_own_parent(body, known, ends):
             place = f"{where}: body {body.name!r}"
             yield TraceError(place, "it is its own parent, or that of one of its parents")
 
@@ -161,10 +162,14 @@ def _quaternion(quaternion: tuple[float, ...], place: str, what: str) -> Iterato
         yield TraceError(place, f"{what} is {quaternion}", "a quaternion w, x, y, z of norm 1")
 
 
-def _is_its_own_parent(body: Body, known: dict[str, Body]) -> bool:
+def _is_its_own_parent(body: Body, known: dict[str, Body], ends: set[str]) -> bool:
+    """Whether a body's parents lead round to it; ``ends``: those whose parents do not, which grows."""
     seen: set[str] = set()
     at: Body | None = body
-    while at is not None and at.name not in seen:
+    while at is not None and at.name not in seen and at.name not in ends:
         seen.add(at.name)
         at = known.get(at.parent) if at.parent is not None else None
-    return at is not None and at.name == body.name
+    if at is None or at.name in ends:
+        ends |= seen
+        return False
+    return at.name == body.name

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from safestage_eval._process.within import within_limits
 from safestage_eval.episode import Episode
 from safestage_eval.errors import TraceError, readable
 
@@ -49,6 +50,10 @@ class EpisodeRef:
         """Open the episode; arguments as for ``load``. Raises TraceError when it is broken."""
         if self.problem is not None and not (recover and self.format == "mcap"):
             raise self.problem
+        with within_limits(self.shown):
+            return self._open(recover=recover, checked=checked)
+
+    def _open(self, *, recover: bool, checked: bool) -> Episode:
         if self.format == "mcap":
             from .mcap.mcap_reader import read_mcap
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Mesh
 from safestage_eval.errors import TraceError
+from safestage_eval.size_limits import current
 
 _FACE = np.dtype([("count", "u1"), ("vertex", "<i4", 3)])
 _HEADER = """ply
@@ -39,6 +40,7 @@ def from_ply(data: bytes, key: str, where: str) -> Mesh:
     """
     counts = re.findall(rb"element \w+ (\d+)", data[:512])
     vertices, faces = (int(n) for n in counts) if len(counts) == 2 else (0, 0)
+    current().demand("vertices", vertices, where)
     header = _HEADER.format(vertices=vertices, faces=faces).encode()
     if not data.startswith(header):
         raise TraceError(

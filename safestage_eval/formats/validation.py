@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
+from safestage_eval._process.within import within_limits
 from safestage_eval.episode import check
 from safestage_eval.errors import TraceError
 
@@ -35,6 +36,14 @@ def validate(paths: str | Path | Iterable[str | Path]) -> list[TraceError]:
 
 def validate_episode(ref: EpisodeRef) -> list[TraceError]:
     """List the problems of one stored episode, as ``validate`` does."""
+    try:
+        with within_limits(ref.shown):
+            return _problems(ref)
+    except TraceError as error:
+        return [error]
+
+
+def _problems(ref: EpisodeRef) -> list[TraceError]:
     try:
         episode = ref.open(checked=False)
         errors = check(episode)

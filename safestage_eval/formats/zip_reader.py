@@ -27,9 +27,11 @@ from safestage_eval.episode import (
     check_contacts,
 )
 from safestage_eval.errors import TraceError
+from safestage_eval.size_limits import current
 
 from .contact_points import POINT, GeomNames, contact_table
 from .frame_buffers import ROBOT_COLUMNS
+from .header_limits import check_counts, check_data
 from .lazy_columns import StoredTrack
 from .parquet.dataset_layout import check_version
 from .parquet.episode_row import mesh_keys, validated
@@ -79,6 +81,7 @@ def read_zip(path: Path, *, checked: bool = True) -> Episode:
         place, turn = (_array(archive, f"fixed_{c}", where, 2) for c in ("position", "orientation"))
         meshes = {key: _mesh(archive, key, where) for key in mesh_keys(header)}
     frames = len(t)
+    current().demand("frames", frames, where)
     if about.get("frames") != frames:
         raise TraceError(where, f"{frames} frames, but the header says {about.get('frames')!r}.")
     episode = Episode(
@@ -136,6 +139,7 @@ def _contacts(path: Path, header: Header, frames: int) -> ContactTable:
         counts = _array(archive, "counts", where, 1, np.int64)
     if len(counts) != frames or (counts < 0).any() or (counts > len(points)).any():
         raise TraceError(where, f"counts of contacts for {len(counts)} frames of {frames}.")
+    current().demand("contacts", int(counts.max(initial=0)), where)
     if int(counts.sum()) != len(points):
         raise TraceError(where, f"{len(points)} contacts, but the frames count {counts.sum()}.")
     names = GeomNames(header)
@@ -155,13 +159,17 @@ def _header(about: dict[str, Any], where: str) -> Header:
             "update safestage: the file is of a newer recorder",
         )
     check_version(str(stated.get("schema_version")), where)
-    return validated(Header, stated, f"{where}, {HEADER}")
+    check_data(stated, f"{where}, {HEADER}")
+    header = validated(Header, stated, f"{where}, {HEADER}")
+    check_counts(header, where)
+    return header
 
 
 def _mesh(archive: zipfile.ZipFile, key: str, where: str) -> Mesh:
     """A mesh, whose key is the digest of its content."""
     vertices = _array(archive, f"mesh/{key}.vertices", where, 2)
     faces = _array(archive, f"mesh/{key}.faces", where, 2, np.int32)
+    current().demand("vertices", len(vertices), where)
     try:
         mesh = Mesh.build(vertices, faces)
     except ValueError as error:

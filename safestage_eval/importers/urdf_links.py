@@ -9,6 +9,7 @@ from xml.etree import ElementTree as ET
 from safestage_eval.episode import Geom
 from safestage_eval.episode.body import GeomKind
 from safestage_eval.errors import TraceError
+from safestage_eval.size_limits import current
 
 JOINTED = ("revolute", "continuous", "prismatic")
 
@@ -40,6 +41,7 @@ def urdf_links(text: str, where: str) -> dict[str, Link]:
     Raises:
         TraceError: not XML, numbers that are none, or a document with entities of its own.
     """
+    current().demand("document", len(text), where)
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise TraceError(where, "the robot description declares entities.", "plain URDF")
     try:

@@ -12,6 +12,7 @@ from typing import Self
 
 from safestage_eval._process.children import LOADING
 from safestage_eval._process.spawned import LOOK, READY, Births, Spawned
+from safestage_eval.size_limits import current
 from safestage_eval.verdicts.problem import Problem
 
 from .engine_interface import Engine, Found, Numbered
@@ -27,6 +28,13 @@ FIRST, MOST = 2, 64
 
 PRELOAD = "safestage_eval.run.preload"
 """Module that several workers share."""
+
+SELDOM = 1.0
+"""s between two looks at processes that have only the usual limits."""
+
+STUCK = 4
+"""Times the processor time of an episode that may go by on the clock: machines are shared. A process ends
+itself over an episode, unless it is in a library that does not come back."""
 
 COMPILING = 180.0
 """s more that the very first episode of a run may take: kernels are compiled then, and loaded
@@ -78,7 +86,7 @@ class Local(Engine):
             busy = [worker for worker in self._workers if worker.asked]
             if not busy:
                 return
-            pause = LOOK if self._settings.timeout or self._settings.memory else None
+            pause = LOOK if self._settings.timeout or self._settings.memory else SELDOM
             ready = multiprocessing.connection.wait([worker.pipe for worker in busy], pause)
             for worker in busy:
                 if worker.pipe in ready:
@@ -154,6 +162,8 @@ class Local(Engine):
     def _exceeds(self, worker: _Worker) -> str:
         """Which bound a process is beyond; empty if none."""
         most, limit = self._settings.memory, self._settings.timeout
+        if limit is None and worker.warm and worker.taken() > STUCK * current().seconds:
+            return f"judging it came to no end in {worker.taken():.0f} s (--limits seconds=NUMBER)"
         if why := worker.memory_excess(most):
             return f"judging it {why}"
         if limit is not None and worker.ready:

@@ -70,8 +70,8 @@ def serve(
       safestage serve my_module:MyPolicy --protocol "groot?horizon=16" --port 5556
       safestage serve groot:tcp://gpu:5555 --protocol groot --port 5556
     """
-    from safestage_eval._process.memory_limit import size
     from safestage_eval._serving.guard import Guard
+    from safestage_eval.size_limits import size
     from simulate.servers.serve import serve as start
 
     with start(

@@ -12,6 +12,7 @@ import mujoco
 
 from safestage_eval.errors import InputError
 from safestage_eval.importers.importer import SourceError
+from safestage_eval.size_limits import current
 
 SHAPES = (".obj", ".stl", ".msh", ".ply", ".png", ".bin", ".hf")
 """Endings of meshes and height fields: what a model may name by its own path."""
@@ -76,6 +77,7 @@ def load_model(text: str, where: str, assets: Sequence[Path] = ()) -> Loaded:
 
 def _plain(text: str, where: str) -> str:
     """Without sections that are only seen and attributes that newer versions refuse."""
+    current().demand("document", len(text), where)
     try:
         root = ET.fromstring(text)  # noqa: S314 — no external entities are resolved
     except ET.ParseError as error:

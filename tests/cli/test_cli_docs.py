@@ -40,7 +40,14 @@ def command(name):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_option_is_described(name):
-    assert {o for o in options(command(name)) if f"`{o}`" not in section(name)} == set()
+    own = options(command(name)) - {"--limits"}
+    assert {o for o in own if f"`{o}`" not in section(name)} == set()
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_takes_limits(name):
+    assert "--limits" in options(command(name))
+    assert "`--limits`" in TEXT
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -16,6 +16,7 @@ ROOMS = {
         "errors",
         "units",
         "palette",  # the colours of every page and plot
+        "size_limits",  # how large an episode may be
         "_text",  # JSON and TOML that others wrote
         "_process",  # memory limits, worker processes, compiled kernels
         "_serving",  # what stands before every server

@@ -11,13 +11,13 @@ from misbehaving import Crashing, CrashingOnce, Hanging, Swelling, turned
 from studio import block
 
 from safestage_eval._process import memory_limit, spawned
-from safestage_eval._process.memory_limit import size
 from safestage_eval.errors import InputError
 from safestage_eval.formats import discover, save
 from safestage_eval.run import pool
 from safestage_eval.run.pool import Local
 from safestage_eval.run.score_many import score_many
 from safestage_eval.run.settings import Settings
+from safestage_eval.size_limits import size
 from safestage_eval.verdicts.problem import Problem
 
 RULES = ("fsh",)

@@ -111,6 +111,11 @@ def find(block: Any, topics: Topics) -> dict[str, Batch]:
     return {name: Batch(raw, places[:count]) for name, places, count in batches if count}
 
 
+def stated_size(content: bytes) -> int:
+    """Bytes that a chunk says it holds unpacked; 0 where it is cut off."""
+    return int.from_bytes(content[16:24], "little") if len(content) >= 24 else 0
+
+
 def unpack(content: bytes) -> Any:
     """Return the records inside a chunk, decompressed and compared with their checksum.
 

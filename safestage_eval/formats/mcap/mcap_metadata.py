@@ -15,6 +15,7 @@ from safestage_eval.episode import Episode, Header, Record
 from safestage_eval.errors import TraceError
 from safestage_eval.formats.contact_points import table_points
 from safestage_eval.formats.digests import frame_digests, sealed
+from safestage_eval.formats.header_limits import check_counts, check_texts
 from safestage_eval.formats.parquet.arrow_tables import ROBOT_COLUMNS
 from safestage_eval.formats.parquet.dataset_layout import check_version
 from safestage_eval.formats.parquet.episode_row import encode, validated
@@ -59,7 +60,10 @@ def from_texts(texts: Mapping[str, str], where: str) -> McapMetadata:
             "the header does not match its checksum.",
             fix="copy the file again, or record the episode again",
         )
-    return validated(McapMetadata, dict(texts), f"{where}, metadata")
+    check_texts(texts, f"{where}, metadata")
+    metadata = validated(McapMetadata, dict(texts), f"{where}, metadata")
+    check_counts(metadata.header, where)
+    return metadata
 
 
 def to_texts(episode: Episode, moving: list[str]) -> dict[str, str]:

@@ -30,6 +30,7 @@ from safestage_eval.formats.digests import Seal, computed, frame_digests
 from safestage_eval.formats.lazy_columns import StoredTrack
 from safestage_eval.formats.parquet.episode_row import mesh_keys
 from safestage_eval.formats.ply import from_ply
+from safestage_eval.size_limits import current
 
 from .mcap_chunks import Batch
 from .mcap_clouds import CloudPoints
@@ -133,10 +134,12 @@ def read_mcap(path: Path, *, recover: bool = False, checked: bool = True) -> Epi
             f"{clouds.count} messages on {CONTACTS} for {count} frames.",
             "one per frame, or none at all",
         )
+    current().demand("frames", count, where)
     columns, index, t = rows.columns(count, where)
     if not np.array_equal(index, np.arange(count)):
         raise TraceError(where, f"the messages on {FRAME} are not the frames 0, 1, 2, … in order")
     points, counts = clouds.points(min(count, clouds.count))
+    current().demand("contacts", int(counts.max(initial=0)), where)
     if not clouds.count:
         counts = np.zeros(count, np.int64)
     full = states.first(count, where)

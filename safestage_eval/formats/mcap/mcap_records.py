@@ -13,9 +13,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 from safestage_eval.errors import TraceError
+from safestage_eval.size_limits import current
 
 from .mcap_arrays import CHANNEL, MESSAGE, PREFIX
-from .mcap_chunks import Batch, Topics, find, text, unpack
+from .mcap_chunks import Batch, Topics, find, stated_size, text, unpack
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, CHUNK, ATTACHMENT, METADATA = 1, 2, 6, 9, 12
@@ -39,6 +40,7 @@ class McapRecords:
         profile: of the header record.
         metadata: name → text by key.
         attachments: name → bytes.
+        decoded: bytes of chunks so far, unpacked.
         whole: False when it ends before its footer.
     """
 
@@ -47,6 +49,7 @@ class McapRecords:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     whole: bool = False
+    decoded: int = 0
 
 
 def no_mcap(path: Path, where: str) -> TraceError:
@@ -76,6 +79,9 @@ def walk(path: Path, sinks: Mapping[str, Sink], where: str) -> McapRecords:
             records = McapRecords(path.stat().st_size)
             messages = _Messages(sinks)
             for at, kind, content in _contents(stream, records):
+                if kind == CHUNK:
+                    records.decoded += stated_size(content)
+                    current().demand_decoded(records.decoded, records.size, where)
                 if kind != MESSAGE:
                     messages.hand_on()
                 try:

@@ -30,6 +30,7 @@ from safestage_eval.formats.digests import Seal, computed
 from safestage_eval.formats.lazy_columns import StoredItems, StoredTrack
 from safestage_eval.formats.ply import from_ply
 from safestage_eval.formats.trace_files import check_link, existing, inside_dataset, regular_status
+from safestage_eval.size_limits import current
 
 from . import dataset_layout as layout
 from .arrow_tables import EPISODES, REQUIRED, ROBOT_COLUMNS, WXYZ, XYZ, schema
@@ -166,11 +167,16 @@ class _StoredEpisode:
         )
         self.whole = checked and self.seal.digests is None  # its content hash will be computed
         layout.check_version(row.get("schema_version") or "1.0", self.where)
+        current().demand("frames", self.length, self.where)
+        most = current().contacts * max(self.length, 1)
+        if (row.get("contacts") or 0) > most:
+            current().demand("contacts", row["contacts"] // max(self.length, 1), self.where)
 
     def episode(self) -> Episode:
         geometry = self.table("geometry")
         names = [name for name in geometry.names if name != "episode_index"]
         shapes = self.few(geometry.rows(names, self.index))
+        current().demand("geoms", len(shapes), self.where)
         text = self.row.get("bodies")
         scene = find_scene(text, shapes)
         rows = [] if scene else shapes.to_pylist()

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ValidationError
 
 from safestage_eval.episode import Body, Header
 from safestage_eval.errors import TraceError
+from safestage_eval.formats.header_limits import check_counts, check_texts
 
 from .arrow_tables import EPISODES
 
@@ -70,6 +71,7 @@ def from_row(
     Raises:
         TraceError: text that is not JSON, a geom of an unknown body, or values a header refuses.
     """
+    check_texts(row, where)
     data = {name: row[name] for name in _FLAT_FIELDS if row.get(name) is not None}
     for name in (*_JSON_FIELDS, *(() if bodies is not None else ("bodies",))):
         if row.get(name) is None:
@@ -82,7 +84,9 @@ def from_row(
         _add_geoms(data, geometry, where)
     else:
         data["bodies"] = bodies
-    return validated(Header, data, f"{where}, header field")
+    header = validated(Header, data, f"{where}, header field")
+    check_counts(header, where)
+    return header
 
 
 def _add_geoms(data: dict[str, Any], geometry: list[dict[str, Any]], where: str) -> None:

@@ -15,6 +15,7 @@ from safestage_eval.errors import TraceError
 from safestage_eval.formats.byte_source import SourceStream
 from safestage_eval.formats.remote_path import RemotePath
 from safestage_eval.formats.trace_files import regular_status
+from safestage_eval.size_limits import current
 
 from .arrow_tables import arrow_file, columns_of
 from .row_index import RowIndex, load_row_index
@@ -30,6 +31,9 @@ _WHOLE_BYTES = 8 << 20
 
 _FILES_KEPT = 12
 """Files whose metadata are kept: those of two shards. Of 50 episodes, a shard's take some 6 MB."""
+
+SMALL = 1 << 22
+"""Bytes of texts that are not counted any closer."""
 
 EPISODES_TABLE = "meta/episodes"
 """The table that is always read whole, and needs no row index."""
@@ -52,9 +56,31 @@ class Footer:
         """Names of the columns, of lists and records too."""
         return frozenset(self.metadata.schema.to_arrow_schema().names)
 
+    @cached_property
+    def texts(self) -> tuple[str, ...]:
+        """Columns of plain texts: many rows may share one, and each would come to hold a copy."""
+        schema = self.metadata.schema.to_arrow_schema()
+        return tuple(field.name for field in schema if _is_text(field.type))
+
+    @cached_property
+    def lists(self) -> dict[str, tuple[int, ...]]:
+        """Column of lists or records → places of what lies in it; a row may hold any number."""
+        schema = self.metadata.schema
+        found: dict[str, list[int]] = {}
+        for place in range(len(schema)):
+            name, nested, _ = schema.column(place).path.partition(".")
+            if nested and schema.column(place).path not in self.columns:
+                found.setdefault(name, []).append(place)
+        return {name: tuple(places) for name, places in found.items()}
+
 
 FOOTERS: dict[tuple[Path, Hashable], Footer] = {}
 """By path and state of the file: shards hold many episodes, and their footers are large."""
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    types = pa.types
+    return bool(types.is_string(kind) or types.is_large_string(kind) or types.is_binary(kind))
 
 
 class _ColumnCache:
@@ -112,7 +138,7 @@ class TableFile:
             ) from None
         except OSError as error:
             raise TraceError(str(path), f"cannot be read: {error.strerror or error}") from None
-        self._source = source
+        self._source, self._size = source, stat.st_size
         state: Hashable = (
             (stat.st_mtime_ns, stat.st_ctime_ns, stat.st_size, stat.st_ino)
             if source is None
@@ -138,6 +164,14 @@ class TableFile:
 
     @cached_property
     def _file(self) -> pq.ParquetFile:
+        return self._opened(None)
+
+    @cached_property
+    def _file_of_texts(self) -> pq.ParquetFile:
+        """The same, which reads each text once."""
+        return self._opened(list(self.footer.texts))
+
+    def _opened(self, texts: list[str] | None) -> pq.ParquetFile:
         if self._source is not None:
             stream = pa.PythonFile(SourceStream(self._source), "r")
         else:
@@ -146,7 +180,8 @@ class TableFile:
                 stream = pa.BufferReader(stream.read_buffer())
         return pq.ParquetFile(
             stream,
-            metadata=self._metadata,
+            metadata=self._metadata if texts is None else self.footer.metadata,
+            read_dictionary=texts,
             pre_buffer=self._source is not None,
             page_checksum_verification=True,
         )
@@ -159,6 +194,8 @@ class TableFile:
         """
         columns = list(dict.fromkeys(columns))
         rows = sum(self.footer.index.rows[group] for group in groups)
+        values = rows * len(columns) + self._in_lists(groups, columns)
+        current().demand_decoded(4 * values, self._size, str(self.path))
         if 4 * rows * len(columns) > LARGEST:
             raise TraceError(
                 str(self.path),
@@ -166,12 +203,15 @@ class TableFile:
                 f"{LARGEST // 4 // len(columns):,} rows of {len(columns)} columns",
                 "write row groups of one episode each" if len(self.footer.index.rows) == 1 else "",
             )
+        texts = [name for name in columns if name in self.footer.texts]
+        file = self._file_of_texts if texts else self._file
         try:
-            table = self._file.read_row_groups(groups, columns=columns, use_threads=False)
+            table = file.read_row_groups(groups, columns=columns, use_threads=False)
         except (pa.ArrowException, OSError, UnicodeDecodeError, MemoryError) as error:
             raise self._unreadable(error) from None
         if table.column_names != columns:
             raise self._other_columns(table.column_names, columns)
+        table = self._unfolded(table, texts)
         if table.num_rows != rows or any(len(column) != rows for column in table.itercolumns()):
             name = next((name for name in columns if len(table[name]) != rows), columns[0])
             raise TraceError(
@@ -179,6 +219,38 @@ class TableFile:
                 f"{len(table[name])} values of {name!r} in {rows} rows.",
                 fix="copy the dataset again",
             )
+        return table
+
+    def _in_lists(self, groups: Sequence[int], columns: Sequence[str]) -> int:
+        """Values in the lists of some columns, as the footer states them."""
+        lists, metadata = self.footer.lists, self.footer.metadata
+        places = [place for name in columns for place in lists.get(name, ())]
+        return sum(
+            metadata.row_group(group).column(place).num_values
+            for group in groups
+            for place in places
+        )
+
+    def _unfolded(self, table: pa.Table, texts: Sequence[str]) -> pa.Table:
+        """Give each row its own text, unless that takes too much room. Raises TraceError."""
+        import pyarrow.compute as pc
+
+        total = 0
+        for chunk in (chunk for column in table.columns for chunk in column.chunks):
+            if isinstance(chunk, pa.DictionaryArray) and _is_text(chunk.dictionary.type):
+                lengths = pc.binary_length(chunk.dictionary)
+                if len(chunk) * (pc.max(lengths).as_py() or 0) > SMALL:
+                    total += pc.sum(lengths.take(chunk.indices)).as_py() or 0
+                    current().demand_decoded(total, self._size, str(self.path))
+        for name in texts:
+            plain = [
+                chunk.dictionary_decode() if isinstance(chunk, pa.DictionaryArray) else chunk
+                for chunk in table[name].chunks
+            ]
+            kind = table[name].type
+            kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+            place = table.column_names.index(name)
+            table = table.set_column(place, name, pa.chunked_array(plain, kind))
         return table
 
     def read_shared(self, group: int, columns: Iterable[str]) -> pa.Table:
