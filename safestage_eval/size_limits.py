@@ -64,9 +64,13 @@ class Limits:
                 f"if it is no mistake, raise the limit: --limits {name}={number}",
             )  # fmt: skip
 
+    def allowed(self, stored: int) -> int:
+        """Bytes that so many stored ones may become."""
+        return max(self.decoded, PER_STORED_BYTE * stored)
+
     def demand_decoded(self, size: int, stored: int, where: str) -> None:
         """Compare the bytes that a file's data become with those that it has. Raises TraceError."""
-        if size > max(self.decoded, PER_STORED_BYTE * stored):
+        if size > self.allowed(stored):
             raise TraceError(
                 where, f"{stored:,} stored bytes would become {size:,}.",
                 f"{self.decoded:,} at most, or {PER_STORED_BYTE} for each stored one",

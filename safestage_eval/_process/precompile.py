@@ -27,7 +27,7 @@ from typing import Any
 
 import numba
 
-from .compiled import cache_folder
+from .compiled import cache_folder, cache_name, is_writable
 
 if sys.platform != "win32":  # where two processes may compile the same kernel
     import fcntl
@@ -56,7 +56,7 @@ def compile_kernels(tell: Tell | None = None) -> None:
         tell: called with (compiled, total) kernels, first with 0.
     """
     done = _stamp()
-    if done.exists():
+    if done is None or done.exists():
         return
     signatures, tell = read_signatures(), tell or (lambda *_: None)
     total = sum(len(types) for kernels in signatures.values() for types in kernels.values())
@@ -71,7 +71,19 @@ def compile_kernels(tell: Tell | None = None) -> None:
 
 def is_compiled() -> bool:
     """Whether this machine has compiled all kernels of this version."""
-    return _stamp().exists()
+    done = _stamp()
+    return done is not None and done.exists()
+
+
+def why_not_kept() -> str:
+    """Why kernels are compiled anew by each process, in a sentence; empty where they are kept."""
+    done = _stamp()
+    if done is not None and (done.exists() or is_writable(done.parent)):
+        return ""
+    return (
+        "numerical kernels are compiled anew by each process, which takes time: no folder can be "
+        "written to that would keep them; set NUMBA_CACHE_DIR to one"
+    )
 
 
 def load_kernels() -> None:
@@ -98,17 +110,20 @@ def read_signatures() -> dict[str, dict[str, list[Any]]]:
 
 
 @cache
-def _stamp() -> Path:
-    """The file that says that all kernels of this version are compiled for this processor."""
+def _stamp() -> Path | None:
+    """The file that says that all kernels of this version are compiled for this processor.
+
+    None where nothing can be kept.
+    """
     host = numba.core.codegen.get_host_cpu_features(), platform.machine(), sys.version
     digest = hashlib.sha256(repr((numba.__version__, host)).encode())
     digest.update(SIGNATURES.read_bytes())
     root = Path(__file__).parents[1]
     for room in by_room(read_signatures()):
-        digest.update(cache_folder(root.parent / room.replace(".", "/")).name.encode())
+        digest.update(cache_name(root.parent / room.replace(".", "/")).encode())
     chosen = numba.config.CACHE_DIR
     folder = Path(chosen) if chosen else cache_folder(Path(__file__).parent)
-    return folder / f"all-{digest.hexdigest()[:12]}.compiled"
+    return folder and folder / f"all-{digest.hexdigest()[:12]}.compiled"
 
 
 @contextlib.contextmanager

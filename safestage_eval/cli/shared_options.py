@@ -267,8 +267,11 @@ def _start_bar(what: str) -> Progress:
 
 def prepare_kernels() -> None:
     """Compile the numerical kernels where this machine has not done so yet."""
-    from safestage_eval._process.precompile import compile_kernels
+    from safestage_eval._process.precompile import compile_kernels, why_not_kept
 
+    if why := why_not_kept():
+        say(f"warning: {why}", err=True)
+        return
     announced = False
 
     def announce(_: int, total: int) -> None:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from safestage_eval.size_limits import current
+
 from .importer import SourceError
 
 DEEPEST = 32
@@ -93,8 +95,12 @@ def _dataset(data: Any, where: str) -> None:
         raise _refused(where, data.name, f"numbers in the file {data.external[0][0]!r}")
     if data.is_virtual:
         raise _refused(where, data.name, "numbers in other datasets (a virtual dataset)")
-    if data.size is not None and data.size * max(data.dtype.itemsize, 8) > MOST_BYTES:
-        raise _refused(where, data.name, f"{data.size:,} values")
+    if data.size is not None:
+        size = data.size * max(data.dtype.itemsize, 8)
+        if size > MOST_BYTES:
+            raise _refused(where, data.name, f"{data.size:,} values")
+        stored = data.id.get_storage_size()
+        current().demand_decoded(size, stored, f"{where}, {data.name}")
 
 
 def _refused(where: str, name: str, problem: str) -> SourceError:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError, TraceError
 from safestage_eval.formats.parquet.arrow_tables import arrow_file
+from safestage_eval.size_limits import current
 
 from .importer import SourceError
 
@@ -72,7 +73,8 @@ class Tables:
         if file is None:
             raise TraceError(f"{self._path}: episode_{number}", "there is no file with its rows")
         with _reading(file):
-            schema = pq.read_schema(arrow_file(file))
+            metadata = pq.read_metadata(arrow_file(file))
+            schema = metadata.schema.to_arrow_schema()
         missing = [column for column in wanted if column not in schema.names]
         if missing:
             raise SourceError(
@@ -80,6 +82,11 @@ class Tables:
                 f"[columns] names {missing[0]!r}, which is no column of {file.name}.",
                 ", ".join(n for n in schema.names if n not in OWN),
             )
+        leaves = [g.column(i) for g in map(metadata.row_group, range(metadata.num_row_groups))
+                  for i in range(metadata.num_columns)]  # fmt: skip
+        names = {*wanted, *OWN}
+        values = sum(x.num_values for x in leaves if x.path_in_schema.partition(".")[0] in names)
+        current().demand_decoded(8 * values, file.stat().st_size, str(file))
         also = [c for c in ("timestamp", "frame_index", "task_index") if c in schema.names]
         read = list(dict.fromkeys([*wanted, *also, "episode_index"]))
         with _reading(file):

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from safestage_eval.formats.checksum import crc32
+from safestage_eval.size_limits import current
 
 from . import mcap_arrays
 from .mcap_arrays import MESSAGE, PREFIX
@@ -24,9 +25,6 @@ _number = struct.Struct("<H").unpack_from
 
 _ROOM = 1 << 10
 """Messages of a block that there is room for at first."""
-
-LARGEST_CHUNK = 1 << 30
-"""Bytes of a chunk; writers make chunks of some megabytes."""
 
 _MOST = 256
 """No byte of an LZ4 block stands for more."""
@@ -123,8 +121,10 @@ def unpack(content: bytes) -> Any:
         ValueError, RuntimeError, IndexError, struct.error: the chunk is damaged.
     """
     size, crc = struct.unpack_from("<QI", content, 16)
-    if size > LARGEST_CHUNK:
-        raise ValueError(f"a chunk of {size:,} bytes, of which {LARGEST_CHUNK:,} are allowed")
+    if size > (most := current().allowed(len(content))):
+        raise ValueError(
+            f"a chunk of {size:,} bytes, of which {most:,} are allowed (--limits decoded={size})"
+        )
     compression, at = text(content, 28)
     packed = memoryview(content)[at + 8 : at + 8 + _length(content, at)[0]]
     records: Any
