@@ -31,7 +31,9 @@ from .terminal import say
     help="Write to this folder: a dataset for parquet, one file per episode for mcap; or a single "
     "episode to this .mcap file.",
 )  # fmt: skip
-@click.option("--force", is_flag=True, help="Replace MCAP files that are already there.")
+@click.option(
+    "--force", is_flag=True, help="Replace MCAP files that are there already, the same ones too."
+)
 @click.option("--recover", is_flag=True, help="Keep the whole frames of a truncated MCAP file.")
 @click.option(
     "--events/--no-events", default=True, show_default=True,
@@ -48,7 +50,8 @@ def command(
     """Copy episodes into another format, losslessly.
 
     The sources are never changed. Every copy is read back and its content compared by hash, which
-    is printed. Episodes that a dataset already holds are skipped.
+    is printed. Episodes that are there already are skipped, so a run that was stopped continues
+    when the same command is given again.
 
     An MCAP file opens in Foxglove and in Rerun. Its channel /events says when a rule was
     violated, when it was worst and why; --rules, --bind and --set choose the rules. Events are
@@ -87,8 +90,9 @@ def command(
                 target = out if form == "parquet" else _file_for(name, out)
                 if name in there:
                     raise InputError(str(out), f"holds another episode {name!r}.", fix="--out")
-                if form == "mcap":
-                    _may_write(target, ref.path, written, force=force)
+                if form == "mcap" and _is_there(episode, target, ref.path, written, force=force):
+                    say(f"{episode.content_hash}  {name}  there already")
+                    continue
                 copy = _copied(episode, target, form, remarks(episode) if remarks else ())
                 written.add(target)
                 say(f"{episode.content_hash}  {name}  {copy}")
@@ -117,8 +121,10 @@ def _file_for(name: str, out: Path) -> Path:
     return out if out.suffix == ".mcap" else out / mcap_name(name)
 
 
-def _may_write(target: Path, source: Path, written: set[Path], *, force: bool) -> None:
+def _is_there(episode: Any, target: Path, source: Path, written: set[Path], *, force: bool) -> bool:
+    """Whether a file holds this very episode, whole. Raises InputError where it may not be written."""
     from safestage_eval.errors import InputError
+    from safestage_eval.formats import load
 
     if target.resolve() == source.resolve():
         raise InputError(str(target), "the copy would replace its source.", fix="another --out")
@@ -126,8 +132,21 @@ def _may_write(target: Path, source: Path, written: set[Path], *, force: bool) -
         raise InputError(
             str(target), "two episodes would go to this file.", fix="convert one alone"
         )
-    if target.exists() and not force:
-        raise InputError(str(target), "is there already.", fix="--force replaces it")
+    if not target.exists() or force:
+        return False
+    try:
+        same = load(target).content_hash == episode.content_hash
+    except InputError as error:
+        raise InputError(
+            str(target), f"is there already, and not whole: {error.what}",
+            fix="--force replaces it",
+        ) from None  # fmt: skip
+    if not same:
+        raise InputError(
+            str(target), "is there already, with another content.", fix="--force replaces it"
+        )
+    written.add(target)
+    return True
 
 
 def _judge(
