@@ -20,7 +20,7 @@ class ContactLog:
     def __init__(self, model: Any, data: Any, geom_index: Any, pyramidal: bool) -> None:
         """``geom_index``: (ngeom,) MuJoCo geom id → index in the trace, −1 for none."""
         self._data = data
-        self._memory: Any = None
+        self._memory: Any = _NOTHING[0]
         self._kind: Any = None
         self._address = 0
         self._geom_index = geom_index
@@ -39,7 +39,7 @@ class ContactLog:
         count = data.ncon
         if not count:
             return _NOTHING
-        if self._memory is None:
+        if count > len(self._memory):
             self._memory, self._kind = _contact_memory(data)
             self._address = _address(data)
         return self._memory[:count].copy(), data.efc_force.copy()
@@ -73,7 +73,7 @@ class ContactLog:
 
     def _work_out(self) -> None:
         """Turn what waits into points; steps after the last frame wait on."""
-        if self._memory is not None and self._data.ncon and _address(self._data) != self._address:
+        if len(self._memory) and self._data.ncon and _address(self._data) != self._address:
             raise RecordError("MuJoCo moved its contacts; please report this with its version.")
         steps = [some for some in self._steps if some[0] < self._frame and len(some[2])]
         self._steps = [some for some in self._steps if some[0] >= self._frame]
@@ -216,7 +216,7 @@ def _contact_memory(data: Any) -> tuple[Any, Any]:
             "itemsize": size,
         }
     )
-    most = max(int(data.narena) // size - 1, len(fields["dist"]))
+    most = 2 * len(fields["dist"]) + 100
     block: Any = (ctypes.c_char * (most * size)).from_address(low)
     return np.frombuffer(block, np.uint8).reshape(most, size), kind
 

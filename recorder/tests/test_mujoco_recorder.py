@@ -90,7 +90,7 @@ class Witness:
             if force[0] <= 0 and contact.dist > 0:
                 continue
             pair = tuple(int(self.model.geom_bodyid[g]) for g in (contact.geom1, contact.geom2))
-            world = np.array(contact.frame).reshape(3, 3).T @ force[:3]
+            world = self.data.contact.frame[i].reshape(3, 3).T @ force[:3]
             entry = found.setdefault((min(pair), max(pair)), [0.0, np.zeros(3), 0])
             entry[0] += force[0]
             entry[1] = entry[1] + (world if pair[0] < pair[1] else -world)
