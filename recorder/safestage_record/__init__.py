@@ -1,7 +1,7 @@
 """Records whole rollouts inside other people's simulators, as traces that SafeStage judges.
 
-Needs NumPy alone; the simulator is the one that is there. ``mujoco`` records any model and data of
-the MuJoCo bindings, ``wrap`` an environment that holds them.
+Needs NumPy alone; the simulator is the one that is there. ``wrap`` records environments,
+``mujoco``, ``sapien`` and ``pybullet`` what is stepped by hand.
 """
 
 from __future__ import annotations
@@ -9,17 +9,25 @@ from __future__ import annotations
 from ._version import __version__
 from .env_wrap import EnvRecording, wrap
 from .mujoco_recorder import MujocoRecorder
+from .pybullet_recorder import PyBulletRecorder
 from .record_error import RecordError
 from .rollout_log import recover
+from .sapien_recorder import SapienRecorder
 
 mujoco = MujocoRecorder
+sapien = SapienRecorder
+pybullet = PyBulletRecorder
 
 __all__ = [
     "EnvRecording",
     "MujocoRecorder",
+    "PyBulletRecorder",
     "RecordError",
+    "SapienRecorder",
     "__version__",
     "mujoco",
+    "pybullet",
     "recover",
+    "sapien",
     "wrap",
 ]

@@ -7,10 +7,10 @@ from typing import Any, Callable
 
 import numpy as np
 
-from .mujoco_recorder import MujocoRecorder
+from .find_backend import begin_recording, find_backend
+from .journal import SUFFIX
 from .record_error import RecordError
-
-_INSIDE = ("unwrapped", "env", "_env", "sim", "physics", "_physics")
+from .rollout_recorder import RolloutRecorder
 
 
 def wrap(
@@ -29,16 +29,16 @@ def wrap(
     begins, or when the environment is closed.
 
     Args:
-        env: of Gymnasium, Gym, robosuite or dm_control, that holds a MuJoCo model and data.
+        env: of Gymnasium, Gym, robosuite, dm_control or ManiSkill, on MuJoCo, SAPIEN or PyBullet.
         folder: for the traces, ``TASK.NUMBER.zip``.
         success: of (env, result of ``env.step``), whether the goal is reached; without it
             ``info["success"]``, ``info["is_success"]`` or ``env._check_success()`` say so.
         hold: s recorded after the first success with the robot still, by steps of ``hold_action``.
         hold_action: (A,) the command that keeps the robot still, or a function of the last action.
-        settings: those of ``MujocoRecorder``: roles, kinds, fingers, up, tags, frame_dt, task, ….
+        settings: those of the simulator's recorder: roles, kinds, fingers, up, tags, frame_dt, task, ….
 
     Raises:
-        RecordError: no MuJoCo model and data in the environment, or ``hold`` without an action.
+        RecordError: no simulation in the environment, or ``hold`` without an action.
     """
     if hold and hold_action is None:
         raise RecordError(
@@ -69,8 +69,8 @@ class EnvRecording:
         hold_action: Any,
         settings: Any,
     ) -> None:
-        find_simulation(env)
-        self.recorder: MujocoRecorder | None = None
+        find_backend(env)
+        self.recorder: RolloutRecorder | None = None
         self.paths: list[Path] = []
         self._env, self._folder, self._settings = env, folder, dict(settings)
         self._success, self._hold, self._hold_action = success, hold, hold_action
@@ -87,11 +87,9 @@ class EnvRecording:
         result = self._reset(*args, **kwargs)
         seed = kwargs.get("seed")
         self._seed = seed if isinstance(seed, int) else self._seed
-        model, data = find_simulation(self._env)
         name, self._number = self._next_name()
-        self.recorder = MujocoRecorder(
-            model,
-            data,
+        self.recorder = begin_recording(
+            self._env,
             self._folder / f"{name}.zip",
             task=self._task,
             seed=self._seed,
@@ -140,7 +138,7 @@ class EnvRecording:
         """As ``MujocoRecorder.report``, of the episode that is running."""
         return "no episode is running" if self.recorder is None else self.recorder.report()
 
-    def _keep_still(self, recorder: MujocoRecorder, last: Any) -> None:
+    def _keep_still(self, recorder: RolloutRecorder, last: Any) -> None:
         """Step on with the robot still; an environment that refuses further steps ends it."""
         begin = recorder.time
         action = self._hold_action(last) if callable(self._hold_action) else self._hold_action
@@ -167,42 +165,10 @@ class EnvRecording:
         number = self._number
         while True:
             name = f"{plain}.{number:05d}"
-            if not (self._folder / f"{name}.zip").exists():
+            taken = (f"{name}.zip", f"{name}.zip{SUFFIX}")
+            if not any((self._folder / one).exists() for one in taken):
                 return name, number
             number += 1
-
-
-def find_simulation(env: Any) -> tuple[Any, Any]:
-    """Return the ``MjModel`` and ``MjData`` that an environment holds, itself or further inside.
-
-    Raises:
-        RecordError: it holds none.
-    """
-    import mujoco
-
-    todo: list[Any] = [env]
-    seen: list[Any] = []
-    while todo:
-        here = todo.pop(0)
-        if any(here is other for other in seen):
-            continue
-        seen.append(here)
-        model = _plain(getattr(here, "model", None), mujoco.MjModel)
-        data = _plain(getattr(here, "data", None), mujoco.MjData)
-        if model is not None and data is not None:
-            return model, data
-        inside = (getattr(here, name, None) for name in _INSIDE)
-        todo += [some for some in inside if some is not None and not callable(some)]
-    raise RecordError(
-        f"no MuJoCo model and data in {type(env).__name__}: looked at model and data, and inside "
-        f"{', '.join(_INSIDE)}. Record them yourself: safestage_record.mujoco(model, data, path)."
-    )
-
-
-def _plain(holder: Any, kind: Any) -> Any:
-    """An object of MuJoCo's, or the one that robosuite's and dm_control's classes hold; None if neither."""
-    inside = (getattr(holder, name, None) for name in ("_model", "_data", "ptr"))
-    return next((some for some in (holder, *inside) if isinstance(some, kind)), None)
 
 
 def _ending(result: Any) -> tuple[bool, bool]:

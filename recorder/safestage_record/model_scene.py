@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from typing import Any, Mapping, Sequence
 
 import numpy as np
 
 from .body_facts import BodyFacts
+from .scene_parts import MeshStore, describe_body, describe_geom
+from .scene_parts import floats as _floats
 from .told_facts import tell_apart
 
 _SIZES = {"sphere": 1, "box": 3, "cylinder": 2, "capsule": 2, "ellipsoid": 3, "plane": 0}
@@ -37,7 +38,7 @@ class ModelScene:
     ) -> None:
         """Read a compiled model. ``ups``, ``tags``: body id → up axis (3,), tags."""
         self._model, self._names, self._mj = model, names, enums
-        self.meshes: dict[str, tuple[Any, Any]] = {}
+        self.meshes = MeshStore()
         self.without_shape: list[str] = []
         self._keys: dict[tuple[str, int], str] = {}
         self.geom_index = np.full(model.ngeom, -1, np.int64)
@@ -77,25 +78,13 @@ class ModelScene:
         jointed = parent != 0 and (not fixed or robot)
         drawn = robot and int(model.body_geomnum[i]) > 0
         mass = (float(model.body_mass[i]) or None) if geoms or drawn else 0.0
-        untold = [] if robot or not geoms else ["cavity"]
-        if kind == "object" and geoms and up is None:
-            untold.insert(0, "up_axis")
-        return {
-            "name": self._names[i],
-            "kind": kind,
-            "movable": not fixed,
-            "mass": mass,
-            "com": _floats(model.body_ipos[i]),
-            "inertia": _floats(model.body_inertia[i]),
-            "inertia_orientation": _floats(model.body_iquat[i]),
-            "up_axis": None if up is None else _floats(up),
-            "finger": facts.sides.get(i),
-            "tags": list(tags),
-            "parent": self._names[parent] if jointed else None,
-            "excluded": sorted(self._names[other] for other in excluded.get(i, ())),
-            "geoms": geoms,
-            "untold": untold,
-        }
+        return describe_body(
+            self._names[i], kind, not fixed, geoms, mass=mass, com=model.body_ipos[i],
+            inertia=model.body_inertia[i], inertia_orientation=model.body_iquat[i], up=up,
+            finger=facts.sides.get(i), tags=tags,
+            parent=self._names[parent] if jointed else None,
+            excluded=[self._names[other] for other in excluded.get(i, ())],
+        )  # fmt: skip
 
     def _geoms(self, body: int) -> list[dict[str, Any]]:
         model = self._model
@@ -119,15 +108,15 @@ class ModelScene:
             used.add(name)
             self.geom_index[g] = int((self.geom_index >= 0).sum())
             out.append(
-                {
-                    "name": name,
-                    "kind": kind,
-                    "size": _floats(model.geom_size[g][: _SIZES.get(kind, 0)]),
-                    "position": _floats(model.geom_pos[g]),
-                    "orientation": _floats(model.geom_quat[g]),
-                    "friction": _floats(model.geom_friction[g]),
-                    "mesh": mesh,
-                }
+                describe_geom(
+                    kind,
+                    model.geom_size[g][: _SIZES.get(kind, 0)],
+                    model.geom_pos[g],
+                    model.geom_quat[g],
+                    model.geom_friction[g],
+                    mesh,
+                    name,
+                )
             )
         return out
 
@@ -146,7 +135,7 @@ class ModelScene:
                 many = int(model.mesh_graph[graph])
                 ids = model.mesh_graph[graph + 2 + many : graph + 2 + 2 * many]
                 vertices = vertices[np.sort(np.asarray(ids, int))]
-            self._keys[kind, mesh] = self._keep(vertices, faces)
+            self._keys[kind, mesh] = self.meshes.keep(vertices, faces)
         return kind, self._keys[kind, mesh]
 
     def _terrain(self, field: int) -> str:
@@ -163,17 +152,7 @@ class ModelScene:
         corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
         low = np.stack([corner, corner + 1, corner + columns], axis=1)
         high = np.stack([corner + 1, corner + columns + 1, corner + columns], axis=1)
-        return self._keep(vertices, np.concatenate([low, high]))
-
-    def _keep(self, vertices: Any, faces: Any) -> str:
-        """Keep a mesh under the digest of its content, by which a trace refers to it."""
-        v = np.ascontiguousarray(vertices, "<f4").reshape(-1, 3)
-        f = np.ascontiguousarray(faces, "<i4").reshape(-1, 3)
-        digest = hashlib.sha256(np.array(v.shape + f.shape, "<i8").tobytes())
-        digest.update(v.tobytes())
-        digest.update(f.tobytes())
-        self.meshes[digest.hexdigest()] = (v, f)
-        return digest.hexdigest()
+        return self.meshes.keep(vertices, np.concatenate([low, high]))
 
     def _excluded(self, weld: Any) -> dict[int, set[int]]:
         """Bodies whose contacts with each one MuJoCo ignores: excluded by name, or next in the tree."""
@@ -205,7 +184,3 @@ class ModelScene:
 def body_names(model: Any) -> list[str]:
     """Names of all bodies, the world's first; unnamed ones by number, and none of them twice."""
     return tell_apart([model.body(i).name for i in range(model.nbody)])
-
-
-def _floats(values: Any) -> list[float]:
-    return [float(v) for v in values]

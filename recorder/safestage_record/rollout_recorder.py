@@ -12,6 +12,7 @@ import numpy as np
 from ._version import __version__
 from .record_error import RecordError
 from .rollout_log import RolloutLog
+from .scene_parts import MeshStore
 from .scene_report import guess_ups, remarks, report
 from .told_facts import ToldFacts
 
@@ -39,7 +40,7 @@ class RolloutRecorder:
     body_names: list[str]
     _bodies: list[dict[str, Any]]
     _joints: list[dict[str, Any]]
-    _meshes: dict[str, tuple[Any, Any]]
+    _meshes: MeshStore
     _version_of_simulator = ""
     _physics_dt = 0.0
     _gravity: Sequence[float] = (0.0, 0.0, -9.81)

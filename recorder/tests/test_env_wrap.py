@@ -109,7 +109,7 @@ def test_the_simulation_is_found_further_inside(tmp_path):
     outer.sim = Holder()
     data._data, data._model, model._model = inner.data, inner.model, inner.model
     outer.sim.model, outer.sim.data = model, data
-    found = safestage_record.env_wrap.find_simulation(outer)
+    found = safestage_record.find_backend.find_simulation(outer)
     assert found == (inner.model, inner.data)
     with pytest.raises(safestage_record.RecordError, match="no MuJoCo model"):
-        safestage_record.env_wrap.find_simulation(Holder())
+        safestage_record.find_backend.find_simulation(Holder())

@@ -228,8 +228,8 @@ class _Looked:
         every = dict.fromkeys((*self.pairs, *self.episode.contacts.pairs))
         told = (self.pairs.get(p) or self.at_hand.contacts(p) for p in every)
         forces = (found[c] for found in told for c in ("force", "force.z") if c in found)
-        if header.force_source == "none" or not any(force.any() for force in forces):
-            return  # zero throughout: not recorded
+        if header.force_source in ("normal", "none") or not any(force.any() for force in forces):
+            return  # friction bears as well; zero throughout: not recorded
         for i in _free(header.bodies, (joint.body for joint in header.joints)):
             body = header.bodies[i]
             place = self.at_hand.track(body.name, "position")

@@ -13,7 +13,7 @@ SCHEMA_VERSION = "1.2"
 
 Stage = Literal["ISH", "ETS", "FSH"]
 Termination = Literal["success", "horizon", "policy", "error", "truncated"]
-ForceSource = Literal["recorded", "recomputed", "none"]
+ForceSource = Literal["recorded", "recomputed", "normal", "none"]
 
 
 class Remark(Record):

@@ -358,7 +358,8 @@ def borne_shares(subject: Subject) -> dict[str, float]:
     """
     episode, t = subject.episode, subject.episode.t
     gravity, found = -subject.header.gravity[2], dict[str, float]()
-    if subject.header.force_source == "none" or len(t) < 50 or not gravity > 0:
+    unsaid = subject.header.force_source in ("normal", "none")
+    if unsaid or len(t) < 50 or not gravity > 0:
         return found
     if "borne" not in subject.notes:
         jointed = {b.parent for b in subject.header.bodies} | {

@@ -129,7 +129,7 @@ EPISODES: dict[str, Column] = {
     "goal": Column("string", _JSON, "name of a goal, or the goal itself"),
     "rules": Column("string", _JSON, "codes of the assigned rules"),
     "parameters": Column("string", _JSON, "the task's own rule parameters"),
-    "force_source": Column("string", "-", "recorded, recomputed, none"),
+    "force_source": Column("string", "-", "recorded, recomputed, normal (without friction), none"),
     "source": Column("string", _JSON, "simulator, recorder, their versions, licence"),
     "notes": Column("string", _JSON, "list of remarks"),
     "bodies": Column("string", _JSON, "list of bodies without their geoms"),

@@ -1,0 +1,98 @@
+"""What recorders of simulators that list contacts as points have in common."""
+
+from __future__ import annotations
+
+from typing import Any, Sequence
+
+import numpy as np
+
+from .point_log import PointLog, contact_points
+from .record_error import RecordError
+from .rollout_recorder import RolloutRecorder
+from .told_facts import ToldFacts
+
+
+class PointRecorder(RolloutRecorder):
+    """A frame is taken after a physics step: poses as they then are, contacts and forces of the step.
+
+    A subclass supplies ``_take_frame``, which ends in ``_keep_points``, and ``_points``.
+    """
+
+    _stands: tuple[Any, Any]
+    _fingers: Sequence[int] = ()
+
+    def __init__(self, path: Any, told: ToldFacts, frame_dt: float | None, **header: Any) -> None:
+        """As of ``RolloutRecorder``."""
+        super().__init__(path, told, frame_dt, **header)
+        self._elapsed, self._next = 0.0, -np.inf
+        self._seen = 0
+        self._point_log = PointLog([])
+
+    @property
+    def time(self) -> float:
+        """s, the steps so far by their length."""
+        return self._elapsed
+
+    def substep(self) -> None:
+        """Take a physics step; call it after each where the steps are not seen."""
+        self._open()
+        self.after_step()
+
+    def after_step(self) -> None:
+        """A physics step has ended."""
+        self._seen += 1
+        self._elapsed = self._seen * self._physics_dt
+        if self._frame_dt is not None and self._elapsed > self._next:
+            self._take_frame()
+        else:
+            self._point_log.take(self._points())
+
+    # ------------------------------------------------------------------ what a simulator supplies
+
+    def _take_frame(self) -> None:
+        """Copy what is now, and keep it."""
+        raise NotImplementedError
+
+    def _points(self) -> Any:
+        """(C,) CONTACT_POINT of the last step; ``peak_force`` is each one's normal force."""
+        raise NotImplementedError
+
+    # ------------------------------------------------------------------ inside
+
+    def _own(self, owner: Sequence[int]) -> None:
+        """Say whose the shapes are: (G,) body number of each, in the header's order."""
+        self._point_log = PointLog(owner)
+
+    def _keep_points(self, frame: Any) -> None:
+        points = self._points() if self._seen else contact_points([])
+        if self._keep(self._elapsed, frame):
+            self._next = self._elapsed + (self._frame_dt or 0.0) - 0.5 * self._physics_dt
+            self._point_log.end_frame(points)
+
+    def _end_step(self) -> None:
+        if not self._seen:
+            raise RecordError(
+                f"{self.path}: no physics step was seen since the recording began. Call "
+                "recorder.substep() after each, and step(action) after each control step."
+            )
+        if self._frame_dt is None:
+            self._point_log.drop_last()
+            self._take_frame()
+
+    def _sees(self) -> bool:
+        return self._seen > 0
+
+    def _contacts(self) -> tuple[Any, Any]:
+        return self._point_log.finish()
+
+    def _fixed(self) -> tuple[Any, Any]:
+        return self._stands
+
+    def _opening(self, positions: Any) -> Any:
+        """(T, 1) mean share of the fingers' joints, their upper limits being open; (T, 0) without."""
+        limited = [j for j in self._fingers if self._joints[j]["limits"]]
+        if not limited:
+            return np.zeros((len(positions), 0))
+        low, high = np.array([self._joints[j]["limits"] for j in limited]).T
+        share = (positions[:, limited] - low) / (high - low)
+        return np.clip(share.mean(axis=1, keepdims=True), 0.0, 1.0)
