@@ -12,7 +12,7 @@ from .told_facts import SIDES, ToldFacts, named_side, names_gripper
 class BodyFacts:
     """Kinds and finger sides of a model's bodies, by MuJoCo's ids.
 
-    A tree that an actuator drives is a robot; what hangs on it and is named as a gripper, is one. A
+    A tree that an actuator drives, or a mocap body leads, is a robot; what hangs on it and is named as a gripper, is one. A
     body on a free joint is an object. All else is a fixture, with its drawers and doors.
 
     Attributes:
@@ -125,7 +125,22 @@ class BodyFacts:
                 for w in range(start, start + int(model.tendon_num[target])):
                     if int(model.wrap_type[w]) == joint:
                         driven.add(int(model.jnt_bodyid[int(model.wrap_objid[w])]))
-        return driven
+        return driven | self._led_bodies()
+
+    def _led_bodies(self) -> set[int]:
+        """Bodies that hang on one which the program moves by hand, as arms without motors do."""
+        model, kinds = self._model, self._mj.mjtEq
+        led: set[int] = set()
+        for e in range(model.neq):
+            ends = {int(model.eq_obj1id[e]), int(model.eq_obj2id[e])}
+            about = int(model.eq_objtype[e]) if hasattr(model, "eq_objtype") else None
+            if int(model.eq_type[e]) not in (int(kinds.mjEQ_WELD), int(kinds.mjEQ_CONNECT)):
+                continue
+            if about == int(self._mj.mjtObj.mjOBJ_SITE):
+                ends = {int(model.site_bodyid[end]) for end in ends}
+            if any(int(model.body_mocapid[end]) >= 0 for end in ends):
+                led |= {end for end in ends if int(model.body_mocapid[end]) < 0}
+        return led
 
     def finger_joints(self) -> list[int]:
         """Limited joints that move fingers."""

@@ -7,7 +7,7 @@ from typing import Any, Mapping, Sequence
 import numpy as np
 
 from .body_facts import BodyFacts
-from .scene_parts import MeshStore, describe_body, describe_geom
+from .scene_parts import MeshStore, describe_body, describe_geom, multiply, turn
 from .scene_parts import floats as _floats
 from .told_facts import tell_apart
 
@@ -25,6 +25,8 @@ class ModelScene:
         geom_index: (ngeom,) MuJoCo geom id → index over all geoms of ``bodies``; −1 for the rest.
         joint_qpos, joint_dof: addresses of the joints.
         without_shape: names of bodies with a shape that cannot be recorded.
+        whole: MuJoCo id of a body that is a part of an object → id of the object; parts that no joint
+            joins are one body, as they are one thing.
     """
 
     def __init__(
@@ -47,11 +49,17 @@ class ModelScene:
             touching[model.pair_geom1] = touching[model.pair_geom2] = True
         self._touching = touching
         weld = model.body_weldid.astype(int)
+        self._parts = _rigid_parts(weld, facts.kinds)
+        merged = {part for parts in self._parts.values() for part in parts}
+        self.whole = {part: root for root, parts in self._parts.items() for part in parts}
         world = bool(touching[model.geom_bodyid == 0].any())
-        self.ids = list(range(0 if world else 1, model.nbody))
+        every = range(0 if world else 1, model.nbody)
+        self.ids = [i for i in every if i not in merged]
         excluded = self._excluded(weld)
         self.bodies = [
-            self._body(i, facts, bool(weld[i] == 0), ups.get(i), tags.get(i, ()), excluded)
+            self._body(
+                i, facts, bool(weld[i] == 0), self._up(i, ups), self._tags(i, tags), excluded
+            )
             for i in self.ids
         ]
         self.movable = np.array([i for i in self.ids if weld[i] != 0], np.int64)
@@ -73,24 +81,68 @@ class ModelScene:
     ) -> dict[str, Any]:
         model, kind = self._model, facts.kinds[i]
         robot = kind in ("robot", "gripper")
-        geoms = self._geoms(i)
+        geoms = [geom for part in (i, *self._parts.get(i, ())) for geom in self._geoms(part, i)]
         parent = int(model.body_parentid[i])
         jointed = parent != 0 and (not fixed or robot)
         drawn = robot and int(model.body_geomnum[i]) > 0
-        mass = (float(model.body_mass[i]) or None) if geoms or drawn else 0.0
+        mass, com, inertia, axes = self._inertia(i)
+        known = (mass or None) if geoms or drawn else 0.0
         return describe_body(
-            self._names[i], kind, not fixed, geoms, mass=mass, com=model.body_ipos[i],
-            inertia=model.body_inertia[i], inertia_orientation=model.body_iquat[i], up=up,
+            self._names[i], kind, not fixed, geoms, mass=known, com=com, inertia=inertia, inertia_orientation=axes, up=up,
             finger=facts.sides.get(i), tags=tags,
             parent=self._names[parent] if jointed else None,
             excluded=[self._names[other] for other in excluded.get(i, ())],
         )  # fmt: skip
 
-    def _geoms(self, body: int) -> list[dict[str, Any]]:
+    def _up(self, i: int, ups: Mapping[int, Sequence[float]]) -> Any:
+        """The up axis that was given of an object or of one of its parts, in the object's frame."""
+        told = [part for part in (i, *self._parts.get(i, ())) if part in ups]
+        return turn(self._pose_in(told[0], i)[1], np.array(ups[told[0]])) if told else None
+
+    def _tags(self, i: int, tags: Mapping[int, Sequence[str]]) -> list[str]:
+        return [word for part in (i, *self._parts.get(i, ())) for word in tags.get(part, ())]
+
+    def _inertia(self, i: int) -> tuple[float, Any, Any, Any]:
+        """Mass (kg), centre of mass (3,), principal inertia (3,) and its axes (4,) in the body frame."""
+        model = self._model
+        if i not in self._parts:
+            return (
+                float(model.body_mass[i]), model.body_ipos[i], model.body_inertia[i],
+                model.body_iquat[i],
+            )  # fmt: skip
+        parts = [i, *self._parts[i]]
+        masses = np.array([float(model.body_mass[p]) for p in parts])
+        total = float(masses.sum())
+        poses = [self._pose_in(p, i) for p in parts]
+        centres = np.array([at + turn(q, model.body_ipos[p]) for p, (at, q) in zip(parts, poses)])
+        com = masses @ centres / total if total else centres[0]
+        tensor = np.zeros((3, 3))
+        for p, mass, centre, (_, q) in zip(parts, masses, centres, poses):
+            axes = turn(multiply(q, model.body_iquat[p])[None], np.eye(3)).T
+            arm = centre - com
+            tensor += (axes * model.body_inertia[p]) @ axes.T
+            tensor += mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        values, vectors = np.linalg.eigh(tensor)
+        vectors[:, 2] *= np.sign(np.linalg.det(vectors))
+        quat = np.zeros(4)
+        self._mj.mju_mat2Quat(quat, vectors.ravel())
+        return total, com, np.maximum(values, 0.0), quat
+
+    def _pose_in(self, body: int, root: int) -> tuple[Any, Any]:
+        """(3,) m and (4,) wxyz, of a part in the frame of the object."""
+        model, at, q = self._model, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+        while body != root:
+            here = model.body_quat[body]
+            at, q = model.body_pos[body] + turn(here, at), multiply(here, q)
+            body = int(model.body_parentid[body])
+        return at, q
+
+    def _geoms(self, body: int, root: int) -> list[dict[str, Any]]:
         model = self._model
         out: list[dict[str, Any]] = []
         used: set[str] = set()
         start = int(model.body_geomadr[body])
+        place, turned = self._pose_in(body, root)
         for g in range(start, start + int(model.body_geomnum[body])):
             if not self._touching[g]:
                 continue
@@ -111,8 +163,8 @@ class ModelScene:
                 describe_geom(
                     kind,
                     model.geom_size[g][: _SIZES.get(kind, 0)],
-                    model.geom_pos[g],
-                    model.geom_quat[g],
+                    place + turn(turned, model.geom_pos[g]),
+                    multiply(turned, model.geom_quat[g]),
                     model.geom_friction[g],
                     mesh,
                     name,
@@ -179,6 +231,15 @@ class ModelScene:
             "body": self._names[int(model.jnt_bodyid[j])],
             "limits": _floats(model.jnt_range[j]) if model.jnt_limited[j] else None,
         }
+
+
+def _rigid_parts(weld: Any, kinds: Sequence[str]) -> dict[int, list[int]]:
+    """Object → the bodies that are fixed to it."""
+    parts: dict[int, list[int]] = {}
+    for i, root in enumerate(int(w) for w in weld):
+        if root not in (0, i) and kinds[i] == kinds[root] == "object":
+            parts.setdefault(root, []).append(i)
+    return parts
 
 
 def body_names(model: Any) -> list[str]:

@@ -73,6 +73,10 @@ class MujocoRecorder(RolloutRecorder):
         self._scratch = mujoco.MjData(model)
         self._opening = Opening(model, self._scratch, facts, mujoco)
         self._scene = scene = ModelScene(model, names, facts, told.ups, told.tags, mujoco)
+        told.roles = {
+            role: [names[scene.whole.get(names.index(n), names.index(n))] for n in some]
+            for role, some in told.roles.items()
+        }
         self._bodies, self._joints, self._meshes = scene.bodies, scene.joints, scene.meshes
         self._without_shape = scene.without_shape
         self._version_of_simulator = mujoco.__version__

@@ -326,3 +326,72 @@ def test_a_reset_within_a_recording_is_refused(tmp_path):
     with pytest.raises(safestage_record.RecordError, match="before a reset"):
         recorder.step()
     recorder.stop()
+
+
+def test_an_arm_that_a_mocap_body_leads_is_a_robot(tmp_path):
+    """As Gymnasium's Fetch is moved, where its fingers are locked."""
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody>
+        <body name="lead" mocap="true" pos="0 0 .5"/>
+        <body name="base" pos="0 0 .5"><joint type="slide" axis="1 0 0"/>
+          <joint type="slide" axis="0 1 0"/><geom size=".1"/>
+          <body name="gripper"><joint type="hinge"/><geom size=".02" pos=".2 0 0"/></body></body>
+        <body name="puck" pos="1 0 0"><joint type="slide" axis="1 0 0"/>
+          <joint type="slide" axis="0 1 0"/><geom size=".02"/></body>
+        </worldbody><equality><weld body1="lead" body2="gripper"/></equality></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    recorder = safestage_record.mujoco(model, data, tmp_path / "t.zip")
+    recorder.stop()
+    kinds = {body["name"]: body["kind"] for body in recorder._bodies}
+    assert (kinds["base"], kinds["gripper"], kinds["puck"]) == ("robot", "gripper", "object")
+
+
+def tensor(body):
+    """(3, 3) moments of inertia in the body frame."""
+    axes = np.zeros(9)
+    mujoco.mju_quat2Mat(axes, np.array(body["inertia_orientation"]))
+    axes = axes.reshape(3, 3)
+    return (axes * np.array(body["inertia"])) @ axes.T
+
+
+def test_parts_that_no_joint_joins_are_one_thing(tmp_path):
+    """As Meta-World's models have a thing's shapes on a body of their own."""
+    shape = '<geom type="box" size=".03 .02 .01" pos=".01 0 .02" euler="0 0 30" mass=".2"/>'
+    post = '<geom type="box" size=".01 .01 .05" mass=".1"/>'
+    split = f"""<mujoco><worldbody><geom type="plane" size="1 1 1"/><body name="nut" pos="0 0 .1">
+        <freejoint/>{shape}<body name="peg" pos=".02 .03 0" euler="0 90 0">{post}</body>
+        </body></worldbody></mujoco>"""
+    whole = f"""<mujoco><worldbody><geom type="plane" size="1 1 1"/><body name="nut" pos="0 0 .1">
+        <freejoint/>{shape}<geom type="box" size=".01 .01 .05" mass=".1" pos=".02 .03 0"
+        euler="0 90 0"/></body></worldbody></mujoco>"""
+    found = []
+    for text in (split, whole):
+        model = mujoco.MjModel.from_xml_string(text)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        path = tmp_path / f"{len(found)}.zip"
+        role = {"target": "peg" if text is split else "nut"}
+        name = role["target"]
+        settings = {"tags": {name: ["fragile"]}, "up": {name: (1, 0, 0)}}
+        with safestage_record.mujoco(model, data, path, roles=role, **settings) as recorder:
+            for _ in range(30):
+                mujoco.mj_step(model, data, nstep=10)
+                recorder.step()
+        found.append(read(path))
+    (first, mine), (second, theirs) = found
+    assert [body["name"] for body in first["bodies"]] == ["world", "nut"]
+    assert first["roles"] == second["roles"] == {"target": ["nut"]}
+    nuts = [said["bodies"][1] for said in (first, second)]
+    assert nuts[0]["tags"] == ["fragile"]
+    assert np.allclose(nuts[0]["up_axis"], [0, 0, -1])  # the peg's x, as it is turned in the nut
+    for key in ("mass", "com"):
+        assert np.allclose(nuts[0][key], nuts[1][key], atol=1e-9), key
+    assert np.allclose(*(tensor(nut) for nut in nuts), atol=1e-9)
+    for a, b in zip(nuts[0]["geoms"], nuts[1]["geoms"]):
+        assert np.allclose(a["position"], b["position"], atol=1e-9)
+        assert abs(np.dot(a["orientation"], b["orientation"])) == pytest.approx(1)
+    assert len(mine["contacts"]) > 20
+    early = slice(0, 12)  # until rounding differs in how it lands
+    assert np.allclose(mine["position"][:, early], theirs["position"][:, early], atol=1e-6)
+    assert {int(g) for g in mine["contacts"]["geom2"]} <= {1, 2}
