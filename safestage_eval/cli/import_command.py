@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from .terminal import say
 
 if TYPE_CHECKING:
     from safestage_eval.importers import Outcome
+    from safestage_eval.importers.map_mistakes import Notice
 
 
 @click.command("import")
@@ -78,7 +80,8 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
     """Import other people's recordings, and report what they lack.
 
     The format is detected from the content. Nothing is invented: what a source lacks stays out, the
-    report of every episode lists it, and rules that need it are inconclusive.
+    report of every episode lists it, and rules that need it are inconclusive. What cannot be right
+    (what nothing bears, what overlaps or rests on an edge) is named with the likely mistake.
     Episodes that the dataset already has are kept; a stopped import continues where it stopped.
     Sources are read in separate processes, which are ended if they hang.
 
@@ -109,6 +112,8 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
         click.echo(_as_json(outcome), nl=False)
     else:
         say(_as_table(outcome), nl=False)
+    for notice, count in notices_of(outcome):
+        say(f"looks wrong in {count} of {len(outcome.imported)} episodes: {notice}", err=True)
     for problem in outcome.failed:
         say(f"problem: {problem.message}", err=True)
     new = sum(each.new for each in outcome.imported)
@@ -118,6 +123,13 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
         err=True,
     )
     ctx.exit(2 if outcome.failed else 0)
+
+
+def notices_of(outcome: Outcome) -> list[tuple[Notice, int]]:
+    """What cannot be right, with the likely mistakes, and how many episodes have each."""
+    from safestage_eval.importers.map_mistakes import summed
+
+    return summed(each.notices for each in outcome.imported)
 
 
 def _seconds(text: str) -> float:
@@ -171,6 +183,7 @@ def _as_json(outcome: Outcome) -> str:
             for each in outcome.imported
         ],
         "summary": [{**remark.model_dump(), "episodes": n} for remark, n in summed(accounts)],
+        "looks_wrong": [{**asdict(notice), "episodes": n} for notice, n in notices_of(outcome)],
         "problems": [{"source": p.source, "message": p.message} for p in outcome.failed],
     }
     return json.dumps(data, indent=2, ensure_ascii=False) + "\n"

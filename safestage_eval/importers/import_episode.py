@@ -14,7 +14,9 @@ from safestage_eval.formats.save import mcap_name
 from .account import Account
 from .bind_headers import Bound
 from .importer import Importer, Settings
+from .map_mistakes import Notice, notice
 from .missing_data import say_unused
+from .scene_bodies import in_metres
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,7 @@ class Imported:
         frames: T; 0 of one that was there already.
         account: what was missing, recomputed or guessed.
         new: it was not there before.
+        notices: what cannot be right in it, with the likely mistake.
     """
 
     episode_id: str
@@ -71,6 +74,7 @@ class Imported:
     frames: int
     account: tuple[Remark, ...]
     new: bool = True
+    notices: tuple[Notice, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -94,9 +98,14 @@ def import_one(open_importer: Callable[[], Importer], task: Task, target: Target
     fingerprint = fingerprint_of(source, task.name, target)
     header = _stamped(episode.header, task, fingerprint, account, target)
     ready = replace(episode, header=header, _contacts=episode.contacts, _frames=episode.frames)
+    ready = in_metres(ready, target.settings.map)
+    notices = notice(ready, target.settings.map)
     path = target.folder / mcap_name(task.episode_id) if target.mcap else target.folder
     ref = save(ready, path, "mcap" if target.mcap else "parquet")
-    return Imported(task.episode_id, task.source, ref.shown, len(ready), header.source.account)
+    account_of = header.source.account
+    return Imported(
+        task.episode_id, task.source, ref.shown, len(ready), account_of, notices=notices
+    )
 
 
 def _stamped(

@@ -16,7 +16,8 @@ from . import hdf5
 from .account import Account
 from .boxes import Fit, fit, to_metres
 from .foreign_motion import at_origin, fixed_if_still, make_track, to_wxyz
-from .importer import SourceError
+from .gaps import Gaps
+from .importer import QuaternionOrder, SourceError
 from .isaac_file import IsaacFile
 from .isaac_robot import robot_columns, rows_with_first
 from .missing_data import say_bodies, say_contacts, say_links, say_success
@@ -37,8 +38,9 @@ class Demo:
         self.map = source.settings.map
         self.where = f"{source.path}: data/{name}"
         self.result = source.sidecars.result(source.path, name)
-        self.order = source.order()
-        self.physics_dt, self.dt = self._rates()
+        self.gaps = Gaps(self.where)
+        self.order: QuaternionOrder = self.gaps.ask(source.order, "wxyz")
+        self.physics_dt, self.dt = self.gaps.ask(self._rates, (1.0, 1.0))
         self.first = self.group.get("initial_state")
         self.bodies: list[Body] = []
         self.tracks: dict[str, Track] = {}
@@ -54,6 +56,8 @@ class Demo:
                 fix="ask for a recording with the states recorder (PostStepStatesRecorder)",
             )
         self._need_all(states)
+        if "bbox" in self.group:  # shapes come from there: nothing else can be missing
+            self.gaps.refuse()
         for name in sorted(states.get("rigid_object", ())):
             self._object(name, states["rigid_object"][name])
         for name in sorted(states.get("articulation", ())):
@@ -66,7 +70,9 @@ class Demo:
         frames, joints = robot_columns(self.group, self.length, self.where, self.account)
         more, still = fixed_from_map({body.name for body in self.bodies}, self.map, self.meshes)
         self._remark()
-        need_shapes(self.bodies, self.where, among="RoboLab's bbox group is missing")
+        among = "RoboLab's bbox group is missing"
+        self.gaps.ask(lambda: need_shapes(self.bodies, self.where, among=among), None)
+        self.gaps.refuse()
         header = self._header((*self.bodies, *more), joints)
         t = np.arange(self.length, dtype=np.float64) * self.dt
         return Episode(header, t, {**self.tracks, **still}, None, frames, meshes=self.meshes)

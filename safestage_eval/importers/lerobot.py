@@ -18,6 +18,7 @@ from safestage_eval.episode import Body, Episode, Header, Joint, RobotFrames, Tr
 
 from .account import Account
 from .foreign_motion import make_track, to_wxyz
+from .gaps import Gaps
 from .importer import Importer, QuaternionOrder, Settings, SourceError
 from .lerobot_tables import OWN, Tables, column_of, described, part_of
 from .map_tables import ColumnsTable
@@ -93,7 +94,8 @@ class LeRobot(Importer):
         """Read one episode."""
         where = f"{self.path}: {name}"
         columns = self._tables.read(_number(name), self._wanted(), self._map_path)
-        order = self._order(where)
+        gaps = Gaps(where)
+        order: QuaternionOrder = gaps.ask(lambda: self._order(where), "wxyz")
         bodies: list[Body] = []
         tracks: dict[str, Track] = {}
         meshes: dict[str, Any] = {}
@@ -114,13 +116,14 @@ class LeRobot(Importer):
                 parts["position"], turn, parts.get("linear_velocity"),
                 parts.get("angular_velocity"),
             )  # fmt: skip
-        need_shapes(bodies, where, among="LeRobot tables have none")
+        gaps.ask(lambda: need_shapes(bodies, where, among="LeRobot tables have none"), None)
+        t = gaps.ask(lambda: self._time(columns, where), np.zeros(0))
+        gaps.refuse()
         if not any(body.kind in ("robot", "gripper") for body in bodies):
             base = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
             bodies.append(base)
             tracks[base.name] = still_track((0, 0, 0), (1, 0, 0, 0))
         more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
-        t = self._time(columns, where)
         frames, joints = self._robot(columns, len(t), where, account)
         self._remark(bodies, account)
         header = self._header(columns, t, _number(name), (*bodies, *more), joints, account)

@@ -26,6 +26,7 @@ from safestage_eval.errors import TraceError
 from . import hdf5
 from .account import Account
 from .foreign_motion import at_origin, fixed_if_still, make_track, to_wxyz
+from .gaps import Gaps
 from .importer import Importer, Settings, SourceError
 from .missing_data import say_bodies, say_contacts, say_links, say_success
 from .scene_bodies import apply_map, fixed_from_map, need_shapes
@@ -95,7 +96,8 @@ class ManiSkill(Importer):
                 fix="replay it with ManiSkill's replay_trajectory and --use-env-states, which "
                 "writes env_states as a dictionary of actors",
             )  # fmt: skip
-        dt = self._dt(account)
+        gaps = Gaps(where)
+        dt = gaps.ask(lambda: self._dt(account), 1.0)
         bodies: list[Body] = []
         tracks: dict[str, Track] = {}
         meshes: dict[str, Any] = {}
@@ -104,7 +106,8 @@ class ManiSkill(Importer):
             bodies.append(body)
             tracks[body.name] = motion
         frames, joints = self._robots(states, group, where, bodies, tracks, account, meshes)
-        need_shapes(bodies, where, among="ManiSkill records none")
+        gaps.ask(lambda: need_shapes(bodies, where, among="ManiSkill records none"), None)
+        gaps.refuse()
         more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
         self._remark(bodies, account)
         t = np.arange(len(frames.action), dtype=np.float64) * dt

@@ -32,6 +32,16 @@ def _quantity(dimension: str) -> Callable[[Any], Any]:
     return read
 
 
+def _unit_of_length(value: Any) -> Any:
+    """Reads ``"cm"`` as 0.01; a plain number is in metres already."""
+    if not isinstance(value, str):
+        return value
+    if UNIT_DIMENSION.get(value) != "length":
+        units = ", ".join(DIMENSIONS["length"])
+        raise ValueError(f"{value!r} is no unit of length: one of {units}")
+    return in_si(1.0, value)
+
+
 Length = Annotated[float, BeforeValidator(_quantity("length"))]
 Seconds = Annotated[float, BeforeValidator(_quantity("time")), Field(gt=0)]
 Place = tuple[Length, Length, Length]
@@ -55,6 +65,8 @@ class SourceTable(_Table):
     """s between actions."""
     world: str | None = None
     """Frame that is the world, z up (transforms)."""
+    length: Annotated[float, BeforeValidator(_unit_of_length), Field(gt=0)] | None = None
+    """m in the source's unit of length, or its name: ``"cm"``, 0.0254; in metres without."""
 
 
 class HeaderTable(_Table):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from safestage_eval.episode import Body, Cavity, Geom, Mesh, Tcp, Track, still_track
+from safestage_eval.episode import Body, Cavity, Episode, Geom, Mesh, Tcp, Track, still_track
 from safestage_eval.errors import InputError
 
 from .importer import SourceError
@@ -47,6 +48,54 @@ def fixed_from_map(
         bodies.append(Body(name=name, **fields))
         tracks[name] = still_track(entry.position, _unit(entry.orientation, name))
     return bodies, tracks
+
+
+def in_metres(episode: Episode, map_: MapFile) -> Episode:
+    """Return the episode with the source's lengths in metres, if the map file says what they are in.
+
+    Positions, linear velocities and shapes of the source are scaled; what the map file gives is not.
+    """
+    by = map_.source.length
+    if by is None or by == 1:
+        return episode
+    placed = {name for name, entry in map_.body.items() if entry.position is not None}
+    tracks = {
+        name: track
+        if name in placed
+        else Track(
+            track.position * np.float32(by),
+            track.orientation,
+            track.linear_velocity * np.float32(by),
+            track.angular_velocity,
+        )
+        for name, track in episode.tracks.items()
+    }
+    bodies = tuple(_shapes_scaled(body, map_, by) for body in episode.header.bodies)
+    header = episode.header.model_copy(update={"bodies": bodies})
+    return replace(
+        episode, header=header, tracks=tracks, _contacts=episode.contacts, _frames=episode.frames
+    )
+
+
+def _shapes_scaled(body: Body, map_: MapFile, by: float) -> Body:
+    entry = map_.of_body(body.name)
+    if entry is not None and "shapes" in entry.model_fields_set:
+        return body
+    if any(geom.mesh is not None for geom in body.geoms):
+        raise InputError(
+            map_.path, f"[source] length: the mesh of {body.name} cannot be scaled.",
+            fix=f"[body.{body.name}] shapes in the map file, with their scale",
+        )  # fmt: skip
+    geoms = tuple(
+        geom.model_copy(
+            update={
+                "size": tuple(by * s for s in geom.size),
+                "position": tuple(by * p for p in geom.position),
+            }
+        )
+        for geom in body.geoms
+    )
+    return body.model_copy(update={"geoms": geoms})
 
 
 def need_shapes(bodies: list[Body], where: str, *, among: str) -> None:

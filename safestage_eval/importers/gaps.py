@@ -1,0 +1,36 @@
+"""What a source lacks, collected: one run names everything that the user has to supply."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from .importer import SourceError
+
+Value = TypeVar("Value")
+
+
+class Gaps:
+    """Collects the SourceErrors of one episode."""
+
+    def __init__(self, where: str) -> None:
+        """``where``: the source, as messages say it."""
+        self._where = where
+        self._found: list[SourceError] = []
+
+    def ask(self, call: Callable[[], Value], meanwhile: Value) -> Value:
+        """Return what a call returns; if it lacks something, note that and go on with another value."""
+        try:
+            return call()
+        except SourceError as error:
+            self._found.append(error)
+            return meanwhile
+
+    def refuse(self) -> None:
+        """Raise SourceError if anything is missing, with all of it, each with its fix."""
+        if len(self._found) < 2:
+            for error in self._found:
+                raise error
+            return
+        lines = [f"\n  {i}. {error}" for i, error in enumerate(self._found, 1)]
+        raise SourceError(self._where, f"lacks {len(lines)} things:{''.join(lines)}")
