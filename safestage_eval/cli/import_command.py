@@ -51,6 +51,10 @@ if TYPE_CHECKING:
     "--assets", type=click.Path(path_type=Path, exists=True, file_okay=False), multiple=True,
     metavar="DIR", help="Search this folder for mesh files that the source names. Repeatable.",
 )  # fmt: skip
+@click.option(
+    "--python", type=click.Path(path_type=Path, exists=True, dir_okay=False), metavar="PATH",
+    help="Compute contacts of MuJoCo states with the mujoco of this Python, the recorder's own.",
+)  # fmt: skip
 @click.option("--prefix", default="", metavar="TEXT", help="Begin every episode id with TEXT.")
 @click.option(
     "--limit", type=click.IntRange(min=1), metavar="N", help="Import only the first N episodes."
@@ -74,7 +78,7 @@ if TYPE_CHECKING:
 @click.pass_context
 def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind: Path | None,
             rules: tuple[str, ...], only: str | None, quaternion: Any, dt: str | None,
-            assets: tuple[Path, ...], prefix: str,
+            assets: tuple[Path, ...], python: Path | None, prefix: str,
             limit: int | None, jobs: int, timeout: float | None, memory: str | None,
             mcap: bool, form: str) -> None:  # fmt: skip
     """Import other people's recordings, and report what they lack.
@@ -101,6 +105,7 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
         quaternion=quaternion,
         dt=None if dt is None else _seconds(dt),
         assets=assets,
+        python=None if python is None else python.absolute(),
     )
     bound = None if bind is None else load_bound(bind, rules)
     with progress("importing") as tell:

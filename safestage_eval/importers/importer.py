@@ -29,6 +29,7 @@ class Settings:
         map: what the map file says (docs/import/map.md).
         quaternion: order of the source's quaternions, where it does not tell.
         dt: s between the source's rows, where it does not tell.
+        python: interpreter that has the recorder's own MuJoCo.
         assets: folders with the mesh files that a source names but does not bring.
     """
 
@@ -36,6 +37,7 @@ class Settings:
     quaternion: QuaternionOrder | None = None
     dt: float | None = None
     assets: tuple[Path, ...] = ()
+    python: Path | None = None
 
 
 class Format(ABC):

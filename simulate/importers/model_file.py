@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 import mujoco
@@ -38,11 +38,14 @@ class Loaded:
         model: compiled.
         unweighed: bodies whose mass the file has from visual meshes, which are not in the model.
         drawn: bodies that had visual meshes.
+        xml: MJCF of it, and ``assets``, the files that it names.
     """
 
     model: mujoco.MjModel
     unweighed: tuple[str, ...] = ()
     drawn: frozenset[str] = frozenset()
+    xml: str = ""
+    assets: Mapping[str, bytes] = field(default_factory=dict)
 
 
 def load_model(text: str, where: str, assets: Sequence[Path] = ()) -> Loaded:
@@ -65,14 +68,24 @@ def load_model(text: str, where: str, assets: Sequence[Path] = ()) -> Loaded:
     except ValueError as error:
         raise InputError(where, f"MuJoCo cannot read the model: {_line(error)}.") from None
     needed, unweighed, drawn = _strip(spec)
-    spec.assets = _files(spec, needed, where, assets)
+    spec.assets = files = _files(spec, needed, where, assets)
     try:
         model = spec.compile()
     except ValueError as error:
         raise InputError(where, f"MuJoCo cannot compile the model: {_line(error)}.") from None
     if model.nflex:
         raise InputError(where, "the model has soft bodies (flex), which no trace can hold.")
-    return Loaded(model, unweighed, drawn)
+    return Loaded(model, unweighed, drawn, _for_older(spec.to_xml()), files)
+
+
+def _for_older(text: str) -> str:
+    """MJCF as this MuJoCo writes it, with what older ones take otherwise where it is left out."""
+    root = ET.fromstring(text)  # noqa: S314 — written by MuJoCo
+    compiler = root.find("compiler")
+    if compiler is None:
+        compiler = ET.SubElement(root, "compiler")
+    compiler.set("autolimits", "true")
+    return ET.tostring(root, encoding="unicode")
 
 
 def _plain(text: str, where: str) -> str:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,10 +17,13 @@ from safestage_eval.importers.hdf5 import is_hdf5
 from safestage_eval.importers.importer import Importer, Settings, SourceError
 
 from . import state_folders
+from .foreign_facts import ForeignFacts
 from .hdf5_demos import DemoFile
 from .model_file import load_model
+from .recorder_mujoco import RecorderMujoco
 from .state_rows import Rows, episode, split
 from .stored_states import Stored
+from .weights import weigh
 
 F64 = NDArray[np.float64]
 
@@ -33,6 +38,8 @@ class MujocoStates(Importer):
         """Open the file or list the folder."""
         super().__init__(path, settings)
         self._file = DemoFile(path) if path.is_file() else None
+        python = settings.python
+        self._elsewhere = None if python is None else RecorderMujoco(python)
         self._folders = {f.name: f for f in state_folders.episode_folders(path)}
 
     @classmethod
@@ -60,9 +67,20 @@ class MujocoStates(Importer):
         return state_folders.fingerprint(self._folders[name])
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file, and end the recorder's interpreter."""
         if self._file is not None:
             self._file.close()
+        if self._elsewhere is not None:
+            self._elsewhere.close()
+
+    def _with_contacts(self, rows: Rows, stored: Stored) -> Rows:
+        """With the contacts of the recorder's MuJoCo, if there is one."""
+        if self._elsewhere is None:
+            return replace(rows, same=stored.mujoco_version == mujoco.__version__)
+        weigh(rows.loaded.model, mujoco.MjData(rows.loaded.model), self.settings.map)
+        held = ForeignFacts(rows.loaded.model).arm
+        touches = self._elsewhere.touches(rows.loaded, rows.qpos, rows.qvel, held, stored.where)
+        return replace(rows, touches=touches)
 
     def read(self, name: str, account: Account) -> Episode:
         """One episode, every row computed anew from its state."""
@@ -79,6 +97,7 @@ class MujocoStates(Importer):
         clock = _clock(stored, time, given, account)
         header = _header(stored, clock, loaded.model.opt.timestep, account)
         rows = Rows(loaded, clock, qpos, qvel, _actions(stored, len(clock)))
+        rows = self._with_contacts(rows, stored)
         return episode(rows, header, self.settings.map, account)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import mujoco
-
 from safestage_eval.episode import Body
 from safestage_eval.importers import Account, MapFile
 from simulate.world.describe import body_name
@@ -18,16 +16,6 @@ def tell(
     loaded: Loaded, facts: ForeignFacts, bodies: tuple[Body, ...], map_: MapFile, account: Account
 ) -> None:
     """Say it of one episode; what a map file gives is not missing."""
-    account.recomputed(
-        "contacts and contact forces",
-        f"by a forward pass of MuJoCo {mujoco.__version__} over each stored state",
-        cost="force peaks between rows are not seen",
-    )
-    account.recomputed(
-        "forces on and by the robot",
-        "without the command of that moment, which is not stored",
-        cost="grip forces are unreliable, and a light touch may count or not",
-    )
     account.missing("joint torques", cost="rules on them are inconclusive")
     if facts.hand is None:
         account.missing(
@@ -69,6 +57,28 @@ def tell(
             "MuJoCo; forces are computed with the mass of the collision shapes",
             cost="forces on these bodies are wrong, and rules that need their weight inconclusive",
             remedy=f"{MAP} [body.NAME] mass",
+        )
+
+
+def tell_forces(version: str, account: Account, *, known: bool) -> None:
+    """Say where contacts and forces come from; ``known``: from the MuJoCo that recorded the states."""
+    account.recomputed(
+        "contacts and contact forces",
+        f"by a forward pass of MuJoCo {version} over each stored state",
+        cost="force peaks between rows are not seen",
+    )
+    if known:
+        account.recomputed(
+            "forces on and by the robot",
+            "without the command, which is not stored: the motors of the arm are taken to bear its weight",
+            cost="off by newtons while the gripper closes or the arm strikes something",
+        )
+    else:
+        account.missing(
+            "forces on and by the robot, and of what it presses on",
+            "the file does not say which MuJoCo recorded it, and versions differ by newtons",
+            cost="limits on these forces, and grasps told by them, are inconclusive",
+            remedy="--python PATH, a Python that has the recorder's mujoco",
         )
 
 

@@ -21,9 +21,11 @@ from simulate.world.describe import Description, body_name
 from simulate.world.motion_reader import MotionReader
 
 from .foreign_facts import ForeignFacts
+from .forward_pass import put
 from .model_file import Loaded
+from .recorder_mujoco import Touches, pushed_by_robot, summed_peaks
 from .regions import region_cavities
-from .remarks import tell
+from .remarks import tell, tell_forces
 from .weights import light_contacts, weigh
 
 F64 = NDArray[np.float64]
@@ -39,6 +41,8 @@ class Rows:
         qpos: (T, nq).
         qvel: (T, nv).
         action: (T, A) commands in force from each row on; A may be 0.
+        touches: contacts as the recorder's MuJoCo computes them; None: by this MuJoCo.
+        same: this MuJoCo is the recorder's.
     """
 
     loaded: Loaded
@@ -46,6 +50,8 @@ class Rows:
     qpos: F64
     qvel: F64
     action: F64
+    touches: Touches | None = None
+    same: bool = False
 
 
 def split(model: mujoco.MjModel, states: NDArray[np.generic], where: str) -> tuple[F64, F64, F64]:
@@ -76,7 +82,9 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
     """Poses, velocities, contacts and forces of all rows.
 
     What MuJoCo stored beside a state lags by one step, so everything is computed from the
-    coordinates and velocities. The forces are those of a forward pass without a command.
+    coordinates and velocities. The forces are those of a forward pass whose motors hold the arm. Which forces
+    that gives hangs on the version of MuJoCo wherever meshes or boxes touch: those that the robot's
+    press on are unknown (NaN), unless they come from the recorder's own.
 
     Args:
         rows: the states.
@@ -90,8 +98,9 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
     model = rows.loaded.model
     data = mujoco.MjData(model)
     weigh(model, data, map_)
-    _put(model, data, rows, 0)
     facts = ForeignFacts(model)
+    held = facts.arm if rows.same else np.zeros(0, np.intp)
+    put(model, data, rows.qpos[0], rows.qvel[0], held)
     about = Description(model, facts.facts)
     openness = facts.openness()
     rooms = region_cavities(model, data, about)
@@ -116,22 +125,36 @@ def episode(rows: Rows, header: Header, map_: MapFile, account: Account) -> Epis
         writer.set_fixed(about.body(i).name, data.xpos[i].copy(), data.xquat[i].copy())
     for body in more:
         writer.add_body(body, places[body.name].position[0], places[body.name].orientation[0])
-    contacts = ContactReader(model, data, about.geom_index)
+    contacts = ContactReader(model, data, np.arange(model.ngeom))
+    robot = np.array([fact.kind in ("robot", "gripper") for fact in facts.facts])
+    known = rows.touches is not None or rows.same
     motion = MotionReader(model, data, about.movable)
     with np.errstate(over="ignore"):  # what float32 cannot hold becomes infinite, and is refused
         for frame, time in enumerate(rows.time):
-            _put(model, data, rows, frame)
+            put(model, data, rows.qpos[frame], rows.qvel[frame], held)
             motion.read()
+            if rows.touches is None:
+                points = contacts.frame()
+            else:
+                points = rows.touches.points[frame]
+                summed_peaks(points, model.geom_bodyid)
+            if not known:
+                unknown = pushed_by_robot(points, model, robot)
+                points["force"][unknown] = points["peak_force"][unknown] = np.nan
+            for key in ("geom1", "geom2"):
+                points[key] = about.geom_index[points[key]]
             writer.add_frame(
                 float(time - rows.time[0]),
                 motion.pose,
                 motion.twist,
-                contacts=contacts.frame(),
+                contacts=points,
                 joint_position=data.qpos[about.joint_qpos],
                 joint_velocity=data.qvel[about.joint_dof],
                 action=rows.action[frame] if rows.action.shape[1] else None,
                 gripper=None if openness is None else [openness(data.qpos)],
             )
+    version = mujoco.__version__ if rows.touches is None else rows.touches.version
+    tell_forces(version, account, known=known)
     tell(rows.loaded, facts, bodies, map_, account)
     return writer.episode()
 
@@ -147,12 +170,6 @@ def _same_shapes(own: Iterable[Body], mapped: Iterable[Body]) -> None:
                 f"{len(before.geoms)}, in the model's order",
                 f"leave out shapes of {after.name}: the model's are taken",
             )
-
-
-def _put(model: mujoco.MjModel, data: mujoco.MjData, rows: Rows, frame: int) -> None:
-    data.time, data.qpos[:], data.qvel[:] = rows.time[frame], rows.qpos[frame], rows.qvel[frame]
-    data.qacc_warmstart[:] = 0  # a frame does not depend on the one before
-    mujoco.mj_forward(model, data)
 
 
 def _plain(body: Body, loaded: Loaded, rooms: Mapping[str, Cavity]) -> Body:

@@ -78,6 +78,13 @@ class Stored:
         return name, None if version is None else str(version)
 
     @property
+    def mujoco_version(self) -> str | None:
+        """Version of MuJoCo that recorded it, where the file says so."""
+        places = (self.meta, self.about, self._args, self._kwargs)
+        said = next((p["mujoco_version"] for p in places if p.get("mujoco_version")), None)
+        return None if said is None else str(said)
+
+    @property
     def control_dt(self) -> float | None:
         """Time between actions in s."""
         rate = self._kwargs.get("control_freq")

@@ -36,7 +36,8 @@ def rolled_out(task: str, policy: str, to: Path) -> tuple[Episode, Path]:
         Recorder._look = look  # type: ignore[method-assign]
     spec = world._scene(task_named(task).models(), task_named(task).substeps, None, False)
     spec.compile()
-    about = {"env": task, "env_info": json.dumps({"control_freq": world.CONTROL_RATE})}
+    kwargs = {"control_freq": world.CONTROL_RATE, "mujoco_version": mujoco.__version__}
+    about = {"env": task, "env_info": json.dumps(kwargs)}
     model = renamed(spec.to_xml())
     states = np.array(rows[: len(episode)])
     return episode, demo_file(to, model, states, actions=episode.frames.action, about=about)

@@ -76,7 +76,10 @@ def test_the_same_bodies_touch_in_every_frame_as_in_the_simulator(source: str) -
     assert len(theirs) > 100
     assert ours.keys() == theirs.keys()
     robot = {b.name for b in episode.header.bodies if b.kind in ("robot", "gripper")}
-    free = [key for key in theirs if not key[1] & robot]
+    # another MuJoCo recorded them: what the robot presses is unknown, and nothing else is
+    assert all(np.isnan(ours[key]) for key in theirs if key[1] & robot)
+    free = [key for key in theirs if np.isfinite(ours[key])]
+    assert len(free) > 0.8 * sum(not key[1] & robot for key in theirs)
     wrong = [abs(ours[key] - theirs[key]) for key in free]
     assert np.median(wrong) < 0.03
     assert all((ours[key] >= 0.1) == (theirs[key] >= 0.1) for key in free)
@@ -183,7 +186,7 @@ def test_robocasa_s_folders_give_what_the_hdf5_file_gives(tmp_path: Path) -> Non
     other, _ = imported(FOREIGN / "robosuite" / "demo.hdf5")
     for name, track in other.tracks.items():
         assert np.array_equal(track.position, episode.tracks[name].position)
-    assert np.array_equal(other.contacts.force, episode.contacts.force)
+    assert np.array_equal(other.contacts.force, episode.contacts.force, equal_nan=True)
 
 
 @pytest.mark.parametrize(
