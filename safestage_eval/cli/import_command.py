@@ -14,14 +14,14 @@ from .shared_options import progress, rules_option
 from .terminal import say
 
 if TYPE_CHECKING:
-    from safestage_eval.importers import Outcome
+    from safestage_eval.importers import Outcome, Settings
     from safestage_eval.importers.map_mistakes import Notice
 
 
 @click.command("import")
 @click.argument("source", type=click.Path(path_type=Path), metavar="SOURCE")
 @click.option(
-    "--to", "to", type=click.Path(path_type=Path), required=True, metavar="DATASET",
+    "--to", "to", type=click.Path(path_type=Path), metavar="DATASET",
     help="Write to this dataset folder; existing episodes are kept.",
 )  # fmt: skip
 @click.option(
@@ -71,16 +71,22 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option("--mcap", is_flag=True, help="Write one MCAP file per episode instead of a dataset.")
 @click.option(
+    "--write-map", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
+    help="Write a map file to begin with, and import nothing: what SOURCE has and lacks, with guesses.",
+)  # fmt: skip
+@click.option("--replace", is_flag=True,
+              help="Import again what the dataset has from other data, or with another map or flags.")  # fmt: skip
+@click.option(
     "--format", "-f", "form", type=click.Choice(["table", "json"]), default="table",
     show_default=True,
     help="Write the report as this.",
 )  # fmt: skip
 @click.pass_context
-def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind: Path | None,
+def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None, bind: Path | None,
             rules: tuple[str, ...], only: str | None, quaternion: Any, dt: str | None,
             assets: tuple[Path, ...], python: Path | None, prefix: str,
             limit: int | None, jobs: int, timeout: float | None, memory: str | None,
-            mcap: bool, form: str) -> None:  # fmt: skip
+            mcap: bool, replace: bool, write_map: Path | None, form: str) -> None:  # fmt: skip
     """Import other people's recordings, and report what they lack.
 
     The format is detected from the content. Nothing is invented: what a source lacks stays out, the
@@ -92,31 +98,39 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
     \b
     Examples:
       safestage import demos.hdf5 --to dataset/
+      safestage import runs/ --write-map scene.toml
       safestage import runs/ --to dataset/ --map scene.toml --quaternion xyzw
     """
     from safestage_eval._process.memory_limit import limit as most
-    from safestage_eval.importers import Settings, import_all, load_map
+    from safestage_eval.importers import MapFile, Settings, import_all, load_map
     from safestage_eval.importers.bind_headers import load_bound
     from safestage_eval.importers.read_source import Limits
 
     limits = Limits(timeout, None if memory is None else most(memory))
     settings = Settings(
-        **({} if map_ is None else {"map": load_map(map_)}),
+        map=MapFile() if map_ is None else load_map(map_),
         quaternion=quaternion,
         dt=None if dt is None else _seconds(dt),
         assets=assets,
         python=None if python is None else python.absolute(),
     )
+    if write_map is not None:
+        _write_map(write_map, source, settings, only)
+        return
+    if to is None:
+        raise click.UsageError("--to DATASET is missing: the folder to write to")
     bound = None if bind is None else load_bound(bind, rules)
     with progress("importing") as tell:
         outcome = import_all(
             source, to, settings, only=only, bind=bound, prefix=prefix, limit=limit, jobs=jobs,
-            mcap=mcap, limits=limits, progress=tell,
+            mcap=mcap, replace=replace, limits=limits, progress=tell,
         )  # fmt: skip
     if form == "json":
         click.echo(_as_json(outcome), nl=False)
     else:
         say(_as_table(outcome), nl=False)
+    for message in outcome.unused:
+        say(f"warning: {message}", err=True)
     for notice, count in notices_of(outcome):
         say(f"looks wrong in {count} of {len(outcome.imported)} episodes: {notice}", err=True)
     for problem in outcome.failed:
@@ -128,6 +142,22 @@ def command(ctx: click.Context, source: Path, to: Path, map_: Path | None, bind:
         err=True,
     )
     ctx.exit(2 if outcome.failed else 0)
+
+
+def _write_map(path: Path, source: Path, settings: Settings, only: str | None) -> None:
+    """Write a map file to begin with; refuse to overwrite one."""
+    from safestage_eval.importers.write_map import map_skeleton
+
+    text = map_skeleton(source, settings, only=only)
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise click.UsageError(
+            f"--write-map {path}: is there already; choose another name"
+        ) from None
+    said = sum(line.startswith("[body.") for line in text.splitlines())
+    say(f"{path}: {said} bodies; complete it, then import with --map {path}", err=True)
 
 
 def notices_of(outcome: Outcome) -> list[tuple[Notice, int]]:

@@ -13,9 +13,9 @@ Value = TypeVar("Value")
 class Gaps:
     """Collects the SourceErrors of one episode."""
 
-    def __init__(self, where: str) -> None:
-        """``where``: the source, as messages say it."""
-        self._where = where
+    def __init__(self, where: str, noted: list[SourceError] | None = None) -> None:
+        """``where``: the source, as messages say it; ``noted``: receives what is missing instead of refusing."""
+        self._where, self._noted = where, noted
         self._found: list[SourceError] = []
 
     def ask(self, call: Callable[[], Value], meanwhile: Value) -> Value:
@@ -28,6 +28,9 @@ class Gaps:
 
     def refuse(self) -> None:
         """Raise SourceError if anything is missing, with all of it, each with its fix."""
+        if self._noted is not None:
+            self._noted += self._found
+            return
         if len(self._found) < 2:
             for error in self._found:
                 raise error

@@ -9,13 +9,14 @@ from pathlib import Path
 
 from safestage_eval.episode import Header, Remark
 from safestage_eval.formats import save
+from safestage_eval.formats.parquet.dataset_writer import remove_episode
 from safestage_eval.formats.save import mcap_name
 
 from .account import Account
 from .bind_headers import Bound
 from .importer import Importer, Settings
 from .map_mistakes import Notice, notice
-from .missing_data import say_unused
+from .map_tables import MapFile
 from .scene_bodies import in_metres
 
 
@@ -29,6 +30,7 @@ class Task:
         name: of the episode in there.
         episode_id: it gets this one.
         source: of it, as the header will say.
+        replaces: name of the files of a dataset that hold it, and that it takes the place of.
     """
 
     format: str
@@ -36,6 +38,7 @@ class Task:
     name: str
     episode_id: str
     source: str
+    replaces: str | None = None
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,7 @@ class Imported:
         account: what was missing, recomputed or guessed.
         new: it was not there before.
         notices: what cannot be right in it, with the likely mistake.
+        bodies: their names.
     """
 
     episode_id: str
@@ -75,6 +79,7 @@ class Imported:
     account: tuple[Remark, ...]
     new: bool = True
     notices: tuple[Notice, ...] = ()
+    bodies: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -92,24 +97,33 @@ def import_one(open_importer: Callable[[], Importer], task: Task, target: Target
         InputError: it cannot be imported, or what came out breaks an invariant of traces.
     """
     source = open_importer()
+    source.settings = replace(
+        target.settings, map=target.settings.map.within(f"{task.source} {task.name}")
+    )
     account = Account()
     episode = source.read(task.name, account)
-    say_unused(account, [body.name for body in episode.header.bodies], target.settings.map)
     fingerprint = fingerprint_of(source, task.name, target)
-    header = _stamped(episode.header, task, fingerprint, account, target)
+    header = _stamped(episode.header, task, fingerprint, account, target, source.settings.map)
     ready = replace(episode, header=header, _contacts=episode.contacts, _frames=episode.frames)
-    ready = in_metres(ready, target.settings.map)
-    notices = notice(ready, target.settings.map)
+    ready = in_metres(ready, source.settings.map)
+    notices = notice(ready, source.settings.map)
     path = target.folder / mcap_name(task.episode_id) if target.mcap else target.folder
     ref = save(ready, path, "mcap" if target.mcap else "parquet")
-    account_of = header.source.account
+    if task.replaces is not None:
+        remove_episode(target.folder, task.replaces)
     return Imported(
-        task.episode_id, task.source, ref.shown, len(ready), account_of, notices=notices
+        task.episode_id,
+        task.source,
+        ref.shown,
+        len(ready),
+        header.source.account,
+        notices=notices,
+        bodies=tuple(body.name for body in header.bodies),
     )
 
 
 def _stamped(
-    header: Header, task: Task, fingerprint: str, account: Account, target: Target
+    header: Header, task: Task, fingerprint: str, account: Account, target: Target, map_: MapFile
 ) -> Header:
     """The header with its id, its source, and what map and bind file say."""
     from safestage_eval.version import __version__
@@ -124,7 +138,7 @@ def _stamped(
         }
     )
     header = header.model_copy(update={"episode_id": task.episode_id, "source": source})
-    header = target.settings.map.header(header, task.name)
+    header = map_.header(header, task.name)
     return header if target.bind is None else target.bind.onto(header, task.name)
 
 

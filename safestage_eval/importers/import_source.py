@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from dataclasses import replace as with_
 from pathlib import Path
 
 from safestage_eval.errors import InputError, readable
@@ -12,6 +13,7 @@ from safestage_eval.formats import EpisodeRef, discover
 from .bind_headers import Bound
 from .import_episode import Failed, Imported, Target, Task
 from .importer import Settings, SourceError
+from .missing_data import unused_entries
 from .read_source import Apart, Here, Limits, Reading
 
 
@@ -22,11 +24,13 @@ class Outcome:
     Attributes:
         formats: file or folder → (format, by what it was recognised).
         imported, failed: in the order of the source.
+        unused: entries of the map file that name nothing in any episode, as messages.
     """
 
     formats: dict[str, tuple[str, str]]
     imported: tuple[Imported, ...]
     failed: tuple[Failed, ...]
+    unused: tuple[str, ...] = ()
 
 
 def import_all(
@@ -40,6 +44,7 @@ def import_all(
     limit: int | None = None,
     jobs: int = 1,
     mcap: bool = False,
+    replace: bool = False,
     limits: Limits | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Outcome:
@@ -55,6 +60,7 @@ def import_all(
         limit: import the first so many.
         jobs: worker processes.
         mcap: write MCAP files.
+        replace: import again what is there already from other data or with other settings.
         limits: what each look and each episode may take; they are then read in processes of their own,
             as they are with more than one job. Without it nothing is bounded.
         progress: called with (done, total) after each episode.
@@ -80,7 +86,10 @@ def import_all(
             try:
                 imported[task.source] = _kept(task, target, there[task.episode_id], reading)
             except InputError as error:
-                failed.append(Failed(task.source, str(error)))
+                if replace:
+                    todo.append(with_(task, replaces=there[task.episode_id].stored_in))
+                else:
+                    failed.append(Failed(task.source, str(error)))
         for done, (task, result) in enumerate(reading.run(todo), len(tasks) - len(todo) + 1):
             if isinstance(result, Imported):
                 imported[task.source] = result
@@ -93,6 +102,9 @@ def import_all(
         formats,
         tuple(imported[task.source] for task in tasks if task.source in imported),
         tuple(sorted(failed, key=lambda f: order.get(f.source, -1))),
+        tuple(unused_entries({n for one in imported.values() for n in one.bodies}, settings.map))
+        if imported
+        else (),
     )
 
 
@@ -106,7 +118,7 @@ def _tasks(
 
     if not source.exists():
         raise SourceError(str(source), "no such file or folder", fix="check the spelling")
-    recognised = list(_recognised(source, to.resolve(), reading, only))
+    recognised = list(recognised_in(source, to.resolve(), reading, only))
     if not recognised:
         reading.ask("unrecognised", source, only)
     for path, kind in recognised:
@@ -128,7 +140,7 @@ def _tasks(
     return tasks, failed, formats
 
 
-def _recognised(
+def recognised_in(
     source: Path, but: Path, reading: Reading, only: str | None
 ) -> Iterator[tuple[Path, tuple[str, str] | InputError]]:
     """Yield each file or folder of a known format, and nothing below it; skip the folder ``but``.
@@ -147,7 +159,7 @@ def _recognised(
     elif not source.is_file():
         for path in sorted(source.iterdir()):
             if not path.name.startswith("."):
-                yield from _recognised(path, but, reading, only)
+                yield from recognised_in(path, but, reading, only)
 
 
 def _episodes_exist(settings: Settings, names: set[str]) -> None:
@@ -179,6 +191,9 @@ def _kept(task: Task, target: Target, ref: EpisodeRef, reading: Reading) -> Impo
             str(target.folder),
             f"holds another episode {task.episode_id!r}, from other data or imported with "
             "another map or other flags.",
-            fix="another --to, or --prefix TEXT for another id",
+            fix="--replace to take its place; or another --to, or --prefix TEXT for another id",
         )
-    return Imported(task.episode_id, task.source, ref.shown, 0, there.source.account, new=False)
+    bodies = tuple(body.name for body in there.bodies)
+    return Imported(
+        task.episode_id, task.source, ref.shown, 0, there.source.account, new=False, bodies=bodies
+    )

@@ -30,6 +30,7 @@ class Settings:
         quaternion: order of the source's quaternions, where it does not tell.
         dt: s between the source's rows, where it does not tell.
         python: interpreter that has the recorder's own MuJoCo.
+        noted: receives what the source lacks, for a first look, where it would be refused otherwise.
         assets: folders with the mesh files that a source names but does not bring.
     """
 
@@ -38,6 +39,7 @@ class Settings:
     dt: float | None = None
     assets: tuple[Path, ...] = ()
     python: Path | None = None
+    noted: list[SourceError] | None = field(default=None, compare=False)
 
 
 class Format(ABC):
@@ -82,6 +84,11 @@ class Importer(Format):
             InputError: it cannot be read, or ``SourceError``: it lacks what no trace can do without.
         """
         self.path, self.settings = path, settings
+
+    @classmethod
+    def columns_of(cls, path: Path) -> Sequence[str]:  # noqa: ARG003 — theirs
+        """Return the columns that a map file may name, where nothing is read without it; else nothing."""
+        return ()
 
     @abstractmethod
     def episodes(self) -> Sequence[str]:

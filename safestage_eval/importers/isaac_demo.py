@@ -38,7 +38,7 @@ class Demo:
         self.map = source.settings.map
         self.where = f"{source.path}: data/{name}"
         self.result = source.sidecars.result(source.path, name)
-        self.gaps = Gaps(self.where)
+        self.gaps = Gaps(self.where, source.settings.noted)
         self.order: QuaternionOrder = self.gaps.ask(source.order, "wxyz")
         self.physics_dt, self.dt = self.gaps.ask(self._rates, (1.0, 1.0))
         self.first = self.group.get("initial_state")

@@ -58,6 +58,18 @@ class LeRobot(Importer):
             return None
         return f"meta/info.json with codebase_version {info['codebase_version']}"
 
+    @classmethod
+    def columns_of(cls, path: Path) -> list[str]:
+        """Columns of numbers, with how many each row has."""
+        features = (described(path) or {}).get("features")
+        table = features if isinstance(features, dict) else {}
+        plain = {n: f for n, f in table.items() if n not in OWN and isinstance(f, dict)}
+        return [
+            f"{name}[0:{shape[0]}]" if len(shape := f.get("shape") or []) == 1 else name
+            for name, f in plain.items()
+            if str(f.get("dtype", "")).startswith(("float", "int", "bool"))
+        ]
+
     def _no_map(self) -> SourceError:
         seen = [name for name in self._features if name not in OWN and "image" not in name]
         likely = [n for n in seen if re.search(r"obj|pose|environment_state|body", n)]
@@ -94,7 +106,7 @@ class LeRobot(Importer):
         """Read one episode."""
         where = f"{self.path}: {name}"
         columns = self._tables.read(_number(name), self._wanted(), self._map_path)
-        gaps = Gaps(where)
+        gaps = Gaps(where, self.settings.noted)
         order: QuaternionOrder = gaps.ask(lambda: self._order(where), "wxyz")
         bodies: list[Body] = []
         tracks: dict[str, Track] = {}

@@ -96,7 +96,7 @@ class ManiSkill(Importer):
                 fix="replay it with ManiSkill's replay_trajectory and --use-env-states, which "
                 "writes env_states as a dictionary of actors",
             )  # fmt: skip
-        gaps = Gaps(where)
+        gaps = Gaps(where, self.settings.noted)
         dt = gaps.ask(lambda: self._dt(account), 1.0)
         bodies: list[Body] = []
         tracks: dict[str, Track] = {}
@@ -115,6 +115,7 @@ class ManiSkill(Importer):
         return Episode(header, t, {**tracks, **still}, None, frames, meshes=meshes)
 
     def _dt(self, account: Account) -> float:
+        self._physics_dt = 0.01
         kwargs = _inside(self._about, "env_info", "env_kwargs") or {}
         rate = _inside(kwargs, "sim_config", "control_freq")
         stated = self.settings.dt or self.settings.map.source.dt

@@ -22,6 +22,9 @@
     tags = ["fragile"]
     shapes = [{ kind = "cylinder", size = ["4 cm", "5 cm"] }]
 
+    [in."PickCube*".body.cube]           # in some files or episodes alone
+    mass = 0.1
+
     [body.table]                         # one that the source does not have: it needs a position
     kind = "fixture"
     position = [0, 0, "-2 cm"]
@@ -48,6 +51,7 @@ from .map_tables import (
     CavityTable,
     ColumnsTable,
     HeaderTable,
+    InTable,
     MapFile,
     ShapeTable,
     SourceTable,
@@ -146,7 +150,11 @@ _TABLES: dict[str, type[BaseModel]] = {
 def _allowed(keys: tuple[str | int, ...]) -> list[str]:
     """Entries of the table at a path of keys."""
     if not keys:
-        return [name for name in MapFile.model_fields if name != "path"]
+        return [
+            field.alias or name for name, field in MapFile.model_fields.items() if name != "path"
+        ]
+    if keys[0] == "in":
+        return _allowed(keys[2:]) if len(keys) > 2 else list(InTable.model_fields)
     inner = [key for key in keys[2:] if key in _TABLES]
     table = _TABLES[str(inner[-1])] if inner else _TABLES[str(keys[0])]
     if keys[:2] == ("columns", "body"):

@@ -6,7 +6,7 @@ import fnmatch
 import re
 from collections.abc import Callable
 from hashlib import sha256
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -180,6 +180,24 @@ class ColumnsTable(_Table):
     success: str | None = None
 
 
+T = TypeVar("T", bound=_Table)
+
+
+def _merged(first: T, second: T) -> T:
+    """The entries of both; the second's win."""
+    said = {name: getattr(second, name) for name in second.model_fields_set}
+    return first.model_copy(update=said)
+
+
+class InTable(_Table):
+    """``[in."GLOB"]``: what holds in some files or episodes alone; it wins over the rest."""
+
+    source: SourceTable = SourceTable()
+    every: HeaderTable = HeaderTable()
+    body: dict[str, BodyTable] = Field(default_factory=dict)
+    columns: ColumnsTable | None = None
+
+
 class MapFile(_Table):
     """A checked map file; without arguments an empty one."""
 
@@ -189,8 +207,36 @@ class MapFile(_Table):
     episode: dict[str, HeaderTable] = Field(default_factory=dict)
     body: dict[str, BodyTable] = Field(default_factory=dict)
     columns: ColumnsTable | None = None
+    in_: dict[str, InTable] = Field(default_factory=dict, alias="in")
     path: str = Field(default="", exclude=True)
     """The map file's path; not a table in it."""
+
+    @property
+    def body_names(self) -> list[str]:
+        """Names and patterns of all body entries."""
+        return [*self.body, *(name for table in self.in_.values() for name in table.body)]
+
+    def within(self, source: str) -> MapFile:
+        """Return the map for one episode: with the entries of each ``[in."GLOB"]`` that fits its source.
+
+        ``source``: its file and its name, ``"runs/PickCube.h5:traj_0"``; a glob may fit any part of it.
+        """
+        map_ = self
+        for glob, table in self.in_.items():
+            if not fnmatch.fnmatchcase(source, f"*{glob}*"):
+                continue
+            bodies = dict(map_.body)
+            for name, entry in table.body.items():
+                bodies[name] = _merged(bodies[name], entry) if name in bodies else entry
+            map_ = map_.model_copy(
+                update={
+                    "source": _merged(map_.source, table.source),
+                    "every": _merged(map_.every, table.every),
+                    "body": bodies,
+                    "columns": table.columns or map_.columns,
+                }
+            )
+        return map_
 
     def of_body(self, name: str) -> BodyTable | None:
         """Return the entry for a body: by patterns, in their order, then by name; None if there is none."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from difflib import get_close_matches
 
 from safestage_eval.episode import Body
@@ -36,16 +36,19 @@ def say_links(account: Account, robot: str) -> None:
     )
 
 
-def say_unused(account: Account, names: Sequence[str], map_: MapFile) -> None:
-    """Remark on entries of the map file that name no body of the episode; patterns need not."""
-    unused = [name for name in map_.body if name not in names and not set(name) & set("*?[")]
-    for name in unused:
-        near = get_close_matches(name, names, 1)
-        account.missing(
-            f"body {name}, which the map file names",
-            cost="its entry says nothing of this episode",
-            remedy=f"[body.{near[0]}]?" if near else f"one of {', '.join(names[:12])}",
-        )
+def unused_entries(names: Collection[str], map_: MapFile) -> list[str]:
+    """Body entries of the map file that name no body of any episode, each as a message; not patterns."""
+    said = []
+    for entry in dict.fromkeys(map_.body_names):
+        if entry not in names and not set(entry) & set("*?["):
+            near = get_close_matches(entry, names, 1)
+            meant = (
+                f"did you mean [body.{near[0]}]?"
+                if near
+                else f"one of {', '.join(sorted(names)[:12])}"
+            )
+            said.append(f"{map_.path}: [body.{entry}] names no body of the source; {meant}")
+    return said
 
 
 def say_bodies(account: Account, bodies: Sequence[Body], map_: MapFile, com: str) -> None:

@@ -26,6 +26,9 @@ from . import syntax as ast
 NAME = r"[a-z][a-z0-9_]*"
 NUMBER = r"\d+(?:\.\d+)?"
 CALL = rf"{NAME}\((?:{NAME}(?:, *{NAME})*)?\)"
+BODY = r"""(?:[A-Za-z_][\w.:/-]*|"[^"]+"|'[^']+')"""
+"""Name of a body as other simulators give them, or any name in quotes."""
+QUERY = rf"({NAME})\((?:{BODY}(?:, *{BODY})*)?\)"
 EVENT = rf"(?:start|end|success|(?:start of |end of )?{CALL})"
 FRAMES = r"frames?"
 TIME_UNITS = tuple(DIMENSIONS["time"])
@@ -127,6 +130,21 @@ def operand(value: str | float) -> ast.SignalAtom | ast.Quantity | ast.Parameter
     return quantity(value)
 
 
+def query(text: str) -> ast.Call:
+    """``"lift(cubeA)"``, ``"clearance(milk-1, 'the tray')"``: bodies by their names. Raises GrammarError."""
+    match = re.fullmatch(QUERY, text)
+    if match is None:
+        raise GrammarError(
+            f"{text!r} is not a call",
+            "name(body, …): letters, digits and _ . : / - as they are, any other name in quotes",
+        )
+    return ast.Call(match[1], tuple(_bare(one) for one in re.findall(BODY, text[match.end(1) :])))
+
+
+def _bare(name: str) -> str:
+    return name[1:-1] if name[0] in "\"'" else name
+
+
 def event(text: str) -> ast.Event:
     """``"success"``, ``"end of held(a)"``, ``"committed(a)"``. Raises GrammarError."""
     if text in ("start", "end", "success"):
@@ -193,6 +211,21 @@ def limit(text: Any) -> ast.Limit:
 def atom_key(text: str) -> tuple[ast.Call, ast.Event | None]:
     """The left side of an entry: ``"displacement(cup) since success"``."""
     match = re.fullmatch(rf"({CALL})(?: since (.+))?", text)
+    if match is None and (foreign := re.match(QUERY, text)):
+        names = [
+            n
+            for n in re.findall(BODY, text[foreign.end(1) : foreign.end()])
+            if not re.fullmatch(NAME, n)
+        ]
+        raise (
+            GrammarError(
+                f"{', '.join(names)} cannot name a role: rules are about roles, which bodies play",
+                'name(role, …) with roles as "target", bound in a bind file or a header: roles = '
+                f'{{ target = "{_bare(names[0])}" }}',
+            )
+            if names
+            else GrammarError(f"{text!r} does not end there", "name(role, …) since EVENT")
+        )
     if match is None:
         raise GrammarError(
             f"{text!r} is neither a signal nor a state",

@@ -96,7 +96,7 @@ def by_bodies(episode: Episode, expression: str) -> str:
 def _parsed(episode: Episode, expression: str) -> tuple[ast.Call, tuple[str, ...], Options]:
     """The call as written, the bodies that it is about, and the options that it names."""
     try:
-        call = parse.call(expression)
+        call = parse.query(expression)
     except parse.GrammarError as problem:
         raise InputError(expression, problem.what, problem.allowed) from None
     spec = SIGNALS.get(call.name)

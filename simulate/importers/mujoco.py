@@ -19,7 +19,7 @@ from safestage_eval.importers.importer import Importer, Settings, SourceError
 from . import state_folders
 from .foreign_facts import ForeignFacts
 from .hdf5_demos import DemoFile
-from .model_file import load_model
+from .model_file import Loaded, load_model
 from .recorder_mujoco import RecorderMujoco
 from .state_rows import Rows, episode, split
 from .stored_states import Stored
@@ -38,6 +38,7 @@ class MujocoStates(Importer):
         """Open the file or list the folder."""
         super().__init__(path, settings)
         self._file = DemoFile(path) if path.is_file() else None
+        self._last: tuple[str, Loaded] | None = None
         python = settings.python
         self._elsewhere = None if python is None else RecorderMujoco(python)
         self._folders = {f.name: f for f in state_folders.episode_folders(path)}
@@ -73,6 +74,12 @@ class MujocoStates(Importer):
         if self._elsewhere is not None:
             self._elsewhere.close()
 
+    def _model(self, text: str, where: str) -> Loaded:
+        """The compiled model; the same one as before for the same text."""
+        if self._last is None or self._last[0] != text:
+            self._last = text, load_model(text, where, self.settings.assets)
+        return self._last[1]
+
     def _with_contacts(self, rows: Rows, stored: Stored) -> Rows:
         """With the contacts of the recorder's MuJoCo, if there is one."""
         if self._elsewhere is None:
@@ -91,7 +98,7 @@ class MujocoStates(Importer):
         _need_states(stored)
         assert stored.model is not None
         assert stored.states is not None
-        loaded = load_model(stored.model, stored.where, self.settings.assets)
+        loaded = self._model(stored.model, stored.where)
         time, qpos, qvel = split(loaded.model, stored.states, stored.where)
         given = self.settings.dt or self.settings.map.source.dt
         clock = _clock(stored, time, given, account)

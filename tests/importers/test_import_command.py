@@ -295,8 +295,7 @@ def test_an_entry_that_no_body_answers_to_is_told(source, tmp_path):
         text.write('[body.cubo]\nmass = 1\n[body."mug_*"]\nmass = 1\n')
     done = take(source, tmp_path / "data", "--dt", "0.01")
     assert done.code == 0, done.err
-    assert "body cubo, which the map file names" in done.text
-    assert "[body.cube]?" in done.text
+    assert "[body.cubo] names no body of the source; did you mean [body.cube]?" in done.err
     assert "mug_" not in done.text
 
 

@@ -232,3 +232,38 @@ def test_spans_within_spans_have_an_end(deeper: str) -> None:
     for depth in (parse.DEEPEST + 1, 2000):
         with pytest.raises(parse.GrammarError, match="parts of parts of a span"):
             parse.span(nested(depth))
+
+
+@pytest.mark.parametrize(
+    "text, name, bodies",
+    [
+        ("lift(cubeA)", "lift", ("cubeA",)),
+        ("clearance(milk-1, robot0_link3)", "clearance", ("milk-1", "robot0_link3")),
+        ("clearance('the tray', \"a, b\")", "clearance", ("the tray", "a, b")),
+        ("tilt(model:obj/0.1)", "tilt", ("model:obj/0.1",)),
+        ("gripper_opening()", "gripper_opening", ()),
+    ],
+)
+def test_a_question_names_bodies_as_other_simulators_do(text, name, bodies):
+    assert parse.query(text) == Call(name, bodies)
+
+
+@pytest.mark.parametrize(
+    "text", ["lift(cube A)", "lift(cubeA", "Lift(a)", "lift('a)", "lift(a) > 1"]
+)
+def test_what_is_no_question(text):
+    with pytest.raises(parse.GrammarError):
+        parse.query(text)
+
+
+@pytest.mark.parametrize("text", ["lift(cubeA)", "clearance(target, milk-1) since success"])
+def test_a_body_in_a_rule_is_told_to_play_a_role(text):
+    with pytest.raises(parse.GrammarError) as caught:
+        parse.atom_key(text)
+    assert "cannot name a role" in caught.value.what
+    assert "cubeA" in caught.value.allowed or "milk-1" in caught.value.allowed
+
+
+@given(call=calls)
+def test_a_question_about_roles_is_a_call(call):
+    assert parse.query(str(call)) == call

@@ -12,6 +12,7 @@ from typing import Any
 import pyarrow.parquet as pq
 
 from safestage_eval.episode import Episode
+from safestage_eval.errors import TraceError
 from safestage_eval.formats.atomic import PART, replacing, sync, write_bytes
 from safestage_eval.formats.ply import to_ply
 
@@ -114,6 +115,25 @@ def add_episode(episode: Episode, dataset: Path) -> Path:
             shard.add(episode)
         write_whole(part, "meta/episodes", as_rows("meta/episodes", shard.entries))
     return dataset / layout.EPISODES / f"{_file_name(index)}.parquet"
+
+
+def remove_episode(dataset: Path, file: str) -> None:
+    """Remove a file set that holds a single episode, its row of ``meta/episodes`` first.
+
+    Raises:
+        TraceError: other episodes are in the same files.
+    """
+    meta = dataset / layout.EPISODES / f"{file}.parquet"
+    count = pq.read_metadata(meta).num_rows
+    if count != 1:
+        raise TraceError(
+            str(meta), f"holds {count} episodes: one of them cannot be taken out.",
+            fix="import into another folder",
+        )  # fmt: skip
+    meta.unlink()
+    sync(meta.parent)
+    for table in layout.TABLE_FOLDERS:
+        (dataset / table / meta.name).unlink(missing_ok=True)
 
 
 def _file_name(index: int) -> str:
