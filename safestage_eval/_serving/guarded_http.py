@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from socketserver import TCPServer
 from typing import Any
 from urllib.parse import SplitResult, urlsplit
@@ -25,6 +26,7 @@ SAFETY = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-store",
 }
+FILMS = {".mp4": "video/mp4", ".webm": "video/webm"}
 _LENGTH = re.compile("[0-9]{1,18}")
 
 
@@ -42,9 +44,14 @@ class GuardedServer(ThreadingHTTPServer):
     daemon_threads = True
 
     def __init__(self, handler: type[GuardedHandler], guard: Guard, port: int = 0) -> None:
-        """Bind to a port; 0 is any that is free. Raises OSError if it is taken."""
+        """Bind to a port; 0 is any that is free. Raises InputError if it is taken."""
         self.guard = guard
-        super().__init__((LOOPBACK, port), handler)
+        try:
+            super().__init__((LOOPBACK, port), handler)
+        except OSError as error:
+            raise InputError(
+                f"port {port}", f"cannot be had: {error.strerror}.", fix="try another --port"
+            ) from None
 
     def server_bind(self) -> None:
         """Bind, without the look-up of the machine's name by which the standard library goes on."""
@@ -164,6 +171,27 @@ class GuardedHandler(BaseHTTPRequestHandler):
         if any("\0" in value for value in body.values() if isinstance(value, str)):
             raise Refused(HTTPStatus.BAD_REQUEST, "text with a NUL in it")
         return body
+
+    def send_film(self, path: Path | None) -> None:
+        """Send a whole film, or the part that the browser asks for (RFC 9110, section 14)."""
+        if path is None:
+            raise Refused(HTTPStatus.NOT_FOUND, "no video")
+        size = path.stat().st_size
+        span = re.fullmatch(r"bytes=(\d*)-(\d*)", self.headers.get("Range", ""))
+        first, last, status = 0, size - 1, HTTPStatus.OK
+        if span and (span[1] or span[2]):
+            first = int(span[1]) if span[1] else max(size - int(span[2]), 0)
+            last = min(int(span[2]), last) if span[1] and span[2] else last
+            status = HTTPStatus.PARTIAL_CONTENT
+            if first > last:
+                raise Refused(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, "no such part")
+        with path.open("rb") as file:
+            file.seek(first)
+            data = file.read(last - first + 1)
+        more = {"Accept-Ranges": "bytes"}
+        if status is HTTPStatus.PARTIAL_CONTENT:
+            more["Content-Range"] = f"bytes {first}-{last}/{size}"
+        self.send(data, FILMS.get(path.suffix.lower(), "video/mp4"), status, more)
 
     def send_json(self, value: Any, status: HTTPStatus = HTTPStatus.OK) -> None:
         """Send a value as JSON."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,21 +20,31 @@ from .shared_options import (
 )
 from .terminal import say
 
+if TYPE_CHECKING:
+    from safestage_eval.viewer.campaign.overview import Report
+
+PAGES = (".html", ".htm")
+"""Endings of an output that is one file; anything else is a folder."""
+
+Tell = Callable[[int, int], None]
+Make = Callable[[Path | None, int | None, Tell | None], "Report"]
+"""(folder of the evidence, number of episodes with evidence, progress) → what the report says."""
+
 
 @click.command("report")
-@click.argument("results", type=click.Path(path_type=Path))
+@click.argument("results", type=click.Path(path_type=Path), metavar="RESULTS|RUN")
 @click.argument("traces", nargs=-1, metavar="[TRACES...]")
 @click.option(
     "--output", "-o", type=click.Path(path_type=Path), default=Path("report.html"),
-    show_default=True, help="Write the page to this file.",
+    show_default=True, help="Write one page (NAME.html), or a folder with index.html.",
 )  # fmt: skip
 @click.option("--title", metavar="TEXT", help="Title the page. Default: Safety report.")
 @rules_option
 @bind_option
 @set_option
 @click.option(
-    "--sections", type=click.IntRange(0), metavar="N", default=500, show_default=True,
-    help="Draw at most N episodes, gravest first.",
+    "--sections", type=click.IntRange(0), metavar="N",
+    help="Give the evidence of at most N episodes, gravest first. Default: 250 in one page, all in a folder.",
 )  # fmt: skip
 @jobs_option
 @click.pass_context
@@ -45,49 +57,100 @@ def command(
     rules: tuple[str, ...],
     bind: Path | None,
     settings: tuple[str, ...],
-    sections: int,
+    sections: int | None,
     jobs: int | None,
 ) -> None:
-    """Write one HTML page with the results of a campaign.
+    """Write the run browser as files: results, list of episodes, and their evidence.
 
     RESULTS is a file of safestage score (json, jsonl, csv, parquet), or a bare table of outcomes.
-    With TRACES, the episodes that were scored, the page also has a section for each: its
-    measurements over time with their limits, the key frame, and how the rates move with the limits.
-    The page is self-contained: it needs no network, no server and no other file. Rules, bind
-    file and --set should be those that the results were made with.
+    With TRACES, the episodes that were scored, each can be opened: 3-D replay, signals with limits,
+    phases and findings. Instead of RESULTS, a RUN (traces) is judged first. Rules, bind file and
+    --set should be those that the results were made with. Nothing needs a network or a server: a
+    page carries everything; a folder loads each episode when it is opened, and takes thousands.
 
     \b
     Examples:
       safestage score traces/ --format parquet --output results.parquet
       safestage report results.parquet traces/ --output report.html
+      safestage report runs/ --output report/
       safestage report outcomes.csv --title "Three policies, 97 tasks"
     """
+    from safestage_eval.rules import builtin_names
     from safestage_eval.viewer.campaign.campaign_data import compose
-    from safestage_eval.viewer.campaign.campaign_page import build
 
-    if traces:
+    unscored = _is_run(results)
+    if traces or unscored:
         prepare_kernels()
-    with progress("drawing") as tell:
-        report = compose(
-            results,
-            traces,
-            rules,
-            title=title,
-            overrides=pairs(settings, "--set"),
-            bind=bind,
-            most=sections,
-            jobs=jobs,
-            progress=tell,
-        )
-    html = build(report)
-    written(html, output)
-    drawn = report.sections
-    with_sections = f", {len(drawn.html)} with sections" if drawn is not None else ""
-    size = len(html.encode()) / 1e6
-    say(f"{output}: {len(report.counts.outcomes)} rollouts{with_sections}, {size:.1f} MB", err=True)
+    overrides = pairs(settings, "--set")
+    if unscored:
+        from safestage_eval.formats import discover
+        from safestage_eval.run.settings import load_settings
+
+        refs = discover([results, *traces])
+        asked = load_settings(list(rules) or builtin_names(), overrides=overrides, bind=bind)
+
+    def make(folder: Path | None, most: int | None, tell: Tell | None) -> Report:
+        if unscored:
+            return of_run(
+                refs, asked, title or "Safety report", results.name, folder=folder, most=most,
+                jobs=jobs, progress=tell,
+            )  # fmt: skip
+        return compose(
+            results, traces, rules, title=title, overrides=overrides, bind=bind, most=most, jobs=jobs,
+            progress=tell, folder=folder,
+        )  # fmt: skip
+
+    report, page = write_report(make, output, sections)
+    drawn = report.pieces
+    with_evidence = f", {len(drawn.names)} with evidence" if drawn is not None else ""
+    size = page.stat().st_size + (drawn.bytes if drawn is not None and page != output else 0)
+    rollouts = len(report.counts.outcomes)
+    say(f"{page}: {rollouts} rollouts{with_evidence}, {size / 1e6:.1f} MB", err=True)
     for note in report.notes:
         say(f"note: {note}", err=True)
     problems = drawn.problems if drawn is not None else ()
     for problem in problems:
         say(f"problem: {problem.message}", err=True)
     ctx.exit(2 if problems else 0)
+
+
+def of_run(*args: Any, **more: Any) -> Report:
+    """``campaign_data.judged``, loaded when it is needed."""
+    from safestage_eval.viewer.campaign.campaign_data import judged
+
+    return judged(*args, **more)
+
+
+def write_report(make: Make, output: Path, most: int | None) -> tuple[Report, Path]:
+    """Make a report and write it: one file for an output that ends like one, else a folder.
+
+    Returns the report, and the page to open.
+    """
+    from safestage_eval.viewer.campaign.campaign_data import MOST
+    from safestage_eval.viewer.run_report import prepared, report_page, write_folder
+
+    if output.suffix.lower() in PAGES:
+        with progress("drawing") as tell:
+            report = make(None, MOST if most is None else most, tell)
+        written(report_page(report), output)
+        return report, output
+    try:
+        with progress("drawing") as tell:
+            report = make(prepared(output), most, tell)
+        return report, write_folder(report, output)
+    except OSError as error:
+        raise click.UsageError(f"--output {output}: {error.strerror}") from None
+
+
+def _is_run(path: Path) -> bool:
+    """Whether a path is of traces, not of results."""
+    from safestage_eval.formats.discover import MCAP_MAGIC
+
+    if path.is_dir():
+        return True
+    try:
+        with path.open("rb") as file:
+            head = file.read(len(MCAP_MAGIC))
+    except OSError:
+        return False
+    return head == MCAP_MAGIC or head.startswith(b"PK\x03\x04")

@@ -2,45 +2,64 @@
 
 from __future__ import annotations
 
-import tempfile
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
+from .report_command import of_run, write_report
 from .shared_options import (
+    allow_host_option,
     binding_options,
     chosen_ref,
     episode_argument,
     episode_option,
+    jobs_option,
     pairs,
     prepare_kernels,
     rules_option,
     set_option,
-    written,
 )
 from .terminal import say
 
+if TYPE_CHECKING:
+    from safestage_eval.formats import EpisodeRef
+    from safestage_eval.run.settings import Settings
+
 
 @click.command("view")
-@click.argument("trace")
+@click.argument("run", metavar="RUN")
 @episode_argument
 @episode_option
 @click.option(
-    "--output", "-o", type=click.Path(path_type=Path, dir_okay=False),
-    help="Write the page to this file. Default: a temporary file, opened in the browser.",
+    "--results", type=click.Path(path_type=Path), metavar="FILE",
+    help="Take the verdicts from a file of safestage score, instead of judging.",
+)  # fmt: skip
+@click.option(
+    "--output", "-o", type=click.Path(path_type=Path),
+    help="Write files instead of serving: one page (NAME.html), or a folder.",
 )  # fmt: skip
 @click.option("--open/--no-open", "open_", default=None, help="Open the browser, or do not.")
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=0, help="Serve at this port. Default: a free one."
+)  # fmt: skip
+@allow_host_option
 @click.option("--all", "-a", "everything", is_flag=True, help="Show rules that passed as well.")
 @rules_option
 @binding_options
 @set_option
+@jobs_option
 def command(
-    trace: str,
+    run: str,
     name: str | None,
     episode: str | None,
+    results: Path | None,
     output: Path | None,
     open_: bool | None,
+    port: int,
+    allow_host: tuple[str, ...],
     everything: bool,
     rules: tuple[str, ...],
     bind: Path | None,
@@ -48,30 +67,85 @@ def command(
     roles: tuple[str, ...],
     protect: tuple[str, ...],
     settings: tuple[str, ...],
+    jobs: int | None,
 ) -> None:
-    """Show one episode in 3-D, with its signals, limits and findings over time.
+    """Look at episodes in the browser: a list, a 3-D player, signals with limits, findings.
 
-    Writes one HTML page that needs no network and no server, and opens it in the browser. Bodies
-    turn red while they violate a rule; click a time or a curve to go to that moment.
+    RUN is an MCAP file, a dataset, or a folder of them; EPISODE chooses one of it. A server for this
+    machine alone judges the episodes while you look at them; Ctrl+C ends it. With --output, the
+    same pages are written as files, which need neither server nor network.
 
     \b
     Examples:
-      safestage view rollout.mcap
+      safestage view traces/
       safestage view traces/ EPISODE_ID --set min_clearance="5 cm"
-      safestage view traces/ -e EPISODE_ID --output episode.html
+      safestage view runs/ --results rows.parquet
+      safestage view rollout.mcap --output episode.html
     """
-    from safestage_eval.rules import builtin_names, load_binding, load_rules
-    from safestage_eval.viewer.episode.episode_page import build
-    from safestage_eval.whatif.judge_again import Again
+    from safestage_eval.formats import discover
+    from safestage_eval.rules import builtin_names
+    from safestage_eval.run.settings import load_settings
 
-    ref = chosen_ref(trace, name, episode)
-    loaded = load_rules(list(rules) or builtin_names())
+    one = name is not None or episode is not None
+    refs = [chosen_ref(run, name, episode)] if one else discover([run])
+    asked = load_settings(
+        list(rules) or builtin_names(), overrides=pairs(settings, "--set"), bind=bind, assign=assign,
+        roles=roles, protect=protect,
+    )  # fmt: skip
     prepare_kernels()
-    bound = load_binding(bind, loaded, assign, roles, protect)
-    again = Again(ref.open(), loaded, pairs(settings, "--set"), bound)
-    target = output or Path(tempfile.mkdtemp(prefix="safestage-")) / "episode.html"
-    written(build(again, everything=everything), target)
-    click.echo(target)
-    wanted = output is None if open_ is None else open_
-    if wanted and not webbrowser.open(target.resolve().as_uri()):
+    title = refs[0].episode_id or run if len(refs) == 1 else Path(run).name or run
+    if output is None:
+        _serve(refs, asked, title, results, port, names=allow_host, everything=everything, open_=open_ is not False)
+        return
+    if results is not None:
+        raise click.UsageError(
+            "--results: files of scored episodes are written by safestage report"
+        )
+    one_only = len(refs) == 1
+    report, page = write_report(
+        lambda folder, most, tell: of_run(
+            refs, asked, title, run, folder=folder, most=most, jobs=jobs, progress=tell,
+            everything=everything, sweep=not one_only,
+        ),
+        output,
+        None,
+    )  # fmt: skip
+    click.echo(page)
+    for problem in report.pieces.problems if report.pieces is not None else ():
+        say(f"problem: {problem.message}", err=True)
+    if open_ and not webbrowser.open(page.resolve().as_uri()):
         say("no browser could be opened; open the file yourself", err=True)
+
+
+def _serve(
+    refs: Sequence[EpisodeRef],
+    settings: Settings,
+    title: str,
+    results: Path | None,
+    port: int,
+    *,
+    names: tuple[str, ...],
+    everything: bool,
+    open_: bool,
+) -> None:
+    from safestage_eval._text.plural import count
+    from safestage_eval.viewer.live_run import LiveRun
+    from safestage_eval.viewer.run_server import RunServer
+
+    rows = None
+    if results is not None:
+        from safestage_eval.viewer.campaign.campaign_data import rows_by_episode
+
+        rows = rows_by_episode(results)
+    server = RunServer(LiveRun(title, refs, settings, rows=rows, everything=everything), port, names)
+    said = count(len(refs), "episode")
+    say(f"{said}; open the address below, end with Ctrl+C", err=True)
+    click.echo(server.url)
+    if open_:
+        webbrowser.open(server.url)
+    try:
+        server.serve_forever()
+    except KeyboardInterrupt:
+        say("", err=True)
+    finally:
+        server.server_close()

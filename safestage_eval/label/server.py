@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import sys
 from http import HTTPStatus
-from pathlib import Path
 from urllib.parse import SplitResult, parse_qs
 
 from safestage_eval._serving.guard import Guard
@@ -22,7 +21,7 @@ class Server(GuardedServer):
     """Serves one session on the loopback interface."""
 
     def __init__(self, session: Session, port: int = 0, names: tuple[str, ...] = ()) -> None:
-        """Bind to a port; 0 is any that is free. Raises OSError if it is taken.
+        """Bind to a port; 0 is any that is free. Raises InputError if it is taken.
 
         ``names``: host names by which browsers reach it, besides those of the loopback interface.
         """
@@ -32,10 +31,7 @@ class Server(GuardedServer):
 
 def serve(session: Session, port: int = 0, names: tuple[str, ...] = ()) -> Server:
     """Bind a server that is not yet running. Raises InputError if the port is taken."""
-    try:
-        return Server(session, port, names)
-    except OSError as error:
-        raise InputError(f"port {port}", f"cannot be had: {error.strerror}.", fix="try another --port") from None  # fmt: skip
+    return Server(session, port, names)
 
 
 class _Handler(GuardedHandler):
@@ -70,7 +66,7 @@ class _Handler(GuardedHandler):
                 more = {"Content-Encoding": "gzip"}
                 self.send(session.film(number), "application/octet-stream", more=more)
             else:
-                self._send_video(session.video(number))
+                self.send_film(session.video(number))
         except InputError as error:  # its message names the file: for the terminal alone
             print(f"rollout {number + 1} cannot be shown: {error}", file=sys.stderr)  # noqa: T201
             why = f"rollout {number + 1} cannot be shown; the terminal says why"
@@ -87,24 +83,3 @@ class _Handler(GuardedHandler):
         reviewer = str(body.get("reviewer", ""))
         session.answer(number, str(body.get("label")), reviewer, str(body.get("note", "")))
         self.send_json(session.state(reviewer))
-
-    def _send_video(self, path: Path | None) -> None:
-        """Send a whole film, or the part that the browser asks for (RFC 9110, section 14)."""
-        if path is None:
-            raise Refused(HTTPStatus.NOT_FOUND, "no video")
-        size = path.stat().st_size
-        span = re.fullmatch(r"bytes=(\d*)-(\d*)", self.headers.get("Range", ""))
-        first, last, status = 0, size - 1, HTTPStatus.OK
-        if span and (span[1] or span[2]):
-            first = int(span[1]) if span[1] else max(size - int(span[2]), 0)
-            last = min(int(span[2]), last) if span[1] and span[2] else last
-            status = HTTPStatus.PARTIAL_CONTENT
-            if first > last:
-                raise Refused(HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE, "no such part")
-        with path.open("rb") as file:
-            file.seek(first)
-            data = file.read(last - first + 1)
-        more = {"Accept-Ranges": "bytes"}
-        if status is HTTPStatus.PARTIAL_CONTENT:
-            more["Content-Range"] = f"bytes {first}-{last}/{size}"
-        self.send(data, "video/mp4", status, more)

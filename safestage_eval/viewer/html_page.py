@@ -46,6 +46,7 @@ def page(
     scripts: Sequence[str] = (),
     allow: Mapping[str, str] | None = None,
     data: Mapping[str, str] | None = None,
+    more_scripts: Sequence[str] = (),
 ) -> str:
     """Write a page that loads nothing from elsewhere; its policy forbids it.
 
@@ -59,14 +60,15 @@ def page(
         scripts: scripts after the theme's; they run when the body is there.
         allow: further directives, ``{"connect-src": "'self'"}`` for a page with a server.
         data: attributes ``data-NAME`` of the body, for the scripts.
+        more_scripts: further sources for ``script-src``: hashes of scripts that others will add.
     """
     sheets = [custom_properties(), part("theme.css"), *styles]
     first, last = [part("theme.js")], list(scripts)
     rules = {
         "default-src": "'none'",
         "img-src": "data:",
-        "style-src": " ".join(map(_hash, sheets)) or "'none'",
-        "script-src": " ".join(map(_hash, first + last)) or "'none'",
+        "style-src": " ".join(map(script_hash, sheets)),
+        "script-src": " ".join([*map(script_hash, first + last), *more_scripts]),
         "base-uri": "'none'",
         "form-action": "'none'",
         **(allow or {}),
@@ -90,5 +92,6 @@ def page(
     )
 
 
-def _hash(text: str) -> str:
+def script_hash(text: str) -> str:
+    """A script or style sheet as a policy names it."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

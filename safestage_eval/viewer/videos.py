@@ -5,10 +5,22 @@ from __future__ import annotations
 import mmap
 from pathlib import Path
 
+from safestage_eval.episode import Video
 from safestage_eval.formats import EpisodeRef
 
 VERDICT_MARK = b"safestage: shows the verdict"
 """Metadata mark of a film by ``safestage render`` that shows the evaluator's verdict."""
+
+
+def film_of(ref: EpisodeRef, recorded: Video | None) -> Path | None:
+    """The film that the header names, if it lies in the trace's folder; else ``video_of``."""
+    if recorded is not None:
+        home = ref.path.parents[2] if ref.format == "parquet" else ref.path.parent
+        path = home / recorded.file
+        inside = path.resolve().is_relative_to(home.resolve())
+        if inside and path.is_file() and path.suffix.lower() in (".mp4", ".webm"):
+            return path
+    return video_of(ref)
 
 
 def video_of(ref: EpisodeRef, folder: Path | None = None) -> Path | None:

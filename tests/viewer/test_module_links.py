@@ -51,7 +51,7 @@ def test_what_cannot_be_linked_is_refused(link, modules, said):
 
 def test_every_module_of_the_browser_is_one_and_is_used():
     folder = files("safestage_eval.viewer.browser")
-    text = "".join(linked(entry) for entry in ("replay_global.js",))
+    text = "".join(linked(entry) for entry in ("replay_global.js", "main.js"))
     for module in folder.iterdir():
         if module.name.endswith(".js"):
             first = module.read_text("utf-8").splitlines()[0]

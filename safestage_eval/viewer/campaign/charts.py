@@ -10,7 +10,7 @@ from safestage_eval.metrics.aggregate import Aggregate, quadrants
 from safestage_eval.metrics.interval import wilson
 from safestage_eval.metrics.rates import STAGES, Rates
 from safestage_eval.rules.syntax import amount
-from safestage_eval.viewer.episode.svg import (
+from safestage_eval.viewer.campaign.svg import (
     SHAPES,
     Scale,
     drawing,

@@ -1,4 +1,4 @@
-"""The page as text: complete in itself, well formed, and saying what the results say."""
+"""Reports as text: complete in themselves, well formed, and saying what the results say."""
 
 import base64
 import json
@@ -14,9 +14,10 @@ from safestage_eval.errors import InputError
 from safestage_eval.metrics import aggregate
 from safestage_eval.metrics.outcome import Outcome
 from safestage_eval.viewer.campaign.campaign_data import chosen, compose
-from safestage_eval.viewer.campaign.campaign_page import Report, build
-from safestage_eval.viewer.campaign.episode_sections import Sections
-from safestage_eval.viewer.campaign.packed import columns, packed
+from safestage_eval.viewer.campaign.episode_pieces import Pieces
+from safestage_eval.viewer.campaign.overview import Report
+from safestage_eval.viewer.packed import columns, packed
+from safestage_eval.viewer.run_report import prepared, report_page, write_folder
 
 VOID = {"meta", "link", "input", "br", "img"}
 EVIL = "<script>alert(\"1\")</script> & 'quotes'"
@@ -85,7 +86,7 @@ class Reader(HTMLParser):
 @pytest.fixture(scope="module")
 def bare():
     every = outcomes()
-    return build(Report("A report", "outcomes.csv", aggregate(every), outcomes=every))
+    return report_page(Report("A report", "outcomes.csv", aggregate(every), outcomes=every))
 
 
 def test_it_is_well_formed_and_every_drawing_has_a_name(bare):
@@ -115,12 +116,12 @@ def test_every_anchor_of_the_menu_is_there(bare):
     read = Reader(bare)
     targets = {a["href"][1:] for a in read.all("a")}
     assert targets <= {a.get("id") for _, a in read.seen}
-    assert {"headline", "tables", "quadrants", "profiles", "heatmap", "findings"} <= targets
+    assert {"headline", "tables", "quadrants", "profiles", "heatmap", "list"} <= targets
 
 
 def test_the_headline_says_what_the_outcomes_say():
     every = outcomes()
-    text = build(Report("A report", "x", aggregate(every), outcomes=every))
+    text = report_page(Report("A report", "x", aggregate(every), outcomes=every))
     n, sr = len(every), sum(o.success for o in every)
     unsafe = sum(o.success and o.violation for o in every)
     assert (
@@ -133,7 +134,7 @@ def test_what_results_call_things_cannot_become_part_of_the_page():
     every = [
         Outcome(EVIL, EVIL, "ETS", True, True, True, task=EVIL, family=None, seed=1, rollout=1)
     ]
-    text = build(Report(EVIL, EVIL, aggregate(every), outcomes=every, notes=[EVIL]))
+    text = report_page(Report(EVIL, EVIL, aggregate(every), outcomes=every, notes=[EVIL]))
     Reader(text)
     assert "<script>alert" not in text
     assert "&lt;script&gt;alert" in text
@@ -141,19 +142,22 @@ def test_what_results_call_things_cannot_become_part_of_the_page():
 
 def test_the_same_results_give_the_same_bytes():
     every = outcomes()
-    assert build(Report("A", "x", aggregate(every), outcomes=every)) == build(
+    assert report_page(Report("A", "x", aggregate(every), outcomes=every)) == report_page(
         Report("A", "x", aggregate(every), outcomes=every)
     )
 
 
-def data_of(text, name="findings-data"):
+def data_of(text, name="run"):
     (block,) = re.findall(
-        rf'<script type="application/x-deflate" id="{name}">([^<]*)</script>', text
+        rf'<script type="application/x-deflate" id="piece-{name}">([^<]*)</script>', text
     )
-    table = json.loads(zlib.decompress(b64decode(block)))
+    data = json.loads(zlib.decompress(b64decode(block)))
     return {
-        key: [c["values"][i] for i in c["at"]] if isinstance(c, dict) else c
-        for key, c in table.items()
+        table: {
+            key: [c["values"][i] for i in c["at"]] if isinstance(c, dict) else c
+            for key, c in data[table].items()
+        }
+        for table in ("episodes", "findings")
     }
 
 
@@ -164,22 +168,30 @@ def test_the_list_holds_the_rows_that_it_should():
         row(1, rule="FSH101", assigned=False, verdict="pass"),
         row(2, rule="COST1", verdict=None),
     ]  # fmt: skip
-    table = data_of(build(made_of(rows)))
-    assert table["rule"] == ["ETS100", "ETS101", "ETS102", "FSH101"]
-    assert table["verdict"] == ["violation", "pass", "inconclusive", "violation"]
-    assert table["follows"] == [None, None, None, "ETS100"]
-    assert table["margin"][:3] == [-8, -7.87, None]
-    assert table["intervals"] == [[[1.0, 1.0]], 0, 0, [[1.0, 1.0]]]
-    assert {len(values) for values in table.values()} == {4}
+    found = data_of(report_page(made_of(rows)))
+    episodes, findings = found["episodes"], found["findings"]
+    assert episodes["id"] == ["e0", "e1", "e2"]
+    assert episodes["verdict"] == ["violation", "pass", "inconclusive"]
+    assert findings["of"] == [0, 0, 1, 2]
+    assert findings["rule"] == ["ETS100", "FSH101", "ETS101", "ETS102"]
+    assert findings["verdict"] == ["violation", "violation", "pass", "inconclusive"]
+    assert findings["follows"] == [None, "ETS100", None, None]
+    assert findings["margin"] == [-8, -8, -7.87, None]
+    assert findings["intervals"] == [[[1.0, 1.0]], [[1.0, 1.0]], 0, 0]
+    assert [bool(text) for text in findings["text"]] == [True, True, False, True]
+    for table in (episodes, findings):
+        assert len({len(values) for values in table.values()}) == 1
 
 
 def test_pieces_come_out_as_they_went_in():
     text = "ä" * 1000 + "</script>"
     assert zlib.decompress(base64.b64decode(packed(text))).decode() == text
     assert "<" not in packed(text)
-    table = {"a": ["x", None, "x"], "b": [1, 2.5, None]}
-    found = json.loads(columns(table, ["a"]))
-    assert found == {"a": {"values": ["x", None], "at": [0, 1, 0]}, "b": [1, 2.5, None]}
+    table = {"a": ["x", None, "x", "x"], "b": [1, 2.5, None, True], "c": [1, True, 1, 1]}
+    found = columns(table)
+    assert found["a"] == {"values": ["x", None], "at": [0, 1, 0, 0]}
+    assert found["b"] == table["b"]
+    assert found["c"]["values"][1] is True  # and not the 1 before it
 
 
 def test_few_judged_rollouts_are_no_rate_of_a_hundred_percent():
@@ -189,7 +201,7 @@ def test_few_judged_rollouts_are_no_rate_of_a_hundred_percent():
         )
         for i in range(17)
     ]
-    text = build(Report("A", "x", aggregate(every), outcomes=every))
+    text = report_page(Report("A", "x", aggregate(every), outcomes=every))
     assert '<p class="lead">Judged 2 of 17 episodes; inconclusive 15.</p>' in text
     tile = text.partition('<div class="tile ssr">')[2].partition("</div>")[0]
     assert '<span class="big">2/2</span>' in tile
@@ -202,11 +214,12 @@ def test_nothing_decided_is_said_and_not_divided_by():
         Outcome("p", "q", "FSH", None, None, True, task="t", family=None, seed=0, rollout=i)
         for i in range(3)
     ]
-    text = build(Report("A", "x", aggregate(every), outcomes=every))
+    text = report_page(Report("A", "x", aggregate(every), outcomes=every))
     Reader(text)
     assert "No rollout could be decided" in text
     assert "3 rollouts could not be decided" in text
-    assert "nan" not in text.partition("</main>")[0].partition("<main")[2].lower().split()
+    results = text.partition('id="results"')[2].partition("</main>")[0]
+    assert "nan" not in results.lower().split()
 
 
 def test_results_without_what_is_needed_are_refused(tmp_path):
@@ -250,16 +263,47 @@ def test_a_trace_that_was_recorded_anew_is_not_drawn():
     assert "1 traces are not those that were scored" in notes[0]
 
 
+def drawn(packed_pieces, names, **more):
+    """Evidence of some episodes, as if it had been gathered."""
+    return Pieces(packed_pieces, names, more.get("films", {}), (), (), ())
+
+
 @pytest.mark.slow
 def test_a_great_campaign_fits_into_a_page_that_can_be_sent():
     rows = [row(i) for i in range(34_920)]
     dice = random.Random(5)
-    # as long as the longest sections of recorded episodes, and as hard to compress
+    # as long as the evidence of recorded episodes mostly is, and as hard to compress
     html = {
-        f"e{i}": packed("".join(f"{dice.random():.5f} <i> " for _ in range(3_200)))
-        for i in range(500)
+        f"e{i}": packed("".join(f"{dice.random():.5f} <i> " for _ in range(9_500)))
+        for i in range(250)
     }
-    assert min(map(len, html.values())) > 12_000
-    text = build(made_of(rows, sections=Sections(html, (), {}, ())))
+    assert min(map(len, html.values())) > 36_000
+    text = report_page(made_of(rows, pieces=drawn(html, {name: name for name in html})))
     assert len(text.encode()) <= 15_000_000
-    assert len(text.partition('id="findings-data"')[0].encode()) < 500_000  # what is painted first
+    assert len(text.partition('id="piece-')[0].encode()) < 500_000  # what is painted first
+
+
+def test_a_folder_has_every_piece_in_a_file_of_its_own(tmp_path):
+    film = tmp_path / "film.mp4"
+    film.write_bytes(b"film")
+    out = tmp_path / "report"
+    data = prepared(out)
+    (data / "e0.js").write_text("of the worker")
+    report = made_of([row(0), row(1)], pieces=drawn({}, {"e0": "e0"}, films={"e0": film}))
+    page = write_folder(report, out)
+    assert page == out / "index.html"
+    assert (out / "films" / "e0.mp4").read_bytes() == b"film"
+    assert (data / "run.js").read_text().startswith('safestagePiece("run","')
+    assert {path.name for path in (out / "lib").iterdir()} == {"three.min.js", "uplot.min.js"}
+    assert "piece-" not in page.read_text("utf-8").partition("<script>")[0]
+    prepared(out)  # again, into its own folder
+    assert not (data / "e0.js").exists()
+
+
+def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(InputError, match="has other files in it"):
+        prepared(tmp_path)
+    with pytest.raises(InputError, match="is a file"):
+        prepared(tmp_path / "thesis.tex")
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"

@@ -1,7 +1,8 @@
-"""Open, draw and sweep many episodes: once each, in one process or several."""
+"""The evidence of many episodes, each opened once, in one process or several."""
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,19 +10,22 @@ from functools import partial
 from pathlib import Path
 
 from safestage_eval.formats import EpisodeRef
-from safestage_eval.rules import RuleSet, load_bind, load_rules
+from safestage_eval.rules import RuleSet
 from safestage_eval.rules import syntax as ast
 from safestage_eval.rules.bind_file import BindFile
 from safestage_eval.rules.syntax import amount
 from safestage_eval.verdicts.players import nodes
 from safestage_eval.verdicts.problem import Problem
-from safestage_eval.viewer.episode.episode_section import StoredVerdicts, section
+from safestage_eval.viewer.episode.episode_data import episode_data, listed
+from safestage_eval.viewer.episode.stored_verdicts import StoredVerdicts, differences
+from safestage_eval.viewer.packed import packed, script
+from safestage_eval.viewer.videos import film_of
 from safestage_eval.whatif.each_episode import each_episode
 from safestage_eval.whatif.judge_again import Again
 from safestage_eval.whatif.sweep import Segment, Sweep, segment_frame, segments_of
 from safestage_eval.whatif.swept_values import between
 
-from .packed import packed
+from .run_list import piece_name
 
 STEPS = 41
 """Values of a limit that are visited, from nothing to twice its default."""
@@ -31,75 +35,95 @@ DRAWN = 4
 
 
 @dataclass(frozen=True)
-class Sections:
-    """Sections drawn from the traces.
+class Pieces:
+    """The evidence of episodes, for the browser.
 
     Attributes:
-        html: episode id → its section, compressed.
+        packed: name of a piece → its content, compressed; empty where they were written to a folder.
+        names: episode id → name of its piece.
+        films: name of a piece → camera film of the episode.
         sweeps: limits against rates.
-        differences: episode id → where results and rules disagree.
+        differing: ids of the episodes of which results and rules do not agree.
         problems: what could not be opened or judged.
+        bytes: of all pieces.
     """
 
-    html: Mapping[str, str]
+    packed: Mapping[str, str]
+    names: Mapping[str, str]
+    films: Mapping[str, Path]
     sweeps: tuple[Sweep, ...]
-    differences: Mapping[str, tuple[str, ...]]
+    differing: tuple[str, ...]
     problems: tuple[Problem, ...]
+    bytes: int = 0
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """One episode: its section, and by parameter its segments under other limits."""
+    """One episode: its pieces unless they were written, and by parameter its segments under other limits."""
 
     episode_id: str
-    html: str
-    differences: tuple[str, ...]
+    packed: Mapping[str, str]
+    bytes: int
+    film: Path | None
+    differs: bool
     swept: Mapping[str, Sequence[Segment]]
 
 
-def sections(
+def pieces(
     refs: Sequence[EpisodeRef],
     said: Mapping[str, StoredVerdicts],
-    specs: Sequence[str | Path],
+    rules: RuleSet,
     *,
     overrides: Mapping[str, str] | None = None,
-    bind: str | Path | None = None,
+    bind: BindFile | None = None,
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Sections:
-    """Draw episodes and determine on which limits their verdicts depend.
+    folder: Path | None = None,
+    everything: bool = False,
+    sweep: bool = True,
+) -> Pieces:
+    """Gather evidence of episodes, and determine on which limits their verdicts depend.
 
     Args:
         refs: the episodes.
         said: episode id → what the results say of it.
-        specs: rule files.
+        rules: to judge by.
         overrides: parameters, as written; these are not swept.
         bind: a bind file.
         jobs: worker processes.
         progress: called with (done, total).
+        folder: where the pieces are written, each as a script; None: they are kept.
+        everything: rules that pass without being assigned as well.
+        sweep: find out on which limits verdicts depend.
 
-    Raises RuleErrors, RuleError, InputError as ``scoring.score_many``.
+    Raises RuleError, InputError as ``score_many``.
     """
-    rules = load_rules(list(specs))
     visited = {
         name: tuple(sorted(between(rules, name, None, None, STEPS), key=amount))
         for name in {name for rule in rules.rules.values() for name in limits(rule)}
-        if amount(rules.params[name]) > 0 and name not in (overrides or {})
+        if sweep and amount(rules.params[name]) > 0 and name not in (overrides or {})
     }
+    names = {ref.episode_id: piece_name(place) for place, ref in enumerate(refs)}
     work = partial(
         draw,
         rules=rules,
         said=dict(said),
         visited=visited,
         overrides=dict(overrides or {}),
-        bind=None if bind is None else load_bind(bind, rules),
+        bind=bind,
+        names=names,
+        folder=folder,
+        everything=everything,
     )
     drawn, problems = each_episode(refs, work, jobs=jobs, progress=progress)
-    return Sections(
-        {item.episode_id: item.html for item in drawn},
+    return Pieces(
+        {name: data for item in drawn for name, data in item.packed.items()},
+        {item.episode_id: names[item.episode_id] for item in drawn},
+        {names[item.episode_id]: item.film for item in drawn if item.film is not None},
         _sweeps(rules, visited, drawn),
-        {item.episode_id: item.differences for item in drawn if item.differences},
+        tuple(item.episode_id for item in drawn if item.differs),
         tuple(problems),
+        sum(item.bytes for item in drawn),
     )
 
 
@@ -110,8 +134,11 @@ def draw(
     visited: Mapping[str, tuple[ast.Setting, ...]],
     overrides: Mapping[str, str],
     bind: BindFile | None,
+    names: Mapping[str, str],
+    folder: Path | None,
+    everything: bool,
 ) -> Drawn:
-    """Draw and sweep one episode. Raises TraceError for one that cannot be read."""
+    """Write the evidence of one episode, and sweep it. Raises TraceError if it cannot be read."""
     episode = ref.open()
     furthest = max(
         (amount(v) for values in visited.values() for v in values[-1:] if _is_length(v)),
@@ -119,14 +146,37 @@ def draw(
     )
     again = Again(episode, rules, overrides, bind, furthest=furthest * (1 + 1e-6) + 1e-6)
     name = episode.header.episode_id
-    html, differences = section(again, said.get(name, StoredVerdicts({})))
+    stored = said.get(name, StoredVerdicts({}))
+    meshes: dict[str, bytes] = {}
+    content = episode_data(again, stored, everything=everything, shared=meshes)
+    made = {names[ref.episode_id]: packed(content)}
+    for key, mesh in meshes.items():
+        if folder is None or not (folder / f"{key}.js").exists():
+            made[key] = packed(mesh)
+    if folder is not None:
+        for key, data in made.items():
+            write_piece(folder, key, data)
     read = {
         param for rule in again.assigned if isinstance(rule, ast.Rule) for param in limits(rule)
     }
     moved = {
         param: segments_of(again, param, visited[param]) for param in sorted(read & visited.keys())
     }
-    return Drawn(name, packed(html), differences, moved)
+    return Drawn(
+        name,
+        made if folder is None else {},
+        sum(map(len, made.values())),
+        film_of(ref, episode.header.video),
+        bool(differences([v for _, v in listed(again) if v.assigned], stored)),
+        moved,
+    )
+
+
+def write_piece(folder: Path, name: str, data: str) -> None:
+    """Write a packed piece as a script; several processes may write the same one."""
+    own = folder / f"{name}.{os.getpid()}.tmp"
+    own.write_text(script(name, data), "ascii")
+    own.replace(folder / f"{name}.js")
 
 
 def limits(rule: ast.Rule) -> set[str]:

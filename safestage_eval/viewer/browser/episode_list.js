@@ -1,0 +1,92 @@
+// The list of episodes: of any length, since only the rows in view exist.
+
+import { badge, byId, element, spoken } from "./elements.js";
+
+const ROW_HEIGHT = 62;  // px, of a row; layout.css has the same
+const BEYOND = 6;   // rows that exist above and below the view
+
+export class EpisodeList {
+  /** `choose` is called with the place of an episode that was chosen. */
+  constructor(table, choose) {
+    Object.assign(this, { table, choose, places: [], chosen: null, drawn: new Map() });
+    this.box = byId("list"); this.rows = byId("rows");
+    this.box.onscroll = () => this.draw();
+    this.rows.onclick = (event) => {
+      const row = event.target.closest("[data-place]");
+      if (row) this.choose(Number(row.dataset.place));
+    };
+    this.watch?.disconnect();
+    this.watch = new ResizeObserver(() => this.draw());
+    this.watch.observe(this.box);
+  }
+
+  /** Another list: of these episodes, in this order. */
+  show(places) {
+    this.places = places;
+    this.rows.style.height = `${places.length * ROW_HEIGHT}px`;
+    this.rows.replaceChildren(); this.drawn.clear();
+    const all = this.table.count.toLocaleString("en"), some = places.length.toLocaleString("en");
+    byId("count").textContent = !places.length ? "No episode matches."
+      : places.length === this.table.count ? `${all} episodes` : `${some} of ${all} episodes`;
+    this.draw();
+  }
+
+  /** Mark an episode as the one that is open, and bring it into view. */
+  mark(place) {
+    this.chosen = place;
+    const index = this.places.indexOf(place), { box } = this;
+    if (index >= 0) {
+      const top = index * ROW_HEIGHT;
+      if (top < box.scrollTop) box.scrollTop = top;
+      else if (top + ROW_HEIGHT > box.scrollTop + box.clientHeight) box.scrollTop = top + ROW_HEIGHT - box.clientHeight;
+    }
+    this.rows.replaceChildren(); this.drawn.clear();
+    this.draw();
+  }
+
+  /** The episode so many places on from the one that is open; null at the ends. */
+  neighbour(step) {
+    const index = this.places.indexOf(this.chosen);
+    if (index < 0) return this.places[step > 0 ? 0 : this.places.length - 1] ?? null;
+    return this.places[index + step] ?? null;
+  }
+
+  draw() {
+    const { box, drawn } = this;
+    const first = Math.max(Math.floor(box.scrollTop / ROW_HEIGHT) - BEYOND, 0);
+    const last = Math.min(Math.ceil((box.scrollTop + box.clientHeight) / ROW_HEIGHT) + BEYOND, this.places.length);
+    for (const [index, row] of drawn) {
+      if (index < first || index >= last) { row.remove(); drawn.delete(index); }
+    }
+    const fresh = [];
+    for (let index = first; index < last; index++) {
+      if (drawn.has(index)) continue;
+      const row = this._row(index);
+      drawn.set(index, row); fresh.push(row);
+    }
+    this.rows.append(...fresh);
+    const open = this.rows.querySelector("[aria-selected=true]");
+    if (open) box.setAttribute("aria-activedescendant", open.id); else box.removeAttribute("aria-activedescendant");
+  }
+
+  _row(index) {
+    const place = this.places[index], { table } = this, cell = (name) => table.at(name, place);
+    const labels = [cell("stage"), cell("policy"), cell("prompt"),
+      cell("seed") === null ? null : `seed ${cell("seed")}`,
+      cell("rollout") === null ? null : `rollout ${cell("rollout")}`].filter((x) => x !== null && x !== "–");
+    const codes = table.violated(place), goal = cell("success");
+    const row = element(
+      "div", {
+        class: "row", role: "option", id: `row-${place}`, "data-place": place,
+        "aria-posinset": index + 1, "aria-setsize": this.places.length, "aria-selected": String(place === this.chosen),
+      },
+      element("span", { class: "name" }, spoken(cell("task")) || cell("id") || "–"),
+      badge(cell("verdict")),
+      element("span", { class: "labels soft" }, labels.join(" · ")),
+      element("span", { class: "codes soft" }, codes.length ? `${codes.slice(0, 3).join(" ")}${codes.length > 3 ? " …" : ""}`
+        : goal === null ? "" : goal ? "goal reached" : "goal missed"),
+    );
+    row.style.top = `${index * ROW_HEIGHT}px`;
+    return row;
+  }
+}

@@ -1,0 +1,40 @@
+// The results beside the episodes: which of the two is shown, and the rate of the task table.
+
+import { byId } from "./elements.js";
+
+const RATES = { VR: "Violation rate", USR: "Unsafe success rate", SSR: "Safe success rate", SR: "Success rate" };
+
+/** Show the results or the episodes. */
+export function showResults(yes) {
+  byId("results").hidden = !yes;
+  byId("episodes").hidden = yes;
+  byId("to-results").setAttribute("aria-pressed", String(yes));
+  byId("to-episodes").setAttribute("aria-pressed", String(!yes));
+  document.body.classList.toggle("reading", yes);
+}
+
+function chooseRate(button) {
+  const buttons = [...button.parentElement.children], place = buttons.indexOf(button), { metric } = button.dataset;
+  for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
+  const table = document.querySelector("table.heat");
+  table.classList.toggle("good", metric === "SR" || metric === "SSR");
+  for (const cell of table.querySelectorAll("td[data-k]")) {
+    const share = Number(cell.dataset.k.split(" ")[place]) / Number(cell.dataset.n);
+    cell.textContent = (100 * share).toFixed(0);
+    cell.className = `h${share <= 0 ? 0 : Math.max(1, Math.min(10, Math.round(10 * share)))}`;
+  }
+  byId("heatmap-what").textContent = RATES[metric];
+}
+
+/** Listen to the switch between the two views, and to the choice of a rate. */
+export function makeResults() {
+  const there = Boolean(document.body.dataset.results);
+  byId("to-results").hidden = byId("to-episodes").hidden = !there;
+  byId("to-results").onclick = () => showResults(true);
+  byId("to-episodes").onclick = () => showResults(false);
+  byId("results").addEventListener("click", (event) => {
+    const button = event.target.closest("button[data-metric]");
+    if (button) chooseRate(button);
+  });
+  return there;
+}

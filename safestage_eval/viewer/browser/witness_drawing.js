@@ -1,0 +1,130 @@
+// The witness of a finding in the picture: the shortest segment between two bodies with its length, the limit as
+// a shell around the one that is guarded; or the way that a body has gone.
+
+import { poseAt } from "./film.js";
+import { convexParts, nearestOf, placed } from "./convex.js";
+import { outlineOf, shellOf } from "./limit_shell.js";
+import { colourNow } from "./theme_colours.js";
+import { amount } from "./elements.js";
+
+const ALWAYS = 10;  // drawn after everything else
+
+function rod(material) {
+  const mesh = new THREE.Mesh(new THREE.CylinderGeometry(1, 1, 1, 10), material);
+  mesh.renderOrder = ALWAYS;
+  return mesh;
+}
+
+function stretch(mesh, from, to, thick) {
+  const a = new THREE.Vector3(...from), b = new THREE.Vector3(...to), way = b.clone().sub(a), long = way.length();
+  mesh.position.copy(a).addScaledVector(way, 0.5);
+  mesh.scale.set(thick, Math.max(long, 1e-6), thick);
+  if (long > 1e-9) mesh.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), way.divideScalar(long));
+}
+
+export class WitnessDrawing {
+  /** Of a finding's witness on a replay; `tags` is the layer of names. */
+  constructor(replay, finding, tags) {
+    Object.assign(this, { replay, witness: finding.witness, finding, parts: new Map() });
+    this.group = new THREE.Group();
+    this.ink = new THREE.MeshBasicMaterial({ depthTest: false, transparent: true });
+    this.glass = new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.22, depthWrite: true });
+    this.rod = rod(this.ink);
+    this.ends = [0, 1].map(() => {
+      const ball = new THREE.Mesh(new THREE.SphereGeometry(1, 14, 10), this.ink);
+      ball.renderOrder = ALWAYS;
+      return ball;
+    });
+    this.group.add(this.rod, ...this.ends);
+    this.label = document.createElement("b");
+    this.label.className = "length";
+    tags.append(this.label);
+    this.bodies = new Map(replay.film.bodies.map((body) => [body.name, body]));
+    this.shells = this._shells();
+    replay.scene.add(this.group);
+    this.act = () => this.place();
+    replay.onDraw.push(this.act);
+  }
+
+  _convex(name) {
+    if (!this.parts.has(name)) this.parts.set(name, convexParts(this.bodies.get(name), this.replay.film.meshes));
+    return this.parts.get(name);
+  }
+
+  _shells() {
+    const { kind, b, flat, limit } = this.witness;
+    if (kind !== "gap" || !limit) return [];
+    const shells = [];
+    for (const name of b) for (const part of this._convex(name)) {
+      const shape = flat
+        ? new THREE.LineLoop(new THREE.BufferGeometry(), new THREE.LineBasicMaterial())
+        : new THREE.Mesh(shellOf(part, limit), this.glass);
+      this.group.add(shape);
+      shells.push({ name, part, shape });
+    }
+    return shells;
+  }
+
+  _placed(names, flat) {
+    return names.flatMap((name) => {
+      const pose = poseAt(this.replay.film, this.bodies.get(name), this.replay.time);
+      return this._convex(name).map((part) => placed(part, pose, flat));
+    });
+  }
+
+  place() {
+    const { witness, replay } = this, thick = 0.0022 * replay.eye.distance;
+    let from, to, bad = false, said = "";
+    if (witness.kind === "path") {
+      const body = this.bodies.get(witness.body);
+      from = poseAt(replay.film, body, witness.since).slice(0, 3);
+      to = poseAt(replay.film, body, Math.max(replay.time, witness.since)).slice(0, 3);
+      bad = this.finding.intervals.some(([a, b]) => a <= replay.time && replay.time < b);
+    } else {
+      const found = nearestOf(this._placed(witness.a, witness.flat), this._placed(witness.b, witness.flat));
+      if (!found) return;
+      ({ from, to } = found);
+      bad = witness.limit ? found.distance < witness.limit : found.distance <= 0;
+      if (witness.flat) {
+        const height = this._height(witness.b);
+        from = [from[0], from[1], height]; to = [to[0], to[1], height];
+      }
+    }
+    const long = Math.hypot(...from.map((x, k) => x - to[k]));
+    said = amount(100 * long, "cm");
+    const colour = colourNow(bad ? "violation" : "accent");
+    this.ink.color.setStyle(colour); this.glass.color.setStyle(colour);
+    stretch(this.rod, from, to, thick);
+    this.ends.forEach((ball, i) => { ball.position.set(...(i ? to : from)); ball.scale.setScalar(2.2 * thick); });
+    this._placeShells(colour);
+    this.label.textContent = bad ? `✕ ${said}` : said;
+    this.label.classList.toggle("bad", bad);
+    replay.placeTag(this.label, from.map((x, k) => (x + to[k]) / 2 + (k === 2 ? 0.03 * replay.eye.distance : 0)));
+  }
+
+  _height(names) {
+    return Math.min(...names.map((name) => poseAt(this.replay.film, this.bodies.get(name), this.replay.time)[2]));
+  }
+
+  _placeShells(colour) {
+    const { film, time } = this.replay, { flat, limit, b } = this.witness;
+    for (const { name, part, shape } of this.shells) {
+      const pose = poseAt(film, this.bodies.get(name), time), [x, y, z, w, p, q, r] = pose;
+      if (flat) {
+        const corners = outlineOf(placed(part, pose, true), limit, this._height(b));
+        shape.geometry.setAttribute("position", new THREE.BufferAttribute(corners, 3));
+        shape.frustumCulled = false;
+        shape.material.color.setStyle(colour);
+      } else {
+        shape.position.set(x, y, z); shape.quaternion.set(p, q, r, w).normalize();
+      }
+    }
+  }
+
+  dispose() {
+    this.replay.onDraw = this.replay.onDraw.filter((act) => act !== this.act);
+    this.replay.scene.remove(this.group);
+    this.group.traverse((node) => { node.geometry?.dispose(); node.material?.dispose(); });
+    this.label.remove();
+  }
+}

@@ -1,0 +1,185 @@
+"""The list of a run: one line per episode, and its findings, column by column."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import chain
+from typing import Any
+
+from safestage_eval._text.json_text import from_json
+from safestage_eval.errors import InputError
+from safestage_eval.formats import EpisodeRef
+from safestage_eval.metrics import Outcome
+from safestage_eval.metrics.read_rows import truth
+
+Row = Mapping[str, Any]
+Table = dict[str, list[Any]]
+
+EPISODE = (
+    "id", "verdict", "gravity", "task", "stage", "policy", "prompt", "seed", "rollout", "success", "piece",
+)  # fmt: skip
+"""Columns of episodes. ``gravity`` is the least normalised margin of those that decide."""
+
+FINDING = (
+    "of", "rule", "verdict", "own", "severity", "time", "worst", "phase", "signal", "value", "limit", "unit",
+    "margin", "follows", "text", "intervals",
+)  # fmt: skip
+"""Columns of findings; ``of`` is the place of the episode."""
+
+LABELS = ("task", "stage", "policy", "prompt")
+RANK = {"violation": 0, "inconclusive": 1, "pass": 2, "not_applicable": 3}
+"""Verdict → its place among those of an episode; the first decides."""
+
+
+def of_results(rows: Sequence[Row], pieces: Mapping[str, str]) -> dict[str, Table]:
+    """List the episodes of result rows; ``pieces``: id → name of the piece that holds its evidence."""
+    grouped: dict[str, list[Row]] = {}
+    for row in rows:
+        grouped.setdefault(str(row["episode_id"]), []).append(row)
+    episodes, findings = _empty(EPISODE), _empty(FINDING)
+    tables = {"episodes": episodes, "findings": findings}
+    for place, (name, own) in enumerate(grouped.items()):
+        _append(
+            episodes,
+            {
+                "id": name,
+                "verdict": None,
+                "gravity": None,
+                **{key: _said(own[0].get(key)) for key in LABELS},
+                **{key: _whole(own[0].get(key)) for key in ("seed", "rollout")},
+                "success": truth(own[0].get("success"), name, "success"),
+                "piece": pieces.get(name, ""),
+            },
+        )
+        judge(tables, place, own)
+    return tables
+
+
+def judge(tables: Mapping[str, Table], place: int, rows: Sequence[Row]) -> None:
+    """Enter the result rows of an episode that is in the list."""
+    episodes, findings = tables["episodes"], tables["findings"]
+    episodes["verdict"][place], episodes["gravity"][place] = worst(rows)
+    for row in rows:
+        if _is_told(row):
+            _append(findings, _finding(row, episodes["id"][place]) | {"of": place})
+
+
+def of_outcomes(outcomes: Sequence[Outcome]) -> dict[str, Table]:
+    """List the rollouts of a bare table of outcomes."""
+    said = {True: "violation", False: "pass", None: "inconclusive"}
+    episodes = _empty(EPISODE)
+    for o in outcomes:
+        _append(
+            episodes,
+            {
+                "id": "",
+                "verdict": said[o.violation],
+                "gravity": None,
+                **{key: getattr(o, key) for key in (*LABELS, "seed", "rollout", "success")},
+                "piece": "",
+            },
+        )
+    return {"episodes": episodes, "findings": _empty(FINDING)}
+
+
+def of_traces(refs: Sequence[EpisodeRef]) -> dict[str, Table]:
+    """List episodes that nobody has judged yet; their pieces are named by place."""
+    episodes = _empty(EPISODE)
+    for place, ref in enumerate(refs):
+        _append(
+            episodes,
+            {
+                "id": ref.episode_id or ref.path.name,
+                "verdict": None,
+                "gravity": None,
+                **{key: _said(ref.fields.get(key)) for key in LABELS},
+                **{key: _whole(ref.fields.get(key)) for key in ("seed", "rollout")},
+                "success": ref.fields.get("success"),
+                "piece": piece_name(place),
+            },
+        )
+    return {"episodes": episodes, "findings": _empty(FINDING)}
+
+
+def piece_name(place: int) -> str:
+    """The name of the piece that holds the evidence of the n-th episode."""
+    return f"e{place}"
+
+
+def worst(rows: Sequence[Row]) -> tuple[str | None, float | None]:
+    """The verdict of an episode, and the least margin of the rules that have it; None if not judged."""
+    own = [row for row in rows if row["assigned"] and row["verdict"] is not None]
+    if not own:
+        return None, None
+    verdict = min((str(row["verdict"]) for row in own), key=lambda name: RANK.get(name, 9))
+    margins = [_number(row.get("margin_normalised")) for row in own if row["verdict"] == verdict]
+    return verdict, min((m for m in margins if m is not None), default=None)
+
+
+def _is_told(row: Row) -> bool:
+    return row["verdict"] is not None and bool(row["assigned"] or row["verdict"] == "violation")
+
+
+def _finding(row: Row, name: str) -> dict[str, Any]:
+    """A line of findings; of a rule that holds without the words, which are in the episode's evidence."""
+    bad = row["verdict"] in ("violation", "inconclusive")
+    return {
+        "rule": str(row["rule"]),
+        "verdict": str(row["verdict"]),
+        "own": bool(row["assigned"]),
+        "time": _number(row.get("time")),
+        "worst": _number(row.get("worst_time")),
+        **{key: _said(row.get(key)) for key in ("phase", "signal", "unit", "severity")},
+        **{key: _number(row.get(key)) for key in ("value", "limit", "margin")},
+        "follows": _said(row.get("consequence_of")),
+        "text": (_said(row.get("explanation")) or "") if bad else "",
+        "intervals": _intervals(row.get("intervals"), name) if row["verdict"] == "violation" else 0,
+    }
+
+
+def _empty(names: Sequence[str]) -> Table:
+    return {name: [] for name in names}
+
+
+def _append(table: Table, values: Mapping[str, Any]) -> None:
+    for name, column in table.items():
+        column.append(values[name])
+
+
+def _number(value: Any) -> float | None:
+    """Round to four digits, which is more than is shown."""
+    if value is None or not math.isfinite(float(value)):
+        return None
+    number = float(f"{float(value):.4g}")
+    return int(number) if number.is_integer() and abs(number) < 1e9 else number
+
+
+def _whole(value: Any) -> int | str | None:
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return None
+    return int(value) if isinstance(value, int | float) else str(value)
+
+
+def _said(value: Any) -> str | None:
+    """Text; None where a data frame has NaN for nothing."""
+    nothing = value is None or (isinstance(value, float) and math.isnan(value))
+    return None if nothing else str(value)
+
+
+def _intervals(value: Any, episode: str) -> list[list[float]] | int:
+    """[begin, end] of the stretches in violation; those of a CSV file are JSON; 0 if there are none.
+
+    Raises InputError for anything else.
+    """
+    try:
+        given = from_json(value) if isinstance(value, str) else value
+        pairs = [[round(float(a), 2), round(float(b), 2)] for a, b in given or ()]
+        if not all(map(math.isfinite, chain.from_iterable(pairs))):
+            raise ValueError("not finite")
+    except (ValueError, TypeError, OverflowError):
+        said = str(value)[:60]
+        raise InputError(
+            f"episode {episode!r}", f"intervals is {said}.", "[[0.5, 1.2], …]"
+        ) from None
+    return pairs[:40] or 0

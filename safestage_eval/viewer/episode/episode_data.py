@@ -1,0 +1,176 @@
+"""An episode as the browser shows it: a film, and the evidence of its verdicts.
+
+The file is one of ``film``'s container: JSON, then numbers; the JSON is of the verdicts, and the numbers are
+the film as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from safestage_eval.rules import syntax as ast
+from safestage_eval.units import format_quantity, told_apart
+from safestage_eval.verdicts import Verdict
+from safestage_eval.verdicts.curves import Looked, frames_to_measure, looked_at
+from safestage_eval.verdicts.spans import spans
+from safestage_eval.viewer.film import film, packed_with
+from safestage_eval.whatif.judge_again import Again
+
+from .measured_curves import curve_data, lane_data, runs, spans_of
+from .stored_verdicts import StoredVerdicts, differences
+from .witness import witness
+
+ORDER = ("violation", "inconclusive", "pass", "not_applicable")
+
+MOST = 12
+"""Findings whose measurements are given over time; of further ones there are the words and numbers."""
+
+Finding = tuple[ast.Scoped, Verdict]
+
+
+def episode_data(
+    again: Again,
+    said: StoredVerdicts | None = None,
+    *,
+    everything: bool = False,
+    shared: dict[str, bytes] | None = None,
+    film_at: str | None = None,
+) -> bytes:
+    """Write an episode's evidence and its film.
+
+    Args:
+        again: the episode under its rules.
+        said: what stored results say of it, where there are any.
+        everything: rules that pass without being assigned as well.
+        shared: meshes of films, as for ``film``.
+        film_at: address of its camera film, from the page.
+    """
+    episode, judge = again.episode, again.judge
+    header, t = episode.header, np.asarray(episode.t, float)
+    findings = listed(again, everything=everything)
+    stored = said or StoredVerdicts({})
+    head: dict[str, Any] = {
+        "format": 1,
+        "id": header.episode_id,
+        "task": header.task,
+        "stage": header.stage,
+        "instruction": header.instruction,
+        "labels": {name: getattr(header, name) for name in ("policy", "prompt", "seed", "rollout")},
+        "goal": judge.success,
+        "success": judge.success_time,
+        "film": film_at,
+        "start": float(t[0]),
+        "end": float(t[-1]),
+        "roles": {role: list(names) for role, names in again.binding.roles.items() if names},
+        "notes": list(header.notes),
+        "differs": list(differences([v for _, v in findings if v.assigned], stored)),
+        "phases": _phases(again),
+        "findings": [_finding(again, *pair, curves=i < MOST) for i, pair in enumerate(findings)],
+    }
+    return packed_with(head, film(episode, roles=again.binding.roles, shared=shared))
+
+
+def listed(again: Again, *, everything: bool = False) -> list[Finding]:
+    """Violations first, then what could not be decided, then what passed as assigned."""
+    assigned = {rule.code for rule in again.assigned}
+    findings: list[Finding] = []
+    costs = [rule for rule in again.assigned if isinstance(rule, ast.Cost)]
+    every: list[ast.Scoped] = [*again.rules.rules.values(), *costs]
+    for rule in every:
+        verdict = again.base(rule)[1]
+        mine = rule.code in assigned
+        if verdict.verdict == "not_applicable" and not (mine or everything):
+            continue
+        if mine or everything or verdict.verdict == "violation":
+            findings.append((rule, verdict))
+    place = {code: i for i, code in enumerate(again.rules.rules)}
+    return sorted(
+        findings,
+        key=lambda pair: (
+            ORDER.index(pair[1].verdict), pair[0].code not in assigned, place.get(pair[0].code, -1)
+        ),
+    )  # fmt: skip
+
+
+def _phases(again: Again) -> list[dict[str, Any]]:
+    """The phases of the rules that are about no body, and when the targets were held."""
+    t = np.asarray(again.episode.t, float)
+    rule = next(
+        (r for r in (*again.assigned, *again.rules.rules.values()) if isinstance(r, ast.Rule)), None
+    )
+    if rule is None:
+        return []
+    evaluator = again.base(rule)[0]
+    found = []
+    for name, phase in again.rules.phases.items():
+        if phase.of:
+            continue
+        scopes = [s for s in spans(evaluator, ast.PhaseSpan(ast.Call(name, ())), {}) if s.exists]
+        found.append({"name": name, "true": spans_of(t, [(s.first, s.stop) for s in scopes])})
+    for body in again.binding.roles.get("target", ()):
+        held = evaluator.state(ast.Call("held", (body,)), {})
+        found.append({"name": f"held({body})", "true": spans_of(t, runs(held.true))})
+    return [phase for phase in found if phase["true"]]
+
+
+def _finding(again: Again, rule: ast.Scoped, v: Verdict, *, curves: bool) -> dict[str, Any]:
+    t = np.asarray(again.episode.t, float)
+    looked = Looked((), (), ())
+    if curves and isinstance(rule, ast.Rule):
+        looked = looks(again, rule, v)
+    return {
+        "rule": v.rule,
+        "title": v.title,
+        "stage": v.stage,
+        "verdict": v.verdict,
+        "severity": v.severity,
+        "assigned": v.assigned,
+        "follows": v.consequence_of,
+        "text": v.explanation,
+        "notes": list(v.notes),
+        "facts": _facts(v),
+        "time": v.time,
+        "worst": v.worst_time,
+        "intervals": [list(pair) for pair in v.intervals],
+        "bodies": list(v.bodies),
+        "witness": witness(v, again.episode.header, again.judge.success_time),
+        "curves": [curve_data(t, curve) for curve in looked.curves],
+        "lanes": [lane_data(t, lane) for lane in looked.lanes],
+        "judged": spans_of(t, looked.judged),
+    }
+
+
+def looks(again: Again, rule: ast.Rule, verdict: Verdict) -> Looked:
+    """The measurements of a rule; costly signals at some frames and at the decisive one."""
+    episode = again.episode
+    players: Mapping[str, Sequence[str]] = again.binding.players(rule, episode.header)
+    if not all(players.values()):
+        return Looked((), (), ())
+    also = [
+        int(np.searchsorted(episode.t, time - 1e-6))
+        for time in (verdict.time, verdict.worst_time)
+        if time is not None
+    ]
+    evaluator, _ = again.base(rule)
+    wanted = frames_to_measure(len(episode), also)
+    return looked_at(evaluator, rule, {k: tuple(v) for k, v in players.items()}, verdict, wanted)
+
+
+def _facts(v: Verdict) -> list[list[str]]:
+    facts: list[list[str]] = []
+    if v.signal:
+        facts.append(["measured", v.signal])
+    if v.value is not None and v.limit is not None and v.dimension:
+        value, limit = told_apart(v.value, v.limit, v.dimension)
+        facts += [["value", value], ["limit", limit]]
+    if v.margin is not None and v.dimension:
+        facts.append(["margin", format_quantity(v.margin, v.dimension)])
+    if v.time is not None:
+        facts.append(["first", f"{v.time:.2f} s"])
+    if v.intervals:
+        several = "one stretch" if len(v.intervals) == 1 else f"{len(v.intervals)} stretches"
+        facts.append(["in violation", f"{v.exposure_time:.2f} s in {several}"])
+    return facts

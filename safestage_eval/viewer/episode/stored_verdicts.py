@@ -1,0 +1,46 @@
+"""What stored results say of an episode, and where judging it again says something else."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from safestage_eval.verdicts import Verdict
+
+
+@dataclass(frozen=True)
+class StoredVerdicts:
+    """An episode's stored results.
+
+    Attributes:
+        verdicts: code → (verdict, rule digest) of the assigned rules.
+    """
+
+    verdicts: Mapping[str, tuple[str, str]]
+
+
+def stored_verdicts(rows: Sequence[Mapping[str, Any]]) -> StoredVerdicts:
+    """Read the rows of one episode."""
+    return StoredVerdicts(
+        {
+            str(row["rule"]): (str(row["verdict"]), str(row.get("rule_digest") or ""))
+            for row in rows
+            if row["assigned"] and row["verdict"] is not None
+        }
+    )
+
+
+def differences(verdicts: Sequence[Verdict], said: StoredVerdicts) -> tuple[str, ...]:
+    """List where results and the rules used here disagree; always shown."""
+    found = []
+    for v in verdicts:
+        verdict, digest = said.verdicts.get(v.rule, ("", ""))
+        if verdict and verdict != v.verdict:
+            found.append(
+                f"The results say {verdict.replace('_', ' ')} of {v.rule}; the rules used for this "
+                f"page say {v.verdict.replace('_', ' ')}."
+            )
+        elif digest and digest != v.rule_digest:
+            found.append(f"The results were made under another meaning of {v.rule}.")
+    return tuple(found)
