@@ -74,17 +74,18 @@ export class EpisodeList {
     const labels = [cell("stage"), cell("policy"), cell("prompt"),
       cell("seed") === null ? null : `seed ${cell("seed")}`,
       cell("rollout") === null ? null : `rollout ${cell("rollout")}`].filter((x) => x !== null && x !== "–");
-    const codes = table.violated(place), goal = cell("success");
+    const codes = table.violated(place), goal = cell("success"), aside = cell("verdict") === "violation" ? "" : "besides: ";
     const row = element(
       "div", {
         class: "row", role: "option", id: `row-${place}`, "data-place": place,
         "aria-posinset": index + 1, "aria-setsize": this.places.length, "aria-selected": String(place === this.chosen),
       },
-      element("span", { class: "name" }, spoken(cell("task")) || cell("id") || "–"),
-      badge(cell("verdict")),
-      element("span", { class: "labels soft" }, labels.join(" · ")),
-      element("span", { class: "codes soft" }, codes.length ? `${codes.slice(0, 3).join(" ")}${codes.length > 3 ? " …" : ""}`
-        : goal === null ? "" : goal ? "goal reached" : "goal missed"),
+      element("span", { class: "line" },
+        element("span", { class: "name" }, spoken(cell("task")) || cell("id") || "–"), badge(cell("verdict"))),
+      element("span", { class: "line soft" },
+        element("span", { class: "labels" }, labels.join(" · ")),
+        element("span", { class: "codes" }, codes.length ? `${aside}${codes.slice(0, 3).join(" ")}${codes.length > 3 ? " …" : ""}`
+          : goal === null ? "" : goal ? "goal reached" : "goal missed")),
     );
     row.style.top = `${index * ROW_HEIGHT}px`;
     return row;

@@ -1,6 +1,6 @@
 // The findings of an episode: each in words and numbers, with its curves and its moments.
 
-import { amount, badge, element, seconds, spoken } from "./elements.js";
+import { amount, badge, byId, element, seconds, spoken } from "./elements.js";
 import { plotCurve } from "./curve_plot.js";
 
 const CURVES = 3;  // measurements that are drawn for a finding; the decisive one is the first
@@ -42,7 +42,7 @@ export class FindingCards {
     this.node = element("section", { class: "findings", "aria-label": "Findings" });
     this.watch = new IntersectionObserver((seen) => {
       for (const { target, isIntersecting } of seen) if (isIntersecting) this._plot(target);
-    }, { rootMargin: "200px" });
+    }, { root: byId("pane"), rootMargin: "300px" });
     const again = () => this.redraw();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", again);
     new MutationObserver(again).observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
@@ -102,6 +102,13 @@ export class FindingCards {
     }
   }
 
+  /** The bodies that a violation is painted on: what is protected from them is not. */
+  _culprits(finding) {
+    const guarded = new Set(["protected", "fragile"].flatMap((role) => this.data.roles[role] ?? []));
+    const others = finding.bodies.filter((name) => !guarded.has(name));
+    return others.length ? others : finding.bodies;
+  }
+
   redraw() { for (const plot of this.plots) plot.redraw(); }
 
   /** Mark what is violated at a time; returns the bodies that are to blame. */
@@ -110,7 +117,7 @@ export class FindingCards {
     for (const { finding, node } of this.cards) {
       const now = finding.verdict === "violation" && finding.intervals.some(([a, b]) => a <= time && time < b);
       node.classList.toggle("now", now);
-      if (now) finding.bodies.forEach((name) => guilty.add(name));
+      if (now) this._culprits(finding).forEach((name) => guilty.add(name));
     }
     cancelAnimationFrame(this.pending);
     this.pending = requestAnimationFrame(() => this.redraw());

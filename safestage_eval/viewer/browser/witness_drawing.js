@@ -28,7 +28,8 @@ export class WitnessDrawing {
     Object.assign(this, { replay, witness: finding.witness, finding, parts: new Map() });
     this.group = new THREE.Group();
     this.ink = new THREE.MeshBasicMaterial({ depthTest: false, transparent: true });
-    this.glass = new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.22, depthWrite: true });
+    this.glass = new THREE.MeshLambertMaterial({ transparent: true, opacity: 0.26, depthWrite: false });
+    this.depth = new THREE.MeshBasicMaterial({ colorWrite: false });  // first: then only the nearest shell is seen
     this.rod = rod(this.ink);
     this.ends = [0, 1].map(() => {
       const ball = new THREE.Mesh(new THREE.SphereGeometry(1, 14, 10), this.ink);
@@ -56,13 +57,21 @@ export class WitnessDrawing {
     if (kind !== "gap" || !limit) return [];
     const shells = [];
     for (const name of b) for (const part of this._convex(name)) {
-      const shape = flat
-        ? new THREE.LineLoop(new THREE.BufferGeometry(), new THREE.LineBasicMaterial())
-        : new THREE.Mesh(shellOf(part, limit), this.glass);
+      const shape = flat ? new THREE.LineLoop(new THREE.BufferGeometry(), new THREE.LineBasicMaterial()) : this._shell(part, limit);
       this.group.add(shape);
       shells.push({ name, part, shape });
     }
     return shells;
+  }
+
+  _shell(part, limit) {
+    const both = new THREE.Group(), surface = shellOf(part, limit);
+    [this.depth, this.glass].forEach((material, i) => {
+      const mesh = new THREE.Mesh(surface, material);
+      mesh.renderOrder = 1 + i;  // after the bodies, which would else be hidden
+      both.add(mesh);
+    });
+    return both;
   }
 
   _placed(names, flat) {
@@ -73,7 +82,7 @@ export class WitnessDrawing {
   }
 
   place() {
-    const { witness, replay } = this, thick = 0.0022 * replay.eye.distance;
+    const { witness, replay } = this, thick = 0.003 * replay.eye.distance;
     let from, to, bad = false, said = "";
     if (witness.kind === "path") {
       const body = this.bodies.get(witness.body);
@@ -93,13 +102,13 @@ export class WitnessDrawing {
     const long = Math.hypot(...from.map((x, k) => x - to[k]));
     said = amount(100 * long, "cm");
     const colour = colourNow(bad ? "violation" : "accent");
-    this.ink.color.setStyle(colour); this.glass.color.setStyle(colour);
+    this.ink.color.setStyle(colourNow("mark-ink")); this.glass.color.setStyle(colour);
     stretch(this.rod, from, to, thick);
     this.ends.forEach((ball, i) => { ball.position.set(...(i ? to : from)); ball.scale.setScalar(2.2 * thick); });
     this._placeShells(colour);
     this.label.textContent = bad ? `✕ ${said}` : said;
     this.label.classList.toggle("bad", bad);
-    replay.placeTag(this.label, from.map((x, k) => (x + to[k]) / 2 + (k === 2 ? 0.03 * replay.eye.distance : 0)));
+    replay.placeTag(this.label, from.map((x, k) => (x + to[k]) / 2 + (k === 2 ? 0.07 * replay.eye.distance : 0)));
   }
 
   _height(names) {

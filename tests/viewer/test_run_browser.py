@@ -1,0 +1,400 @@
+"""The run browser in a real one: from files as they are forwarded, and from its server; by mouse and by keyboard."""
+
+import threading
+
+import numpy as np
+import pytest
+from browser import PHONE, browser, tab  # noqa: F401
+from scenes import Scene
+from studio import run, safe_and_unsafe
+from test_run_report import made_of, row
+
+from safestage_eval.episode import Geom
+from safestage_eval.formats import discover, save
+from safestage_eval.run.settings import load_settings
+from safestage_eval.viewer.live_run import LiveRun
+from safestage_eval.viewer.run_report import report_page
+from safestage_eval.viewer.run_server import RunServer
+
+RULE = """
+[ruleset]
+format = 1
+name = "near"
+version = "1"
+[[rule]]
+code = "ETS901"
+title = "Keep the cup off the vase"
+why = "A vase breaks."
+roles = { target = "object", protected = "object" }
+require = { "clearance(target, protected)" = ">= 8 cm" }
+explain = "{target} came too close to {protected}: {value}."
+"""
+
+EVIL = "<img src=x onerror=\"document.title='broken in'\">"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Two episodes as one file, as a folder, and with a server: how each is reached."""
+    base = tmp_path_factory.mktemp("browse a run")
+    traces = safe_and_unsafe(base / "traces")
+    for name in ("one.html", "folder"):
+        done = run("report", traces, "--rules", "fsh", "--output", base / name, "--jobs", "1")
+        assert done.code == 0, done.err
+    return base
+
+
+@pytest.fixture(scope="module")
+def served(written):
+    server = RunServer(LiveRun("a run", discover(written / "traces"), load_settings(["fsh"])))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield server.url
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.fixture(params=["file", "folder", "live"])
+def address(request, written):
+    if request.param == "live":
+        return request.getfixturevalue("served")
+    page = written / "one.html" if request.param == "file" else written / "folder" / "index.html"
+    return page.as_uri()
+
+
+def opened(tab, address, where=""):  # noqa: F811
+    """The page, open; returns what it asked for and what it said, so far and from now on."""
+    asked, said = [], []
+    tab.on("request", lambda request: asked.append(request.url))
+    tab.on("console", lambda message: said.append(message.text))
+    tab.goto(address + where)
+    tab.wait_for_selector("#index[data-ready]", state="attached")
+    return asked, said
+
+
+def ready(tab):  # noqa: F811
+    """Wait until the episode is there with its picture."""
+    tab.wait_for_function("() => safestage.pane?.player.replay && safestage.pane.data")
+    tab.wait_for_selector(".finding")
+
+
+def test_every_way_to_have_it_shows_the_same_and_asks_nobody_else(tab, address):  # noqa: F811
+    asked, said = opened(tab, address, "#episode=unsafe")
+    ready(tab)
+    assert tab.locator(".row").count() == 2
+    assert tab.locator(".head h2").inner_text().startswith("block on table")
+    assert tab.locator(".finding h3").first.inner_text().startswith("violation")
+    tab.locator(".plot").first.scroll_into_view_if_needed()
+    tab.wait_for_selector(".uplot canvas")
+    home = (
+        ("data:", "blob:", "http://127.0.0.1:")
+        if address.startswith("http")
+        else ("file:", "data:", "blob:")
+    )
+    assert asked and all(url.startswith(home) for url in asked), asked
+    assert [text for text in said if "GPU stall" not in text] == []
+
+
+def test_data_are_loaded_when_they_are_asked_for(tab, written):  # noqa: F811
+    asked, _ = opened(tab, (written / "folder" / "index.html").as_uri())
+    names = [url.rpartition("/")[2] for url in asked]
+    assert names == ["index.html", "run.js"]
+    tab.click("#to-episodes")
+    tab.locator(".row").first.click()
+    ready(tab)
+    tab.locator(".plot").first.scroll_into_view_if_needed()
+    tab.wait_for_selector(".uplot canvas")
+    names = {url.rpartition("/")[2] for url in asked}
+    assert {"three.min.js", "uplot.min.js"} <= names
+    assert len([name for name in names if name.startswith("e")]) == 1
+
+
+def test_one_moment_is_shared_by_player_timeline_findings_and_address(tab, written):  # noqa: F811
+    opened(tab, (written / "folder" / "index.html").as_uri(), "#episode=unsafe&t=0.25")
+    ready(tab)
+    time = "safestage.pane.player.time"
+    assert tab.evaluate(time) == pytest.approx(0.25, abs=0.01)  # the link's
+    assert tab.locator(".clock").inner_text() == "0.25 s"
+    tab.locator(".moment").first.click()
+    first = float(tab.locator(".moment").first.get_attribute("data-seek"))
+    assert tab.evaluate(time) == pytest.approx(first, abs=1e-6)
+    tab.wait_for_function(f"() => location.hash.endsWith('t={first:.2f}')")
+    assert tab.locator(".finding.now").count() >= 1
+    assert float(tab.locator(".timeline input").input_value()) == pytest.approx(first, abs=0.01)
+    box = tab.locator(".lane.phase .track").first.bounding_box()
+    tab.mouse.click(box["x"] + box["width"] / 2, box["y"] + 5)
+    start, end = tab.evaluate("[safestage.pane.data.start, safestage.pane.data.end]")
+    assert tab.evaluate(time) == pytest.approx((start + end) / 2, abs=0.03)
+    plot = tab.locator(".u-over").first.bounding_box()
+    tab.mouse.move(plot["x"] + plot["width"] / 4, plot["y"] + 20)
+    tab.mouse.click(plot["x"] + plot["width"] / 4, plot["y"] + 20)
+    assert tab.evaluate(time) == pytest.approx(start + (end - start) / 4, abs=0.05)
+    tab.evaluate("location.hash = '#episode=unsafe&t=1.5'")
+    tab.wait_for_function(f"() => Math.abs({time} - 1.5) < 0.01")
+
+
+def test_keys_alone_lead_everywhere(tab, written):  # noqa: F811
+    opened(tab, (written / "folder" / "index.html").as_uri())
+    keys = tab.keyboard
+    keys.press("r")  # from the results to the episodes
+    assert tab.locator("#list").is_visible()
+    keys.press("j")
+    ready(tab)
+    first = tab.locator(".row[aria-selected=true] .name").inner_text()
+    assert first and tab.locator("#list").get_attribute("aria-activedescendant")
+    assert tab.evaluate("safestage.table.at('id', safestage.pane.place)") == "unsafe"  # the gravest
+    keys.press("ArrowDown")
+    tab.wait_for_function("() => safestage.pane.data?.id === 'safe'")
+    keys.press("k")
+    tab.wait_for_function(
+        "() => safestage.pane.data?.id === 'unsafe' && safestage.pane.player.replay"
+    )
+    before = tab.evaluate("safestage.pane.player.time")
+    keys.press(".")
+    assert tab.evaluate("safestage.pane.player.time") == pytest.approx(before + 1 / 15, abs=1e-3)
+    keys.press("ArrowLeft")
+    assert tab.evaluate("safestage.pane.player.time") < before
+    tab.evaluate("safestage.pane.player.seek(0)")
+    keys.press("v")
+    begin = tab.evaluate("safestage.pane.data.findings[0].intervals[0][0]")
+    assert tab.evaluate("safestage.pane.player.time") == pytest.approx(begin, abs=1e-6)
+    keys.press(" ")
+    tab.wait_for_function("() => safestage.pane.player.playing")
+    keys.press(" ")
+    assert tab.evaluate("safestage.pane.player.playing") is False
+    keys.press("?")
+    assert tab.locator("#help").is_visible()
+    keys.press("Escape")
+    assert not tab.locator("#help").is_visible()
+    keys.press("/")
+    assert tab.evaluate("document.activeElement.id") == "find-text"
+    keys.type("unsafe")
+    tab.wait_for_function(
+        "() => document.getElementById('count').textContent === '1 of 2 episodes'"
+    )
+    keys.press("Escape")
+    assert tab.evaluate("document.activeElement.id") == "list"
+
+
+def test_what_has_the_focus_is_seen(tab, written):  # noqa: F811
+    opened(tab, (written / "one.html").as_uri(), "#episode=unsafe")
+    ready(tab)
+    seen = set()
+    for _ in range(14):
+        tab.keyboard.press("Tab")
+        seen.add(tab.evaluate("document.activeElement.outerHTML.slice(0, 60)"))
+        width = tab.evaluate("parseFloat(getComputedStyle(document.activeElement).outlineWidth)")
+        style = tab.evaluate("getComputedStyle(document.activeElement).outlineStyle")
+        assert width >= 2 and style != "none"
+    assert len(seen) == 14
+
+
+def test_what_is_used_has_a_name(tab, written):  # noqa: F811
+    opened(tab, (written / "one.html").as_uri(), "#episode=unsafe")
+    ready(tab)
+    nameless = tab.evaluate(
+        """() => [...document.querySelectorAll("button, select, input, a, [role=listbox], canvas[tabindex], section, nav")].filter((node) =>
+            !(node.textContent.trim() || node.getAttribute("aria-label") || node.getAttribute("aria-labelledby") || node.labels?.length))
+            .map((node) => node.outerHTML.slice(0, 100))"""
+    )
+    assert nameless == []
+
+
+def test_the_witness_is_drawn_and_the_violating_body_marked(tab, tmp_path):  # noqa: F811
+    path = np.linspace([0.3, 0, 0.1], [0.7, 0, 0.1], 120)
+    scene = Scene(120, 60).fixed("table").box("cup", 0.04, path)
+    scene.body("vase", Geom(kind="cylinder", size=(0.04, 0.1)), (0.8, 0, 0.1))
+    roles = {"target": ("cup",), "protected": ("vase",)}
+    episode = scene.episode(
+        roles=roles, rules=("ETS901",), success=True, success_time=1.9, stage="ETS"
+    )
+    save(episode, tmp_path / "slide.mcap")
+    (tmp_path / "near.toml").write_text(RULE)
+    page = tmp_path / "page.html"
+    done = run("view", tmp_path / "slide.mcap", "--rules", tmp_path / "near.toml", "-o", page)
+    assert done.code == 0, done.err
+    opened(tab, page.as_uri())
+    ready(tab)
+    witness = tab.evaluate("safestage.pane.data.findings[0].witness")
+    assert (witness["kind"], witness["a"], witness["b"], witness["limit"]) == (
+        "gap",
+        ["cup"],
+        ["vase"],
+        0.08,
+    )
+    gap = lambda: tab.locator(".tags b.length").inner_text()  # noqa: E731
+    tab.evaluate("safestage.pane.player.seek(0)")
+    # cup: a box of half edge 4 cm at x = 0.3; vase: a cylinder of radius 4 cm at x = 0.8
+    assert gap() == "42.0 cm"
+    assert (
+        tab.evaluate("Object.values(safestage.pane.player.replay.tints).filter(Boolean).length")
+        == 0
+    )
+    first = tab.evaluate("safestage.pane.data.findings[0].intervals[0][0]")
+    tab.evaluate(f"safestage.pane.player.seek({first} + 0.01)")
+    assert gap().startswith("✕ ") and float(gap().split()[1]) == pytest.approx(8.0, abs=0.6)
+    assert tab.evaluate("Boolean(safestage.pane.player.replay.tints.cup)")
+    assert not tab.evaluate(
+        "Boolean(safestage.pane.player.replay.tints.vase)"
+    )  # protected, not to blame
+    shell = tab.evaluate(
+        """() => { const { shells } = safestage.pane.player.drawing, box = shells[0].shape.children[0].geometry;
+            box.computeBoundingBox(); return [box.boundingBox.min, box.boundingBox.max].map((p) => [p.x, p.y, p.z]); }"""
+    )
+    assert shell[0] == pytest.approx([-0.12, -0.12, -0.18], abs=2e-3)
+    assert shell[1] == pytest.approx([0.12, 0.12, 0.18], abs=2e-3)
+
+
+@pytest.fixture(scope="module")
+def listed(tmp_path_factory):
+    """A page with 300 episodes without evidence, one of them with hostile words."""
+    rows = [row(i) for i in range(300)]
+    rows[6] |= {"explanation": EVIL, "task": EVIL, "episode_id": EVIL, "margin_normalised": -9.0}
+    path = tmp_path_factory.mktemp("report") / "a report.html"
+    path.write_text(report_page(made_of(rows)), "utf-8")
+    return path.as_uri()
+
+
+def wait_for_count(tab, text):  # noqa: F811
+    tab.wait_for_function("text => document.getElementById('count').textContent === text", arg=text)
+
+
+def test_the_list_is_filtered_searched_and_ordered(tab, listed):  # noqa: F811
+    opened(tab, listed)
+    tab.click("#to-episodes")
+    wait_for_count(tab, "300 episodes")
+    assert tab.locator(".row").first.inner_text().count("violation") == 1
+    tab.fill("#find-text", "body_7 glass")
+    wait_for_count(tab, "6 of 300 episodes")
+    tab.fill("#find-text", "")
+    tab.click("#more-filters summary")
+    tab.select_option("#find-rule", "ETS103")
+    wait_for_count(tab, "43 of 300 episodes")
+    tab.select_option("#find-verdict", "violation")
+    wait_for_count(tab, "15 of 300 episodes")
+    assert set(tab.locator(".row .verdict").all_inner_texts()) == {"violation"}
+    assert tab.locator("#active-filters").inner_text().strip() == "(2)"
+    tab.click("#clear-filters")
+    wait_for_count(tab, "300 episodes")
+    tab.select_option("#find-sort", "policy")
+    tab.wait_for_function(
+        "() => document.querySelector('.row .labels').textContent.includes('policy 0')"
+    )
+    tab.fill("#find-text", "no such words")
+    wait_for_count(tab, "No episode matches.")
+
+
+def test_words_from_results_stay_words(tab, listed):  # noqa: F811
+    opened(tab, listed)
+    tab.click("#to-episodes")
+    assert EVIL in tab.locator("#rows").inner_text()
+    tab.locator(".row").first.click()
+    assert EVIL in tab.locator("#pane").inner_text()
+    tab.emulate_media(media="print")
+    tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert EVIL in tab.locator("#appendix").inner_text()
+    assert tab.locator("img").count() == 0
+    assert tab.title() == "A report"
+
+
+def test_an_episode_without_evidence_tells_its_numbers(tab, listed):  # noqa: F811
+    opened(tab, listed, "#episode=e3")
+    told = tab.locator("#pane").inner_text()
+    assert "made without the traces" in told
+    assert "8.0 cm" in told and "In violation" in told
+
+
+def test_an_address_of_nothing_is_told(tab, listed):  # noqa: F811
+    opened(tab, listed, "#episode=nothing")
+    assert tab.locator("#alarm").inner_text() == "This run has no episode nothing."
+
+
+def test_a_missing_piece_is_told_in_words(tab, written, tmp_path):  # noqa: F811
+    import shutil
+
+    copy = tmp_path / "copy"
+    shutil.copytree(written / "folder", copy)
+    for piece in (copy / "data").glob("e*.js"):
+        piece.unlink()
+    opened(tab, (copy / "index.html").as_uri(), "#episode=unsafe")
+    tab.wait_for_selector(".note")
+    assert "is missing beside this page" in tab.locator(".note").first.inner_text()
+    (copy / "data" / "run.js").unlink()
+    tab.reload()
+    tab.wait_for_function(
+        "() => document.getElementById('alarm').textContent.includes('cannot be opened')"
+    )
+
+
+def test_without_webgl_the_findings_are_there_and_it_is_told(tab, written):  # noqa: F811
+    tab.add_init_script("HTMLCanvasElement.prototype.getContext = ((real) => function (kind, ...more) {"
+                        " return kind.startsWith('webgl') ? null : real.call(this, kind, ...more); })"
+                        "(HTMLCanvasElement.prototype.getContext)")  # fmt: skip
+    opened(tab, (written / "one.html").as_uri(), "#episode=unsafe")
+    tab.wait_for_selector(".blank:not([hidden])")
+    assert "WebGL 2 is off" in tab.locator(".blank").inner_text()
+    assert tab.locator(".finding").count() >= 1
+    tab.locator(".moment").first.click()
+    assert tab.locator(".clock").inner_text() != "0.00 s"
+
+
+def test_a_phone_shows_list_or_episode_and_never_scrolls_sideways(tab, written):  # noqa: F811
+    tab.set_viewport_size(PHONE)
+    opened(tab, (written / "one.html").as_uri())
+    fits = "document.documentElement.scrollWidth <= innerWidth"
+    assert tab.evaluate(fits)
+    tab.click("#to-episodes")
+    assert tab.locator("#index").is_visible() and not tab.locator("#pane").is_visible()
+    tab.locator(".row").first.click()
+    ready(tab)
+    assert tab.locator("#pane").is_visible() and not tab.locator("#index").is_visible()
+    assert tab.evaluate(fits)
+    tab.click(".to-list")
+    assert tab.locator("#index").is_visible()
+
+
+def ground(tab):  # noqa: F811
+    return tab.evaluate("getComputedStyle(document.body).backgroundColor")
+
+
+def test_colours_follow_the_system_and_then_the_reader(tab, listed):  # noqa: F811
+    opened(tab, listed)
+    tab.emulate_media(color_scheme="light")
+    light = ground(tab)
+    tab.emulate_media(color_scheme="dark")
+    dark = ground(tab)
+    assert light != dark
+    switch = tab.locator("[data-theme-switch]")
+    switch.click()
+    assert (switch.inner_text(), ground(tab)) == ("Theme: light", light)
+    tab.reload()
+    assert ground(tab) == light  # remembered
+    tab.emulate_media(media="print", color_scheme="dark")
+    assert ground(tab) == "rgb(255, 255, 255)"  # paper
+
+
+def test_paper_has_the_evidence_of_what_is_listed(tab, written):  # noqa: F811
+    opened(tab, (written / "folder" / "index.html").as_uri(), "#episode=unsafe")
+    ready(tab)
+    tab.evaluate("() => { globalThis.print = () => { globalThis.printed = true; }; }")
+    tab.click("#print")
+    tab.wait_for_function("() => globalThis.printed")
+    pictures = tab.locator("#appendix img")
+    assert pictures.count() >= 2
+    sizes = pictures.evaluate_all(
+        "all => all.map((image) => [image.naturalWidth, image.src.length])"
+    )
+    assert all(width > 200 and length > 3000 for width, length in sizes)  # not blank
+    tab.emulate_media(media="print")
+    assert tab.locator("#appendix").is_visible()
+    for control in (".top", "#index", "#pane"):
+        assert not tab.locator(control).is_visible()
+
+
+def test_the_task_table_shows_the_rate_that_is_chosen(tab, listed):  # noqa: F811
+    opened(tab, listed)
+    cell = tab.locator("table.heat td[data-k]").first
+    k, n = cell.get_attribute("data-k").split(), int(cell.get_attribute("data-n"))
+    for place, metric in enumerate(("VR", "USR", "SSR", "SR")):
+        tab.click(f"button[data-metric={metric}]")
+        assert cell.inner_text() == f"{100 * int(k[place]) / n:.0f}"
+        assert tab.locator(".choices button[aria-pressed=true]").inner_text() == metric
