@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -98,28 +99,39 @@ class ContactTable:
     @property
     def pairs(self) -> list[Pair]:
         """Every pair of bodies that has a row, ascending."""
-        return list(self._rows)
+        return list(self._pair_order[1])
 
     def rows(self, pair: Pair) -> NDArray[np.intp]:
         """Row numbers of a pair, ascending, so by frame; empty if the two never touch."""
-        return self._rows.get(pair, np.zeros(0, np.intp))
+        order, spans = self._pair_order
+        return order[spans.get(pair, slice(0))]
 
     def of_pair(self, pair: Pair, *columns: str) -> tuple[NDArray[Any], ...]:
         """Some columns of one pair's rows; ``force.z`` is a component of a vector.
 
-        A stored table reads nothing of other pairs, and hands out the rows in the order in which
-        they are stored, which may be any.
+        Not to be written to. A stored table reads nothing of other pairs, and hands out the rows in
+        the order in which they are stored, which may be any.
         """
-        rows = self.rows(pair)
-        found = []
-        for column in columns:
+        rows = self._pair_order[1].get(pair, slice(0))
+        return tuple(self._sorted(column)[rows] for column in columns)
+
+    def _sorted(self, column: str) -> NDArray[Any]:
+        """A column, pair by pair: sorted once, every pair is a slice of it."""
+        found = self._columns_by_pair.get(column)
+        if found is None:
             name, _, axis = column.partition(".")
-            values = getattr(self, name)
-            found.append(values[rows, "xyz".index(axis)] if axis else values.take(rows, axis=0))
-        return tuple(found)
+            values: NDArray[Any] = getattr(self, name)
+            values = values[:, "xyz".index(axis)] if axis else values
+            found = self._columns_by_pair[column] = values.take(self._pair_order[0], axis=0)
+        return found
 
     @cached_property
-    def _rows(self) -> dict[Pair, NDArray[np.intp]]:
+    def _columns_by_pair(self) -> dict[str, NDArray[Any]]:
+        return {}
+
+    @cached_property
+    def _pair_order(self) -> tuple[NDArray[np.intp], dict[Pair, slice]]:
+        """Row numbers, pair by pair, and the place of each pair among them."""
         bodies = int(self.body2.max(initial=0)) + 1
         key = self.body1.astype(np.int32) * bodies + self.body2
         if bodies <= 256:  # two bytes: the stable sort is then a radix sort, ten times faster
@@ -127,10 +139,10 @@ class ContactTable:
         order = np.argsort(key, kind="stable")
         some = key[order]
         cuts = np.flatnonzero(some[1:] != some[:-1]) + 1
-        return {
-            (int(self.body1[rows[0]]), int(self.body2[rows[0]])): rows
-            for rows in np.split(order, cuts)
-            if len(rows)
+        edges = [0, *cuts.tolist(), len(order)] if len(order) else []
+        return order, {
+            (int(self.body1[order[first]]), int(self.body2[order[first]])): slice(first, stop)
+            for first, stop in pairwise(edges)
         }
 
     def where(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> ContactTable:

@@ -44,20 +44,21 @@ class BodyShapes(NamedTuple):
     radius: float
 
 
-_KNOWN: list[tuple[Body, BodyShapes]] = []
-"""Bodies that were met lately: those of a task are the same objects in all of its episodes."""
-_KEPT = 64
+_KNOWN: dict[int, tuple[Body, BodyShapes]] = {}
+"""``id`` → bodies that were met lately: those of a task are the same objects in all of its episodes."""
+_KEPT = 256
 
 
 def body_shapes(body: Body, meshes: Mapping[str, Mesh]) -> BodyShapes | None:
     """Its shapes; None where it has none, or one of them is a mesh that is not at hand."""
-    for known, found in _KNOWN:
-        if known is body:
-            return found
+    if id(body) in _KNOWN:  # which keeps it, so that nothing else has its id
+        return _KNOWN[id(body)][1]
     if not body.geoms or any(g.mesh is not None and g.mesh not in meshes for g in body.geoms):
         return None
     found = _built(body, meshes)
-    _KNOWN[:] = [(body, found), *_KNOWN[: _KEPT - 1]]
+    _KNOWN[id(body)] = body, found
+    if len(_KNOWN) > _KEPT:
+        del _KNOWN[next(iter(_KNOWN))]
     return found
 
 

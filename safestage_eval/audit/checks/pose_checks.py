@@ -14,6 +14,7 @@ from safestage_eval.audit.repair import LENGTHS
 from safestage_eval.audit.start import start_of
 from safestage_eval.audit.subject import Subject, defect_of
 from safestage_eval.episode.clock import MAX_GAP
+from safestage_eval.episode.invariants import all_finite
 from safestage_eval.episode.runs import runs
 from safestage_eval.evidence.missing_values import POSE, TWIST
 from safestage_eval.evidence.motion import com_position
@@ -263,7 +264,10 @@ def not_measured(subject: Subject) -> Iterator[Defect]:
             continue
         track, lost = subject.track(body.name), dict[str, NDArray[np.bool_]]()
         for column in (*POSE, *TWIST):
-            gone = ~np.isfinite(getattr(track, column)).all(axis=1)
+            values = getattr(track, column)
+            if all_finite(values):
+                continue
+            gone = ~np.isfinite(values).all(axis=1)
             if gone.any() and not (column in TWIST and gone.all()):
                 lost[column] = gone
         if not lost:

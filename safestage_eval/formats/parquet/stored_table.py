@@ -202,7 +202,7 @@ class StoredTable(TableFile):
     ) -> pa.Table | None:
         """The rows at some places, if they were read ahead and lie together."""
         table = self._ahead.get(episode)
-        if table is None or any(name not in table.column_names for name in columns):
+        if table is None or not set(columns).issubset(table.column_names):
             return None
         stretches = self._stretches(episode, places)
         if len(stretches) != 1:
