@@ -8,9 +8,10 @@ from io import TextIOWrapper
 
 import click
 
+from safestage_eval._text.line_width import LINE_WIDTH
 from safestage_eval.errors import InputError
 
-from .terminal import say
+from .terminal import line_width, say
 
 _DISK = {errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG, errno.EDQUOT}
 """Full disks, and folders that may not be written to."""
@@ -24,6 +25,7 @@ def run(command: click.Command) -> None:
     stdout = sys.stdout
     if isinstance(stdout, TextIOWrapper) and stdout.errors == "strict":
         stdout.reconfigure(errors="backslashreplace")  # names of files need not be text
+    LINE_WIDTH.set(line_width())
     try:
         code = command.main(standalone_mode=False)
     except click.ClickException as error:

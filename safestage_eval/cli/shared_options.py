@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from safestage_eval._text.line_width import LINE_WIDTH
+
 from .terminal import say
 
 if TYPE_CHECKING:
@@ -73,9 +75,17 @@ episode_option = click.option(
     help="Choose an episode by its id, or a unique part of it, where TRACE holds several.",
 )  # fmt: skip
 
+
+def _unfolded(_: click.Context, __: click.Parameter, output: Path | None) -> Path | None:
+    if output is not None:
+        LINE_WIDTH.set(None)
+    return output
+
+
 output_option = click.option(
-    "--output", "-o", type=click.Path(path_type=Path), help="Write to this file instead of stdout."
-)
+    "--output", "-o", type=click.Path(path_type=Path), callback=_unfolded,
+    help="Write to this file instead of stdout.",
+)  # fmt: skip
 
 jobs_option = click.option(
     "--jobs",

@@ -98,7 +98,7 @@ def compare(
     lines = tuple(
         Line(
             c,
-            c.bootstrap(seed, resamples),
+            c.interval(seed, resamples),
             c.p,
             adjusted.get(i),
             need(c, seed, resamples) if c.n else None,

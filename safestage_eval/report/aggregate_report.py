@@ -299,11 +299,11 @@ def _cell(rate: Rate, drawing: Drawing) -> str:
     text = shown(rate.mean, rate.std)
     if drawing.intervals == "none" or rate.mean is None:
         return text
-    ends = (
-        wilson(rate.k, rate.n)
-        if drawing.intervals == "wilson"
-        else bootstrap(rate, drawing.seed, drawing.resamples)
-    )
+    ends = wilson(rate.k, rate.n)
+    if drawing.intervals == "bootstrap":
+        drawn = bootstrap(rate, drawing.seed, drawing.resamples)
+        if drawn is None or drawn[0] < drawn[1]:  # all tasks alike say nothing of the spread
+            ends = drawn
     pair = _percent(ends)
     return f"{text} [–]" if pair is None else f"{text} [{', '.join(map(decimal, pair))}]"
 

@@ -12,6 +12,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 import safestage_eval.audit.checks  # noqa: F401 (declares the checks)
+from safestage_eval._text.line_width import LINE_WIDTH, folded
 from safestage_eval._text.plural import count
 from safestage_eval._text.printable import printable
 from safestage_eval.audit import CHECKS, Audit, Check, Finding
@@ -20,7 +21,7 @@ from safestage_eval.version import __version__
 
 from .ci_report import github_line, junit_text
 from .render_json import render_json
-from .results_text import LEAST, WIDTH
+from .results_text import LEAST, WIDTH, put
 
 FORMATS = ("table", "json", "junit", "github")
 
@@ -63,7 +64,7 @@ def explain(check: Check) -> str:
         f"Example:  {check.example}",
     ]
     lines += [f"Seen in:  {check.issue}"] if check.issue else []
-    return "\n".join(lines) + "\n"
+    return folded("\n".join(lines), LINE_WIDTH.get()) + "\n"
 
 
 def headline(audit: Audit) -> str:
@@ -112,7 +113,7 @@ def _text(audit: Audit, width: int | None, *, color: bool, everything: bool) -> 
         console.print()
     if audit.aborted:
         console.print(
-            f"{len(audit.aborted)} rollouts ended in an error and were left out: "
+            f"left out, ended in an error: {count(len(audit.aborted), 'rollout')}; "
             "--where termination=error audits them"
         )
     console.print(Text(headline(audit), "bold"))
@@ -126,7 +127,7 @@ def _one(console: Console, finding: Finding) -> None:
     where = "  ".join(filter(None, (finding.place.episode, finding.place.field)))
     time = "" if finding.place.time is None else f"  at {finding.place.time:.2f} s"
     if where or time:
-        console.print(Text(printable(f"  {where}{time}"), "bold"), soft_wrap=True)
+        put(console, printable(f"  {where}{time}"), "bold")
     parts = [("", finding.what), ("likely: ", finding.cause), ("fix: ", finding.fix)]
     for label, words in parts:
         if words:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from safestage_eval._text.plural import count
 from safestage_eval._text.printable import printable_lines
 from safestage_eval.episode import Episode
 from safestage_eval.units import format_quantity
@@ -60,7 +61,7 @@ def _verdict(v: Verdict, *, everything: bool) -> list[str]:
         since = "" if v.time is None else f"first at {v.time:.2f} s, "
         lines.append(
             f"    {since}{v.exposure_time:.2f} s in all, {v.violated_instances} of "
-            f"{v.instances} instances" + (f", severity {v.severity}" if v.severity else "")
+            f"{count(v.instances, 'instance')}" + (f", severity {v.severity}" if v.severity else "")
         )
         lines.append(f"    in violation: {_stretches(v.intervals)}")
     if v.raw_intervals and v.raw_intervals != v.intervals:
@@ -115,10 +116,10 @@ def describe(episode: Episode) -> str:
         part = ", ".join(roles.get(body.name, [])) or "–"
         kind = body.kind if body.movable else f"{body.kind}, fixed"
         lines.append(
-            f"    {body.name:<18} {kind:<16} {mass:>10}  {len(body.geoms):>2} shapes  {part}"
+            f"    {body.name:<18} {kind:<16} {mass:>10}  {count(len(body.geoms), 'shape'):>9}  {part}"
         )
     robot = sum(body.kind in ("robot", "gripper") for body in header.bodies)
-    lines.append(f"    and {robot} bodies of the robot")
+    lines.append(f"    and {count(robot, 'body')} of the robot")
     lines.append("  timeline")
     lines += [f"    {time:7.2f} s  {what}" for time, what in _timeline(episode)]
     lines += [f"  note: {note}" for note in header.notes]

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree as ET
 
+from safestage_eval._text.line_width import LINE_WIDTH, folded
+from safestage_eval._text.plural import count
 from safestage_eval.units import format_quantity, in_unit, unit_of
 
 from .ci_report import junit_text
@@ -47,7 +49,9 @@ def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
             for c in suite.checked
         ]
     head = ("", "rule", "example", "expected", "got", "margin", "why")
-    lines = text_lines(Table("", head, rows, len(head))) if rows else []
+    width = LINE_WIDTH.get()
+    table = Table("", head, rows, len(head), texts=1)
+    lines = text_lines(table, width) if rows else []
     for suite in suites.values():
         lines += [
             f"NO  {_lacks(code, *counts, suite.least)}" for code, counts in suite.lacking.items()
@@ -55,7 +59,9 @@ def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
     checked = [c for suite in suites.values() for c in suite.checked]
     right = sum(c.right for c in checked)
     rules = len({c.rule for c in checked})
-    lines.append(f"{right} of {len(checked)} examples of {rules} rules as expected")
+    lines.append(
+        f"{right} of {count(len(checked), 'example')} of {count(rules, 'rule')} as expected"
+    )
     if hunted is not None:
         every = [m for mutants in hunted.values() for m in mutants]
         alive = [m for m in every if m.killer is None and m.tested]
@@ -65,17 +71,19 @@ def _table(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] |
                 "",
                 "Mutants that no example detects (add an example, or drop that part of the rule):",
             ]
-            lines += text_lines(Table("", (), [[f"  {m.where}", m.kind, m.what] for m in alive], 3))
+            rows = [[f"  {m.where}", m.kind, m.what] for m in alive]
+            lines += text_lines(Table("", (), rows, 3, texts=1), width)
         if idle:
             where = ", ".join(dict.fromkeys(m.where for m in idle))
             lines += [
                 "",
-                f"{len(idle)} mutants of {where} not tested: no example comes out as expected.",
+                f"{count(len(idle), 'mutant')} of {where} not tested: no example comes out as expected.",
             ]
         lines.append(
-            f"{len(every) - len(alive) - len(idle)} of {len(every) - len(idle)} mutants detected"
+            f"{len(every) - len(alive) - len(idle)} of {count(len(every) - len(idle), 'mutant')} "
+            "detected"
         )
-    return "\n".join(lines) + "\n"
+    return folded("\n".join(lines), width) + "\n"
 
 
 def _json(suites: Mapping[str, Suite], hunted: Mapping[str, Sequence[Hunted]] | None) -> str:

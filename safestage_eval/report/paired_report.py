@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from safestage_eval._text.plural import count
 from safestage_eval.metrics.comparison import Comparison, Line
 from safestage_eval.metrics.paired import KEYS
 from safestage_eval.metrics.rates import CONDITIONS, Rates, headline, rates
@@ -33,8 +34,8 @@ def _coverage(comparison: Comparison) -> str:
     pairs = comparison.pairs
     n, undecided = len(pairs.both), len(pairs.undecided)
     counts = {"undecided": undecided, "no rule assigned or loaded": pairs.not_judged}
-    parts = [f"Compared {n} of {n + sum(counts.values())} pairs"]
-    return "; ".join([*parts, *(f"{name} {count}" for name, count in counts.items() if count)])
+    parts = [f"Compared {n} of {count(n + sum(counts.values()), 'pair')}"]
+    return "; ".join([*parts, *(f"{name} {number}" for name, number in counts.items() if number)])
 
 
 def document(comparison: Comparison) -> dict[str, Any]:
@@ -72,7 +73,7 @@ def notes(comparison: Comparison) -> list[str]:
     lines = [
         f"Pairs are matched by {', '.join(KEYS[pairs.by])}; difference: "
         f"{comparison.names[1]} minus {comparison.names[0]}, percentage points.",
-        "95 % interval: tasks drawn anew. p: McNemar, exact; Holm: adjusted for the stages, or "
+        "95 % interval: tasks drawn anew; where all tasks differ alike, Newcombe's. p: McNemar, exact; Holm: adjusted for the stages, or "
         "families, of a metric.",
         "needs: pairs that would show this difference four times out of five, if independent.",
     ]
@@ -82,15 +83,17 @@ def notes(comparison: Comparison) -> list[str]:
             for c in comparison.lines
             if c.of.level == "all"
         ]
-        text = f"{len(pairs.undecided)} pairs could not be decided and are not in N: whatever they"
+        text = (
+            f"{count(len(pairs.undecided), 'pair')} could not be decided, not in N: whatever they"
+        )
         lines.append(f"{text} are, the differences over all lie within {', '.join(bounds)}.")
     if pairs.not_judged:
-        lines.append(f"{pairs.not_judged} pairs were judged by no assigned rule.")
+        lines.append(f"Judged by no assigned rule: {count(pairs.not_judged, 'pair')}.")
     for name, alone in zip(comparison.names, pairs.alone, strict=True):
         if alone:
             first = alone[0]
             lines.append(
-                f"{len(alone)} rollouts of {name} have no partner (task {first.task}, seed "
+                f"Without a partner: {count(len(alone), 'rollout')} of {name} (task {first.task}, seed "
                 f"{first.seed}, rollout {first.rollout}{', …' * (len(alone) > 1)})."
             )
     reasons: dict[str, list[str]] = {}
@@ -169,15 +172,15 @@ def _why_not(line: Line) -> str:
     need, pairs = line.need, line.of.n
     least = f"{100 * need.smallest:.1f} points is the least that this sample would show"
     if need.pairs is None:
-        return f"{pairs} pairs show no difference; {least}"
+        return f"no difference in {count(pairs, 'pair')}; {least}"
     text = (
-        f"{pairs} pairs cannot carry a difference of {_signed(line.of.difference)} points "
+        f"{count(pairs, 'pair')} cannot carry a difference of {_signed(line.of.difference)} points "
         f"(Holm p {_p(line.p_holm)}, interval {_interval(line)}); {least}"
     )
     here = pairs / len(line.of.tasks)
     if need.per_task is None:
         would = f"more rollouts of these {len(line.of.tasks)} tasks would not"
-        return f"{text}; {would}, about {need.tasks} tasks with {here:.0f} pairs each would"
+        return f"{text}; {would}, about {need.tasks} tasks of {here:.0f} pairs each would"
     return f"{text}; about {need.per_task} pairs per task would, where there are {here:.0f}"
 
 

@@ -11,6 +11,7 @@ from rich.padding import Padding
 from rich.table import Table as Grid
 from rich.text import Text
 
+from safestage_eval._text.line_width import folded
 from safestage_eval._text.plural import count
 from safestage_eval._text.printable import printable, printable_lines
 from safestage_eval.metrics import METRICS, Outcome, Rates, by_policy_stage, outcomes, rates
@@ -69,16 +70,22 @@ def render(
     )
     every = outcomes(scores.results)
     unreadable = len(scores.problems) + len(scores.aborted)
-    console.print(Text(coverage(rates(every), unreadable), "bold"), soft_wrap=True)
+    put(console, coverage(rates(every), unreadable), "bold")
     console.print()
     _findings(console, scores, everything=everything)
     _unassigned(console, scores, everything=everything)
     if scores.sample:
-        console.print(f"{scores.sample}\n", style="yellow", soft_wrap=True)
+        put(console, f"{scores.sample}\n", "yellow")
     _rates(console, every)
     _leftovers(console, scores, rates(every))
     _hint(console, scores)
     return "".join(line.rstrip() + "\n" for line in buffer.getvalue().splitlines())
+
+
+def put(console: Console, text: str, style: str = "") -> None:
+    """Print lines, folded between words; ids and paths stay whole."""
+    for line in folded(text, console.width).split("\n"):
+        console.print(Text(line, style), soft_wrap=True)
 
 
 def by_importance(verdicts: Iterable[Verdict]) -> list[Verdict]:
@@ -132,10 +139,8 @@ def _findings(console: Console, scores: Scores, *, everything: bool) -> None:
             Text(f"{heading}: {counts[outcome]} of {count(total, 'episode')}", f"bold {style}")
         )
         for result in shown:
-            head = Text(
-                printable(f"  {result.episode_id}, {goal_of(result)}{_reached(result)}"), "bold"
-            )
-            console.print(head, soft_wrap=True)
+            head = f"  {result.episode_id}, {goal_of(result)}{_reached(result)}"
+            put(console, printable(head), "bold")
             verdicts = result.verdicts if everything else scores.gates.counted(result)
             grid = _grid(verdicts, brief=result.by_roles and not everything)
             console.print(Padding(grid, (0, 0, 0, 4)))
@@ -158,9 +163,7 @@ def _unassigned(console: Console, scores: Scores, *, everything: bool) -> None:
         return
     console.print(Text(f"By rules that are not assigned: {count(len(shown), 'episode')}", "bold"))
     for result in shown if everything else shown[:MOST]:
-        console.print(
-            Text(printable(f"  {result.episode_id}, {goal_of(result)}"), "bold"), soft_wrap=True
-        )
+        put(console, printable(f"  {result.episode_id}, {goal_of(result)}"), "bold")
         console.print(Padding(_grid(counted(result)), (0, 0, 0, 4)))
     if not everything and len(shown) > MOST:
         console.print(f"  {len(shown) - MOST} more are listed with --verbose")
@@ -174,11 +177,11 @@ def _hint(console: Console, scores: Scores) -> None:
     )
     if words:
         counts = ", ".join(f"{words[w]} {w.replace('_', ' ')}" for w in _ORDER if w in words)
-        console.print(
+        put(
+            console,
             f"the loaded rules found there: {counts}. --format csv lists all of it, --verbose what "
             "is not safe; --bind assigns rules to episodes",
-            style="yellow",
-            soft_wrap=True,
+            "yellow",
         )
 
 
@@ -280,7 +283,7 @@ def _cells(
     table = Table(
         title, head, [[*names, *values] for names, values in rows.items()], 3, grouped=True
     )
-    first, *rest = text_lines(table)
+    first, *rest = text_lines(table, console.width)
     console.print(Text(first, "bold"))
     for line in (*rest, ""):
         console.print(Text(line))
@@ -288,14 +291,14 @@ def _cells(
 
 def _leftovers(console: Console, scores: Scores, total: Rates) -> None:
     for line in left_out(total, scores):
-        console.print(printable(line), style="yellow", soft_wrap=True)
+        put(console, printable(line), "yellow")
     notes = [f"{r.episode_id}: {note}" for r in scores.results for note in r.notes]
     for line in notes[:MOST]:
-        console.print(printable(f"note: {line}"), style="yellow", soft_wrap=True)
+        put(console, printable(f"note: {line}"), "yellow")
     if len(notes) > MOST:
         console.print(f"and {len(notes) - MOST} more notes", style="yellow")
     for line in problem_lines(scores):
-        console.print(printable_lines(line), style="red", soft_wrap=True)
+        put(console, printable_lines(line), "red")
     if scores.problems:
         problems = count(len(scores.problems), "episode")
         console.print(f"{problems} could not be judged", style="bold red")
@@ -356,7 +359,7 @@ def left_out(total: Rates, scores: Scores) -> list[str]:
             f"{count(total.not_judged, 'episode')} not judged and left out of all rates: {why}"
         )
     if scores.copies:
-        lines.append(f"{len(scores.copies)} files hold copies of episodes, which count once")
+        lines.append(f"copies of episodes, which count once: {count(len(scores.copies), 'file')}")
     if scores.aborted:
         lines.append(ended_in_error(scores.aborted))
     return lines

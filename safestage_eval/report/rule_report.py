@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from safestage_eval._text.line_width import LINE_WIDTH
 from safestage_eval.evidence.declare import Relation, Signal
 from safestage_eval.relations.vocabulary import RELATIONS
 from safestage_eval.rules import rule_digest, words
@@ -210,7 +211,8 @@ def explain_vocabulary(entries: list[dict[str, Any]]) -> str:
         for e in entries
     ]
     head = ("name", "value", "needs", "meaning")
-    return "\n".join(text_lines(Table("", head, rows, len(head)))) + "\n"
+    table = Table("", head, rows, len(head), texts=1)
+    return "\n".join(text_lines(table, LINE_WIDTH.get())) + "\n"
 
 
 def _scope(rule: ast.Scoped, params: ast.Params) -> str:

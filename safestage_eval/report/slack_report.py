@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import polars as pl
 
+from safestage_eval._text.plural import count
 from safestage_eval.rules import RuleSet
 from safestage_eval.whatif.swept_values import like, text_of
 
@@ -30,7 +31,7 @@ def render(slack: pl.DataFrame, rules: RuleSet, form: str) -> str:
     if form == "json":
         return render_json(slack.to_dicts())
     undecided = int(slack["verdict"].null_count())
-    notes = [f"{undecided} verdicts are left open by the table."] if undecided else []
+    notes = [f"Left open by the table: {count(undecided, 'verdict')}."] if undecided else []
     return render_text([Table("", COLUMNS, list(_rows(slack, rules)), 5)], notes)
 
 

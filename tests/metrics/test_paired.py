@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 from scipy import stats
 from statsmodels.stats.contingency_tables import mcnemar as their_mcnemar
 from statsmodels.stats.multitest import multipletests
+from statsmodels.stats.proportion import confint_proportions_2indep
 
 from safestage_eval.errors import InputError
 from safestage_eval.metrics.comparison import compare, differs
-from safestage_eval.metrics.paired import KEYS, holm, mcnemar, paired, pairs
+from safestage_eval.metrics.paired import KEYS, holm, mcnemar, newcombe, paired, pairs
 from safestage_eval.metrics.power import connor, need
 
 
@@ -84,6 +85,61 @@ def test_the_paired_bootstrap_is_that_of_scipy():
     assert line.bootstrap(3, 500) == line.bootstrap(3, 500) != line.bootstrap(4, 500)
 
 
+def tables(n):
+    """Every way in which n pairs may fall: pairs, k of A, k of B, only A, only B, and how many ways."""
+    for both in range(n + 1):
+        for only_a in range(n + 1 - both):
+            for only_b in range(n + 1 - both - only_a):
+                yield n, both + only_a, both + only_b, only_a, only_b
+
+
+@pytest.mark.parametrize(
+    ("sums", "published"),
+    [
+        ((50, 48, 38, 12, 2), (-0.3404, -0.0569)),  # Newcombe 1998, table II
+        ((21, 2, 8, 1, 7), (0.026, 0.507)),  # Fagerland, Lydersen and Laake 2014, airway data
+    ],
+)
+def test_newcombe_is_as_published(sums, published):
+    assert newcombe(*sums) == pytest.approx(published, abs=5e-4)
+
+
+def test_newcombe_without_correlation_is_that_of_statsmodels():
+    """Where one side is always the same, the two rates are not correlated."""
+    for n, k in ((72, 0), (72, 5), (20, 20), (9, 4)):
+        theirs = confint_proportions_2indep(k, n, 0, n, method="newcomb")
+        assert newcombe(n, 0, k, 0, k) == pytest.approx(theirs, abs=1e-9)
+
+
+def test_newcombe_covers_the_truth_as_often_as_it_says():
+    """Summed over all tables of 24 pairs, for some true rates; published as 0.95 on average."""
+    share = []
+    for shares in ((0.02, 0.03, 0.02), (0.3, 0.1, 0.2), (0.5, 0.05, 0.05), (0.1, 0.4, 0.1)):
+        true, covered = shares[2] - shares[1], 0.0
+        law = stats.multinomial(24, [*shares, 1 - sum(shares)])
+        for n, k_a, k_b, only_a, only_b in tables(24):
+            low, high = newcombe(n, k_a, k_b, only_a, only_b)
+            both = k_a - only_a
+            if low <= true <= high:
+                covered += law.pmf([both, only_a, only_b, n - both - only_a - only_b])
+        share.append(covered)
+    assert min(share) > 0.93
+    assert 0.94 < np.mean(share) < 0.99
+
+
+def test_newcombe_holds_the_difference_and_turns_with_the_sides():
+    for n, k_a, k_b, only_a, only_b in tables(9):
+        low, high = newcombe(n, k_a, k_b, only_a, only_b)
+        assert -1 <= low <= (k_b - k_a) / n <= high <= 1
+        assert low < high
+        assert newcombe(n, k_b, k_a, only_b, only_a) == pytest.approx((-high, -low))
+
+
+def test_no_violation_in_72_pairs_leaves_some_percent_open():
+    low, high = newcombe(72, 0, 0, 0, 0)
+    assert (low, high) == pytest.approx((-0.0507, 0.0507), abs=5e-4)
+
+
 def test_the_sides_may_be_swapped():
     a, b = sides()
     there = compare(a, b, "policy", ("act", "pi0"))
@@ -111,7 +167,10 @@ def test_a_side_with_itself_shows_no_difference():
     for line in compare(a, a, "rules", ("old", "new")).lines:
         one = len(line.of.tasks) == 1
         assert (line.p, line.of.difference, line.need) == (1, 0, None)
-        assert line.interval == (None if one else (0, 0))
+        if one:
+            assert line.interval is None
+        else:
+            assert line.interval[0] < 0 < line.interval[1]
         assert line.reason == ("one task: no interval over tasks" if one else "no pair differs")
         assert not line.significant
 

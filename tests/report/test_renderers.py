@@ -210,14 +210,14 @@ def squeezed(text):
 
 @pytest.mark.parametrize("width", [20, 40, 50, 51, 80])
 def test_a_narrow_terminal_loses_no_letter(width):
-    """Sentences and names are wrapped; only the ruled line is as wide as its table."""
+    """Sentences and names are wrapped."""
 
     def letters(columns):
         return Counter(
             "".join(results_text.render(scores(), width=columns).replace("─", "").split())
         )
 
-    assert letters(width) == letters(300)
+    assert not letters(300) - letters(width)  # names stand before every part of a wide table
 
 
 def test_table_tells_what_happened():

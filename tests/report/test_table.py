@@ -3,6 +3,8 @@
 import json
 import math
 
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rich.cells import cell_len
 
 from safestage_eval.report.render_json import render_json
@@ -25,6 +27,38 @@ def test_columns_of_text_stand_under_each_other():
     for row, number in zip(rows, ("5", "12.5", "1"), strict=True):
         assert cell_len(row[: row.index(number)] + number) == ends
     assert len(rule) == max(map(cell_len, (head, *rows)))
+
+
+WORDS = st.lists(st.text("abcdefg_./", min_size=1, max_size=9), max_size=9).map(" ".join)
+
+
+@given(
+    st.lists(st.tuples(WORDS, WORDS, *[st.floats(0, 99).map("{:.1f} 3/7".format)] * 9, WORDS),
+             min_size=1, max_size=4),
+    st.integers(30, 90),
+)  # fmt: skip
+@settings(max_examples=40)
+def test_a_table_fits_and_loses_or_breaks_no_word(rows, width):
+    head = ("name", "a long head", *(f"share {i} of all" for i in range(9)), "what was seen")
+    table = Table("Some title", head, rows, 2, texts=1)
+    lines = text_lines(table, width)
+    assert max(map(cell_len, lines)) <= width
+    words = {word for row in [head, *rows] for cell in row for word in cell.split()}
+    shown = {word for line in lines for word in line.split() if "─" not in word}
+    assert shown == words | {"Some", "title"}
+    for row in rows:  # numbers are not folded
+        assert all(any(number in line for line in lines) for number in row[2:11])
+
+
+def test_names_stand_before_every_part_of_a_table_that_is_too_wide():
+    head = ("policy", *(f"column{i}" for i in range(12)))
+    table = Table("", head, [["pi0", *"123456789012"], ["act", *"abcdefghijkl"]], 1)
+    lines = text_lines(table, 40)
+    assert sum(line.startswith("pi0") for line in lines) == len([*filter(None, lines)]) / 3 > 1
+    assert "".join(line[6:].replace(" ", "") for line in lines if line.startswith("act")) == (
+        "abcdefghijkl"
+    )
+    assert text_lines(table, 400) == text_lines(table)
 
 
 def test_a_repeated_name_is_left_out_of_text_and_latex_alone():

@@ -80,7 +80,7 @@ def test_all_as_expected(house):
     assert [e["example"] for e in document["examples"]] == ["beside", "near", "far", "middle"]
     assert [e["margin"] for e in document["examples"][:3]] == pytest.approx([-1.0, -0.8, 1.0])
     text = run("rules", "test", rules, "--traces", traces).text
-    assert "4 of 4 examples of 1 rules as expected" in text
+    assert "4 of 4 examples of 1 rule as expected" in text
 
 
 @pytest.mark.parametrize(
