@@ -10,14 +10,14 @@ FOLDER/NAME/TASK.SEED.zip; one that is there already is left alone.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Iterator
+from typing import Any
 
 import numpy as np
-from foreign_policies import pick_and_place, push
-
 import safestage_record
+from foreign_policies import pick_and_place, push
 
 HOLD = 5.0
 """s recorded after success with the robot still; rules of final states ask for five."""
@@ -179,7 +179,14 @@ def _missing(folder: Path, task: str, seeds: range) -> list[int]:
 
 
 def _roll(
-    env: Any, folder: Path, task: str, seed: int, actions: Any, steps: int, still: Any, **header: Any
+    env: Any,
+    folder: Path,
+    task: str,
+    seed: int,
+    actions: Any,
+    steps: int,
+    still: Any,
+    **header: Any,
 ) -> None:
     """Record one episode until its success, and then hold; or for as many steps."""
     try:
@@ -209,7 +216,9 @@ def _roll(
                 env.step(rest)
                 recorder.step(rest)
             recorder.header(post_success_hold=recorder.time - begin)
-    print(f"{path.name}: {'success' if recorder.succeeded else 'no success'}, {len(recorder)} frames")
+    print(
+        f"{path.name}: {'success' if recorder.succeeded else 'no success'}, {len(recorder)} frames"
+    )
 
 
 def _reached(env: Any, info: Any) -> bool:

@@ -49,8 +49,8 @@ class Audit:
     @property
     def counts(self) -> dict[Severity, int]:
         """How many findings there are of each severity."""
-        found = Counter(finding.severity for finding in self.findings)
-        return {severity: found[severity] for severity in SEVERITIES}
+        severities = Counter(finding.severity for finding in self.findings)
+        return {severity: severities[severity] for severity in SEVERITIES}
 
     @property
     def plain(self) -> dict[str, Any]:
@@ -105,14 +105,14 @@ def audit(
     specs = list(rules) or builtin_names()
     settings = load_settings(specs, bind=bind, assign=assign, roles=roles, protect=protect)
     chosen = Selection(find([paths] if isinstance(paths, str | Path) else list(paths)), where)
-    found = audit_many([*chosen], checks, settings, jobs=jobs, progress=progress)
-    audited = [one for one in found if isinstance(one, Audited)]
-    problems = tuple(one for one in found if isinstance(one, Problem))
+    episodes = audit_many([*chosen], checks, settings, jobs=jobs, progress=progress)
+    audited = [one for one in episodes if isinstance(one, Audited)]
+    problems = tuple(one for one in episodes if isinstance(one, Problem))
     aborted = tuple(chosen.aborted)
     campaign = Campaign([one.summary for one in audited], len(problems), aborted)
     findings = [finding for one in audited for finding in one.findings]
     findings += audit_campaign(campaign, checks, findings)
-    return Audit(tuple(findings), len(found), problems, aborted, tuple(c.code for c in checks))
+    return Audit(tuple(findings), len(episodes), problems, aborted, tuple(c.code for c in checks))
 
 
 def audit_campaign(
@@ -124,15 +124,15 @@ def audit_campaign(
     """
     explained = {(finding.place.episode, finding.code) for finding in known}
     path = {summary.episode_id: summary.path for summary in campaign.episodes}
-    found = []
+    findings = []
     for check in checks:
         for defect in check.run(campaign) if check.over == "campaign" else ():
             one = defect.episodes[0] if len(defect.episodes) == 1 else ""
             if any((one, code) in explained for code in check.unless):
                 continue
             where = path.get(one, "")
-            found.append(finding_of(check, defect, path=where))
-    return found
+            findings.append(finding_of(check, defect, path=where))
+    return findings
 
 
 def audit_many(
@@ -145,12 +145,12 @@ def audit_many(
 ) -> list[Audited | Problem]:
     """Audit episodes, each by itself; what comes back is in the order of what went in."""
     workers = min(jobs or os.cpu_count() or 1, len(refs))
-    found: dict[int, Audited | Problem] = {}
+    episodes: dict[int, Audited | Problem] = {}
 
     def note(number: int, one: object) -> None:
-        found[number] = cast("Audited | Problem", one)
+        episodes[number] = cast("Audited | Problem", one)
         if progress is not None:
-            progress(len(found), len(refs))
+            progress(len(episodes), len(refs))
 
     if workers > 1 and (jobs is not None or len(refs) >= WORTH_A_POOL):
         audits = partial(work, codes=tuple(check.code for check in checks))
@@ -161,4 +161,4 @@ def audit_many(
         compile_kernels()
         for number, ref in enumerate(refs):
             note(number, audit_episode(ref, checks, settings.rule_set, settings.bind))
-    return [found[number] for number in range(len(refs))]
+    return [episodes[number] for number in range(len(refs))]

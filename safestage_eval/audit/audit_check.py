@@ -114,7 +114,7 @@ def choose(select: Iterable[str] = (), ignore: Iterable[str] = ()) -> tuple[Chec
     from . import checks as _all  # noqa: F401 — declares them
 
     def named(option: str, codes: Iterable[str]) -> set[str]:
-        found = set[str]()
+        chosen_codes = set[str]()
         for code in codes:
             mine = {known for known in CHECKS if known.startswith(code.upper())}
             if not mine or not code:
@@ -123,8 +123,8 @@ def choose(select: Iterable[str] = (), ignore: Iterable[str] = ()) -> tuple[Chec
                     f"{option} {code}", "no check has a code that begins so.", ", ".join(CHECKS),
                     f'did you mean "{near[0]}"?' if near else "",
                 )  # fmt: skip
-            found |= mine
-        return found
+            chosen_codes |= mine
+        return chosen_codes
 
     chosen = named("--select", select) or {*CHECKS}
     chosen -= named("--ignore", ignore)

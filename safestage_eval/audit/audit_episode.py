@@ -37,8 +37,8 @@ def audit_episode(
     try:
         with within_limits(ref.shown):
             subject = Subject(ref.open(checked=False), rules, bind)
-            found = tuple(check_subject(subject, checks, ref.shown))
-            return Audited(summarize(subject, ref.content_hash), found)
+            findings = tuple(check_subject(subject, checks, ref.shown))
+            return Audited(summarize(subject, ref.content_hash), findings)
     except InputError as error:
         return Problem(ref.shown, str(error))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others

@@ -70,10 +70,10 @@ def look(
         ``findings``, and the ``summary`` for the checks of an evaluation.
     """
     subject = _Judged(episode, rules, bind, result)
-    found = check_subject(subject, _cheap(), str(episode.path or ""))
+    findings = check_subject(subject, _cheap(), str(episode.path or ""))
     summary = dict(vars(summarize(subject, goal=False)))
     del summary["waypoints"], summary["goal"]
-    return {"findings": [finding.to_json() for finding in found], "summary": summary}
+    return {"findings": [finding.to_json() for finding in findings], "summary": summary}
 
 
 def audit_scores(scores: Scores) -> Audit | None:

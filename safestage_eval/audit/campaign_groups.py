@@ -20,10 +20,10 @@ OTHER = 2e-3
 
 def groups(episodes: Iterable[Summary], key: Callable[[Summary], K]) -> dict[K, list[Summary]]:
     """Key → episodes, in their order."""
-    found: dict[K, list[Summary]] = {}
+    grouped: dict[K, list[Summary]] = {}
     for one in episodes:
-        found.setdefault(key(one), []).append(one)
-    return found
+        grouped.setdefault(key(one), []).append(one)
+    return grouped
 
 
 def ids(episodes: Iterable[Summary]) -> tuple[str, ...]:
@@ -76,10 +76,10 @@ def alike(episodes: Sequence[Summary]) -> list[list[Summary]]:
             gap = apart(one, other) if len(one.start) == len(other.start) else None
             if gap is not None and gap[0] <= SAME:
                 first[there] = first[here] = min(first[here], first[there])
-    found: dict[int, list[Summary]] = {}
+    clusters: dict[int, list[Summary]] = {}
     for index, one in zip(first, episodes, strict=True):
-        found.setdefault(index, []).append(one)
-    return [*found.values()]
+        clusters.setdefault(index, []).append(one)
+    return [*clusters.values()]
 
 
 def _middle(one: Summary) -> float:

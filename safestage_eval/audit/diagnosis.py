@@ -48,28 +48,32 @@ class Diagnosis:
 _ALL_SEEN = np.zeros(0, np.bool_)
 
 
-def diagnose(episode: Episode, found: Sequence[ContradictionError]) -> Diagnosis:
+def diagnose(episode: Episode, errors: Sequence[ContradictionError]) -> Diagnosis:
     """Look for the repair after which the recording no longer contradicts itself.
 
     Of several, the one that leaves least; of these the one after which poses and velocities fit best.
     """
-    named = Counter(name for error in found for name in error.bodies if name in episode.tracks)
+    named = Counter(name for error in errors for name in error.bodies if name in episode.tracks)
     suspects = [name for name, _ in named.most_common(SUSPECTS)]
     best: tuple[int, float, Diagnosis] | None = None
-    for repair, names in _candidates(found, named, suspects):
+    for repair, names in _candidates(errors, named, suspects):
         mended = repair.mend(episode, names or [*episode.tracks])
         if mended is episode or [*contradictions(mended, _Only(mended, suspects))]:
             continue
         left = [*contradictions(mended)]
         rest = _residual(mended, suspects)
-        if len(left) > LEFT * len(found) or (best and (len(left), rest) >= best[:2]):
+        if len(left) > LEFT * len(errors) or (best and (len(left), rest) >= best[:2]):
             continue
         still = {(error.kind, error.bodies) for error in left}
-        first = next(e for e in found if (e.kind, e.bodies) not in still)
-        best = len(left), rest, Diagnosis(repair, names, first, len(found) - len(left), tuple(left))
+        first = next(e for e in errors if (e.kind, e.bodies) not in still)
+        best = (
+            len(left),
+            rest,
+            Diagnosis(repair, names, first, len(errors) - len(left), tuple(left)),
+        )
         if not left and rest < FITS:
             break
-    return Diagnosis(left=tuple(found)) if best is None else best[2]
+    return Diagnosis(left=tuple(errors)) if best is None else best[2]
 
 
 class _Only(Whole):
@@ -114,12 +118,12 @@ def _residual(episode: Episode, names: Iterable[str]) -> float:
 
 
 def _candidates(
-    found: Sequence[ContradictionError], named: Counter[str], suspects: Sequence[str]
+    errors: Sequence[ContradictionError], named: Counter[str], suspects: Sequence[str]
 ) -> Iterator[tuple[Repair, tuple[str, ...]]]:
     """Repairs that the contradictions speak for, of some bodies or (empty) of all."""
-    kinds = {error.kind for error in found}
+    kinds = {error.kind for error in errors}
     likely = [repair for repair in REPAIRS if kinds & repair.kinds]
-    alone = len(named) <= 1 or (bool(named) and named.most_common(1)[0][1] == len(found))
+    alone = len(named) <= 1 or (bool(named) and named.most_common(1)[0][1] == len(errors))
     several: list[tuple[Repair, tuple[str, ...]]] = [(repair, ()) for repair in likely]
     single = [(repair, (name,)) for name in suspects for repair in likely if not repair.whole]
     yield from [*single, *several] if alone else [*several, *single]

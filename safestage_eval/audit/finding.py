@@ -76,6 +76,6 @@ class Finding:
 
     def to_json(self) -> dict[str, Any]:
         """All of it as JSON values; the place is flattened into it."""
-        found = asdict(self)
-        place = found.pop("place")
-        return {"code": found.pop("code"), "severity": found.pop("severity"), **place, **found}
+        values = asdict(self)
+        place = values.pop("place")
+        return {"code": values.pop("code"), "severity": values.pop("severity"), **place, **values}

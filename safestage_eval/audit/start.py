@@ -79,14 +79,16 @@ class Start:
     @cached_property
     def _touches_of_robot(self) -> dict[str, NDArray[np.int32]]:
         """Object → frames at which the robot touches it."""
-        bodies, found = self.subject.header.bodies, dict[str, NDArray[np.int32]]()
+        bodies, touches = self.subject.header.bodies, dict[str, NDArray[np.int32]]()
         for i, j in self.episode.contacts.pairs:
             for one, other in ((bodies[i], bodies[j]), (bodies[j], bodies[i])):
                 if one.kind in ROBOT and other.kind == "object" and other.movable:
                     frame = self.episode.contacts.of_pair((i, j), "frame")[0]
-                    before = found.get(other.name)
-                    found[other.name] = frame if before is None else np.concatenate([before, frame])
-        return found
+                    before = touches.get(other.name)
+                    touches[other.name] = (
+                        frame if before is None else np.concatenate([before, frame])
+                    )
+        return touches
 
     def touched_by_robot(self, body: str) -> bool:
         """At the very first frame."""
@@ -121,7 +123,7 @@ class Start:
         """Pairs of bodies of which boxes around geoms overlap by so much (m) along every axis."""
         bodies = [b for b in self.solid if b.geoms]
         boxes = {body.name: self.boxes(body, frame) for body in bodies}
-        found = []
+        pairs = []
         for i, a in enumerate(bodies):
             for b in bodies[i + 1 :]:
                 if (
@@ -138,8 +140,8 @@ class Start:
                 low = np.maximum(one[0][:, None], other[0][None])
                 high = np.minimum(one[1][:, None], other[1][None])
                 if (high - low > least).all(axis=2).any():
-                    found.append((a, b))
-        return found
+                    pairs.append((a, b))
+        return pairs
 
     def below(self, body: Body) -> tuple[str, float] | None:
         """The body whose top is next below the middle of another at first, and m between them.
@@ -167,7 +169,7 @@ class Start:
         Its boxes begin within ``gap`` (m) of where those of another body end, its centre beside none.
         """
         boxes = {b.name: self.boxes(b) for b in self.solid if b.geoms and b.kind not in ROBOT}
-        found = dict[str, int]()
+        axes_of = dict[str, int]()
         for body in self.moved:
             mine, bits = boxes.get(body.name), 0
             for name, other in boxes.items() if mine is not None else ():
@@ -179,8 +181,8 @@ class Start:
                     beside = np.delete(within, axis, axis=1).all(axis=1)
                     near = abs(low[axis] - other[1][:, axis]) <= gap
                     bits |= (1 << axis) * bool((beside & near).any())
-            found[body.name] = bits
-        return found
+            axes_of[body.name] = bits
+        return axes_of
 
     def depth(self, a: Body, b: Body, frame: int = 0) -> float:
         """M by which two bodies penetrate at a frame; below 0 where they are apart."""
@@ -241,5 +243,5 @@ def start_of(subject: Subject) -> Start | None:
     if "start" not in subject.notes:
         whole = len(subject.episode) > 1 and subject.sound
         subject.notes["start"] = Start(subject) if whole else None
-    found: Start | None = subject.notes["start"]
-    return found
+    start: Start | None = subject.notes["start"]
+    return start

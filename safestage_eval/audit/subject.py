@@ -91,12 +91,12 @@ class Subject:
     def header_errors(self) -> list[ContradictionError]:
         """Contradictions in header and time stamps; no other data are read for them."""
         header, t, where = self.header, self.episode.t, self.header.episode_id
-        found: list[TraceError] = [
+        errors: list[TraceError] = [
             *check_header(header, where, shapes=False), *check_time(t, where),
             *check_clock(header, t, where), *check_steps_of_time(header, where),
             *check_ending(header, where), *check_names(header, where),
         ]  # fmt: skip
-        return [error for error in found if isinstance(error, ContradictionError)]
+        return [error for error in errors if isinstance(error, ContradictionError)]
 
     def of_kind(self, *kinds: str) -> list[ContradictionError]:
         """Those of header and time stamps that are of some kinds."""
@@ -121,8 +121,8 @@ class Subject:
         """What cannot be true, and its cause."""
         if not self.readable:
             return Diagnosis()
-        found = [*contradictions(self.episode)]
-        return diagnose(self.episode, found) if found else Diagnosis()
+        errors = [*contradictions(self.episode)]
+        return diagnose(self.episode, errors) if errors else Diagnosis()
 
     @property
     def sound(self) -> bool:
@@ -135,34 +135,38 @@ class Subject:
 
         ``kinds``: those of contradictions that the check is about.
         """
-        found = self.diagnosis
-        if found.repair is not None and found.repair.code == code and found.first is not None:
-            first, repair = found.first, found.repair
-            total = found.explained + len(found.left)
-            gone = f"all {total}" if not found.left else f"{found.explained} of {total}"
+        diagnosis = self.diagnosis
+        if (
+            diagnosis.repair is not None
+            and diagnosis.repair.code == code
+            and diagnosis.first is not None
+        ):
+            first, repair = diagnosis.first, diagnosis.repair
+            total = diagnosis.explained + len(diagnosis.left)
+            gone = f"all {total}" if not diagnosis.left else f"{diagnosis.explained} of {total}"
             proof = f"with that undone {gone} contradictions vanish" if total > 1 else ""
             yield Defect(
                 f"{first.what.rstrip('.')}.",
                 repair.fix,
                 "; ".join(filter(None, (repair.cause, proof))),
-                bodies=found.bodies,
+                bodies=diagnosis.bodies,
                 field=repair.field,
                 time=first.time,
             )
-        left = [error for error in found.left if error.kind in kinds]
+        left = [error for error in diagnosis.left if error.kind in kinds]
         if left:
             yield defect_of(left)
 
     @cached_property
     def touched(self) -> dict[str, NDArray[np.bool_]]:
         """Body → (T,) something touches it, of every body with a contact."""
-        episode, found = self.episode, dict[str, NDArray[Any]]()
+        episode, touched = self.episode, dict[str, NDArray[Any]]()
         for pair in episode.contacts.pairs:
             frame = episode.contacts.of_pair(pair, "frame")[0]
             for i in pair:
                 name = self.header.bodies[i].name
-                found.setdefault(name, np.zeros(len(episode), np.bool_))[frame] = True
-        return found
+                touched.setdefault(name, np.zeros(len(episode), np.bool_))[frame] = True
+        return touched
 
     @cached_property
     def _bound(self) -> Binding | RuleError:

@@ -234,6 +234,13 @@ def command(
         say(results_text.ended_in_error(scores.aborted), err=True)
     if audit is not None and (found := in_one_line(audit, " ".join(traces))):
         say(found, err=True)
+    if number := sum(problem.contradicts for problem in scores.problems):
+        what = "contradicts itself" if number == 1 else "contradict themselves"
+        say(
+            f"{count(number, 'recording')} {what}: safestage audit {' '.join(traces)} names the likely "
+            "cause",
+            err=True,
+        )
     failed = _fails(scores, fail_on)
     if golden is not None:
         failed |= _golden(scores, golden, changes)

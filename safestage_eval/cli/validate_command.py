@@ -59,7 +59,12 @@ def command(
                 say(f"{ref.content_hash or '(no hash stored)'}  {ref.episode_id}  {ref.shown}")
             if tell is not None:
                 tell(done, len(refs))
-    say(f"{len(refs) - broken} of {count(len(refs), 'episode')} sound", err=True)
+    say(f"{len(refs) - broken} of {count(len(refs), 'episode')} whole, and as written", err=True)
+    if broken < len(refs):
+        say(
+            f"safestage audit {' '.join(traces)} says whether what they record makes sense",
+            err=True,
+        )
     ctx.exit(2 if broken else 0)
 
 

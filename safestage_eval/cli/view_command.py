@@ -95,7 +95,16 @@ def command(
     prepare_kernels()
     title = refs[0].episode_id or run if len(refs) == 1 else Path(run).name or run
     if output is None:
-        _serve(refs, asked, title, results, port, names=allow_host, everything=everything, open_=open_ is not False)
+        _serve(
+            refs,
+            asked,
+            title,
+            results,
+            port,
+            names=allow_host,
+            everything=everything,
+            open_=open_ is not False,
+        )
         return
     if results is not None:
         raise click.UsageError(
@@ -137,7 +146,9 @@ def _serve(
         from safestage_eval.viewer.campaign.campaign_data import rows_by_episode
 
         rows = rows_by_episode(results)
-    server = RunServer(LiveRun(title, refs, settings, rows=rows, everything=everything), port, names)
+    server = RunServer(
+        LiveRun(title, refs, settings, rows=rows, everything=everything), port, names
+    )
     said = count(len(refs), "episode")
     say(f"{said}; open the address below, end with Ctrl+C", err=True)
     click.echo(server.url)

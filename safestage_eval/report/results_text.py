@@ -350,7 +350,8 @@ def left_out(total: Rates, scores: Scores) -> list[str]:
     if total.not_judged:
         missing = sorted({code for r in scores.results for code in r.not_loaded})
         why = (
-            f"rules not loaded: {', '.join(missing)}"
+            f"rules not loaded: {', '.join(missing)}; load their files with --rules, or correct rules in "
+            "the header or bind file"
             if missing
             else "no rule is assigned to them, and no loaded rule has bodies for all its roles; name "
             "them with --role target=BODY, or see safestage bind --help"

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from safestage_eval._process.within import within_limits
+from safestage_eval.episode.contradiction import ContradictionError
 from safestage_eval.errors import InputError
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts.problem import Problem
@@ -43,7 +44,7 @@ def score_episode(
                 look=look,
             )  # fmt: skip
     except InputError as error:
-        return Problem(ref.shown, str(error))
+        return Problem(ref.shown, str(error), isinstance(error, ContradictionError))
     except Exception as error:  # noqa: BLE001 — one episode must not cost the others
         return Problem(ref.shown, f"{ref.shown}: cannot be judged: {_told(error)}")
 

@@ -165,8 +165,8 @@ def passed(witness: Witness, time: float | None, others: int = 0) -> str:
     value = measured(witness.value, witness)
     if untouched(witness):
         limit = measured(witness.limit, witness)
-        return f"No contact{alike}: {witness.signal} was {value}; {limit} would be one."
-    when = f"{witness.signal} was {value} at {seconds(time)}"
+        return f"No contact{alike}: {witness.said} was {value}; {limit} would be one."
+    when = f"{witness.said} was {value} at {seconds(time)}"
     return f"Closest to the limit{alike}: {when}; {bound(witness)}."
 
 
@@ -248,7 +248,7 @@ class _Template(string.Formatter):
 def _words(env: Env, witness: Witness, verdict: Finding) -> dict[str, str]:
     return {
         **_bodies(env),
-        "signal": witness.signal,
+        "signal": witness.said,
         "value": measured(witness.value, witness),
         "limit": measured(witness.limit, witness),
         "margin": measured(None if witness.margin is None else abs(witness.margin), witness),

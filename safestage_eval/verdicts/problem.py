@@ -12,7 +12,9 @@ class Problem:
     Attributes:
         path: of the episode, as printed.
         message: the error in one line, path included.
+        contradicts: what the recording says cannot all be true; an audit finds the likely cause.
     """
 
     path: str
     message: str
+    contradicts: bool = False

@@ -8,6 +8,7 @@ import numpy as np
 
 from safestage_eval.evidence.series import Series
 from safestage_eval.rules import syntax as ast
+from safestage_eval.signals import SIGNALS
 from safestage_eval.states.band import Band, Bool
 
 from . import hidden_start
@@ -226,7 +227,17 @@ class Search(NamedTuple):
             name,
             at_least=finite and bool(np.isposinf(series.upper[0])),
             needs=op if self.sign > 0 else _OPPOSITE[op],
+            bearers=self._bearers(name, bodies, frame),
         )
+
+    def _bearers(self, name: str, bodies: tuple[str, ...], frame: int) -> tuple[str, ...]:
+        """What bears a body at a frame, where a signal without a second one measures against that."""
+        spec, relations = SIGNALS.get(name), self.evaluator.relations
+        if spec is None or not spec.support or len(bodies) != 1 or len(spec.args) != 2:
+            return ()
+        episode = relations.episode
+        known = relations.graph.bearers(episode.body_index[bodies[0]])
+        return tuple(episode.header.bodies[b].name for b, on in sorted(known.items()) if on[frame])
 
     def _not_yet(self, atom: ast.SignalAtom, env: Env, frame: int) -> bool:
         """The robot has had nothing to do with the body: it is measured from the baseline."""

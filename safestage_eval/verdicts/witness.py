@@ -22,6 +22,7 @@ class Witness(NamedTuple):
         tied: another atom has the very same margin there, so that naming this one is arbitrary.
         at_least: the value is only known to be no less (a clearance beyond what had to be known).
         state: the state that decided, where it has a sentence of its own.
+        bearers: what bears the body, where the signal measures against that; in its sentence.
         needs: on which side of the limit the value must lie, as ``>=``; of a relation ``true`` or
             ``false``. Empty where neither is asked.
     """
@@ -38,6 +39,12 @@ class Witness(NamedTuple):
     tied: bool = False
     state: ast.Call | None = None
     needs: str = ""
+    bearers: tuple[str, ...] = ()
+
+    @property
+    def said(self) -> str:
+        """The signal as a sentence names it: ``edge_margin(cup) on shelf``."""
+        return f"{self.signal} on {' and '.join(self.bearers)}" if self.bearers else self.signal
 
     def or_tied(self, margins: Sequence[float], decisive: float) -> Witness:
         """The witness, marked where several margins are the decisive one."""

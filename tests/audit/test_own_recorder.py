@@ -6,10 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
 from safestage_eval.audit import audit, choose
 from safestage_eval.audit.audit_episode import check_subject
 from safestage_eval.audit.subject import Subject
+from safestage_eval.cli import group
 from safestage_eval.episode import Body, Geom, Header
 from safestage_eval.formats import TraceWriter, load, save
 from safestage_eval.rules import builtin_names, load_rules
@@ -132,6 +134,32 @@ def test_without_a_robot_nobody_knows_who_moves_turns_or_holds_what(tmp_path, he
                   **spinning(1.5, 1))  # fmt: skip
     assert {f.severity for f in findings(path, "AUD202", "AUD203", "AUD204", "AUD206", "AUD207").values()
             } <= {"note"}  # fmt: skip
+
+
+def test_score_and_validate_point_to_the_audit_of_what_contradicts_itself(tmp_path):
+    """Positions in centimetres beside velocities in m/s."""
+    path = record(tmp_path / "cm.mcap", place=lambda t: (10 * min(t, 1), 0, 3.0), vase=False)
+    arguments = [str(path), "--rules", "fsh"]
+    for command in ("score", "validate"):
+        done = CliRunner().invoke(group, [command, *arguments])
+        assert f"safestage audit {path} " in done.stderr
+    assert findings(path, "AUD1")["AUD101"].cause.endswith("in centimetres")
+    sound = CliRunner().invoke(group, ["score", str(record(tmp_path / "m.mcap")), "--rules", "fsh"])
+    assert "safestage audit" not in sound.stderr
+
+
+def test_of_an_unsound_recording_nothing_is_said_of_what_can_be_decided(tmp_path):
+    path = record(tmp_path / "cm.mcap", place=lambda t: (10 * min(t, 1), 0, 3.0), vase=False)
+    assert findings(path, "AUD158")["AUD158"].what == "no rule is assigned."
+
+
+def test_a_margin_to_an_edge_names_the_surface(tmp_path):
+    path = record(
+        tmp_path / "edge.mcap", place=lambda t: (0.36 + 0.1 * min(t, 1), 0, 0.03), vase=False
+    )
+    [verdict] = [v for v in judge(load(path), load_rules(["fsh"])).verdicts if v.rule == "FSH102"]
+    assert verdict.signal == "edge_margin(cube)"
+    assert "edge_margin(cube) on table was" in verdict.explanation
 
 
 def test_what_is_nan_is_named_by_audit_and_score(tmp_path):

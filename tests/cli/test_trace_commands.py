@@ -92,6 +92,7 @@ def test_sound_traces(traces):
     done = run("validate", traces)
     assert done.code == 0
     assert listed(done.text) == {"safe", "unsafe"}
+    assert f"safestage audit {traces} says whether what they record makes sense" in done.err
 
 
 def test_a_broken_trace_among_sound_ones(traces, tmp_path):

@@ -43,16 +43,16 @@ def copies(campaign: Campaign) -> Iterator[Defect]:
 def repeated_motion(campaign: Campaign) -> Iterator[Defect]:
     """Compares where all movable bodies were at 16 moments, to 0.1 mm; the robot's are among them."""
     moved = [one for one in campaign.episodes if one.stirred is not None or one.robot_travel]
-    found: dict[str, list[Summary]] = {}
+    copies_of: dict[str, list[Summary]] = {}
     for one, other in twins(moved, NEAR):
         if one.episode_id == other.episode_id or (
             one.content_hash and one.content_hash == other.content_hash
         ):
             continue  # AUD331, or the same file twice
-        some = found.setdefault(one.episode_id, [one])
-        found[other.episode_id] = some
+        some = copies_of.setdefault(one.episode_id, [one])
+        copies_of[other.episode_id] = some
         some += [other] * (other not in some)
-    for some in {id(some): some for some in found.values()}.values():
+    for some in {id(some): some for some in copies_of.values()}.values():
         yield _twice(some, "follow the same trajectories")
 
 

@@ -361,10 +361,10 @@ def borne_shares(subject: Subject) -> dict[str, float]:
     Only of objects that rest in most of these frames, and that contacts with forces touch.
     """
     episode, t = subject.episode, subject.episode.t
-    gravity, found = -subject.header.gravity[2], dict[str, float]()
+    gravity, share_of = -subject.header.gravity[2], dict[str, float]()
     unsaid = subject.header.force_source in ("normal", "none")
     if unsaid or len(t) < 50 or not gravity > 0:
-        return found
+        return share_of
     if "borne" not in subject.notes:
         jointed = {b.parent for b in subject.header.bodies} | {
             j.body for j in subject.header.joints
@@ -382,8 +382,8 @@ def borne_shares(subject: Subject) -> dict[str, float]:
                     up += (1 if pair[1] == index else -1) * np.bincount(frame, force, len(t))
             shares = up[at][still] / (body.mass * gravity)
             if len(shares) and np.isfinite(shares).all() and shares.any():
-                found[body.name] = float(np.median(shares))
-        subject.notes["borne"] = found
+                share_of[body.name] = float(np.median(shares))
+        subject.notes["borne"] = share_of
     known: dict[str, float] = subject.notes["borne"]
     return known
 
@@ -394,8 +394,8 @@ def _falls(subject: Subject) -> list[tuple[str, NDArray[Any], float]]:
         return []
     if "falls" not in subject.notes:
         subject.notes["falls"] = [*_measured_falls(subject)]
-    found: list[tuple[str, NDArray[Any], float]] = subject.notes["falls"]
-    return found
+    falls: list[tuple[str, NDArray[Any], float]] = subject.notes["falls"]
+    return falls
 
 
 def _measured_falls(subject: Subject) -> Iterator[tuple[str, NDArray[Any], float]]:

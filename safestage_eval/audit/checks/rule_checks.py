@@ -129,6 +129,12 @@ def unassigned(subject: Subject) -> Iterator[Defect]:
     binding = subject.binding
     if binding is None or binding.provenance.get("rules", BY_ROLES) != BY_ROLES:
         return
+    choose = (
+        'write rules = ["…"] into the header or a bind file, or choose with --assign and --role'
+    )
+    if not subject.sound:  # then nothing can be judged
+        yield Defect("no rule is assigned.", choose, field="rules")
+        return
     decided: list[str] = []
     lacking: dict[str, list[str]] = defaultdict(list)
     unbound = 0
@@ -149,7 +155,7 @@ def unassigned(subject: Subject) -> Iterator[Defect]:
     says += [f"{_listed(codes)} cannot: {cause}" for cause, codes in lacking.items()]
     yield Defect(
         f"no rule is assigned. {'; '.join(says)}.",
-        'write rules = ["…"] into the header or a bind file, or choose with --assign and --role',
+        choose,
         field="rules",
     )
 

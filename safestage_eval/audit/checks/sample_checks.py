@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 from itertools import combinations
 
+from safestage_eval._text.plural import count
 from safestage_eval.audit.audit_check import check
 from safestage_eval.audit.campaign_groups import groups, ids, label, listed, policies
 from safestage_eval.audit.campaign_summary import Campaign
@@ -184,7 +185,8 @@ def few(campaign: Campaign) -> Iterator[Defect]:
         if len(decided) < FEW and interval is not None:
             low, high = interval
             yield Defect(
-                f"{label(name)}: SR {_percent(sum(decided), len(decided))} of {len(decided)} rollouts; the 95 % "
+                f"{label(name)}: SR {_percent(sum(decided), len(decided))} of "
+                f"{count(len(decided), 'rollout')}; the 95 % "
                 f"interval is {100 * low:.0f} to {100 * high:.0f} %.",
                 "give the interval with the rate, and record more rollouts",
                 field="success",

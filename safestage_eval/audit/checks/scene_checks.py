@@ -346,10 +346,10 @@ def _given(
     """Whether a rule applies to any combination of bodies; None where that is not known."""
     evaluator = Evaluator(start.relations, rules, params, None)
     evaluator.players = players
-    found = [applies(evaluator, rule, env) for env in combinations(rule, players)]
-    if any(one is True for one in found):
+    conditions = [applies(evaluator, rule, env) for env in combinations(rule, players)]
+    if any(one is True for one in conditions):
         return True
-    return None if not found or any(one is None for one in found) else False
+    return None if not conditions or any(one is None for one in conditions) else False
 
 
 @check(
