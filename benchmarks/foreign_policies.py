@@ -88,7 +88,7 @@ def push(
         along = float(side @ way) / far
         across = float(np.linalg.norm(side[:2] - along * way[:2] / far))
         if across > 0.03 or along > 0:  # over it, and down behind it
-            over = behind + [0, 0, 0.1]
+            over = behind + np.array([0, 0, 0.1])
             flat = np.linalg.norm((over - hand())[:2])
             yield act(np.clip(gain * ((over if flat > 0.02 else behind) - hand()), -1, 1), 1)
         elif off[2] < -0.02:

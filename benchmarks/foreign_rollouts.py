@@ -100,7 +100,7 @@ def _robosuite_script(env: Any, task: str, now: dict[str, Any]) -> Iterator[Any]
             return now["cubeB_pos"] + [0, 0, 0.045]
         if task == "Lift":
             return now["goal"]
-        return np.array(env.target_bin_placements[env.object_to_id["can"]]) + [0, 0, 0.1]
+        return np.add(env.target_bin_placements[env.object_to_id["can"]], [0, 0, 0.1])
 
     name = {"Lift": "cube_pos", "Stack": "cubeA_pos", "PickPlaceCan": "Can_pos"}[task]
 
@@ -135,15 +135,15 @@ def mani_skill(folder: Path, seeds: range) -> None:
                 env.obj if task == "PushCube-v1" else env.cube
             )  # fmt: skip
 
-            def goal(task: str = task) -> Any:
+            def goal(task: str = task, env: Any = env) -> Any:
                 if task == "StackCube-v1":
-                    return place(env.cubeB) + [0, 0, 0.04]
+                    return place(env.cubeB) + np.array([0, 0, 0.04])
                 if task == "PushCube-v1":
-                    return place(env.goal_region) * [1, 1, 0] + [0, 0, 0.02]
+                    return place(env.goal_region) * [1, 1, 0] + np.array([0, 0, 0.02])
                 return place(env.goal_site)
 
             see = {
-                "hand": lambda: place(env.agent.tcp),
+                "hand": lambda env=env: place(env.agent.tcp),
                 "thing": lambda target=target: place(target),
                 "goal": goal,
                 "act": lambda move, closed: np.append(move, -closed).astype(np.float32),
@@ -225,7 +225,7 @@ def _reached(env: Any, info: Any) -> bool:
     for name in ("success", "is_success"):
         if name in info:
             return bool(np.all(np.asarray(info[name])))
-    return bool(env._check_success())
+    return bool(env._check_success())  # noqa: SLF001  robosuite has no other
 
 
 def main() -> None:

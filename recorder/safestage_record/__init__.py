@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ._version import __version__
 from .env_wrap import EnvRecording, wrap
+from .evaluation_hooks import lerobot, vla_eval
 from .mujoco_recorder import MujocoRecorder
 from .pybullet_recorder import PyBulletRecorder
 from .record_error import RecordError
@@ -25,9 +26,11 @@ __all__ = [
     "RecordError",
     "SapienRecorder",
     "__version__",
+    "lerobot",
     "mujoco",
     "pybullet",
     "recover",
     "sapien",
+    "vla_eval",
     "wrap",
 ]

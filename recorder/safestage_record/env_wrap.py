@@ -45,6 +45,7 @@ def wrap(
             "hold needs hold_action: the command that keeps this robot still (zeros for a "
             "controller of differences, the last action for one of positions)."
         )
+    find_backend(env)
     recording = EnvRecording(env, Path(folder), success, hold, hold_action, settings)
     env.step, env.reset, env.safestage = recording.step, recording.reset, recording
     if hasattr(env, "close"):
@@ -69,7 +70,6 @@ class EnvRecording:
         hold_action: Any,
         settings: Any,
     ) -> None:
-        find_backend(env)
         self.recorder: RolloutRecorder | None = None
         self.paths: list[Path] = []
         self._env, self._folder, self._settings = env, folder, dict(settings)
@@ -80,12 +80,28 @@ class EnvRecording:
         self._number = 0
         self._seed = self._settings.pop("seed", None)
         self._over = False
+        self._stepping: Any = None
+        self._ended: RolloutRecorder | None = None
+        self.only_called = False
+        """Whether resets without an argument, which vector environments make by themselves, are left out."""
 
     def reset(self, *args: Any, **kwargs: Any) -> Any:
         """Write the episode that was running, reset the environment, and begin the next one."""
+        if self._stepping is not None and self.recorder is not None:  # from within its step
+            self.recorder.step(_plain_action(self._stepping))
+            self._ended, self.recorder = self.recorder, None
         self.finish()
         result = self._reset(*args, **kwargs)
+        if self.only_called and not args and all(some is None for some in kwargs.values()):
+            return result
+        self._begin(args, kwargs)
+        return result
+
+    def _begin(self, args: Any, kwargs: Any) -> None:
         seed = kwargs.get("seed")
+        task = args[0] if args and isinstance(args[0], dict) else {}  # vla-eval's
+        said = (task.get(name) for name in ("name", "task_name", "task", "instruction"))
+        self._task = next((str(some) for some in said if some), self._task)
         self._seed = seed if isinstance(seed, int) else self._seed
         name, self._number = self._next_name()
         self.recorder = begin_recording(
@@ -96,27 +112,40 @@ class EnvRecording:
             **{"rollout": self._number, **self._settings},
         )
         self._over = False
-        return result
 
     def step(self, action: Any, *args: Any, **kwargs: Any) -> Any:
         """Step the environment and record what came of it."""
-        result = self._step(action, *args, **kwargs)
+        self._stepping = action
+        try:
+            result = self._step(action, *args, **kwargs)
+        finally:
+            self._stepping = None
+        ended, self._ended = self._ended, None
+        if ended is not None:  # it has reset itself
+            self._judge(ended, result)
+            self.paths.append(ended.close())
+            return result
         recorder = self.recorder
         if recorder is None or self._over:
             return result
-        recorder.step(action)
+        recorder.step(_plain_action(action))
         before = recorder.succeeded
+        over = self._judge(recorder, result)
+        if recorder.succeeded and not before and self._hold:
+            self._keep_still(recorder, action)
+            over = True
+        self._over = over
+        return result
+
+    def _judge(self, recorder: RolloutRecorder, result: Any) -> bool:
+        """Note success and what ended the episode; whether something did."""
         recorder.success(self._reached(result))
         ended, cut = _ending(result)
         if recorder.succeeded:
             recorder.header(termination="success")
         elif ended:
             recorder.header(termination="horizon" if cut else None)
-        if recorder.succeeded and not before and self._hold:
-            self._keep_still(recorder, action)
-            self._over = True
-        self._over = self._over or ended
-        return result
+        return ended
 
     def finish(self) -> None:
         """Write the episode that is running, if it has frames."""
@@ -145,7 +174,7 @@ class EnvRecording:
         while recorder.time - begin < self._hold - 1e-9:
             now = recorder.time
             self._step(np.array(action))
-            recorder.step(action)
+            recorder.step(_plain_action(action))
             if not recorder.time > now:  # reset by itself, or stopped
                 break
         recorder.header(post_success_hold=recorder.time - begin)
@@ -156,7 +185,7 @@ class EnvRecording:
         info = result[-1] if isinstance(result, tuple) and isinstance(result[-1], dict) else {}
         for name in ("success", "is_success"):
             if name in info:
-                return bool(np.all(info[name]))
+                return bool(np.all(_plain_action(info[name])))
         check = getattr(self._env, "_check_success", None)
         return bool(check()) if callable(check) else None
 
@@ -171,12 +200,24 @@ class EnvRecording:
             number += 1
 
 
+def _plain_action(action: Any) -> Any:
+    """(A,) numbers of an action, whatever holds them: a tensor, or vla-eval's dictionary."""
+    if isinstance(action, dict):
+        action = action.get("actions", next(iter(action.values()), ()))
+    for step in ("detach", "cpu", "numpy"):
+        action = getattr(action, step)() if hasattr(action, step) else action
+    return np.asarray(action, np.float32).ravel()
+
+
 def _ending(result: Any) -> tuple[bool, bool]:
     """Whether an episode ended, and whether time was what ended it; of Gymnasium, Gym or dm_env."""
     if hasattr(result, "last"):
         return bool(result.last()), bool(result.last() and result.discount == 1.0)
     if isinstance(result, tuple) and len(result) == 5:
-        return bool(result[2] or result[3]), bool(result[3] and not result[2])
+        ended, cut = bool(np.all(_plain_action(result[2]))), bool(np.all(_plain_action(result[3])))
+        return ended or cut, cut and not ended
+    if hasattr(result, "done"):  # vla-eval's
+        return bool(result.done), False
     if isinstance(result, tuple) and len(result) == 4:
         return bool(result[2]), bool(result[3].get("TimeLimit.truncated", False))
     return False, False
