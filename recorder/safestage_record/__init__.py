@@ -9,6 +9,7 @@ from __future__ import annotations
 from ._version import __version__
 from .env_wrap import EnvRecording, wrap
 from .evaluation_hooks import lerobot, vla_eval
+from .isaac_lab import IsaacLabRecorder, SafestageTerm
 from .mujoco_recorder import MujocoRecorder
 from .pybullet_recorder import PyBulletRecorder
 from .record_error import RecordError
@@ -21,9 +22,11 @@ pybullet = PyBulletRecorder
 
 __all__ = [
     "EnvRecording",
+    "IsaacLabRecorder",
     "MujocoRecorder",
     "PyBulletRecorder",
     "RecordError",
+    "SafestageTerm",
     "SapienRecorder",
     "__version__",
     "lerobot",

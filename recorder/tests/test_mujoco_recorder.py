@@ -1,11 +1,8 @@
 """A recording holds the simulator's own numbers: poses, velocities, contacts, forces of every step."""
 
-import io
-import json
-import zipfile
-
 import numpy as np
 import pytest
+from zip_arrays import read
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -42,17 +39,6 @@ def scene(option=""):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     return model, data
-
-
-def read(path):
-    with zipfile.ZipFile(str(path)) as archive:
-        header = json.loads(archive.read("safestage.json"))
-        arrays = {
-            name[:-4]: np.lib.format.read_array(io.BytesIO(archive.read(name)))
-            for name in archive.namelist()
-            if name.endswith(".npy")
-        }
-    return header["header"], arrays
 
 
 def command(data, i):

@@ -12,7 +12,8 @@ import pytest
 
 mujoco = pytest.importorskip("mujoco")
 
-from test_mujoco_recorder import command, read, scene  # noqa: E402
+from test_mujoco_recorder import command, scene  # noqa: E402
+from zip_arrays import read  # noqa: E402
 
 import safestage_record  # noqa: E402
 from safestage_record.__main__ import main  # noqa: E402
