@@ -121,11 +121,11 @@ def comparing(checkout: Path) -> Iterator[Callable[[Episode | None, Tally], None
             if episode is not None:
                 return
             judged: dict[tuple[str, str], str] = {}
-            for kind, raw, objects in raw_conditions(checkout):
+            for kind, raw, listed in raw_conditions(checkout):
                 tree = parsing.scan_tokens(string=raw["safety_bddl"])
                 condition = table[said(raw, tree)]
                 named = [b for _, bodies, _ in parts(tree) for b in bodies if NAME.fullmatch(b)]
-                objects = [*objects, *dict.fromkeys(b for b in named if b not in objects)]
+                objects = [*listed, *dict.fromkeys(b for b in named if b not in listed)]
                 waters = [b for _, bodies, _ in parts(tree) for b in bodies[1:] if b not in objects]
                 objects += [b for b in waters if not any(o.startswith(f"{b}_") for o in objects)]
                 for case in condition.cases:
