@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from safestage_eval import episode as model
+from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats import load as load_stored
 from safestage_eval.run.score_many import score_paths
 
@@ -79,8 +80,10 @@ class Episode(model.Episode):
         return {}
 
 
-def load(path: str | Path, episode: str | None = None) -> Episode:
-    """One stored episode; ``episode`` is its id where the path holds several.
+def load(path: str | Path | EpisodeRef, episode: str | None = None) -> Episode:
+    """One stored episode, by its path or as ``discover`` returns it.
+
+    ``episode`` is its id where the path holds several.
 
     Raises TraceError when there is none, or it cannot be read.
     """

@@ -91,11 +91,11 @@ def _compared(
         write_golden(scores, golden)
         return []
     problems = [f"cannot be judged: {problem.message}" for problem in scores.problems]
-    changes = compare_golden(scores, golden)
+    changes = compare_golden(scores, golden, f"pytest {UPDATE}")
     if not (problems or changes):
         return []
     number = len(problems) + len(changes)
-    head = f"{golden}: {number} difference{'s' * (number > 1)}; if they are meant, {UPDATE}"
+    head = f"{golden}: {number} difference{'s' * (number > 1)}; if they are meant, pytest {UPDATE}"
     return [head, *(f"  {line}" for line in (*problems, *changes))]
 
 

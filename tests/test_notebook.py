@@ -12,8 +12,8 @@ from studio import block, safe_and_unsafe
 
 import safestage_eval as sse
 from safestage_eval.evidence.measure import Signals
+from safestage_eval.formats import discover, save
 from safestage_eval.formats import load as load_plain
-from safestage_eval.formats import save
 from safestage_eval.relations.relations import Relations
 from safestage_eval.report.result_rows import COLUMNS
 from safestage_eval.rules import load_rules
@@ -41,6 +41,11 @@ def test_load_one_of_several(traces):
     for episode in (None, "nobody"):
         with pytest.raises(sse.InputError, match="unsafe"):
             sse.load(traces, episode)
+
+
+def test_what_discover_returns_can_be_loaded(traces):
+    for ref in discover(traces):
+        assert sse.load(ref).content_hash == ref.content_hash
 
 
 def test_public_names():

@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -165,6 +166,10 @@ def loaded_rules(rules: Sequence[str], bind: Path | None) -> tuple[RuleSet, Bind
     return loaded, None if bind is None else load_bind(bind, loaded)
 
 
+MOST_IDS = 20
+"""Ids of episodes that a message lists."""
+
+
 def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
     """The one episode a command is about; a usage error lists the ids when it is not clear.
 
@@ -183,11 +188,17 @@ def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
         matches = exact or [ref for ref in refs if episode in ref.episode_id]
     if len(matches) == 1:
         return matches[0]
-    problem = (
-        "several episodes; name one with --episode" if matches else f"no episode {episode!r}, but"
-    )
-    ids = "".join(f"\n  {ref.episode_id or f'({ref.shown}, broken)'}" for ref in matches or refs)
-    raise click.UsageError(f"{trace} holds {problem}:{ids}")
+    ids = [ref.episode_id or f"({ref.shown}, broken)" for ref in matches or refs]
+    if matches:
+        problem = "several episodes; name one with --episode"
+    else:
+        near = get_close_matches(str(episode), ids, 3)
+        near = near or [name for name in ids if get_close_matches(str(episode), name.split("."), 1)]
+        problem = f"no episode {episode!r}" + (", did you mean" if near else ", but")
+        ids = near or ids
+    shown = "".join(f"\n  {name}" for name in ids[:MOST_IDS])
+    more = f"\n  and {len(ids) - MOST_IDS} more" if len(ids) > MOST_IDS else ""
+    raise click.UsageError(f"{trace} holds {problem}:{shown}{more}")
 
 
 def written(data: str | bytes | Iterable[str | bytes], output: Path | None) -> None:

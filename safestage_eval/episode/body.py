@@ -7,9 +7,11 @@ quaternions are wxyz and of unit norm.
 
 from __future__ import annotations
 
-from typing import Literal
+import re
+from difflib import get_close_matches
+from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 Vec3 = tuple[float, float, float]
 Quat = tuple[float, float, float, float]
@@ -27,6 +29,18 @@ class Record(BaseModel):
     """Base of all stored records: immutable, unknown fields ignored (a newer minor may add some)."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
+
+    def __init__(self, **values: Any) -> None:
+        """Raises pydantic's ValidationError, with the nearest word where one of a few is allowed."""
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            for mistake in error.errors(include_url=False):
+                allowed = re.findall(r"'([^']*)'", mistake.get("ctx", {}).get("expected", ""))
+                near = get_close_matches(str(mistake["input"]), allowed, 1)
+                if near:
+                    error.add_note(f"{mistake['loc'][-1]}: did you mean {near[0]!r}?")
+            raise
 
 
 class Geom(Record):

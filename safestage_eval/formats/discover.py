@@ -44,12 +44,16 @@ REF_FIELDS = (
 
 
 def load(
-    path: str | Path, episode: str | None = None, *, recover: bool = False, checked: bool = True
+    path: str | Path | EpisodeRef,
+    episode: str | None = None,
+    *,
+    recover: bool = False,
+    checked: bool = True,
 ) -> Episode:
     """Open the episode at a path: an MCAP or ZIP file, a dataset, or a folder with a single episode.
 
     Args:
-        path: where to look.
+        path: where to look; or one of those that ``discover`` returns.
         episode: its id, where there are several.
         recover: of an MCAP file that was cut off, take the frames that are whole.
         checked: raise on broken invariants, now or when a column is first looked at.
@@ -57,6 +61,8 @@ def load(
     Raises:
         TraceError: nothing there, several episodes and none chosen, or the chosen one is broken.
     """
+    if isinstance(path, EpisodeRef):
+        return path.open(recover=recover, checked=checked)
     refs = discover([path])
     if episode is not None:
         refs = [ref for ref in refs if ref.episode_id == episode]

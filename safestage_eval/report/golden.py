@@ -14,12 +14,14 @@ from safestage_eval.errors import InputError
 from safestage_eval.formats.atomic import write_bytes
 from safestage_eval.run.gates import Gates
 from safestage_eval.run.scores import Scores
+from safestage_eval.signals import SIGNALS
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
 
 from .render_json import render_json
 
 FORMAT = 1
+UPDATE = "--update-golden"
 FRAME = 1 / 120
 """s: times may differ by a frame, because rounding may push a value over its limit that much
 sooner or later."""
@@ -76,18 +78,20 @@ def write_golden(scores: Scores, path: Path) -> None:
         raise InputError(str(path), f"cannot be written: {error.strerror}.") from None
 
 
-def compare_golden(scores: Scores, path: Path) -> list[str]:
+def compare_golden(scores: Scores, path: Path, update: str = UPDATE) -> list[str]:
     """Differences from the expectations, one line each; empty if there are none. See ``changes``."""
-    return [str(change) for change in changes(scores, path)]
+    return [str(change) for change in changes(scores, path, update)]
 
 
-def changes(scores: Scores, path: Path) -> list[Change]:
+def changes(scores: Scores, path: Path, update: str = UPDATE) -> list[Change]:
     """List the differences from the expectations; empty if there are none.
+
+    ``update``: the option that writes the file anew, for messages.
 
     Raises:
         InputError: the file is not there or is no golden file.
     """
-    wanted = _read(path)
+    wanted = _read(path, update)
     results = {r.episode_id: r for r in scores.results}
     lines = [
         Change("expected, but not among the episodes", name)
@@ -110,21 +114,21 @@ def changes(scores: Scores, path: Path) -> list[Change]:
         if name in wanted:
             lines += _differences(wanted[name], result, scores.gates)
         else:
-            lines.append(Change("not expected; --update-golden adds it", name))
+            lines.append(Change(f"not expected; {update} adds it", name))
     return lines
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _read(path: Path, update: str) -> dict[str, Any]:
     try:
         table = from_json(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(
-            str(path), f"cannot be read: {error.strerror}.", fix="write it with --update-golden"
+            str(path), f"cannot be read: {error.strerror}.", fix=f"write it with {update}"
         ) from None
     except ValueError:
         table = None
     if not _is_golden(table):
-        raise InputError(str(path), "not a golden file.", "JSON written by --update-golden")
+        raise InputError(str(path), "not a golden file.", f"JSON written by {update}")
     episodes: dict[str, Any] = table["episodes"]
     return episodes
 
@@ -204,9 +208,11 @@ def _change(before: dict[str, Any], v: Verdict, *, other_trace: bool) -> str:
     if not changed:
         return ""
     parts = []
+    same_signal = before["signal"] == now["signal"]
+    was = v.dimension if same_signal else _dimension(before["signal"])
     for name in _FIELDS:
-        old, new = (_shown(name, side[name], v.dimension) for side in (before, now))
-        if name in changed:
+        old, new = _shown(name, before[name], was), _shown(name, now[name], v.dimension)
+        if name in changed or (old != new and not same_signal):
             parts.append(f"{name} {old} → {new}")
         elif name in ("value", "limit") and now[name] is not None:
             parts.append(f"{name} still {new}")
@@ -218,6 +224,12 @@ def _change(before: dict[str, Any], v: Verdict, *, other_trace: bool) -> str:
         reasons.append(f"the rule means something else: digest {digests}")
     why = " and ".join(reasons) or "trace and rule are the same: the evaluator has changed"
     return f"{', '.join(parts)} ({why})"
+
+
+def _dimension(signal: str | None) -> str | None:
+    """Of a signal by its name; None of what is no signal of its own, such as when a state begins."""
+    spec = SIGNALS.get((signal or "").partition("(")[0])
+    return None if spec is None else spec.dimension
 
 
 def _hashes(before: str, now: str) -> str:
@@ -243,4 +255,6 @@ def _shown(name: str, value: Any, dimension: str | None = None) -> str:
         return "none"
     if isinstance(value, bool) or not isinstance(value, int | float):
         return str(value)
-    return f"{value:.3f} s" if name.endswith("time") else format_quantity(value, dimension or "")
+    if name.endswith("time"):
+        return f"{value:.3f} s"
+    return f"{value:g} (SI)" if dimension is None else format_quantity(value, dimension)

@@ -55,8 +55,8 @@ def panels(again: Again, expressions: Sequence[str]) -> list[Panel]:
     """
     if expressions:
         return [_panel(again, expression) for expression in expressions]
-    decided = [v.signal for rule in again.assigned for v in [again.base(rule)[1]] if v.signal]
-    result = [_panel(again, name) for name in dict.fromkeys(decided) if _is_signal(again, name)]
+    decided = [name for rule in again.assigned for name in _deciding(again, rule)]
+    result = [_panel(again, name) for name in dict.fromkeys(decided)]
     if not result:
         raise InputError(
             again.episode.header.episode_id,
@@ -66,10 +66,19 @@ def panels(again: Again, expressions: Sequence[str]) -> list[Panel]:
     return result
 
 
-def _is_signal(again: Again, name: str) -> bool:
-    return any(
-        curve.signal == name for _, _, looked in _reading(again, name) for curve in looked.curves
-    )
+def _deciding(again: Again, rule: ast.Scoped) -> list[str]:
+    """The signal that decides a rule; where a moment does, those that it is made of."""
+    evaluator, verdict = again.base(rule)
+    if verdict.signal and any(
+        curve.signal == verdict.signal
+        for _, _, looked in _reading(again, verdict.signal)
+        for curve in looked.curves
+    ):
+        return [verdict.signal]
+    if verdict.dimension != "time" or not isinstance(rule, ast.Rule):
+        return []
+    players = dict(again.binding.players(rule, again.episode.header))
+    return [curve.signal for curve in looked_at(evaluator, rule, players, verdict).curves]
 
 
 def _panel(again: Again, expression: str) -> Panel:
@@ -187,6 +196,9 @@ def _draw(axes: Any, again: Again, panel: Panel) -> None:
     for verdict in panel.verdicts:
         for begin, end in verdict.intervals:
             axes.axvspan(begin, end, color=BAD, alpha=0.18, lw=0)
+        if verdict.dimension == "time":
+            _moment(axes, verdict.value, f"{verdict.signal} begins", BAD)
+            _moment(axes, verdict.limit, "allowed from here on", COLORS["pass"], line=1)
         if (
             verdict.signal == panel.name
             and verdict.worst_time is not None
@@ -195,12 +207,7 @@ def _draw(axes: Any, again: Again, panel: Panel) -> None:
             axes.plot(
                 verdict.worst_time, shown(verdict.value), "o", color=COLORS[verdict.verdict], ms=6
             )
-    if again.judge.success_time is not None:
-        axes.axvline(again.judge.success_time, color=GOAL, lw=1, ls=":")
-        axes.annotate(
-            "success", (again.judge.success_time, 1), xycoords=("data", "axes fraction"), xytext=(3, -3),
-            textcoords="offset points", va="top", color=GOAL, fontsize=8,
-        )  # fmt: skip
+    _moment(axes, again.judge.success_time, "success", GOAL)
     unit = unit_of(dimension)
     axes.set_title(f"{panel.name}{f' ({unit})' if unit else ''}", loc="left", fontsize=9.5)
     title = "   ".join(
@@ -212,3 +219,13 @@ def _draw(axes: Any, again: Again, panel: Panel) -> None:
     axes.grid(color="0.92", lw=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def _moment(axes: Any, time: float | None, words: str, color: str, line: int = 0) -> None:
+    """Mark a moment (s), if there is one; its words in a line of their own, from the top."""
+    if time is not None:
+        axes.axvline(time, color=color, lw=1, ls=":")
+        axes.annotate(
+            words, (time, 1), xycoords=("data", "axes fraction"), xytext=(3, -3 - 11 * line),
+            textcoords="offset points", va="top", color=color, fontsize=8,
+        )  # fmt: skip

@@ -69,6 +69,7 @@ def test_which_episode_is_meant(traces, command):
     assert run(command, traces, "-e", "safe").code == 0  # whole ids go before parts of one
     assert run(command, traces, "-e", "unsa").code == 0
     assert "nobody" in run(command, traces, "-e", "nobody").err
+    assert "no episode 'unsave', did you mean:\n  unsafe\n" in run(command, traces, "unsave").err
 
 
 @pytest.mark.parametrize("command", ["inspect", "explain"])

@@ -1,7 +1,9 @@
 """Bodies that pass at a glance have nothing wrong with them when looked at closely."""
 
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from safestage_eval.episode.body import Body, Geom
 from safestage_eval.episode.scene_invariants import (
@@ -51,3 +53,12 @@ def test_a_glance_passes_nothing_that_is_broken(body):
 def test_an_ordinary_body_passes_at_a_glance():
     geom = Geom(name="g", kind="box", size=(0.1, 0.1, 0.1))
     assert _plainly_sound(Body(name="cup", kind="object", mass=0.2, geoms=(geom,)))
+
+
+def test_a_kind_that_does_not_exist_suggests_the_nearest():
+    with pytest.raises(ValidationError) as told:
+        Body(name="a", kind="objct")
+    assert told.value.__notes__ == ["kind: did you mean 'object'?"]
+    with pytest.raises(ValidationError) as told:
+        Body(name="a", kind="zzz")
+    assert not hasattr(told.value, "__notes__")

@@ -148,6 +148,22 @@ def test_value_limit_and_digest_are_told_with_a_verdict_that_flips(tmp_path):
     assert "the rule means something else: digest dddddddd → eeeeeeee" in line
 
 
+def test_each_side_of_another_signal_has_its_own_unit(tmp_path):
+    """A length decided before; a force, or the start of a state, decides now."""
+    force = replace(VIOLATION, signal="contact_force(robot, mug)", value=0.5, limit=0.1,
+                    dimension="force")  # fmt: skip
+    (line,) = compared(tmp_path, episode("one", VIOLATION), episode("one", force))
+    assert "value 0.4 cm → 0.50 N, limit 2.0 cm → 0.10 N" in line
+    moment = replace(VIOLATION, signal="committed(mug)", value=3.2, limit=2.0, dimension="time")
+    (line,) = compared(tmp_path, episode("one", moment), episode("one", VIOLATION))
+    assert "value 3.2 (SI) → 0.4 cm, limit 2 (SI) → 2.0 cm" in line
+
+
+def test_messages_name_the_option_that_writes_anew(tmp_path):
+    with pytest.raises(InputError, match="pytest --mine"):
+        compare_golden(scores(), tmp_path / "none.json", "pytest --mine")
+
+
 def cases(scores, found):
     root = ET.fromstring(render(scores, "junit", found))
     return {

@@ -1,12 +1,16 @@
 """``safestage plot``: what is asked for, with the limits that are set to it."""
 
 import re
+from pathlib import Path
 
 import pytest
 from moving import path_of, pushed
 
 from safestage_eval.errors import InputError
+from safestage_eval.formats import load
 from safestage_eval.report import signal_plot
+from safestage_eval.rules import load_rules
+from safestage_eval.whatif.judge_again import Again
 
 
 @pytest.fixture
@@ -47,6 +51,18 @@ def test_a_signal_that_no_rule_reads_has_no_limit(again):
 def test_what_does_not_exist_is_said(again, asked, said):
     with pytest.raises(InputError, match=said):
         signal_plot.panels(again, [asked])
+
+
+def test_where_a_moment_decides_what_it_is_made_of_is_drawn():
+    path = Path(__file__).parents[2] / "traces"
+    for name in (
+        "ish_coffee_can_under_bottle.reference-safe",
+        "ish_bin_with_lemon.reference-unsafe",
+    ):
+        again = Again(load(path, f"{name}.default.s0.r0"), load_rules(["ish"]), {}, None)
+        drawn = signal_plot.panels(again, [])
+        assert {panel.name.partition("(")[0] for panel in drawn} == {"lift", "displacement", "turn"}
+        assert all(panel.limits and panel.verdicts for panel in drawn)
 
 
 def test_nothing_decides_nothing_is_drawn(tmp_path):

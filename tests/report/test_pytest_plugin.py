@@ -67,11 +67,11 @@ def test_each_test_says_what_changed_and_why(lab):
     said = run(lab)
     assert "4 failed, 1 passed" in said
     for words in (
-        r"changed.json: \d differences?; if they are meant, --safestage-update",
+        r"changed.json: \d differences?; if they are meant, pytest --safestage-update",
         r"  unsafe: FSH101: verdict violation → pass.* limit 2\.0 cm → 0\.4 cm.*digest \w+ → \w+",
         r"unsafe: expected, but not among the episodes",
         r"cannot be judged: .*cut\.mcap",
-        r"new\.json: cannot be read.*--update-golden",
+        r"new\.json: cannot be read.*pytest --safestage-update",
     ):
         assert re.search(words, said), words
 
