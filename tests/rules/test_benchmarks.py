@@ -21,12 +21,15 @@ from safestage_eval.rules.schema import schema
 PAGE = (Path(__file__).parents[2] / "docs" / "other_benchmarks.md").read_text("utf-8")
 LETTERS = {
     "is_bench": "ISB",
+    "iso_ts_15066": "ISO",
     "libero_safety": "LBS",
+    "maniguard": "MGD",
     "oopsieverse": "OOP",
     "robolab": "RLB",
     "safelibero": "SLB",
     "safemanip": "SMP",
     "safevla": "SVL",
+    "safety_gymnasium": "SGY",
     "safevla_bench": "SVB",
 }
 each = pytest.mark.parametrize("name", benchmark_names())
@@ -59,6 +62,13 @@ def test_its_codes_say_whose_they_are(name: str) -> None:
     rules = load_rules([name])
     assert {code[:3] for code in (*rules.rules, *rules.costs)} == {LETTERS[name]}
     assert all(rule.explain and rule.why for rule in rules.rules.values())
+
+
+@each
+def test_each_rule_names_its_source(name: str) -> None:
+    for code, rule in load_rules([name]).scoped.items():
+        code_at = r"[\w.-]+/[\w.-]+@[0-9a-f]{7,} \S+\.(py|md|txt|csv)\b"
+        assert re.match(rf"({code_at}|ISO)", rule.source), code
 
 
 @each
