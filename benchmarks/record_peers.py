@@ -50,7 +50,15 @@ class MujocoWitness:
         self.mujoco, (self.model, self.data), self.steps = mujoco, found, []
         self.names = safestage_record.model_scene.body_names(self.model)
         self.step = mujoco.mj_step
-        mujoco.mj_step = self
+        self.second = mujoco.mj_step2
+        mujoco.mj_step, mujoco.mj_step2 = self, self.second_half
+
+    def second_half(self, model: Any, data: Any) -> None:
+        """Step and look, where a step is taken in two halves, as dm_control does."""
+        time = data.time
+        self.second(model, data)
+        if data is self.data:
+            self.look(time)
 
     def __call__(self, model: Any, data: Any, nstep: int = 1) -> None:
         """Step and look."""

@@ -43,6 +43,9 @@ RESTED = 0.2
 STAYED, SAMPLES = 1.0, 3
 """s and samples: what nothing touches stays nowhere so long, at whatever rate it is looked at."""
 
+FALLS = 3.0
+"""m/s downward; what sinks that fast falls, though air may keep a light body from falling faster."""
+
 TOO_LITTLE, TOO_MUCH, ASIDE = 0.2, 2.0, 0.8
 """Share of its weight that the forces on a body at rest come to at the least, added up as they are
 strong: the walls of a gap hold it with 0.25 by friction of 2; that the upward one comes to at the
@@ -278,6 +281,7 @@ def check_free_fall(
     dt = float(t[-1] - t[0]) / max(len(t) - 1, 1)
     if len(position) != len(t) or not dt > 0:
         return []
+    touched = touched | (np.gradient(position[:, 2].astype(np.float64), t) < -FALLS)
     if dt > STILL_FOR / 2:
         first, lasted = _stays_untouched(t, position, touched)
         if not lasted:

@@ -43,3 +43,14 @@ def test_a_short_stay_may_be_the_top_of_a_throw():
     """Eleven samples at 12 Hz are 0.9 s; two samples at 2 Hz tell nothing."""
     assert not contradicted(12.0, touched=range(5))
     assert not contradicted(2.0, touched=range(2, FRAMES))
+
+
+def test_air_may_slow_what_falls():
+    """A carton of 20 g falls no faster than 6 m/s."""
+    rate, fastest = 100.0, 6.0
+    t = np.arange(200) / rate
+    z = 11 - fastest**2 / 9.81 * np.log(np.cosh(9.81 * t / fastest))
+    scene = Scene(len(t), rate).fixed("table").box("b", 0.05, (0.3, 0, 0.05))
+    scene.rests("b", "table", 0.05, (0.3, 0, 0), G)
+    scene.box("a", 0.05, np.column_stack([np.full_like(z, -0.3), np.zeros_like(z), z]))
+    assert not [e for e in contradictions(scene.episode()) if "does not fall" in str(e)]
