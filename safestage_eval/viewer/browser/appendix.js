@@ -12,7 +12,7 @@ import { WitnessDrawing } from "./witness_drawing.js";
 const PICTURED = 24;   // episodes whose key frame and curves are drawn
 const TOLD = 300;      // episodes of which there are words
 
-let stage = null;
+let stage = null, made = null;
 
 function theStage() {
   if (!stage) {
@@ -69,8 +69,10 @@ function told(table, place) {
     element("p", { class: "small soft" }, `${cell("id")} · ${labels}`), ...rows.map(plainCard));
 }
 
-/** Fill the appendix with words at once; what was drawn before stays where it fits. */
+/** Fill the appendix with words at once; for the same list it stays as it is, with its pictures. */
 export function wordsFor(table, places) {
+  if (made === places) return;
+  made = places;
   const some = places.slice(0, TOLD), count = places.length.toLocaleString("en");
   byId("appendix").replaceChildren(
     element("h2", {}, `Evidence: ${table.title}`),
@@ -80,8 +82,8 @@ export function wordsFor(table, places) {
 
 /** Draw the pictures of the gravest, then print; `tell` is called with how far it is. */
 export async function printEvidence(table, places, tell) {
+  made = null;
   wordsFor(table, places);
-  byId("appendix").dataset.ready = "yes";
   const articles = [...byId("appendix").querySelectorAll("article.evidence")];
   const some = places.slice(0, PICTURED);
   for (const [i, place] of some.entries()) {
@@ -95,5 +97,4 @@ export async function printEvidence(table, places, tell) {
   }
   tell("");
   globalThis.print();
-  delete byId("appendix").dataset.ready;
 }

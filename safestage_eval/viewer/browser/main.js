@@ -99,7 +99,7 @@ async function start() {
   });
   byId("print").onclick = printing;
   addEventListener("hashchange", follow);
-  addEventListener("beforeprint", () => { if (!byId("appendix").dataset.ready && byId("results").hidden) wordsFor(table, list.places); });
+  addEventListener("beforeprint", () => { if (byId("results").hidden) wordsFor(table, list.places); });
   globalThis.safestage = { get pane() { return pane; }, get list() { return list; }, get table() { return table; } };
   const { episode, part } = placeNow();
   if (episode !== null || part) follow();

@@ -158,6 +158,24 @@ export class SafestageReplay {
     }
     for (const act of this.onDraw) act(this);
     renderer.render(this.scene, camera);
-    for (const { body, element } of this.tags) this.placeTag(element, this.pose(body));
+    this._placeTags();
+  }
+
+  /** Names stand below each other where they would cover each other. */
+  _placeTags() {
+    const { clientWidth, clientHeight } = this.canvas, taken = [];
+    const spots = this.tags.map(({ body, element }) => ({ element, at: this.project(this.pose(body)) }));
+    spots.sort((a, b) => (a.at?.[1] ?? 0) - (b.at?.[1] ?? 0));
+    for (const { element, at } of spots) {
+      const inside = at && at[0] > 0 && at[1] > 0 && at[0] < clientWidth && at[1] < clientHeight;
+      element.hidden = !inside;
+      if (!inside) continue;
+      const half = 4 * element.textContent.length;
+      let [x, y] = at;
+      x = Math.min(Math.max(x, half), clientWidth - half);
+      for (const [left, right, above] of taken) if (x + half > left && x - half < right && y < above + 20 && y > above - 20) y = above + 20;
+      taken.push([x - half, x + half, y]);
+      element.style.transform = `translate(-50%, -50%) translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+    }
   }
 }

@@ -83,7 +83,7 @@ export class WitnessDrawing {
 
   place() {
     const { witness, replay } = this, thick = 0.003 * replay.eye.distance;
-    let from, to, bad = false, said = "";
+    let from, to, bad = false;
     if (witness.kind === "path") {
       const body = this.bodies.get(witness.body);
       from = poseAt(replay.film, body, witness.since).slice(0, 3);
@@ -99,8 +99,7 @@ export class WitnessDrawing {
         from = [from[0], from[1], height]; to = [to[0], to[1], height];
       }
     }
-    const long = Math.hypot(...from.map((x, k) => x - to[k]));
-    said = amount(100 * long, "cm");
+    const said = this._measured() ?? `≈ ${amount(100 * Math.hypot(...from.map((x, k) => x - to[k])), "cm")}`;
     const colour = colourNow(bad ? "violation" : "accent");
     this.ink.color.setStyle(colourNow("mark-ink")); this.glass.color.setStyle(colour);
     stretch(this.rod, from, to, thick);
@@ -109,6 +108,16 @@ export class WitnessDrawing {
     this.label.textContent = bad ? `✕ ${said}` : said;
     this.label.classList.toggle("bad", bad);
     replay.placeTag(this.label, from.map((x, k) => (x + to[k]) / 2 + (k === 2 ? 0.07 * replay.eye.distance : 0)));
+  }
+
+  /** What was measured now, where the deciding measurement is known: it rests on every frame. */
+  _measured() {
+    const curve = this.finding.curves.find((one) => one.signal === this.finding.signal), { time } = this.replay;
+    if (!curve) return null;
+    const after = curve.t.findIndex((t) => t >= time - 1e-6), before = Math.max(after - 1, 0);
+    if (after < 0 || curve.v[after] === null || curve.v[before] === null) return null;
+    const wide = curve.t[after] - curve.t[before], share = wide ? Math.max(0, (time - curve.t[before]) / wide) : 1;
+    return wide > 0.3 ? null : amount((1 - share) * curve.v[before] + share * curve.v[after], curve.unit);
   }
 
   _height(names) {

@@ -130,6 +130,7 @@ def _finding(again: Again, rule: ast.Scoped, v: Verdict, *, curves: bool) -> dic
         "assigned": v.assigned,
         "follows": v.consequence_of,
         "text": v.explanation,
+        "signal": v.signal,
         "notes": list(v.notes),
         "facts": _facts(v),
         "time": v.time,
