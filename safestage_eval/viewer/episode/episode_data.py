@@ -21,7 +21,7 @@ from safestage_eval.whatif.judge_again import Again
 
 from .measured_curves import curve_data, lane_data, runs, spans_of
 from .stored_verdicts import StoredVerdicts, differences
-from .witness import witness
+from .witness_segment import witness
 
 ORDER = ("violation", "inconclusive", "pass", "not_applicable")
 

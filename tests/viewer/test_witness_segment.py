@@ -4,7 +4,7 @@ import pytest
 from scenes import Scene
 
 from safestage_eval.verdicts import Verdict
-from safestage_eval.viewer.episode.witness import witness
+from safestage_eval.viewer.episode.witness_segment import witness
 
 
 @pytest.fixture(scope="module")
