@@ -5,8 +5,9 @@ In a notebook::
     import safestage_eval as sse
 
     episode = sse.load("rollout.mcap")
-    episode.signals("clearance(target, protected)").plot()
-    sse.score("traces/", rules="fsh", edge="3 cm")
+    episode.plot("clearance(target, protected)")
+    scores = sse.score("traces/", rules="fsh", edge="3 cm")
+    scores.findings
 """
 
 from __future__ import annotations
@@ -15,19 +16,49 @@ from typing import TYPE_CHECKING, Any
 
 from .version import __version__
 
-__all__ = ["Episode", "InputError", "TraceWriter", "__version__", "load", "score"]
-
 if TYPE_CHECKING:
-    from .api import Episode, load, score
-    from .errors import InputError
-    from .formats import TraceWriter
+    from .api import Episode, Finding, Scores, load, score
+    from .episode import Body, Cavity, Geom, Header, Joint, Mesh
+    from .errors import InputError, RuleError, TraceError
+    from .formats import TraceWriter, discover, save, validate
+    from .metrics import aggregate, read_outcomes
+    from .monitor import Monitor
+    from .rules import load_rules
+
+__all__ = [
+    "Body",
+    "Cavity",
+    "Episode",
+    "Finding",
+    "Geom",
+    "Header",
+    "InputError",
+    "Joint",
+    "Mesh",
+    "Monitor",
+    "RuleError",
+    "Scores",
+    "TraceError",
+    "TraceWriter",
+    "__version__",
+    "aggregate",
+    "discover",
+    "load",
+    "load_rules",
+    "read_outcomes",
+    "save",
+    "score",
+    "validate",
+]
 
 _HOMES = {
-    "Episode": "api",
-    "load": "api",
-    "score": "api",
-    "InputError": "errors",
-    "TraceWriter": "formats",
+    **dict.fromkeys(("Episode", "Finding", "Scores", "load", "score"), "api"),
+    **dict.fromkeys(("Body", "Cavity", "Geom", "Header", "Joint", "Mesh"), "episode"),
+    **dict.fromkeys(("InputError", "RuleError", "TraceError"), "errors"),
+    **dict.fromkeys(("TraceWriter", "discover", "save", "validate"), "formats"),
+    **dict.fromkeys(("aggregate", "read_outcomes"), "metrics"),
+    "Monitor": "monitor",
+    "load_rules": "rules",
 }
 
 
@@ -38,3 +69,8 @@ def __getattr__(name: str) -> Any:
     import importlib
 
     return getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """The public names, for completion."""
+    return sorted({*globals(), *__all__})

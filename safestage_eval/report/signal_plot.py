@@ -43,19 +43,21 @@ class Panel:
     verdicts: tuple[Verdict, ...] = ()
 
 
-def panels(again: Again, expressions: Sequence[str]) -> list[Panel]:
+def panels(again: Again, expressions: Sequence[str], *, rule: str | None = None) -> list[Panel]:
     """The wanted signals, or those that decide the assigned rules if none is named.
 
     Args:
         again: the episode, with the rules whose limits are drawn.
         expressions: ``"clearance(target, protected)"``; as verdicts name them works as well, with
             ``since``.
+        rule: code of a rule: what decides that one, where no signal is named.
 
     Raises InputError for a signal, role or body that does not exist, or if nothing decides.
     """
     if expressions:
         return [_panel(again, expression) for expression in expressions]
-    decided = [name for rule in again.assigned for name in _deciding(again, rule)]
+    judged = again.assigned if rule is None else [again.rules.scoped[rule]]
+    decided = [name for one in judged for name in _deciding(again, one)]
     result = [_panel(again, name) for name in dict.fromkeys(decided)]
     if not result:
         raise InputError(
@@ -146,21 +148,25 @@ def draw(again: Again, drawn: Sequence[Panel], path: Path) -> None:
     Raises:
         InputError: matplotlib is not installed, or cannot write such a file.
     """
-    ready("--output", path)
-    import matplotlib as mpl
+    write(figure_of(again, drawn), "--output", path)
 
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
+
+def figure_of(again: Again, drawn: Sequence[Panel]) -> Any:
+    """A matplotlib figure of signals, one below the other.
+
+    Raises InputError: matplotlib is not installed.
+    """
+    ready("plot", Path())
+    from matplotlib.figure import Figure
 
     height = 0.9 + 2.1 * len(drawn)
-    figure, rows = plt.subplots(
-        len(drawn), 1, figsize=(9.6, height), layout="constrained", sharex=True, squeeze=False
-    )
+    figure = Figure(figsize=(9.6, height), layout="constrained")
+    rows = figure.subplots(len(drawn), 1, sharex=True, squeeze=False)
     for axes, panel in zip(rows[:, 0], drawn, strict=True):
         _draw(axes, again, panel)
     rows[-1, 0].set_xlabel("time (s)")
     figure.suptitle(again.episode.header.episode_id, fontsize=10, x=0.01, ha="left")
-    write(figure, "--output", path)
+    return figure
 
 
 def _draw(axes: Any, again: Again, panel: Panel) -> None:

@@ -196,7 +196,7 @@ def sweep(
     values: Sequence[ast.Setting],
     *,
     overrides: Mapping[str, str] | None = None,
-    bind: str | Path | None = None,
+    bind: str | Path | BindFile | None = None,
     jobs: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Sweep:
@@ -208,7 +208,7 @@ def sweep(
         param: the parameter; its values here beat every other source.
         values: in SI, of the parameter's dimension.
         overrides: other parameters, as written.
-        bind: a bind file.
+        bind: a bind file, or what was read of one.
         jobs: worker processes.
         progress: called with (done, total).
 
@@ -230,7 +230,7 @@ def sweep(
         param=param,
         values=rising,
         overrides=dict(overrides or {}),
-        bind=None if bind is None else load_bind(bind, rules),
+        bind=load_bind(bind, rules) if isinstance(bind, str | Path) else bind,
     )
     swept, problems = each_episode(refs, work, jobs=jobs, progress=progress)
     judged = dict(reversed(swept))

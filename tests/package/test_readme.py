@@ -53,7 +53,7 @@ def test_the_notebook_runs(readme, checkout, monkeypatch):
     (code,) = (block for block in blocks(readme, "python") if "sse.load" in block)
     names = {}
     exec(compile(code, "README.md", "exec"), names)
-    assert len(names["rows"]) > 0
+    assert len(names["scores"].rows) > 0
 
 
 @pytest.mark.parametrize("command", ["score", "explain"])

@@ -207,7 +207,7 @@ def test_from_the_command_line(stored: Path, tmp_path: Path) -> None:
 def test_from_a_notebook(stored: Path, tmp_path: Path) -> None:
     file = tmp_path / "labels.toml"
     file.write_text(TASK, "utf-8")
-    frame = safestage_eval.score(stored, rules="ets", bind=file)
+    frame = safestage_eval.score(stored, rules="ets", bind=file).rows
     found = frame[frame.rule == "ETS201"]
     assert list(found.verdict) == ["violation", "violation"]
     assert all(found.assigned)

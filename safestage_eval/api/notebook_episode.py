@@ -1,23 +1,30 @@
-"""For notebooks: load an episode, look at its signals, score many into a DataFrame."""
+"""An episode in a notebook: its signals by name, drawn with their limits."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from safestage_eval import episode as model
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.formats import load as load_stored
-from safestage_eval.run.score_many import score_paths
+from safestage_eval.units import DIMENSIONS
+
+from .notebook_cards import Picture, card, facts
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from safestage_eval.relations.relations import Relations
     from safestage_eval.rules import RuleSet
+
+
+def si_unit(dimension: str) -> str:
+    """The unit in which Python is told a dimension: ``m``, ``rad``, ``N``; "" of a plain number."""
+    return next((unit for unit, size in DIMENSIONS.get(dimension, {}).items() if size == 1), "")
 
 
 EXACT = 1e-6
@@ -65,7 +72,56 @@ class Episode(model.Episode):
         if signal is not None and signal.capped:
             known |= np.isfinite(lower) & np.isposinf(upper)
         values = np.where(known, upper, np.nan)
-        return pd.Series(values, pd.Index(seen.t, name="time"), name=expression)
+        named = pd.Series(values, pd.Index(seen.t, name="time"), name=expression)
+        named.attrs["unit"] = si_unit(series.dimension)
+        return named
+
+    def plot(
+        self,
+        *expressions: str,
+        rules: str | Path | Sequence[str | Path] = (),
+        **settings: str,
+    ) -> Picture:
+        """Draw signals over time with their units, the limits that rules set them, and verdicts.
+
+        Args:
+            expressions: as for ``signals``; those that decide the assigned rules if there are none.
+            rules: rule files, folders or built-in names; all built-in ones if empty.
+            settings: parameter values, ``edge="3 cm"``.
+
+        Raises InputError for a name that does not exist, where nothing decides, or without matplotlib.
+        """
+        from safestage_eval.report.signal_plot import figure_of, panels
+        from safestage_eval.rules import builtin_names, load_rules
+        from safestage_eval.whatif.judge_again import Again
+
+        specs = [rules] if isinstance(rules, str | Path) else list(rules)
+        again = Again(self, load_rules(specs or builtin_names()), settings, None)
+        return Picture(figure_of(again, panels(again, expressions)))
+
+    def _repr_html_(self) -> str:
+        header, roles = self.header, dict[str, list[str]]()
+        for role, players in header.roles.items():
+            for player in players:
+                roles.setdefault(player, []).append(role)
+        objects = [body for body in header.bodies if body.kind not in ("robot", "gripper")]
+        said = {True: "success", False: "no success", None: "success unknown"}[header.success]
+        when = "" if header.success_time is None else f" at {header.success_time:.2f} s"
+        rows = {
+            "task": header.task or "–",
+            "said": header.instruction or "–",
+            "policy": f"{header.policy or '–'}, prompt {header.prompt or '–'}",
+            "frames": f"{len(self)} in {float(self.t[-1] - self.t[0]):.2f} s"
+            if len(self)
+            else "none",
+            "goal": f"{said}{when}",
+            "rules": ", ".join(header.rules) or "none assigned",
+            "bodies": ", ".join(
+                f"{body.name} ({', '.join(roles[body.name])})" if body.name in roles else body.name
+                for body in objects
+            ),
+        }
+        return card(header.episode_id, facts(rows))
 
     @cached_property
     def _relations(self) -> Relations:
@@ -91,51 +147,3 @@ def load(path: str | Path | EpisodeRef, episode: str | None = None) -> Episode:
     return Episode(
         **{field.name: getattr(stored, field.name) for field in dataclasses.fields(stored)}
     )
-
-
-def score(
-    paths: str | Path | Sequence[str | Path],
-    rules: str | Path | Sequence[str | Path] = (),
-    *,
-    bind: str | Path | None = None,
-    assign: str | Sequence[str] = (),
-    roles: Mapping[str, str | Sequence[str]] | None = None,
-    jobs: int | None = 1,
-    **settings: str,
-) -> pd.DataFrame:
-    """Judge episodes: one row per episode and rule, columns as in docs/results.md.
-
-    Args:
-        paths: files and folders.
-        rules: rule files, folders or built-in names; all built-in ones if empty.
-        bind: a bind file: roles, goal, rules and values that the traces' headers lack.
-        assign: codes of the rules that every episode is judged by, or patterns of codes.
-        roles: role → names of bodies or patterns, for every episode; [] for none.
-        jobs: worker processes; scripts that use several need the usual ``__main__`` guard.
-        settings: parameter values, ``edge="3 cm"``.
-
-    Episodes that could not be judged are listed in ``frame.attrs["problems"]``.
-    """
-    import pandas as pd
-
-    from safestage_eval.report.result_rows import COLUMNS, rows
-
-    def several(value: str | Path | Sequence[str | Path]) -> list[str | Path]:
-        return [value] if isinstance(value, str | Path) else list(value)
-
-    def joined(bodies: str | Sequence[str]) -> str:
-        return bodies if isinstance(bodies, str) else ",".join(bodies)
-
-    scores = score_paths(
-        several(paths),
-        several(rules),
-        overrides=settings,
-        bind=bind,
-        assign=[assign] if isinstance(assign, str) else assign,
-        roles=[f"{role}={joined(bodies)}" for role, bodies in (roles or {}).items()],
-        jobs=jobs,
-    )
-    frame = pd.DataFrame(rows(scores), columns=list(COLUMNS))
-    problems: list[dict[str, Any]] = [dataclasses.asdict(p) for p in scores.problems]
-    frame.attrs["problems"] = problems
-    return frame

@@ -99,10 +99,10 @@ def test_a_relation_is_one_zero_or_unknown(traces):
 
 
 def test_signals_match_the_verdict(traces):
-    row = sse.score(traces / "unsafe.mcap", "fsh").query("rule == 'FSH101'").iloc[0]
+    row = sse.score(traces / "unsafe.mcap", "fsh").rows.query("rule == 'FSH101'").iloc[0]
     margin = sse.load(traces / "unsafe.mcap").signals("edge_margin(target)")
-    assert row["unit"] == "cm"
-    assert 100 * margin.loc[row["time"]] == pytest.approx(row["value"])
+    assert row["unit"] == margin.attrs["unit"] == "m"
+    assert margin.loc[row["time"]] == pytest.approx(row["value"])
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_names_that_do_not_exist(falling, expression, said):
 
 
 def test_a_frame_with_the_documented_columns(traces):
-    frame = sse.score(traces, "fsh")
+    frame = sse.score(traces, "fsh").rows
     assert isinstance(frame, pd.DataFrame)
     assert tuple(frame.columns) == COLUMNS
     assert frame.attrs["problems"] == []
@@ -136,17 +136,17 @@ def test_a_frame_with_the_documented_columns(traces):
 
 
 def test_every_built_in_rule_without_rules(traces):
-    assert {"ISH101", "ETS101", "FSH101"} <= set(sse.score(traces).rule)
+    assert {"ISH101", "ETS101", "FSH101"} <= set(sse.score(traces).rows.rule)
 
 
 def test_one_path_or_several(traces):
-    several = sse.score([traces / "safe.mcap", str(traces / "unsafe.mcap")], ["fsh", "ish"])
+    several = sse.score([traces / "safe.mcap", str(traces / "unsafe.mcap")], ["fsh", "ish"]).rows
     assert set(several.episode_id) == {"safe", "unsafe"}
     assert {code[:3] for code in several.rule} == {"FSH", "ISH"}
 
 
 def test_settings_by_name(traces):
-    frame = sse.score(traces, "fsh", edge="4 mm")
+    frame = sse.score(traces, "fsh", edge="4 mm").rows
     assert not (frame.verdict == "violation").any()
     with pytest.raises(sse.InputError, match="egde"):
         sse.score(traces, "fsh", egde="4 mm")
@@ -155,7 +155,7 @@ def test_settings_by_name(traces):
 def test_problems_are_listed_beside_the_rows(traces, tmp_path):
     save(block("kept"), tmp_path / "kept.mcap")
     (tmp_path / "bad.mcap").write_bytes((traces / "safe.mcap").read_bytes()[:100])
-    frame = sse.score(tmp_path, "fsh")
+    frame = sse.score(tmp_path, "fsh").rows
     assert set(frame.episode_id) == {"kept"}
     (problem,) = frame.attrs["problems"]
     assert problem["path"] == str(tmp_path / "bad.mcap")

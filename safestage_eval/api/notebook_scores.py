@@ -1,0 +1,385 @@
+"""Judged episodes in a notebook: rows, rates, findings, and what another value would have said."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from safestage_eval.errors import InputError
+from safestage_eval.run.score_many import score_many
+from safestage_eval.run.scores import Scores as Judged
+from safestage_eval.run.scores import deduplicate, titles
+from safestage_eval.run.settings import Settings, load_settings
+
+from .notebook_cards import Page, Picture, Text, card, table
+from .notebook_finding import Finding
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import polars as pl
+
+    from safestage_eval.formats import EpisodeRef
+    from safestage_eval.metrics.paired import By
+    from safestage_eval.verdicts import EpisodeResult
+
+_COMMAND = "from safestage_eval.cli import main; main()"
+
+
+class Findings(tuple[Finding, ...]):
+    """What is not safe, the gravest of each episode first; a table in a notebook."""
+
+    __slots__ = ()
+
+    def _repr_html_(self) -> str:
+        heads = ("episode", "rule", "verdict", "from", "what was seen")
+        rows = [
+            (
+                f.episode_id,
+                f.rule,
+                f.verdict,
+                "" if f.time is None else f"{f.time:.2f} s",
+                f.explanation,
+            )
+            for f in self
+        ]
+        return card(f"{len(self)} finding{'s' * (len(self) != 1)}", table(heads, rows))
+
+
+class Scores:
+    """Verdicts of episodes. Values are in SI and rates 0…1, as are signals.
+
+    Attributes:
+        problems: episodes that could not be judged: ``path`` and ``message`` of each.
+    """
+
+    def __init__(self, judged: Judged, refs: Sequence[EpisodeRef], settings: Settings) -> None:
+        self._judged, self._refs, self._settings = judged, tuple(refs), settings
+        self.problems = [{"path": p.path, "message": p.message} for p in judged.problems]
+
+    def __len__(self) -> int:
+        """How many episodes were judged."""
+        return len(self._judged.results)
+
+    def __iter__(self) -> Iterator[EpisodeResult]:
+        """Verdicts, episode by episode."""
+        return iter(self._judged.results)
+
+    @cached_property
+    def rows(self) -> pd.DataFrame:
+        """One row per episode and rule, columns as in docs/results.md, values in SI.
+
+        Truths and whole numbers are of pandas' kinds that may be missing.
+        """
+        from safestage_eval.report.result_rows import rows
+
+        from .result_frame import result_frame
+
+        frame = result_frame(rows(self._judged))
+        frame.attrs["problems"] = self.problems
+        return frame
+
+    @property
+    def rates(self) -> pd.DataFrame:
+        """SR, SSR, USR and VR, 0…1, by policy, prompt and stage, with what they rest on."""
+        import pandas as pd
+
+        from safestage_eval.metrics import METRICS, by_policy_stage, outcomes
+
+        cells = by_policy_stage(outcomes(self._judged.results))
+        rows = [
+            {
+                **dict(zip(("policy", "prompt", "stage"), names, strict=True)),
+                "episodes": cell.episodes,
+                "n": cell.n,
+                "at_risk": cell.given["at risk"]["N"],
+                "inconclusive": cell.inconclusive,
+                "not_judged": cell.not_judged,
+                **{metric: cell.value(metric) for metric in METRICS},
+                "VR_at_risk": cell.value("VR", "at risk"),
+            }
+            for names, cell in cells.items()
+        ]
+        return pd.DataFrame(rows)
+
+    @cached_property
+    def findings(self) -> Findings:
+        """Violations and undecided verdicts of the rules that count."""
+        from safestage_eval.report.results_text import BAD, by_importance
+
+        return Findings(
+            Finding(result.episode_id, v, self)
+            for result in self._judged.results
+            for v in by_importance(self._judged.gates.counted(result))
+            if v.verdict in BAD
+        )
+
+    def explain(self, episode: str | None = None, *, everything: bool = False) -> Text:
+        """Why episodes got their verdicts, one sentence per finding, as ``safestage explain``.
+
+        Args:
+            episode: its id, or a part that only it has; all episodes if None.
+            everything: also rules that do not apply, and every unknown value.
+
+        Raises InputError for an id that no episode has.
+        """
+        from safestage_eval.report.episode_report import explain
+
+        results = [self._result(episode)] if episode is not None else self._judged.results
+        return Text("\n".join(explain(r, everything=everything) for r in results))
+
+    def sweep(
+        self,
+        param: str,
+        values: str | Sequence[str] | None = None,
+        *,
+        first: str | None = None,
+        last: str | None = None,
+        steps: int = 21,
+        by: Sequence[str] = (),
+    ) -> pd.DataFrame:
+        """The rates under other values of a parameter, as ``safestage sweep``.
+
+        Args:
+            param: ``"edge"``.
+            values: ``"1 cm, 2 cm"``; None for ``steps`` values from ``first`` to ``last``.
+            first: ``"0 cm"``; None for a range around the usual value.
+            last: likewise.
+            steps: how many.
+            by: ``policy``, ``prompt``, ``stage``, ``task`` or ``rule``: a curve for each.
+
+        Returns one row per group and value.
+        Raises InputError, RuleError: no such parameter, or none that judged an episode.
+        """
+        import pandas as pd
+
+        from safestage_eval.whatif.sweep import sweep
+        from safestage_eval.whatif.swept_values import between, chosen
+
+        rules = self._settings.rule_set
+        texts = values.split(",") if isinstance(values, str) else values
+        visited = (
+            between(rules, param, first, last, steps)
+            if texts is None
+            else chosen(rules, param, texts)
+        )
+        found = sweep(
+            self._refs, self._settings.rules, param, visited, overrides=self._settings.overrides,
+            bind=self._settings.bind, jobs=1,
+        )  # fmt: skip
+        return pd.DataFrame(found.rows(by))
+
+    def compare(self, other: Scores | None = None, by: By | None = None) -> pd.DataFrame:
+        """Differences of the rates on the same rollouts, as ``safestage compare``.
+
+        Args:
+            other: what these are compared with; None: the two policies (or prompts) in these.
+            by: ``policy``, ``prompt`` or ``rules``; None: by what the two differ.
+
+        Returns a row per scope and metric: rates ``a`` and ``b`` 0…1, ``difference``, its 95 % interval,
+        McNemar's p and Holm's. ``attrs["names"]`` says who a and b are, ``attrs["warnings"]`` what
+        the sample is too small for.
+        Raises InputError: nothing belongs together, or what is to be compared is not clear.
+        """
+        import pandas as pd
+
+        from safestage_eval.metrics import outcomes
+        from safestage_eval.metrics.comparison import compare, differs
+        from safestage_eval.report.paired_report import warnings
+
+        mine = outcomes(self._judged.results)
+        if other is None:
+            field: By = by or ("policy" if len({o.policy for o in mine}) > 1 else "prompt")
+            names = sorted({str(getattr(o, field, "")) for o in mine})
+            if field == "rules" or len(names) != 2:
+                raise InputError(
+                    f"compare(by={field!r})", f"{len(names)} values: {', '.join(names)}.", "two",
+                    "give other scores to compare with, or another by",
+                )  # fmt: skip
+            sides = [[o for o in mine if str(getattr(o, field)) == name] for name in names]
+        else:
+            sides = [mine, outcomes(other._judged.results)]  # noqa: SLF001 — its own kind
+            field = by or differs(*sides)
+            names = ["these", "other"]
+            if field != "rules":
+                names = [str(getattr(side[0], field)) if side else "–" for side in sides]
+        found = compare(sides[0], sides[1], field, (names[0], names[1]))
+        rows = [
+            {
+                "of": line.of.scope,
+                "metric": line.of.metric,
+                "pairs": line.of.n,
+                "a": line.of.sums[1] / line.of.n if line.of.n else None,
+                "b": line.of.sums[2] / line.of.n if line.of.n else None,
+                "difference": line.of.difference,
+                "low": line.interval[0] if line.interval else None,
+                "high": line.interval[1] if line.interval else None,
+                "p": line.p,
+                "p_holm": line.p_holm,
+                "significant": line.significant,
+            }
+            for line in found.lines
+        ]
+        frame = pd.DataFrame(rows)
+        frame.attrs.update(names=found.names, by=field, warnings=warnings(found))
+        return frame
+
+    def view(self, episode: str | None = None) -> Page:
+        """Show an episode in 3-D with its signals, limits and findings, as ``safestage view``.
+
+        ``episode``: its id, or a part that only it has; may be left out where there is one.
+        Raises InputError for an id that no episode has, or where there are several.
+        """
+        ref = self._ref(episode)
+        path = Path(tempfile.mkdtemp(prefix="safestage-")) / "episode.html"
+        asked = [arg for rule in self._settings.rules for arg in ("--rules", str(rule))]
+        for name, value in (self._settings.overrides or {}).items():
+            asked += ["--set", f"{name}={value}"]
+        asked += self._asked
+        place = [str(ref.path), "--episode", ref.episode_id, "--output", str(path), "--no-open"]
+        done = subprocess.run(  # noqa: S603 — the command, in a process of its own
+            [sys.executable, "-c", _COMMAND, "view", *place, *asked],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        if done.returncode:
+            raise InputError(ref.episode_id, done.stderr.strip() or "cannot be shown.")
+        return Page(path)
+
+    def plot(self, episode: str | None = None, *signals: str, rule: str | None = None) -> Picture:
+        """Draw signals of an episode with their units, limits and verdicts, as ``safestage plot``.
+
+        Args:
+            episode: its id, or a part that only it has; may be left out where there is one.
+            signals: ``"clearance(target, protected)"``; what decides its rules if there are none.
+            rule: what decides this one, instead.
+
+        Raises InputError for names that do not exist, where nothing decides, or without matplotlib.
+        """
+        from safestage_eval.report.signal_plot import figure_of, panels
+        from safestage_eval.whatif.judge_again import Again
+
+        ref, settings = self._ref(episode), self._settings
+        again = Again(ref.open(), settings.rule_set, settings.overrides or {}, settings.bind)
+        return Picture(figure_of(again, panels(again, signals, rule=rule)))
+
+    def to_pandas(self) -> pd.DataFrame:
+        """The rows."""
+        return self.rows
+
+    def to_polars(self) -> pl.DataFrame:
+        """The rows, as polars has them."""
+        import polars as pl
+
+        from safestage_eval.report.result_rows import COLUMNS, rows
+
+        from .result_frame import in_si_units
+
+        return pl.DataFrame(
+            [in_si_units(row) for row in rows(self._judged)],
+            schema=list(COLUMNS), infer_schema_length=None,
+        )  # fmt: skip
+
+    _asked: Sequence[str] = ()
+    """Options of the command line that bind roles and rules."""
+
+    def _result(self, episode: str) -> EpisodeResult:
+        ref = self._ref(episode)
+        return next(r for r in self._judged.results if r.episode_id == ref.episode_id)
+
+    def _ref(self, episode: str | None) -> EpisodeRef:
+        from difflib import get_close_matches
+
+        judged = {result.episode_id for result in self._judged.results}
+        refs = {ref.episode_id: ref for ref in reversed(self._refs) if ref.episode_id in judged}
+        if episode in refs:
+            return refs[episode]
+        some = [name for name in refs if episode is None or episode in name]
+        if len(some) == 1:
+            return refs[some[0]]
+        near = get_close_matches(episode or "", refs, 1)
+        raise InputError(
+            f"episode {episode!r}" if episode is not None else "no episode named",
+            f"{len(some)} of {len(refs)} episodes are meant.", "one",
+            f'did you mean "{near[0]}"?' if near else f"name one: {', '.join((some or [*refs])[:5])}",
+        )  # fmt: skip
+
+    def _coverage(self) -> str:
+        from safestage_eval.metrics import outcomes, rates
+        from safestage_eval.report.summary import coverage
+
+        judged = self._judged
+        return coverage(rates(outcomes(judged.results)), len(judged.problems) + len(judged.aborted))
+
+    def __repr__(self) -> str:
+        """What was judged, and the rates."""
+        return f"{self._coverage()}\n{self.rates.to_string(index=False)}"
+
+    def _repr_html_(self) -> str:
+        cells = self.rates.fillna("–").astype(object)
+        percent = ("SR", "SSR", "USR", "VR", "VR_at_risk")
+        for name in percent:
+            cells[name] = [f"{100 * v:.1f} %" if isinstance(v, float) else v for v in cells[name]]
+        shown = table([*cells.columns], cells.itertuples(index=False))
+        problems = [(p["message"],) for p in self.problems]
+        parts = [table(("could not be judged",), problems, 5)] if problems else []
+        return card(self._coverage(), shown, *parts) + self.findings._repr_html_()
+
+
+def score(
+    paths: str | Path | Sequence[str | Path],
+    rules: str | Path | Sequence[str | Path] = (),
+    *,
+    bind: str | Path | None = None,
+    assign: str | Sequence[str] = (),
+    roles: Mapping[str, str | Sequence[str]] | None = None,
+    jobs: int | None = 1,
+    **settings: str,
+) -> Scores:
+    """Judge episodes.
+
+    Args:
+        paths: files and folders.
+        rules: rule files, folders or built-in names; all built-in ones if empty.
+        bind: a bind file: roles, goal, rules and values that the traces' headers lack.
+        assign: codes of the rules that every episode is judged by, or patterns of codes.
+        roles: role → names of bodies or patterns, for every episode; [] for none.
+        jobs: worker processes; scripts that use several need the usual ``__main__`` guard.
+        settings: parameter values, ``edge="3 cm"``.
+
+    Raises:
+        TraceError: nothing was found.
+        RuleErrors, RuleError, InputError: rules, values or roles that do not mean anything.
+    """
+    from safestage_eval.formats import discover
+    from safestage_eval.formats.episode_filter import Selection
+    from safestage_eval.rules import builtin_names
+    from safestage_eval.run.gates import Gates
+
+    def several(value: str | Path | Sequence[str | Path]) -> list[str | Path]:
+        return [value] if isinstance(value, str | Path) else list(value)
+
+    def joined(bodies: str | Sequence[str]) -> str:
+        return bodies if isinstance(bodies, str) else ",".join(bodies)
+
+    specs = several(rules) or list(builtin_names())
+    codes = [assign] if isinstance(assign, str) and assign else list(assign)
+    named = [f"{role}={joined(bodies)}" for role, bodies in (roles or {}).items()]
+    asked = load_settings(specs, overrides=settings, bind=bind, assign=codes, roles=named)
+    chosen = Selection(discover(several(paths)), None)
+    refs = [*chosen]
+    results, problems, copies = deduplicate(score_many(refs, settings=asked, jobs=jobs))
+    judged = Judged(
+        tuple(results), tuple(problems), titles(asked.rule_set), tuple(copies),
+        tuple(chosen.aborted), gates=Gates.of(specs),
+    )  # fmt: skip
+    scores = Scores(judged, refs, asked)
+    scores._asked = [  # noqa: SLF001
+        *(("--bind", str(bind)) if bind is not None else ()),
+        *(arg for code in codes for arg in ("--assign", code)),
+        *(arg for role in named for arg in ("--role", role)),
+    ]
+    return scores
