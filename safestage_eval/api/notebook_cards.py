@@ -10,7 +10,7 @@ from typing import Any
 
 from safestage_eval._text.printable import printable
 
-STYLE = "border:1px solid #8886;border-radius:6px;padding:.6em .9em;margin:.3em 0;max-width:60em"
+STYLE = "overflow-x:auto;border:1px solid #8886;border-radius:6px;padding:.6em .9em;margin:.3em 0;max-width:60em"
 CELL = "text-align:left;padding:.15em .8em .15em 0;vertical-align:top"
 SIGNS = {"violation": "✕", "pass": "✓", "inconclusive": "?", "not_applicable": "–"}
 COLORS = {"violation": "#ae360b", "pass": "#00668a", "inconclusive": "#755500"}
@@ -36,12 +36,16 @@ def table(heads: Sequence[str], rows: Iterable[Iterable[object]], most: int = 20
     """A table; of many rows the first ones, and how many more there are."""
     kept = [tuple(row) for row in rows]
     head = "".join(f'<th style="{CELL}">{words(name)}</th>' for name in heads)
-    body = "".join(
-        "<tr>" + "".join(f'<td style="{CELL}">{words(cell)}</td>' for cell in row) + "</tr>"
-        for row in kept[:most]
-    )
+    body = "".join("<tr>" + "".join(_cell(cell) for cell in row) + "</tr>" for row in kept[:most])
     more = f"<p>and {len(kept) - most} more</p>" if len(kept) > most else ""
     return f"<table>{f'<tr>{head}</tr>' if heads else ''}{body}</table>{more}"
+
+
+def _cell(cell: object) -> str:
+    """Numbers and other short words stay on one line."""
+    shown = words(cell)
+    style = f"{CELL};white-space:nowrap" if len(shown) < 14 else CELL
+    return f'<td style="{style}">{shown}</td>'
 
 
 def verdict(word: str) -> str:

@@ -319,7 +319,11 @@ class Scores:
         return f"{self._coverage()}\n{self.rates.to_string(index=False)}"
 
     def _repr_html_(self) -> str:
-        cells = self.rates.fillna("–").astype(object)
+        rates = self.rates
+        idle = [name for name in ("inconclusive", "not_judged") if not rates[name].any()]
+        if rates.n.equals(rates.episodes):
+            idle.append("episodes")
+        cells = rates.drop(columns=idle).astype(object).fillna("–")
         percent = ("SR", "SSR", "USR", "VR", "VR_at_risk")
         for name in percent:
             cells[name] = [f"{100 * v:.1f} %" if isinstance(v, float) else v for v in cells[name]]

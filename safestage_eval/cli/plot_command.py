@@ -13,6 +13,7 @@ from .shared_options import (
     loaded_rules,
     pairs,
     prepare_kernels,
+    progress,
     rules_option,
     set_option,
 )
@@ -59,5 +60,6 @@ def command(
     loaded, bound = loaded_rules(rules, bind)
     prepare_kernels()
     again = Again(ref.open(), loaded, pairs(settings, "--set"), bound)
-    signal_plot.draw(again, signal_plot.panels(again, signals), output)
+    with progress("drawing") as tell:
+        signal_plot.draw(again, signal_plot.panels(again, signals, progress=tell), output)
     say(f"{output}: drawn", err=True)

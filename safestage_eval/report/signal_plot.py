@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,13 @@ class Panel:
     verdicts: tuple[Verdict, ...] = ()
 
 
-def panels(again: Again, expressions: Sequence[str], *, rule: str | None = None) -> list[Panel]:
+def panels(
+    again: Again,
+    expressions: Sequence[str],
+    *,
+    rule: str | None = None,
+    progress: Callable[[int, int | None], None] | None = None,
+) -> list[Panel]:
     """The wanted signals, or those that decide the assigned rules if none is named.
 
     Args:
@@ -51,14 +57,17 @@ def panels(again: Again, expressions: Sequence[str], *, rule: str | None = None)
         expressions: ``"clearance(target, protected)"``; as verdicts name them works as well, with
             ``since``.
         rule: code of a rule: what decides that one, where no signal is named.
+        progress: told (done, total) signals; first that nobody knows how many there will be.
 
     Raises InputError for a signal, role or body that does not exist, or if nothing decides.
     """
+    tell = progress or (lambda _done, _total: None)
+    tell(0, None)
     if expressions:
-        return [_panel(again, expression) for expression in expressions]
+        return _panels(again, expressions, tell)
     judged = again.assigned if rule is None else [again.rules.scoped[rule]]
     decided = [name for one in judged for name in _deciding(again, one)]
-    result = [_panel(again, name) for name in dict.fromkeys(decided)]
+    result = _panels(again, list(dict.fromkeys(decided)), tell)
     if not result:
         raise InputError(
             again.episode.header.episode_id,
@@ -66,6 +75,16 @@ def panels(again: Again, expressions: Sequence[str], *, rule: str | None = None)
             fix="name a signal, with its bodies or roles",
         )
     return result
+
+
+def _panels(
+    again: Again, names: Sequence[str], tell: Callable[[int, int | None], None]
+) -> list[Panel]:
+    found = []
+    for name in names:
+        found.append(_panel(again, name))
+        tell(len(found), len(names))
+    return found
 
 
 def _deciding(again: Again, rule: ast.Scoped) -> list[str]:

@@ -11,6 +11,8 @@ from safestage_eval.cli.shared_options import (
     chosen_ref,
     episode_argument,
     episode_option,
+    prepare_kernels,
+    progress,
     rules_option,
 )
 from safestage_eval.cli.terminal import say
@@ -62,7 +64,8 @@ def render(
     bound = None if bind is None else load_bind(bind, loaded)
     recorded = ref.open()
     path = output or Path(f"{recorded.header.episode_id}.mp4")
-    count = film(
-        recorded, judge(recorded, loaded, bind=bound), path, camera=VIEWS[view], speed=speed
-    )
+    prepare_kernels()
+    with progress("filming") as tell:
+        result = judge(recorded, loaded, bind=bound)
+        count = film(recorded, result, path, camera=VIEWS[view], speed=speed, progress=tell)
     say(f"{path}: {count} pictures")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,6 +34,7 @@ def film(
     size: tuple[int, int] = (640, 440),
     camera: Camera = VIEWS["front"],
     speed: float = 1.0,
+    progress: Callable[[int, int | None], None] | None = None,
 ) -> int:
     """Write an MP4 or GIF; the number of its pictures.
 
@@ -44,6 +45,7 @@ def film(
         size: width, height of the pictures; a bar with words comes below.
         camera: from where.
         speed: times real time.
+        progress: told (done, total) pictures.
 
     Raises:
         InputError: another ending, or what is needed for it is not installed.
@@ -51,7 +53,7 @@ def film(
     if path.suffix.lower() not in RATES:
         raise InputError(str(path), "no such film.", ", ".join(RATES))
     rate = RATES[path.suffix.lower()]
-    pictures = _pictures(episode, result, rate / speed, rate, size, camera)
+    pictures = _pictures(episode, result, rate / speed, rate, size, camera, progress)
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
@@ -69,6 +71,7 @@ def _pictures(
     rate: int,
     size: tuple[int, int],
     camera: Camera,
+    progress: Callable[[int, int | None], None] | None = None,
 ) -> Iterator[Image]:
     verdict, header = moment(result), episode.header
     decisive = None if verdict.time is None else frame_at(episode, verdict.time)
@@ -80,7 +83,7 @@ def _pictures(
         frames[after:after] = [decisive] * round(STILL * rate)
     with EpisodeRenderer(episode, *size, style=Style(role_colors(header))) as renderer:
         last, drawn = -1, np.empty(0, np.uint8)
-        for frame in frames:
+        for number, frame in enumerate(frames, 1):
             if frame != last:
                 image = renderer.frame(frame, camera)
                 reached = decisive is not None and frame >= decisive
@@ -91,6 +94,8 @@ def _pictures(
                 now = color if frame == decisive else None
                 drawn, last = captioned(image, [(first, GREY), second], now), frame
             yield drawn
+            if progress is not None:
+                progress(number, len(frames))
 
 
 def _mp4(pictures: Iterator[Image], path: Path, rate: int) -> int:

@@ -26,6 +26,12 @@ def test_a_signal_comes_with_the_limits_of_all_rules_that_read_it(again):
     assert {v.rule: v.verdict for v in panel.verdicts} == {"ETS901": "violation", "ETS902": "pass"}
 
 
+def test_progress_counts_the_signals(again):
+    told = []
+    drawn = signal_plot.panels(again, [], progress=lambda *now: told.append(now))
+    assert told == [(0, None), *((n + 1, len(drawn)) for n in range(len(drawn)))]
+
+
 def test_without_a_signal_the_decisive_ones_are_drawn(again):
     names = [panel.name for panel in signal_plot.panels(again, [])]
     decisive = [again.base(rule)[1].signal for rule in again.assigned]
