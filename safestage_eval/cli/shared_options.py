@@ -15,7 +15,7 @@ import click
 
 from safestage_eval._text.line_width import LINE_WIDTH
 
-from .terminal import say
+from .terminal import BARS, say
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -248,6 +248,7 @@ def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
         nonlocal bar
         if bar is None:
             bar = _start_bar(what)
+            BARS.append(bar)
         bar.update(bar.task_ids[0], completed=done, total=total)
 
     try:
@@ -255,6 +256,7 @@ def progress(what: str) -> Iterator[Callable[[int, int | None], None] | None]:
     finally:
         if bar is not None:
             bar.stop()
+            BARS.remove(bar)
 
 
 def _start_bar(what: str) -> Progress:
@@ -280,7 +282,10 @@ def _start_bar(what: str) -> Progress:
         TextColumn(what), BarColumn(), MofNCompleteColumn(), Rate(""), TimeElapsedColumn(),
         TextColumn("left:"), TimeRemainingColumn(),
     )  # fmt: skip
-    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    bar = Progress(
+        *columns, console=Console(stderr=True), transient=True, redirect_stdout=False,
+        redirect_stderr=False,
+    )  # fmt: skip
     bar.add_task(what, total=None)
     bar.start()
     return bar

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+from typing import Protocol
 
 import click
 
@@ -19,6 +20,24 @@ def line_width() -> int | None:
     return shutil.get_terminal_size().columns or None
 
 
+class Bar(Protocol):
+    """A line that is drawn anew, time and again."""
+
+    def start(self) -> None:
+        """Draw it from now on."""
+
+    def stop(self) -> None:
+        """Take it away."""
+
+
+BARS: list[Bar] = []
+"""Those that are drawn now: they give way to messages."""
+
+
 def say(text: str, *, err: bool = False, nl: bool = True) -> None:
     """Print text with its control characters escaped, lines folded; ``err``: to stderr."""
+    for bar in BARS:
+        bar.stop()
     click.echo(folded(printable_lines(text), LINE_WIDTH.get()), err=err, nl=nl)
+    for bar in BARS:
+        bar.start()
