@@ -14,7 +14,7 @@ ifeq ($(shell uname),Linux)
 export MUJOCO_GL ?= egl
 endif
 
-.PHONY: demo setup test tests quick format lint typecheck schemas catalogue audit-docs traces validate validate-share gallery blind-study
+.PHONY: demo setup test tests quick format lint typecheck schemas catalogue audit-docs traces validate validate-share gallery blind-study fuzz faults matrix
 
 demo: $(BIN)/safestage-score  ## score the recorded episodes; needs no simulator
 	$(BIN)/safestage-score traces/ --rules rules/
@@ -67,6 +67,21 @@ validate-share: $(BIN)/pytest  ## the same for a share of the tasks: SHARE=2/6 i
 
 gallery: $(BIN)/pytest  ## draw every task, and write docs/gallery.md
 	$(BIN)/safestage tasks gallery
+
+INPUTS ?= 20000
+SEED ?= $(shell date +%s)
+JOBS ?= $(shell nproc)
+fuzz: $(BIN)/pytest  ## hostile inputs of every format by the oracle: a new seed each time, kept in build/fuzz.json
+	mkdir -p build
+	$(BIN)/python benchmarks/fuzz.py --seed $(SEED) --inputs $(INPUTS) --jobs $(JOBS) \
+	  --counts build/fuzz.json --keep build/fuzz --write docs/security.md
+
+KILLS ?= 200
+faults: $(BIN)/pytest  ## kill everything that writes, starve it and lock it out, and write docs/reliability.md
+	$(BIN)/python tests/faults/fault_campaign.py --kills $(KILLS) --write docs/reliability.md
+
+matrix:  ## install the wheel on every Python that is here and in hard places, and score traces/ in each
+	$(PYTHON) tests/package/install_matrix.py --write docs/reliability.md
 
 STUDY ?= study
 blind-study: $(BIN)/pytest  ## record a noisy corpus, and draw 240 rollouts of it to be read (docs/labels.md)

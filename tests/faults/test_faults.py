@@ -5,16 +5,34 @@ import random
 import pytest
 from child import Child
 from fault_campaign import full_disk, killed, read_only
-from victims import prepared, writers
+from file_victims import Auditor, LabelWriters
+from object_store import object_store
+from process_faults import denied, failing_disk, jumping_clock
+from stores import short_store, throttling_store
+from victims import StoreScorer, prepared, writers
 
 from safestage_eval.formats.parquet import dataset_layout as layout
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")]
 
 
+SOUND = (0, 0, 0)
+"""Nothing lost, no half file taken for a whole one, and no next run that failed."""
+
+
 @pytest.fixture(scope="module")
-def victims(tmp_path_factory):
-    return writers(prepared(tmp_path_factory.mktemp("victims")))
+def source(tmp_path_factory):
+    return prepared(tmp_path_factory.mktemp("victims"))
+
+
+@pytest.fixture(scope="module")
+def victims(source):
+    return writers(source)
+
+
+@pytest.fixture(scope="module")
+def file_victims(source):
+    return [Auditor(source), LabelWriters(source)]
 
 
 @pytest.mark.parametrize("number", range(6))
@@ -29,6 +47,37 @@ def test_whatever_happens_to_what_writes(tmp_path, victims, number):
     for row in rows:
         assert (row.lost, row.halves, row.next_failed) == (0, 0, 0), row
     assert rows[0].tried == kills
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_a_write_that_fails_once_and_rights_that_are_not_there(tmp_path, victims, number):
+    victim, chance = victims[number], random.Random(number)
+    for row in (
+        failing_disk(victim, 3, chance, tmp_path / "failing"),
+        denied(victim, 1, chance, tmp_path / "denied"),
+        jumping_clock(victim, 1, chance, tmp_path / "clock"),
+    ):
+        assert (row.lost, row.halves, row.next_failed) == SOUND, row
+
+
+@pytest.mark.parametrize("number", range(2))
+def test_reports_and_labels_are_whole(tmp_path, file_victims, number):
+    victim, chance = file_victims[number], random.Random(number)
+    for row in (
+        killed(victim, 3, chance, tmp_path / "killed"),
+        failing_disk(victim, 4, chance, tmp_path / "failing"),
+        denied(victim, 2, chance, tmp_path / "denied"),
+    ):
+        assert (row.lost, row.halves, row.next_failed) == SOUND, row
+
+
+def test_a_store_that_throttles_or_answers_with_less(tmp_path, source):
+    chance = random.Random(0)
+    with object_store() as store:
+        distant = StoreScorer(source, store)
+        for fault in (throttling_store, short_store):
+            row = fault(distant, 1, chance, tmp_path / fault.__name__)
+            assert (row.lost, row.halves, row.next_failed) == SOUND, row
 
 
 @pytest.mark.parametrize("number", range(6))

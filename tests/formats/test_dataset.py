@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -312,3 +313,25 @@ def test_a_failed_write_is_undone(dataset, monkeypatch):
     with pytest.raises(TraceError, match="cannot be written: No space left on device"):
         falling_cube("e2").close(dataset)
     assert sorted(dataset.rglob("*")) == files
+
+
+@pytest.mark.parametrize("number", range(1, 15))
+def test_a_disk_that_fails_once_leaves_whole_episodes(dataset, monkeypatch, number):
+    """Any flush fails, the one after the row's renaming too: the next run writes what is not there."""
+    flush, calls = os.fsync, []
+
+    def failing(handle):
+        calls.append(handle)
+        if len(calls) == number:
+            raise OSError(5, "Input/output error")
+        return flush(handle)
+
+    monkeypatch.setattr(os, "fsync", failing)
+    with suppress(TraceError, OSError):
+        falling_cube("e2").close(dataset)
+    monkeypatch.setattr(os, "fsync", flush)
+    assert validate(dataset) == []
+    assert [ref.episode_id for ref in discover(dataset)][:2] == ["e0", "e1"]
+    if len(calls) >= number:
+        falling_cube("e3").close(dataset)
+        assert validate(dataset) == []

@@ -162,3 +162,14 @@ def test_other_formats_and_versions_are_refused(tmp_path, about, message):
     path = written(falling_cube().episode(), tmp_path / "a.zip")
     rewritten(path, "safestage.json", json.dumps(about))
     assert message in str(validate(path)[0])
+
+
+@pytest.mark.parametrize(
+    "text", ["{'descr': '<f8', 'shape': (", "'''", "{", "1 if x else", "{**1}"]
+)
+def test_an_array_header_that_breaks_off(tmp_path, text):
+    path = written(falling_cube().episode(), tmp_path / "a.zip")
+    raw = text.encode()
+    rewritten(path, "t.npy", b"\x93NUMPY\x01\x00" + len(raw).to_bytes(2, "little") + raw + bytes(8))
+    with pytest.raises(TraceError, match=r"t.npy"):
+        load(path)

@@ -18,7 +18,7 @@ from safestage_eval.errors import InputError
 from safestage_eval.geometry.pose import rotate
 from safestage_eval.importers import MapFile
 from safestage_eval.importers.importer import SourceError
-from safestage_eval.importers.map_tables import BodyTable
+from safestage_eval.importers.map_tables import BodyTable, ShapeTable
 from safestage_eval.importers.registry import recognise
 from simulate.importers.mujoco import MujocoStates
 
@@ -335,3 +335,12 @@ def _open(path: Path) -> Any:
     from safestage_eval.importers import Settings
 
     return path, Settings(assets=(ASSETS,))
+
+
+def test_shapes_of_a_map_file_that_are_not_those_of_the_contacts(tmp_path: Path) -> None:
+    """Contacts name shapes by their place: other shapes than the model's would be touched by nothing."""
+    path = demo_file(tmp_path / "d.hdf5", scene(), settled(scene()))
+    box = ShapeTable(kind="box", size=(0.02, 0.02, 0.02))
+    imported(path, map_=MapFile(body={"cube": BodyTable(shapes=(box,))}))
+    with pytest.raises(SourceError, match="2 shapes, but the model has 1"):
+        imported(path, map_=MapFile(body={"cube": BodyTable(shapes=(box, box))}))
