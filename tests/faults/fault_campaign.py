@@ -14,7 +14,7 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -32,7 +32,7 @@ from disk import small_disk  # noqa: E402
 from file_victims import Auditor, LabelWriters  # noqa: E402
 from object_store import object_store  # noqa: E402
 from process_faults import denied, failing_disk, jumping_clock  # noqa: E402
-from processes import children, is_worker, pid_alive, ray_tasks  # noqa: E402
+from processes import children, pid_alive, ray_tasks, workers  # noqa: E402
 from served_victim import ServedRecorder  # noqa: E402
 from stores import (  # noqa: E402
     broken_store,
@@ -95,7 +95,7 @@ def gone(pids: list[int]) -> None:
 
 def workers_of(pid: int) -> list[int]:
     """Processes that judge episodes for a scorer, on this machine or on its cluster."""
-    return [p for p in children(pid) if is_worker(p)] + ray_tasks(pid)
+    return workers(pid) + ray_tasks(pid)
 
 
 def workers_killed(victim: Scorer, kills: int, chance: random.Random, place: Path) -> Row:
@@ -108,10 +108,10 @@ def workers_killed(victim: Scorer, kills: int, chance: random.Random, place: Pat
         child = Child(victim, folder)
         spared: set[int] = set()
         while not child.ended():
-            workers = [pid for pid in workers_of(child.pid) if pid not in spared]
-            if workers and row.hit < kills and len(spared) < 3:
+            at_work = [pid for pid in workers_of(child.pid) if pid not in spared]
+            if at_work and row.hit < kills and len(spared) < 3:
                 time.sleep(chance.uniform(0, 3))
-                pid = chance.choice(workers)
+                pid = chance.choice(at_work)
                 spared.add(pid)
                 if pid_alive(pid):
                     os.kill(pid, 9)
@@ -185,48 +185,61 @@ def campaign(
     chance = random.Random(asked.seed)
     source = prepared(place)
     scorer = Scorer(source)
-    copying = [*writers(source), ServedRecorder(source)]
-    files = [Auditor(source), LabelWriters(source)]
-    every = [*copying, *files, scorer]
+    every: list[Victim] = [Auditor(source), LabelWriters(source), *writers(source)]
+    every += [ServedRecorder(source), scorer]
     share, few = -(-asked.kills // (len(every) + 1)), max(1, asked.kills // 50)
+    half = max(1, asked.faults // 2)
     rows: list[Row] = []
-
-    def add(row: Row) -> None:
-        rows.append(row)
-        write(rows)
-        print(f"{time.monotonic() - began:.0f} s: {row}", file=sys.stderr, flush=True)
-
     began = time.monotonic()
-    for i, victim in enumerate(every):
-        add(killed(victim, share, chance, place / f"kill{i}"))
-    add(workers_killed(scorer, share, chance, place / "kill workers"))
-    add(workers_killed(ClusterScorer(source), few, chance, place / "kill tasks"))
-    for i, victim in enumerate(every):
-        add(failing_disk(victim, asked.faults, chance, place / f"failing{i}"))
-        add(denied(victim, max(1, asked.faults // 2), chance, place / f"denied{i}"))
-        add(jumping_clock(victim, max(1, asked.faults // 2), chance, place / f"clock{i}"))
+
+    def add(kind: str, fault: Callable[..., Row], *given: object) -> None:
+        if kind in asked.only:
+            rows.append(fault(*given, chance, place / f"{kind}{len(rows)}"))
+            write(rows)
+            took = time.monotonic() - began
+            print(f"{took:.0f} s: {rows[-1]}", file=sys.stderr, flush=True)
+
+    for victim in every:
+        add("kills", killed, victim, share)
+    add("workers", workers_killed, scorer, share)
+    add("cluster", workers_killed, ClusterScorer(source), few)
+    for victim in every:
+        add("writes", failing_disk, victim, asked.faults)
+        add("rights", denied, victim, half)
+        add("clock", jumping_clock, victim, half)
+        add("disks", full_disk, victim, asked.disks)
+        add("disks", read_only, victim)
     with object_store() as store:
         distant = StoreScorer(source, store)
-        add(killed(distant, few, chance, place / "kill distant"))
+        add("store", killed, distant, few)
         for fault in (slow_store, failing_store, throttling_store, short_store, broken_store):
-            add(fault(distant, few, chance, place / fault.__name__))
-    for i, victim in enumerate(every):
-        add(full_disk(victim, asked.disks, chance, place / f"full{i}"))
-        add(read_only(victim, chance, place / f"ro{i}"))
+            add("store", fault, distant, few)
     return rows
 
 
-def table(rows: list[Row]) -> str:
-    """As Markdown."""
-    lines = [
-        "| what was at work | what happened | times | of these, in its midst | episodes written before | lost | half files taken for whole | next run failed |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+KINDS = ("kills", "workers", "cluster", "writes", "rights", "clock", "disks", "store")
+
+HEADS = (
+    "what was at work", "what happened", "times", "of these, in its midst", "episodes written before",
+    "lost", "half files taken for whole", "next run failed",
+)  # fmt: skip
+
+
+def table(rows: list[Row], before: Iterable[str] = ()) -> str:
+    """As Markdown; rows of an earlier run (lines) stay where this one has none for the same fault."""
+    lines = {_about(line): line for line in before}
     for r in rows:
         if r.tried:
             cells = (r.victim, r.fault, r.tried, r.hit, r.kept, r.lost, r.halves, r.next_failed)
-            lines.append(f"| {' | '.join(map(str, cells))} |")
-    return "\n".join(lines) + "\n"
+            line = f"| {' | '.join(map(str, cells))} |"
+            lines[_about(line)] = line
+    tried = sum(int(line.split("|")[3]) for line in lines.values())
+    head = "| " + " | ".join(HEADS) + " |\n" + "|---" * len(HEADS) + "|"
+    return f"{tried} kills and faults:\n\n" + "\n".join([head, *lines.values()]) + "\n"
+
+
+def _about(line: str) -> str:
+    return "|".join(line.split("|")[1:3])
 
 
 BEGIN, END = "<!-- campaign -->\n", "<!-- end of campaign -->\n"
@@ -239,17 +252,18 @@ def main() -> int:
     parser.add_argument("--faults", type=int, default=5, help="failing writes for each writer")
     parser.add_argument("--disks", type=int, default=3, help="full disks for each writer")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", nargs="+", choices=KINDS, default=KINDS, help="kinds of faults")
     parser.add_argument("--write", type=Path, help="page whose table is replaced")
     args = parser.parse_args()
     logging.getLogger("werkzeug").setLevel(logging.ERROR)  # the store's, a line per request
-    how = f"--kills {args.kills} --faults {args.faults} --disks {args.disks} --seed {args.seed}"
 
     def write(rows: list[Row]) -> None:
         if args.write:
-            page = args.write.read_text("utf-8")
-            head, rest = page.split(BEGIN)
-            told = f"`{how}`, {sum(row.tried for row in rows)} in all:\n\n{table(rows)}"
-            args.write.write_text(head + BEGIN + told + END + rest.split(END)[1], "utf-8")
+            head, rest = args.write.read_text("utf-8").split(BEGIN)
+            inside, tail = rest.split(END)
+            before = [line for line in inside.splitlines() if line.startswith("| ")][1:]
+            kept = before if set(args.only) != set(KINDS) else []
+            args.write.write_text(head + BEGIN + table(rows, kept) + END + tail, "utf-8")
 
     with tempfile.TemporaryDirectory() as place:
         rows = campaign(args, Path(place), write)

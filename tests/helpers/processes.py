@@ -28,13 +28,19 @@ def children(pid: int) -> list[int]:
     return found
 
 
-def is_worker(pid: int) -> bool:
-    """A worker, and not multiprocessing's own helper."""
-    try:
-        words = Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:
-        return False
-    return b"spawn_main" in words
+def workers(pid: int) -> list[int]:
+    """Workers of a process: those that it started, and those of the server that forks for it."""
+    found = []
+    for child in children(pid):
+        try:
+            words = Path(f"/proc/{child}/cmdline").read_bytes()
+        except OSError:
+            continue
+        if b"spawn_main" in words:
+            found.append(child)
+        elif b"multiprocessing.forkserver" in words:
+            found += children(child)
+    return found
 
 
 def ray_tasks(root: int) -> list[int]:
