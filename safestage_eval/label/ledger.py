@@ -5,12 +5,17 @@ from __future__ import annotations
 import csv
 import io
 import os
+import sys
 import threading
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
 from safestage_eval.errors import InputError
 from safestage_eval.metrics.labels import COLUMNS, Label, last_of_each, read_labels
+
+if sys.platform != "win32":
+    import fcntl
 
 LONGEST_NOTE = 4000
 
@@ -68,6 +73,7 @@ class Ledger:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
         try:
+            _lock(handle)
             size = os.fstat(handle).st_size
             text = _line(row)
             if not size:
@@ -82,6 +88,13 @@ class Ledger:
             os.fsync(handle)
         finally:
             os.close(handle)
+
+
+def _lock(handle: int) -> None:
+    """Keep other writers out until the file is closed: two of them would both write its first line."""
+    if sys.platform != "win32":
+        with suppress(OSError):  # network file systems without locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
 
 
 def _line(cells: list[str]) -> str:

@@ -120,3 +120,21 @@ def test_a_killed_process_loses_nothing_that_was_answered(tmp_path):
         last = int(([str(last), *process.stdout.read().split()])[-1])
     assert set(Ledger(path).of("ada")) >= {f"episode-{i}" for i in range(last + 1)}
     assert all(row["note"] == "note" for row in rows(path))
+
+
+def test_writers_that_begin_a_file_together_write_its_first_line_once(tmp_path):
+    for number in range(30):
+        path = tmp_path / f"{number}.csv"
+        start = threading.Barrier(6)
+
+        def write(who, path=path, start=start):
+            ledger = Ledger(path)
+            start.wait()
+            ledger.add(Label("a", "safe", who))
+
+        writers = [threading.Thread(target=write, args=(f"r{i}",)) for i in range(6)]
+        for writer in writers:
+            writer.start()
+        for writer in writers:
+            writer.join()
+        assert sorted(row["reviewer"] for row in rows(path)) == [f"r{i}" for i in range(6)]
