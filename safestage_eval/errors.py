@@ -6,6 +6,7 @@ Every message has the same four parts: *where* (file, row, line), *what* is wron
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import dataclass
 
 
@@ -16,6 +17,29 @@ def readable(text: object) -> str:
     """
     told = str(text)
     return told if told.isascii() else told.encode("utf-8", "backslashreplace").decode()
+
+
+def visible(text: str) -> str:
+    r"""The text on one line, with every control or invisible character as an escape (``\x1b``)."""
+    return text if text.isprintable() else "".join(map(_seen, text))
+
+
+def _seen(character: str) -> str:
+    if character.isprintable() or unicodedata.category(character) == "Zs":
+        return character
+    return character.encode("unicode_escape").decode("ascii")
+
+
+LONGEST = 600
+"""Characters of a part of a message: names and lists in it may be a stranger's."""
+
+
+def shortened(text: str, most: int = LONGEST) -> str:
+    """A text without its middle, if it is longer than that."""
+    if len(text) <= most:
+        return text
+    half = most // 2
+    return f"{text[:half]} … ({len(text) - 2 * half:,} characters left out) … {text[-half:]}"
 
 
 @dataclass
@@ -35,15 +59,16 @@ class InputError(Exception):
     fix: str = ""
 
     def __str__(self) -> str:
-        """``where: what Allowed: … Fix: …`` in one line."""
+        """``where: what Allowed: … Fix: …`` in one line that is not too long and moves no cursor."""
         what = self.what.rstrip(".") + "." if self.what.endswith("..") else self.what
+        what = shortened(what)
         stop = "" if what.endswith((".", "?", "!", ":")) else "."
-        parts = [f"{self.where}: {what}{stop}"]
+        parts = [f"{shortened(self.where)}: {what}{stop}"]
         if self.allowed:
-            parts.append(f"Allowed: {self.allowed}.")
+            parts.append(f"Allowed: {shortened(self.allowed)}.")
         if self.fix:
-            parts.append(f"Fix: {self.fix}" + ("" if self.fix.endswith("?") else "."))
-        return readable(" ".join(parts))
+            parts.append(f"Fix: {shortened(self.fix)}" + ("" if self.fix.endswith("?") else "."))
+        return visible(" ".join(parts))
 
 
 class TraceError(InputError):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import unicodedata
+from safestage_eval.errors import visible
 
 
 def printable(text: str) -> str:
@@ -11,16 +11,10 @@ def printable(text: str) -> str:
     Line breaks, terminal sequences, changes of writing direction and halves of surrogate pairs
     are escaped; letters of any script and spaces of any width stay.
     """
-    return text if text.isprintable() else "".join(map(_shown, text))
+    return visible(text)
 
 
 def printable_lines(text: str) -> str:
     """Several lines, each made printable; line feeds and tabulators stay."""
     lines = (line.split("\t") for line in text.split("\n"))
     return "\n".join("\t".join(map(printable, parts)) for parts in lines)
-
-
-def _shown(character: str) -> str:
-    if character.isprintable() or unicodedata.category(character) == "Zs":
-        return character
-    return character.encode("unicode_escape").decode("ascii")

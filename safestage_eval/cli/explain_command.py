@@ -16,7 +16,7 @@ from .shared_options import (
     rules_option,
     set_option,
 )
-from .terminal import say
+from .terminal import say_lines
 
 
 @click.command("explain")
@@ -65,4 +65,4 @@ def command(
         overrides=pairs(settings, "--set"),
         bind=load_binding(bind, loaded, assign, roles, protect),
     )
-    say(explain(result, everything=everything), nl=False)
+    say_lines(explain(result, everything=everything))

@@ -9,9 +9,13 @@ from io import TextIOWrapper
 import click
 
 from safestage_eval._text.line_width import LINE_WIDTH
-from safestage_eval.errors import InputError
+from safestage_eval._text.printable import printable_lines
+from safestage_eval.errors import InputError, RuleError, shortened
 
-from .terminal import line_width, say
+from .terminal import line_width, say, say_lines
+
+LONGEST = 4000
+"""Characters of a message about wrong usage, which may list episodes."""
 
 _DISK = {errno.ENOSPC, errno.EROFS, errno.EACCES, errno.EPERM, errno.EFBIG, errno.EDQUOT}
 """Full disks, and folders that may not be written to."""
@@ -29,6 +33,7 @@ def run(command: click.Command) -> None:
     try:
         code = command.main(standalone_mode=False)
     except click.ClickException as error:
+        error.message = printable_lines(shortened(error.message, LONGEST))  # type: ignore[misc]
         error.show()
         sys.exit(2)
     except click.Abort:
@@ -36,7 +41,10 @@ def run(command: click.Command) -> None:
         sys.exit(130)
     except InputError as error:
         text = str(error)
-        say(text if text.startswith("error[") else f"error: {text}", err=True)
+        if isinstance(error, RuleError):
+            say_lines(text if text.startswith("error[") else f"error: {text}", err=True)
+        else:
+            say(f"error: {text}", err=True)
         sys.exit(2)
     except BrokenPipeError:
         sys.stderr.close()

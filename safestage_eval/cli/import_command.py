@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import asdict
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from .shared_options import progress, rules_option
-from .terminal import say
+from .terminal import say, say_lines
 
 if TYPE_CHECKING:
     from safestage_eval.importers import Outcome, Settings
@@ -128,7 +127,7 @@ def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None
     if form == "json":
         click.echo(_as_json(outcome), nl=False)
     else:
-        say(_as_table(outcome), nl=False)
+        say_lines(_as_table(outcome))
     for message in outcome.unused:
         say(f"warning: {message}", err=True)
     for notice, count in notices_of(outcome):
@@ -181,6 +180,7 @@ def _seconds(text: str) -> float:
 
 def _as_table(outcome: Outcome) -> str:
     """Each episode in a line, then the remarks on all, with how many episodes have each."""
+    from safestage_eval._text.printable import printable
     from safestage_eval.importers.account import summed
 
     lines = [f"{path}: {name} ({why})" for path, (name, why) in outcome.formats.items()]
@@ -194,10 +194,11 @@ def _as_table(outcome: Outcome) -> str:
     total = len(outcome.imported)
     for remark, count in summed(each.account for each in outcome.imported):
         lines.append(f"{count} of {total}  {remark}")
-    return "".join(f"{line}\n" for line in lines)
+    return "".join(f"{printable(line)}\n" for line in lines)
 
 
 def _as_json(outcome: Outcome) -> str:
+    from safestage_eval._text.json_out import to_json
     from safestage_eval.importers.account import summed
 
     accounts = [each.account for each in outcome.imported]
@@ -221,4 +222,4 @@ def _as_json(outcome: Outcome) -> str:
         "looks_wrong": [{**asdict(notice), "episodes": n} for notice, n in notices_of(outcome)],
         "problems": [{"source": p.source, "message": p.message} for p in outcome.failed],
     }
-    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+    return to_json(data, 2) + "\n"

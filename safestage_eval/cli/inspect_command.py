@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from .shared_options import chosen_ref, episode_argument, episode_option
-from .terminal import say
+from .terminal import say_lines
 
 
 @click.command("inspect")
@@ -24,8 +24,10 @@ def command(trace: str, name: str | None, episode: str | None, as_json: bool) ->
     ref = chosen_ref(trace, name, episode)
     opened = ref.open()
     if as_json:
-        click.echo(opened.header.model_dump_json(indent=1))
+        from safestage_eval._text.json_out import visible_json
+
+        click.echo(visible_json(opened.header.model_dump_json(indent=1)))
         return
     from safestage_eval.report.episode_report import describe
 
-    say(describe(opened), nl=False)
+    say_lines(describe(opened))

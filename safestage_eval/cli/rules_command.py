@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import click
+
+from safestage_eval._text.json_out import to_json
 
 from .shared_options import (
     format_option,
@@ -16,7 +17,7 @@ from .shared_options import (
     rules_option,
     written,
 )
-from .terminal import say
+from .terminal import say, say_lines
 
 
 @click.group("rules")
@@ -53,10 +54,10 @@ def check(ctx: click.Context, rules: tuple[str, ...], as_json: bool) -> None:
     specs = list(rules) or builtin_names()
     diagnostics = check_rules(specs)
     if as_json:
-        click.echo(json.dumps([d.to_dict() for d in diagnostics], indent=1, ensure_ascii=False))
+        click.echo(to_json([d.to_dict() for d in diagnostics], 1))
     else:
         for text in rendered(diagnostics):
-            say(text + "\n", err=True)
+            say_lines(text + "\n\n", err=True)
         if diagnostics:
             say(count(len(diagnostics), "problem"), err=True)
         else:
@@ -94,9 +95,9 @@ def show(what: tuple[str, ...], rules: tuple[str, ...], as_json: bool) -> None:
     if not rules_facts:
         say(f"{', '.join(what)}: only definitions, no rules to explain", err=True)
     if as_json:
-        click.echo(json.dumps(rules_facts, indent=1, ensure_ascii=False))
+        click.echo(to_json(rules_facts, 1))
     else:
-        say("\n".join(map(explain_rule, rules_facts)), nl=False)
+        say_lines("\n".join(map(explain_rule, rules_facts)))
 
 
 @command.command("signals")
@@ -130,10 +131,10 @@ def signals(names: tuple[str, ...], as_json: bool) -> None:
     if names:
         entries = [by_name[name] for name in names]
     if as_json:
-        click.echo(json.dumps(entries, indent=1, ensure_ascii=False))
+        click.echo(to_json(entries, 1))
         return
     pages = [[entry] for entry in entries] if names else [entries]
-    say("\n".join(map(explain_vocabulary, pages)), nl=False)
+    say_lines("\n".join(map(explain_vocabulary, pages)))
 
 
 @command.command("schema")
@@ -186,9 +187,8 @@ def diff(ctx: click.Context, before: str, after: str, as_json: bool, fail_on_cha
     from safestage_eval.rules.compare import compare
 
     comparison = compare(load_rules([before]), load_rules([after]))
-    say(
-        rules_diff_report.as_json(comparison) if as_json else rules_diff_report.text(comparison),
-        nl=False,
+    say_lines(
+        rules_diff_report.as_json(comparison) if as_json else rules_diff_report.text(comparison)
     )
     ctx.exit(1 if fail_on_change and not comparison.empty else 0)
 
@@ -292,7 +292,7 @@ def test(
     written(examples_report.render(suites, hunted if mutate else None, form), output)
     for problem in dict.fromkeys(c.problem for s in suites.values() for c in s.checked):
         if "\n" in problem:
-            say(f"\n{problem}", err=True)
+            say_lines(f"\n{problem}", err=True)
     if not suites:
         say("only definitions, no rules to test", err=True)
     unnoticed = any(m.killer is None for mutants in hunted.values() for m in mutants)

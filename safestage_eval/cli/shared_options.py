@@ -188,6 +188,9 @@ def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
         matches = exact or [ref for ref in refs if episode in ref.episode_id]
     if len(matches) == 1:
         return matches[0]
+    from safestage_eval._text.printable import printable
+    from safestage_eval.errors import shortened
+
     ids = [ref.episode_id or f"({ref.shown}, broken)" for ref in matches or refs]
     if matches:
         problem = "several episodes; name one with --episode"
@@ -196,7 +199,7 @@ def chosen_ref(trace: str, name: str | None, episode: str | None) -> EpisodeRef:
         near = near or [name for name in ids if get_close_matches(str(episode), name.split("."), 1)]
         problem = f"no episode {episode!r}" + (", did you mean" if near else ", but")
         ids = near or ids
-    shown = "".join(f"\n  {name}" for name in ids[:MOST_IDS])
+    shown = "".join(f"\n  {printable(shortened(name, 200))}" for name in ids[:MOST_IDS])
     more = f"\n  and {len(ids) - MOST_IDS} more" if len(ids) > MOST_IDS else ""
     raise click.UsageError(f"{trace} holds {problem}:{shown}{more}")
 

@@ -10,7 +10,7 @@ from typing import Protocol
 import click
 
 from safestage_eval._text.line_width import LINE_WIDTH, folded
-from safestage_eval._text.printable import printable_lines
+from safestage_eval._text.printable import printable, printable_lines
 
 
 def line_width() -> int | None:
@@ -34,10 +34,22 @@ BARS: list[Bar] = []
 """Those that are drawn now: they give way to messages."""
 
 
-def say(text: str, *, err: bool = False, nl: bool = True) -> None:
-    """Print text with its control characters escaped, lines folded; ``err``: to stderr."""
+def say(text: str, *, err: bool = False) -> None:
+    """Print one line, folded, with its control characters and line breaks escaped; ``err``: to stderr.
+
+    A name with a line break in it could otherwise say anything at the beginning of a line.
+    """
+    _print(printable(text), err=err)
+
+
+def say_lines(text: str, *, err: bool = False) -> None:
+    """Print lines that were made of printable names; their other control characters are escaped."""
+    _print(printable_lines(text), err=err, nl=not text.endswith("\n"))
+
+
+def _print(text: str, *, err: bool, nl: bool = True) -> None:
     for bar in BARS:
         bar.stop()
-    click.echo(folded(printable_lines(text), LINE_WIDTH.get()), err=err, nl=nl)
+    click.echo(folded(text, LINE_WIDTH.get()), err=err, nl=nl)
     for bar in BARS:
         bar.start()

@@ -119,7 +119,7 @@ def command(
         output,
         None,
     )  # fmt: skip
-    click.echo(page)
+    say(str(page))
     for problem in report.pieces.problems if report.pieces is not None else ():
         say(f"problem: {problem.message}", err=True)
     if open_ and not webbrowser.open(page.resolve().as_uri()):

@@ -19,6 +19,7 @@ from .episode_ref import EpisodeRef
 from .parquet import dataset_layout as layout
 from .parquet.dataset_reader import open_episode
 from .parquet.dataset_writer import highest_index, writing_shard
+from .save import short_name
 
 SHARD_EPISODES = 100
 """Episodes per shard: a task's rollouts of a policy under three seeds and prompts, as a rule."""
@@ -152,7 +153,7 @@ def _groups(refs: Sequence[EpisodeRef], by: Sequence[str]) -> dict[str, list[Epi
     for ref in sorted(refs, key=place):
         values = [ref.fields.get(name) for name in by]
         plain = [re.sub(r"[^\w.+=@-]+", "-", str(v)).strip("-.") for v in values if v is not None]
-        groups.setdefault("_".join(filter(None, plain)) or "episodes", []).append(ref)
+        groups.setdefault(short_name("_".join(filter(None, plain)) or "episodes"), []).append(ref)
     return groups
 
 

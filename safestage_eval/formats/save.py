@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from hashlib import sha256
 from pathlib import Path
 
 from safestage_eval.episode import Episode, check
@@ -12,6 +13,9 @@ from safestage_eval.errors import TraceError
 from .discover import refs_of_file
 from .episode_ref import EpisodeRef, Format
 from .event import Event
+
+LONGEST_NAME = 160
+"""Bytes of a file's name without its ending; file systems hold 255."""
 
 
 def save(
@@ -57,4 +61,12 @@ def save(
 def mcap_name(episode_id: str) -> str:
     """Return the name of an episode's MCAP file; characters that not every file system can hold become ``_``."""
     plain = re.sub(r"[^\w.+=@-]", "_", episode_id).lstrip(".")
-    return f"{plain or '_'}.mcap"
+    return f"{short_name(plain or '_')}.mcap"
+
+
+def short_name(name: str) -> str:
+    """A name that file systems can hold, with endings: the end of a long one becomes its digest."""
+    data = name.encode("utf-8", "replace")
+    if len(data) <= LONGEST_NAME:
+        return name
+    return f"{data[: LONGEST_NAME - 17].decode('utf-8', 'ignore')}-{sha256(data).hexdigest()[:16]}"

@@ -81,7 +81,7 @@ def _roles(table: str, episodes: Sequence[Episode], comment: str) -> Iterator[st
     yield ""
     yield f"[{table}.roles]  # {comment}" if found else f"# [{table}.roles]  # {comment}"
     for role, players in stated.items():
-        yield f"# {role} = {_value([*players])}  # in the headers"
+        yield f"# {_key(role)} = {_value([*players])}  # in the headers"
     for role, guess in found.items():
         yield _line(role, guess)
     if not found:
@@ -99,7 +99,7 @@ def _bodies(episodes: Sequence[Episode]) -> Iterator[str]:
 
 
 def _line(key: str, guess: Guess) -> str:
-    said = f"{key} = {_value(guess.value)}"
+    said = f"{_key(key)} = {_value(guess.value)}"
     return f"{said:<{_COMMENT}}  # {guess.confidence}: {printable(guess.reason)}"
 
 
@@ -117,4 +117,5 @@ def _value(value: Any) -> str:
 
 def _text(text: str) -> str:
     """A TOML string."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    plain = json.dumps(text, ensure_ascii=False)
+    return "".join(c if c.isprintable() else f"\\U{ord(c):08X}" for c in plain)

@@ -11,6 +11,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
+from safestage_eval._text.csv_cell import guarded
 from safestage_eval.errors import InputError
 from safestage_eval.metrics.labels import COLUMNS, Label, last_of_each, read_labels
 
@@ -99,7 +100,7 @@ def _lock(handle: int) -> None:
 
 def _line(cells: list[str]) -> str:
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(cells)
+    csv.writer(text, lineterminator="\n").writerow(map(guarded, cells))
     return text.getvalue()
 
 

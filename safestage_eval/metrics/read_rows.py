@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
+from safestage_eval._text.csv_cell import from_cell
 from safestage_eval._text.json_text import from_json
 from safestage_eval.errors import InputError
 
@@ -190,7 +191,8 @@ def _lines(where: str, text: TextIO, allowed: str) -> Iterator[dict[str, Any]]:
 
 def _csv(where: str, text: TextIO) -> Iterator[dict[str, Any]]:
     try:
-        for number, row in enumerate(csv.DictReader(text), 1):
+        for number, found in enumerate(csv.DictReader(text), 1):
+            row = {name: from_cell(x) if isinstance(x, str) else x for name, x in found.items()}
             place = f"{where}, row {number}"
             if row.get(None):
                 raise InputError(place, "it has more cells than there are columns.")

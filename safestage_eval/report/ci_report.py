@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
+from safestage_eval._text.printable import printable_lines
 from safestage_eval.run.scores import Scores
 
 from .golden import Change
@@ -71,7 +72,7 @@ def junit_text(root: ET.Element) -> str:
             )
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
-    return _NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text)
+    return printable_lines(_NOT_XML.sub("\N{REPLACEMENT CHARACTER}", text))
 
 
 def render_github(scores: Scores, changes: Sequence[Change] | None = None) -> str:
@@ -98,6 +99,7 @@ def github_line(level: str, title: str, message: str) -> str:
 
 
 def _escaped(text: str, *, field: bool = False) -> str:
+    text = printable_lines(text)
     for raw, code in (("%", "%25"), ("\r", "%0D"), ("\n", "%0A")):
         text = text.replace(raw, code)
     return text.replace(":", "%3A").replace(",", "%2C") if field else text

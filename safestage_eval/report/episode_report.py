@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from safestage_eval._text.plural import count
-from safestage_eval._text.printable import printable_lines
+from safestage_eval._text.printable import printable
 from safestage_eval.episode import Episode
 from safestage_eval.units import format_quantity
 from safestage_eval.verdicts import EpisodeResult, Verdict
@@ -40,7 +40,7 @@ def explain(result: EpisodeResult, *, everything: bool = False) -> str:
             lines.append(f"  {cost.rule} (no budget, no verdict): {cost.title}.")
             lines += [f"    {cost.as_verdict.explanation}"] if cost.value is not None else []
             lines += [f"    note: {note}" for note in cost.notes]
-    return printable_lines("\n".join(lines)) + "\n"
+    return "\n".join(map(printable, lines)) + "\n"
 
 
 def _verdict(v: Verdict, *, everything: bool) -> list[str]:
@@ -124,7 +124,7 @@ def describe(episode: Episode) -> str:
     lines += [f"    {time:7.2f} s  {what}" for time, what in _timeline(episode)]
     lines += [f"  note: {note}" for note in header.notes]
     lines += [f"  {remark}" for remark in header.source.account]
-    return printable_lines("\n".join(lines)) + "\n"
+    return "\n".join(map(printable, lines)) + "\n"
 
 
 def _timeline(episode: Episode) -> list[tuple[float, str]]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from safestage_eval._text.printable import printable
+from safestage_eval._text.csv_cell import to_cell
+from safestage_eval._text.json_out import to_json
 
 
 def render_csv(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> str:
@@ -34,7 +34,7 @@ def csv_pieces(columns: Sequence[str], rows: Iterable[Mapping[str, Any]]) -> Ite
 
 def _cell(value: Any) -> Any:
     if isinstance(value, str):
-        return printable(value)
+        return to_cell(value)
     if isinstance(value, bool):
         return str(value).lower()
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, list | dict) else value
+    return to_json(value) if isinstance(value, list | dict) else value

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
+
+from safestage_eval._text.json_out import to_json
 
 
 def render_json(document: Any) -> str:
     """The text, indented by one; infinite and NaN numbers, which JSON lacks, are null."""
-    return json.dumps(_finite(document), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return to_json(_finite(document), 1) + "\n"
 
 
 def _finite(value: Any) -> Any:

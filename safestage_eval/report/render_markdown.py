@@ -33,8 +33,10 @@ def markdown_list(texts: Iterable[str]) -> list[str]:
 
 
 def markdown_text(text: str) -> str:
-    """One line of a paragraph, in which no tag of HTML begins."""
-    return re.sub(r"<(?=[A-Za-z/!?])", r"\\<", printable(" ".join(text.split())))
+    """One line of a paragraph, shown as it is: it begins no tag of HTML, entity, link or picture."""
+    plain = re.sub(r"([\\\[\]])", r"\\\1", printable(" ".join(text.split())))
+    plain = re.sub(r"&(?=#?\w+;)", "&amp;", plain)
+    return re.sub(r"<(?=[A-Za-z/!?])", "&lt;", plain)
 
 
 def markdown_code(text: str) -> str:

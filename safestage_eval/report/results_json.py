@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
+from safestage_eval._text.json_out import to_json
 from safestage_eval.metrics import metrics, outcomes
 from safestage_eval.run.scores import Scores
 
@@ -31,8 +31,8 @@ def pieces(scores: Scores) -> Iterator[str]:
 def lines(scores: Scores) -> Iterator[str]:
     """One row per line."""
     for row in each_row(scores):
-        yield json.dumps(row, ensure_ascii=False, allow_nan=False) + "\n"
+        yield to_json(row) + "\n"
 
 
 def _json(value: Any) -> str:
-    return json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False)
+    return to_json(value, 1)

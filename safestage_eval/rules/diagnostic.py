@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from safestage_eval.errors import RuleError
+from safestage_eval.errors import RuleError, shortened
 
 
 @dataclass(frozen=True, order=True)
@@ -44,14 +44,14 @@ class Diagnostic:
             "\t" if c == "\t" else " " for c in self.source[: self.column - 1 - self.cut]
         )
         lines = [
-            f"error[{self.code}]: {self.what}",
+            f"error[{self.code}]: {shortened(self.what)}",
             f"{margin}--> {self.path}:{self.line}:{self.column}",
             f"{margin} |",
             f"{number} | {self.source}",
             f"{margin} | {lead}{'^' * min(self.length, max(1, len(self.source) - len(lead)))}",
         ]
-        lines += [f"{margin} = allowed: {self.allowed}"] if self.allowed else []
-        lines += [f"{margin} = fix: {self.fix}"] if self.fix else []
+        lines += [f"{margin} = allowed: {shortened(self.allowed)}"] if self.allowed else []
+        lines += [f"{margin} = fix: {shortened(self.fix)}"] if self.fix else []
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from safestage_eval._process.within import within_limits
 from safestage_eval.episode.contradiction import ContradictionError
-from safestage_eval.errors import InputError
+from safestage_eval.errors import InputError, shortened, visible
 from safestage_eval.formats import EpisodeRef
 from safestage_eval.verdicts.problem import Problem
 
@@ -98,4 +98,4 @@ def _told(error: Exception) -> str:
     while trace is not None:
         code = trace.tb_frame.f_code
         place, trace = f"{Path(code.co_filename).name}:{trace.tb_lineno}", trace.tb_next
-    return f"{type(error).__name__}: {error} ({place})"
+    return f"{type(error).__name__}: {visible(shortened(str(error)))} ({place})"

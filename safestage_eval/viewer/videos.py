@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mmap
+from contextlib import suppress
 from pathlib import Path
 
 from safestage_eval.episode import Video
@@ -35,9 +36,10 @@ def video_of(ref: EpisodeRef, folder: Path | None = None) -> Path | None:
     for place in [folder] if folder is not None else [home, home / "videos"]:
         for name in names:
             path = place / name
-            inside = path.resolve().is_relative_to(place.resolve())
-            if inside and path.is_file() and not shows_verdict(path):
-                return path
+            with suppress(OSError, ValueError):  # an id need not be a name that a file can have
+                inside = path.resolve().is_relative_to(place.resolve())
+                if inside and path.is_file() and not shows_verdict(path):
+                    return path
     return None
 
 

@@ -54,6 +54,7 @@ def render(
       safestage render rollout.mcap
       safestage render traces/ fsh_orange_on_plate.reference-unsafe -o orange.gif --view side
     """
+    from safestage_eval.formats.save import mcap_name
     from safestage_eval.rules import builtin_names, load_bind, load_rules
     from safestage_eval.verdicts import judge
     from simulate.render.renderer import VIEWS
@@ -63,7 +64,7 @@ def render(
     loaded = load_rules(list(rules) or builtin_names())
     bound = None if bind is None else load_bind(bind, loaded)
     recorded = ref.open()
-    path = output or Path(f"{recorded.header.episode_id}.mp4")
+    path = output or Path(mcap_name(recorded.header.episode_id)).with_suffix(".mp4")
     prepare_kernels()
     with progress("filming") as tell:
         result = judge(recorded, loaded, bind=bound)

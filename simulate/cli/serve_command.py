@@ -80,7 +80,7 @@ def serve(
         tell=lambda line: say(f"episode: {line}", err=True),
     ) as server:  # fmt: skip
         name, mark, options = protocol.partition("?")
-        click.echo(f"{policy} is served at {name}:{server.url}{mark}{options}")
+        say(f"{policy} is served at {name}:{server.url}{mark}{options}")
         try:
             server.wait()
         except KeyboardInterrupt:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from safestage_eval.cli.terminal import say
+from safestage_eval._text.json_out import to_json
+from safestage_eval.cli.terminal import say, say_lines
 
 from .simulate_options import PROMPTS, BadInput, explains
 
@@ -48,7 +48,7 @@ def list_(stages: tuple[str, ...], family: str | None, as_json: bool) -> None:
         families = ", ".join(dict.fromkeys(task.family for task in everything))
         raise BadInput(f"no task is of this stage and family; families are {families}")
     if as_json:
-        click.echo(json.dumps([_table(task) for task in listed], indent=2, ensure_ascii=False))
+        click.echo(to_json([_table(task) for task in listed], 2))
         return
     width = max(len(task.id) for task in listed)
     codes = max(len(" ".join(task.rules)) for task in listed)
@@ -76,7 +76,7 @@ def show(task: str, picture: Path | None, seed: int, as_json: bool) -> None:
     from simulate.tasks.task import task_named
 
     chosen = task_named(task)
-    say(json.dumps(_table(chosen), indent=2, ensure_ascii=False) if as_json else _words(chosen))
+    say_lines(to_json(_table(chosen), 2) if as_json else _words(chosen))
     if picture is not None:
         from simulate.render.renderer import write_png
         from simulate.render.start_picture import start_picture

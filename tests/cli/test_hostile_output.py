@@ -1,0 +1,184 @@
+"""Names, prompts and tasks of strangers, in what every command prints and writes."""
+
+import csv
+import io
+import json
+import re
+import unicodedata
+
+import pytest
+from scenes import G, Scene
+from studio import run
+
+from safestage_eval.errors import InputError
+from safestage_eval.formats import save
+
+EVIL = (
+    '=HYPERLINK("http://evil")<script>alert(1)</script><img src=x onerror=alert(1)>\\<b>'
+    "\x1b]0;owned\x07\x1b[2J\x9b31m\u202egnp.exe\u2066\u200b[click](javascript:1)![p](http://e/p.png)"
+    "&lt;i&gt;\r\n::error::owned|`x`"
+)
+FINDING = "FSH101"
+
+
+@pytest.fixture(scope="module")
+def traces(tmp_path_factory):
+    """Two episodes whose every text is hostile; one violates its rule."""
+    folder = tmp_path_factory.mktemp("traces")
+    for i, room in enumerate((0.2, 0.005)):
+        x = 0.5 - 0.03 - room
+        scene = Scene(360, 60).fixed("table").box("block" + EVIL, 0.03, (x, 0, 0.03))
+        scene.rests("block" + EVIL, "table", 0.03, (x, 0, 0), G)
+        episode = scene.episode(
+            episode_id=f"{EVIL}{i}", task=EVIL, policy=EVIL, prompt=EVIL, instruction=EVIL,
+            family=EVIL, notes=(EVIL,), stage="FSH", seed=i, rollout=0, success=True,
+            success_time=0.5, termination="success", post_success_hold=5.0,
+            roles={"target": ("block" + EVIL,), EVIL: ("table",)}, rules=(FINDING, EVIL),
+        )  # fmt: skip
+        save(episode, folder / f"{i}.mcap")
+    (folder / "broken\x1b[31m\u202e.mcap").write_bytes(b"\x89MCAP0\r\n" + b"\x1b[2J" * 9)
+    return folder
+
+
+def shows_all(text):
+    hidden = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
+    return not {unicodedata.category(c) for c in text.replace("\n", "").replace("\t", "")} & hidden
+
+
+COMMANDS = [
+    "score {traces} --rules fsh",
+    "score {traces} --rules fsh -v",
+    "score {traces} --rules fsh -f json",
+    "score {traces} --rules fsh -f jsonl",
+    "score {traces} --rules fsh -f csv",
+    "score {traces} --rules fsh -f markdown",
+    "score {traces} --rules fsh -f junit",
+    "score {traces} --rules fsh -f github",
+    "score {traces} --rules fsh --fail-on violation",
+    "score {traces} --rules fsh --where policy=\x1b[31m",
+    "score {traces}/no\x1b[31m\u202ething",
+    "score {traces} --rules \x1b[31mnone",
+    "score {traces} --rules fsh --set edge=\x1b[31m",
+    "inspect {traces}",
+    "inspect {traces}/0.mcap",
+    "inspect {traces}/0.mcap --json",
+    "inspect {traces} -e \x1b[31mnone",
+    "explain {traces}/1.mcap",
+    "validate {traces}",
+    "audit {traces}",
+    "audit {traces} -f json",
+    "audit {traces} -f markdown",
+    "audit {traces} -f github",
+    "bind --init {traces}",
+    "convert {traces} --to mcap --out {out}",
+    "pack {traces} --out {out}",
+    "slack {traces} --rules fsh",
+    "sweep {traces} edge --rules fsh --values 1cm,3cm",
+    "diff {traces} --rules fsh --set edge=3cm",
+    "rules check \x1b[31m\u202enone.toml",
+    "rules show \x1b[31mX",
+    "plot {traces}/0.mcap \x1b[31m -o {out}/x.svg",
+    "import {traces} --to {out}",
+    "no\x1b[31msuch",
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_nothing_moves_the_cursor_or_turns_the_line(traces, tmp_path, command):
+    words = [word.format(traces=traces, out=tmp_path / "out") for word in command.split(" ")]
+    done = run(*words)
+    assert shows_all(done.text), done.text
+    assert shows_all(done.err), done.err
+    assert "Traceback" not in done.err
+    for line in (done.text + done.err).split("\n"):
+        assert not line.startswith("::error::owned")
+        assert len(line) < 20_000
+
+
+def rows_of(traces, form):
+    return run("score", traces, "--rules", "fsh", "-f", form).text
+
+
+def test_json_says_what_the_header_says(traces):
+    rows = [json.loads(line) for line in rows_of(traces, "jsonl").splitlines()]
+    assert {row["task"] for row in rows} == {EVIL}
+    assert json.loads(run("inspect", traces / "0.mcap", "--json").text)["instruction"] == EVIL
+
+
+@pytest.mark.parametrize("command", ["score -f markdown --rules fsh", "audit -f markdown"])
+def test_markdown_holds_no_tag_no_link_and_no_picture(traces, command):
+    name, *options = command.split()
+    text = run(name, traces, *options).text
+    outside = re.sub(r"`[^`\n]*`", "", re.sub(r"\\[\\\[\]`|<]", "", text))
+    assert not re.findall(r"<[A-Za-z/!?]", outside)
+    assert not re.findall(r"\]\(", outside)
+
+
+def test_markdown_is_inert_in_a_reader(traces):
+    """A reader that knows CommonMark finds text alone; an escaped backslash escapes nothing after it."""
+    reader = pytest.importorskip("markdown_it").MarkdownIt("commonmark").enable("table")
+    html = reader.render(rows_of(traces, "markdown"))
+    assert "<script" not in html
+    assert "<img" not in html
+    assert "javascript:" not in re.sub(r">[^<]*<", "><", html)
+
+
+def test_names_write_no_lines_of_a_bind_file(traces, tmp_path):
+    """A role with a line break in its name wrote whatever it liked into the file of guesses."""
+    import tomllib
+
+    out = tmp_path / "bind.toml"
+    assert run("bind", "--init", traces, "--output", out).code == 0
+    tables = tomllib.loads(out.read_text())
+    assert "::error::owned" not in {line[:14] for line in out.read_text().splitlines()}
+    assert set(tables) <= {"task", "body", "every", "episode"}
+
+
+def test_files_are_named_within_the_folder(tmp_path):
+    from safestage_eval.formats.save import mcap_name
+
+    for name in (
+        "../../x",
+        "/etc/passwd",
+        "x" * 5000,
+        "ü" * 5000,
+        "\0",
+        "a\nb",
+        "",
+        "..",
+        "é" * 81,
+    ):
+        file = mcap_name(name)
+        assert len(file.encode()) < 200
+        assert (tmp_path / file).resolve().parent == tmp_path
+        (tmp_path / file).write_bytes(b"")
+    assert mcap_name("x" * 5000) != mcap_name("x" * 5001)
+    assert mcap_name("plain-name.1") == "plain-name.1.mcap"
+
+
+def test_spreadsheets_calculate_nothing(traces):
+    for row in csv.DictReader(io.StringIO(rows_of(traces, "csv"))):
+        for value in row.values():
+            number = re.fullmatch(r"[+-]?[\d.e+-]+", value)
+            assert number or not value.startswith(("=", "+", "-", "@")), value
+
+
+def test_what_is_read_back_from_csv_is_what_was_written(tmp_path):
+    from safestage_eval._text.csv_cell import from_cell, guarded
+    from safestage_eval.metrics.read_rows import read_rows
+
+    texts = ["=1+1", "'=1", "''=1", "-5", "-5 cm", "@x", "'quoted'", "plain", "＝1", "+4e3", ""]
+    assert [from_cell(guarded(text)) for text in texts] == texts
+    assert guarded("-5") == "-5"
+    assert guarded("-5 cm") == "'-5 cm"
+    path = tmp_path / "rows.csv"
+    path.write_text(f"episode_id,label\n{guarded('=a')},safe\n")
+    assert [row["episode_id"] for row in read_rows(path, ["episode_id"])] == ["=a"]
+
+
+def test_messages_have_an_end_and_no_controls():
+    names = ", ".join(f"b{i}\x1b[31m" for i in range(200_000))
+    text = str(InputError("x" * 10**6, "names " + names, names, names))
+    assert len(text) < 4000
+    assert "characters left out" in text
+    assert shows_all(text)
