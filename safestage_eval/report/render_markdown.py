@@ -34,7 +34,8 @@ def markdown_list(texts: Iterable[str]) -> list[str]:
 
 def markdown_text(text: str) -> str:
     """One line of a paragraph, shown as it is: it begins no tag of HTML, entity, link or picture."""
-    plain = re.sub(r"([\\\[\]])", r"\\\1", printable(" ".join(text.split())))
+    plain = printable(" ".join(text.split())).replace("\\", "\\\\")
+    plain = re.sub(r"^\[|\](?=[(\[])", r"\\\g<0>", plain)
     plain = re.sub(r"&(?=#?\w+;)", "&amp;", plain)
     return re.sub(r"<(?=[A-Za-z/!?])", "&lt;", plain)
 
