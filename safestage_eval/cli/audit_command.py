@@ -27,7 +27,7 @@ from .terminal import say
 @click.argument("traces", nargs=-1, metavar="TRACES...")
 @rules_option
 @binding_options
-@format_option("table", "json", "junit", "github")
+@format_option("table", "json", "junit", "github", "sarif")
 @output_option
 @where_option
 @click.option(

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -31,6 +31,7 @@ from .terminal import say
 
 if TYPE_CHECKING:
     from safestage_eval.report.golden import Change
+    from safestage_eval.rules import RuleSet
     from safestage_eval.run.scores import Scores
 
 FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
@@ -103,6 +104,10 @@ FAIL_ON = ("violation", "inconclusive", "unsafe-success", "not-judged")
     help="Write the what-if table beside the Parquet --output, for all parameters or those named.",
 )  # fmt: skip
 @click.option(
+    "--manifest", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
+    help="Write what was judged, how and by what, ready to be signed, to FILE; needs --output.",
+)  # fmt: skip
+@click.option(
     "--verbose", "-v", is_flag=True, help="In the table: every episode, and other stages' findings."
 )
 @click.pass_context
@@ -134,6 +139,7 @@ def command(
     engine: str,
     address: str | None,
     what_if: str | None,
+    manifest: Path | None,
     verbose: bool,
 ) -> int:
     """Judge recorded episodes against safety rules.
@@ -173,6 +179,8 @@ def command(
         raise click.UsageError(
             "--what-if: write roles and rules into a --bind FILE (safestage bind --init TRACES)"
         )
+    if manifest is not None and output is None:
+        raise click.UsageError("--manifest is about a file of results: give --output FILE")
     overrides, filters = pairs(settings, "--set"), pairs(where, "--where")
     if address is not None and engine != "ray":
         raise click.UsageError("--address is for --engine ray")
@@ -183,6 +191,7 @@ def command(
     from safestage_eval.rules import builtin_names
     from safestage_eval.run.bind_checks import misspelt_roles
     from safestage_eval.run.score_traces import Choice, score_traces
+    from safestage_eval.run.scores import reasons
     from safestage_eval.run.settings import load_settings
 
     kept = None if no_cache else cache
@@ -209,6 +218,7 @@ def command(
     with progress("scoring") as tell:
         heap.keep()
         scores = score_traces(traces, asked, choice, tell, prepare_kernels)
+    scores = replace(scores, reasons=reasons(asked.rule_set))
     audit = audit_scores(scores)
     if audit is not None:
         scores = replace(scores, audit=audit.plain)
@@ -220,6 +230,13 @@ def command(
 
         changes = changes_from(scores, golden)
     _write(scores, form, output, verbose, changes)
+    if manifest is not None and output is not None:
+        stated = {
+            "rules": list(rules) or builtin_names(), "overrides": overrides,
+            "bind": None if bind is None else str(bind), "assign": assign, "roles": roles,
+            "protect": protect, "backend": backend, "assigned_only": assigned, "where": filters,
+        }  # fmt: skip
+        _write_manifest(manifest, output, traces, scores, asked.rule_set, stated)
     if what_if is not None and output is not None:
         _write_what_if(traces, filters, rules, overrides, bind, jobs, what_if, output)
     from safestage_eval.report import results_text
@@ -270,6 +287,26 @@ def _write(
     written(text, output)
     if output is not None:
         say(f"{output}: {count(len(scores.results), 'episode')}", err=True)
+
+
+def _write_manifest(
+    file: Path,
+    output: Path,
+    traces: tuple[str, ...],
+    scores: Scores,
+    rules: RuleSet,
+    settings: dict[str, Any],
+) -> None:
+    """Write the manifest; the digests of all episodes are computed, which reads them whole."""
+    from safestage_eval.formats import discover
+    from safestage_eval.provenance.manifest import as_bytes, digest_of, manifest
+
+    judged = {(result.path, result.episode_id) for result in scores.results}
+    refs = [ref for ref in discover(list(traces)) if (ref.shown, ref.episode_id) in judged]
+    subject = {output.name: digest_of(output)}
+    problems = [Path(problem.path).name for problem in scores.problems]
+    written(as_bytes(manifest(subject, rules, settings, refs, problems)), file)
+    say(f"{file}: manifest of {count(len(refs), 'episode')}", err=True)
 
 
 def _write_what_if(

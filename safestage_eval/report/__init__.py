@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 TABLE_FORMATS = ("table", "json", "csv", "markdown", "latex")
 """Formats of result tables and comparisons: those of ``layouts``, and two for programs."""
 
-FORMATS = ("table", "json", "jsonl", "csv", "parquet", "markdown", "junit", "github")
+FORMATS = ("table", "json", "jsonl", "csv", "parquet", "markdown", "junit", "github", "sarif")
 
 
 def render(scores: Scores, form: str, changes: Sequence[Change] | None = None) -> str | bytes:
@@ -34,7 +34,15 @@ def pieces(
 
         yield from results_parquet.pieces(scores)
         return
-    from . import ci_report, render_csv, result_rows, results_json, results_markdown, results_text
+    from . import (
+        ci_report,
+        render_csv,
+        result_rows,
+        results_json,
+        results_markdown,
+        results_sarif,
+        results_text,
+    )
 
     writers: dict[str, Callable[[], Iterable[str]]] = {
         "table": lambda: [results_text.render(scores)],
@@ -43,6 +51,7 @@ def pieces(
         "csv": lambda: render_csv.csv_pieces(result_rows.COLUMNS, result_rows.each_row(scores)),
         "markdown": lambda: [results_markdown.render(scores)],
         "junit": lambda: [ci_report.render_junit(scores, changes)],
+        "sarif": lambda: [results_sarif.render(scores)],
         "github": lambda: [ci_report.render_github(scores, changes)],
     }
     yield from writers[form]()

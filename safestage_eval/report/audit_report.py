@@ -21,9 +21,10 @@ from safestage_eval.version import __version__
 
 from .ci_report import github_line, junit_text
 from .render_json import render_json
+from .render_sarif import Help, Mark, render_sarif
 from .results_text import LEAST, WIDTH, put
 
-FORMATS = ("table", "json", "junit", "github")
+FORMATS = ("table", "json", "junit", "github", "sarif")
 
 SHOWN = 3
 """Findings of a code that are written out; of more only the episodes are counted."""
@@ -50,7 +51,9 @@ def render(
     """
     if form == "table":
         return _text(audit, width, color=color, everything=everything)
-    formats: dict[str, Callable[[Audit], str]] = {"json": _json, "junit": _junit, "github": _github}
+    formats: dict[str, Callable[[Audit], str]] = {
+        "json": _json, "junit": _junit, "github": _github, "sarif": _sarif,
+    }  # fmt: skip
     return formats[form](audit)
 
 
@@ -179,6 +182,15 @@ def _junit(audit: Audit) -> str:
             case = ET.SubElement(suite, "testcase", classname="unreadable", name=problem.path)
             ET.SubElement(case, "error", message=problem.message)
     return junit_text(root)
+
+
+def _sarif(audit: Audit) -> str:
+    marks = (
+        Mark(f.code, f.severity, _sentence(f), f.place.path, f.place.episode, {"fix": f.fix})
+        for f in audit.findings
+    )
+    helps = {code: Help(CHECKS[code].title, CHECKS[code].why) for code in audit.checks}
+    return render_sarif(marks, helps, [(p.path, p.message) for p in audit.problems])
 
 
 def _github(audit: Audit) -> str:

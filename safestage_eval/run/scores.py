@@ -25,6 +25,7 @@ class Scores:
             read as they are looked at.
         problems: the others.
         rules: code → title of the rules that were loaded.
+        reasons: code → why the rule matters, for those that say so.
         copies: files that hold an episode which another one holds as well, bit for bit; counted
             once.
         aborted: ids of rollouts that ended in an error (of a server, say): not judged.
@@ -41,12 +42,19 @@ class Scores:
     sample: str = ""
     gates: Gates = field(default_factory=Gates)
     audit: Mapping[str, Any] | None = None
+    reasons: Mapping[str, str] = field(default_factory=dict)
 
 
 def titles(rules: RuleSet) -> dict[str, str]:
     """Code → title of all rules and costs."""
     found = {rule.code: rule.title for rule in rules.rules.values()}
     return found | {cost.code: cost.title for cost in rules.costs.values()}
+
+
+def reasons(rules: RuleSet) -> dict[str, str]:
+    """Code → why it matters, of the rules and costs that say so."""
+    both = (*rules.rules.values(), *rules.costs.values())
+    return {each.code: each.why for each in both if each.why}
 
 
 def deduplicate(

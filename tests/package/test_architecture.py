@@ -36,6 +36,7 @@ ROOMS = {
         "audit",  # are recordings, scenes and evaluations sound?
         "importers",  # other people's files
         "report",
+        "provenance",  # what results were made of, and whether they can be made again
         "viewer",  # pages for a browser
         "label",  # people judge rollouts
         "monitor",  # the same rules while a rollout is going on

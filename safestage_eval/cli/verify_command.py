@@ -1,0 +1,122 @@
+"""``safestage verify``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from safestage_eval._text.plural import count
+
+from .shared_options import (
+    binding_options,
+    pairs,
+    prepare_kernels,
+    progress,
+    rules_option,
+    set_option,
+)
+from .terminal import say
+
+SHOWN = 20
+"""Differences that are written out."""
+
+
+@click.command("verify")
+@click.argument("results", type=click.Path(path_type=Path, dir_okay=False))
+@click.argument("traces", nargs=-1, required=True, metavar="TRACES...")
+@click.option(
+    "--manifest", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE",
+    help="Read what was judged, and how, from this manifest. Default: RESULTS.intoto.json, if there.",
+)  # fmt: skip
+@click.option(
+    "--sample", type=click.IntRange(0), metavar="N",
+    help="Judge only N episodes again, chosen by --seed. Default: all. Digests are computed of all.",
+)  # fmt: skip
+@click.option("--seed", type=int, default=0, show_default=True, help="Random seed for --sample.")
+@rules_option
+@binding_options
+@set_option
+@click.pass_context
+def command(
+    ctx: click.Context,
+    results: Path,
+    traces: tuple[str, ...],
+    manifest: Path | None,
+    sample: int | None,
+    seed: int,
+    rules: tuple[str, ...],
+    bind: Path | None,
+    assign: tuple[str, ...],
+    roles: tuple[str, ...],
+    protect: tuple[str, ...],
+    settings: tuple[str, ...],
+) -> None:
+    """Verify that results are those of the traces: compute digests anew, and judge again.
+
+    RESULTS is a file of rows that `score` wrote. With the manifest that `score --manifest` wrote,
+    rules and settings are those of the manifest; without it, those of the options. A signature on
+    the manifest is for you to check first (docs/provenance.md).
+
+    \b
+    Examples:
+      safestage score traces/ -f parquet -o rows.parquet --manifest rows.parquet.intoto.json
+      safestage verify rows.parquet traces/
+      safestage verify rows.csv traces/ --rules fsh --sample 20 --seed 7
+
+    Exit code 0: everything is as stated. 1: something differs. 2: something could not be verified,
+    or wrong usage.
+    """
+    from safestage_eval.errors import InputError
+    from safestage_eval.formats import discover
+    from safestage_eval.provenance.manifest import ENDING, read_manifest
+    from safestage_eval.provenance.verify_results import verify
+    from safestage_eval.rules import builtin_names
+    from safestage_eval.run.settings import load_settings
+
+    beside = results.with_name(results.name + ENDING)
+    if manifest is None and beside.is_file():
+        manifest = beside
+    statement = None if manifest is None else read_manifest(manifest)
+    how: dict[str, Any] = {
+        "rules": list(rules) or builtin_names(),
+        "overrides": pairs(settings, "--set"),
+        "bind": bind,
+        "assign": assign,
+        "roles": roles,
+        "protect": protect,
+    }
+    if statement is not None:
+        if any((rules, settings, bind, assign, roles, protect)):
+            raise click.UsageError(
+                "rules and settings are those of the manifest: leave out the options"
+            )
+        stated = statement["predicate"]["settings"]
+        names = (*how, "backend", "assigned_only")
+        how |= {name: stated[name] for name in names if name in stated}
+    prepare_kernels()
+    try:
+        asked = load_settings(how.pop("rules"), **how)
+    except (TypeError, AttributeError) as error:
+        raise InputError(str(manifest), f"its settings cannot be read: {error}.") from None
+    with progress("verifying") as tell:
+        found = verify(
+            results, discover(list(traces)), asked, statement=statement, sample=sample, seed=seed,
+            progress=tell,
+        )  # fmt: skip
+    for kind, lines in (("differs", found.differences), ("not verified", found.missing)):
+        for line in lines[:SHOWN]:
+            say(f"{kind}: {line}")
+        if len(lines) > SHOWN:
+            say(f"{kind}: and {len(lines) - SHOWN} more")
+    for note in found.notes:
+        say(f"note: {note}", err=True)
+    if statement is None:
+        say("note: no manifest: rules and settings are those of the options", err=True)
+    say(
+        f"{count(found.rows, 'row')} of {count(found.episodes, 'episode')}: {found.digests} digests "
+        f"computed, {found.judged} judged again, {count(len(found.differences), 'difference')}, "
+        f"{len(found.missing)} not verified"
+    )
+    ctx.exit(found.exit_code)
