@@ -51,6 +51,10 @@ if TYPE_CHECKING:
     metavar="DIR", help="Search this folder for mesh files that the source names. Repeatable.",
 )  # fmt: skip
 @click.option(
+    "--robot", type=click.Path(path_type=Path, exists=True, dir_okay=False), metavar="FILE",
+    help="Place the robot's links by its recorded joints and this description (URDF or MJCF).",
+)  # fmt: skip
+@click.option(
     "--python", type=click.Path(path_type=Path, exists=True, dir_okay=False), metavar="PATH",
     help="Compute contacts of MuJoCo states with the mujoco of this Python, the recorder's own.",
 )  # fmt: skip
@@ -83,7 +87,8 @@ if TYPE_CHECKING:
 @click.pass_context
 def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None, bind: Path | None,
             rules: tuple[str, ...], only: str | None, quaternion: Any, dt: str | None,
-            assets: tuple[Path, ...], python: Path | None, prefix: str,
+            assets: tuple[Path, ...], robot: Path | None,
+            python: Path | None, prefix: str,
             limit: int | None, jobs: int, timeout: float | None, memory: str | None,
             mcap: bool, replace: bool, write_map: Path | None, form: str) -> None:  # fmt: skip
     """Import other people's recordings, and report what they lack.
@@ -111,6 +116,7 @@ def command(ctx: click.Context, source: Path, to: Path | None, map_: Path | None
         quaternion=quaternion,
         dt=None if dt is None else _seconds(dt),
         assets=assets,
+        robot=None if robot is None else robot.absolute(),
         python=None if python is None else python.absolute(),
     )
     if write_map is not None:

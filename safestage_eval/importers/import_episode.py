@@ -146,5 +146,5 @@ def fingerprint_of(source: Importer, name: str, target: Target) -> str:
     """Return the digest of the data, and of the settings that they were read with."""
     settings = target.settings
     with_ = f"{settings.map.digest} {settings.quaternion} {settings.dt}"
-    with_ += "" if settings.python is None else f" {settings.python}"
+    with_ += "".join(f" {path}" for path in (settings.python, settings.robot) if path is not None)
     return sha256(f"{source.fingerprint(name)} {with_}".encode()).hexdigest()[:16]

@@ -29,6 +29,7 @@ class Settings:
         map: what the map file says (docs/import/map.md).
         quaternion: order of the source's quaternions, where it does not tell.
         dt: s between the source's rows, where it does not tell.
+        robot: its description, URDF or MJCF, by which its joints place its links.
         python: interpreter that has the recorder's own MuJoCo.
         noted: receives what the source lacks, for a first look, where it would be refused otherwise.
         assets: folders with the mesh files that a source names but does not bring.
@@ -39,6 +40,7 @@ class Settings:
     dt: float | None = None
     assets: tuple[Path, ...] = ()
     python: Path | None = None
+    robot: Path | None = None
     noted: list[SourceError] | None = field(default=None, compare=False)
 
 

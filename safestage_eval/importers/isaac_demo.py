@@ -21,6 +21,7 @@ from .importer import QuaternionOrder, SourceError
 from .isaac_file import IsaacFile
 from .isaac_robot import robot_columns, rows_with_first
 from .missing_data import say_bodies, say_contacts, say_links, say_success
+from .place_robot import Placed, place_robot
 from .scene_bodies import apply_map, fixed_from_map, need_shapes
 
 F64 = NDArray[np.float64]
@@ -45,6 +46,7 @@ class Demo:
         self.bodies: list[Body] = []
         self.tracks: dict[str, Track] = {}
         self.meshes: dict[str, Any] = {}
+        self.placed: dict[str, Placed] = {}
 
     def episode(self) -> Episode:
         """Read the episode. Raises InputError when it lacks what no trace can do without."""
@@ -67,7 +69,9 @@ class Demo:
             self.account.missing(
                 f"deformable object {name}", cost="nothing is known of what it touches"
             )
-        frames, joints = robot_columns(self.group, self.length, self.where, self.account)
+        frames, joints = robot_columns(
+            self.group, self.length, self.where, self.account, self.placed
+        )
         more, still = fixed_from_map({body.name for body in self.bodies}, self.map, self.meshes)
         self._remark()
         among = "RoboLab's bbox group is missing"
@@ -203,6 +207,19 @@ class Demo:
         raw = Body(name=own, kind="robot" if "robot" in name else "fixture", untold=("links",))
         body = apply_map(raw, self.map, self.meshes)
         body, motion = fixed_if_still(body, make_track(position, orientation, linear, angular))
+        if raw.kind == "robot" and self.source.settings.robot is not None:
+            columns = rows_with_first(group, first, "joint_position", f"{self.where}/{name}")
+            taken = {body.name for body in self.bodies} | {
+                *self.group["states"].get("rigid_object", ())
+            }
+            placed = place_robot(
+                self.source.settings, own, motion, columns, self.account, self.meshes, taken=taken
+            )
+            assert placed is not None
+            self.placed[name] = placed
+            self.bodies += placed.bodies
+            self.tracks.update(placed.tracks)
+            return
         self.bodies.append(body)
         self.tracks[own] = motion
         say_links(self.account, name)
@@ -210,7 +227,7 @@ class Demo:
     def _hand(self) -> None:
         """RoboLab's ``ee_pose``: the base of the gripper."""
         group = self.group.get("ee_pose")
-        if group is None or not {"position", "orientation"} <= set(group):
+        if self.placed or group is None or not {"position", "orientation"} <= set(group):
             return
         where = f"{self.where}/ee_pose"
         position = hdf5.rows(group, "position", where, 3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from safestage_eval.errors import TraceError
 
 from . import hdf5
 from .account import Account
+from .place_robot import Placed
 
 F64 = NDArray[np.float64]
 
@@ -20,7 +22,11 @@ CLOSED = np.pi / 4
 
 
 def robot_columns(
-    group: Any, length: int, where: str, account: Account
+    group: Any,
+    length: int,
+    where: str,
+    account: Account,
+    placed: Mapping[str, Placed] | None = None,
 ) -> tuple[RobotFrames, tuple[Joint, ...]]:
     """Read columns and joints of all articulations of a demo, by name.
 
@@ -29,6 +35,7 @@ def robot_columns(
         length: T, frames of its bodies.
         where: for messages.
         account: for remarks.
+        placed: articulation → its links, where a description placed them.
 
     Raises:
         TraceError: an articulation has other frames than the bodies.
@@ -46,6 +53,10 @@ def robot_columns(
                     f"{place}/{key}", f"{len(values)} frames, the bodies have {length}"
                 )
             parts.append(values)
+        whole = (placed or {}).get(name)
+        if whole is not None:
+            joints += whole.joints
+            continue
         own = f"{name}_base" if name in ("robot", "gripper") else name
         joints += [
             Joint(name=f"{name}_{i}", kind="revolute", body=own)
@@ -57,7 +68,9 @@ def robot_columns(
     rows = length - (0 if first is None else 1)
     parts += [
         _actions(group, length, rows, where, account),
-        _opening(group, position, where, account),
+        next(iter(placed.values())).gripper
+        if placed
+        else _opening(group, position, where, account),
     ]
     return RobotFrames(*(part.astype(np.float32) for part in parts)), tuple(joints)
 

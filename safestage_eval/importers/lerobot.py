@@ -23,6 +23,7 @@ from .importer import Importer, QuaternionOrder, Settings, SourceError
 from .lerobot_tables import OWN, Tables, column_of, described, part_of
 from .map_tables import ColumnsTable
 from .missing_data import say_bodies, say_contacts, say_success
+from .place_robot import Placed, place_robot
 from .scene_bodies import apply_map, fixed_from_map, need_shapes
 from .stateless import ask_for
 
@@ -131,12 +132,16 @@ class LeRobot(Importer):
         gaps.ask(lambda: need_shapes(bodies, where, among="LeRobot tables have none"), None)
         t = gaps.ask(lambda: self._time(columns, where), np.zeros(0))
         gaps.refuse()
-        if not any(body.kind in ("robot", "gripper") for body in bodies):
+        placed = self._placed(columns, where, set(tracks), account, meshes)
+        if placed is not None:
+            bodies += placed.bodies
+            tracks.update(placed.tracks)
+        elif not any(body.kind in ("robot", "gripper") for body in bodies):
             base = Body(name="robot_base", kind="robot", movable=False, mass=0, untold=("links",))
             bodies.append(base)
             tracks[base.name] = still_track((0, 0, 0), (1, 0, 0, 0))
         more, still = fixed_from_map(set(tracks), self.settings.map, meshes)
-        frames, joints = self._robot(columns, len(t), where, account)
+        frames, joints = self._robot(columns, len(t), where, account, placed)
         self._remark(bodies, account)
         header = self._header(columns, t, _number(name), (*bodies, *more), joints, account)
         return Episode(header, t, {**tracks, **still}, None, frames, meshes=meshes)
@@ -182,8 +187,50 @@ class LeRobot(Importer):
             )
         return np.arange(rows, dtype=np.float64) / float(fps)
 
+    def _placed(
+        self,
+        columns: dict[str, F64],
+        where: str,
+        taken: set[str],
+        account: Account,
+        meshes: dict[str, Any],
+    ) -> Placed | None:
+        """The robot's links by ``--robot`` and the joint positions; its base stands at the world's origin."""
+        spec = self._columns.joint_position
+        if self.settings.robot is None:
+            return None
+        if spec is None:
+            raise SourceError(
+                where, "no column is mapped to the joint positions, which --robot needs.",
+                fix='[columns] joint_position = "observation.state[0:7]" in the map file',
+            )  # fmt: skip
+        values = part_of(columns, spec, None, where)
+        entry = self.settings.map.of_body("robot_base")
+        place = (0.0, 0.0, 0.0) if entry is None or entry.position is None else entry.position
+        turn = (1.0, 0.0, 0.0, 0.0) if entry is None else tuple(entry.orientation)
+        if entry is None or entry.position is None:
+            account.guessed(
+                "place of the robot's base", "the origin of the world",
+                remedy="[body.robot_base] position, orientation in the map file",
+            )  # fmt: skip
+        feature = self._features.get(column_of(spec), {})
+        names = feature.get("names") if isinstance(feature, dict) else None
+        names = next(iter(names.values()), None) if isinstance(names, dict) else names
+        named = (
+            [str(name).removesuffix(".pos") for name in names] if isinstance(names, list) else []
+        )
+        return place_robot(
+            self.settings, "robot_base", still_track(place, turn), values, account, meshes,
+            names=named if len(named) == values.shape[1] else (), taken=taken,
+        )  # fmt: skip
+
     def _robot(
-        self, columns: dict[str, F64], rows: int, where: str, account: Account
+        self,
+        columns: dict[str, F64],
+        rows: int,
+        where: str,
+        account: Account,
+        placed: Placed | None,
     ) -> tuple[RobotFrames, tuple[Joint, ...]]:
         parts = []
         for part in ("joint_position", "joint_velocity", "joint_torque", "action", "gripper"):
@@ -191,6 +238,10 @@ class LeRobot(Importer):
             values = np.zeros((rows, 0)) if spec is None else part_of(columns, spec, None, where)
             parts.append(values.astype(np.float32))
         count = max(column.shape[1] for column in parts[:3])
+        if placed is not None:
+            if not parts[-1].shape[1]:
+                parts[-1] = placed.gripper.astype(np.float32)
+            return RobotFrames(*parts), placed.joints
         if count:
             account.guessed("names and kinds of joints", "numbered, revolute")
         joints = tuple(Joint(name=f"joint_{i}", kind="revolute") for i in range(count))

@@ -29,6 +29,7 @@ from .foreign_motion import at_origin, fixed_if_still, make_track, to_wxyz
 from .gaps import Gaps
 from .importer import Importer, Settings, SourceError
 from .missing_data import say_bodies, say_contacts, say_links, say_success
+from .place_robot import place_robot
 from .scene_bodies import apply_map, fixed_from_map, need_shapes
 
 F64 = NDArray[np.float64]
@@ -162,7 +163,9 @@ class ManiSkill(Importer):
         meshes: dict[str, Any],
     ) -> tuple[RobotFrames, tuple[Joint, ...]]:
         length = len(states["actors"][next(iter(states["actors"]))])
-        position, velocity, joints = np.zeros((length, 0)), np.zeros((length, 0)), []
+        position, velocity = np.zeros((length, 0)), np.zeros((length, 0))
+        joints: list[Joint] = []
+        opening: F64 | None = None
         inside = f"{where}/env_states/articulations"
         articulations = states.get("articulations", {})
         if not hasattr(articulations, "keys"):
@@ -183,6 +186,20 @@ class ManiSkill(Importer):
                 apply_map(raw, self.settings.map, meshes),
                 _motion(values[:, :ROOT], raw, f"{inside}/{name}"),
             )
+            placed = None
+            if robot:
+                placed = place_robot(
+                    self.settings, own, motion, values[:, ROOT : ROOT + count], account, meshes,
+                    taken={*tracks, *states["actors"], *articulations},
+                )  # fmt: skip
+            if placed is not None:
+                bodies += placed.bodies
+                tracks.update(placed.tracks)
+                joints += placed.joints
+                opening = placed.gripper
+                position = np.hstack([position, values[:, ROOT : ROOT + count]])
+                velocity = np.hstack([velocity, values[:, ROOT + count :]])
+                continue
             bodies.append(body)
             tracks[own] = motion
             position = np.hstack([position, values[:, ROOT : ROOT + count]])
@@ -195,7 +212,7 @@ class ManiSkill(Importer):
             if len(rows):
                 action = rows[np.minimum(np.arange(length), len(rows) - 1)]
         none = np.zeros((length, 0), np.float32)
-        columns = (position, velocity, none, action, none)
+        columns = (position, velocity, none, action, none if opening is None else opening)
         return RobotFrames(*(c.astype(np.float32) for c in columns)), tuple(joints)
 
     def _header(

@@ -189,6 +189,13 @@ def _merged(first: T, second: T) -> T:
     return first.model_copy(update=said)
 
 
+class RobotTable(_Table):
+    """``[robot]``: how the recorded joints belong to the description of ``--robot``."""
+
+    joints: Names = ()
+    """Its joints in the order of the recorded columns."""
+
+
 class InTable(_Table):
     """``[in."GLOB"]``: what holds in some files or episodes alone; it wins over the rest."""
 
@@ -207,6 +214,7 @@ class MapFile(_Table):
     episode: dict[str, HeaderTable] = Field(default_factory=dict)
     body: dict[str, BodyTable] = Field(default_factory=dict)
     columns: ColumnsTable | None = None
+    robot: RobotTable = RobotTable()
     in_: dict[str, InTable] = Field(default_factory=dict, alias="in")
     path: str = Field(default="", exclude=True)
     """The map file's path; not a table in it."""

@@ -27,7 +27,7 @@ def say_links(account: Account, robot: str) -> None:
         f"poses of the links of {robot}",
         "only its root and its joints are recorded",
         cost="distances and contacts of the arm, reach, forbidden rooms: inconclusive",
-        remedy="record the poses of its links",
+        remedy="--robot FILE, its URDF or MJCF, places them by its joints",
     )
     account.guessed(
         f"names and kinds of the joints of {robot}",

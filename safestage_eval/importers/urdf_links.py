@@ -15,6 +15,16 @@ JOINTED = ("revolute", "continuous", "prismatic")
 
 
 @dataclass(frozen=True)
+class MeshShape:
+    """A mesh file of a link: its place (m, wxyz) in the link's frame, and m per unit along each axis."""
+
+    file: str
+    position: tuple[float, float, float]
+    orientation: tuple[float, float, float, float]
+    scale: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class Link:
     """One link.
 
@@ -24,6 +34,7 @@ class Link:
         com: m, in the link's frame.
         robot: it hangs on the same tree as a joint that moves.
         left_out: mesh files, which are not opened.
+        meshes: the same, with their place in the link's frame and their scale.
         parent: link that it is jointed to; None for the root.
     """
 
@@ -33,6 +44,7 @@ class Link:
     robot: bool = False
     left_out: tuple[str, ...] = field(default=())
     parent: str | None = None
+    meshes: tuple[MeshShape, ...] = ()
 
 
 def urdf_links(text: str, where: str) -> dict[str, Link]:
@@ -84,47 +96,57 @@ def _joints(root: ET.Element) -> tuple[dict[str, str], Any]:
 
 def _link(element: ET.Element, robot: bool, parent: str | None) -> Link:
     shapes = element.findall("collision") or element.findall("visual")
-    geoms, left_out = [], []
+    geoms, left_out, meshes = [], [], []
     for shape in shapes:
         geometry = shape.find("geometry")
         for form in geometry if geometry is not None else ():
-            place = _origin(shape)
+            place = origin_of(shape)
             if form.tag == "box":
-                x, y, z = _numbers(form.get("size"), 3)
+                x, y, z = numbers_of(form.get("size"), 3)
                 geoms.append(Geom(kind="box", size=(x / 2, y / 2, z / 2), **place))
             elif form.tag == "sphere":
-                geoms.append(Geom(kind="sphere", size=_numbers(form.get("radius"), 1), **place))
+                geoms.append(Geom(kind="sphere", size=numbers_of(form.get("radius"), 1), **place))
             elif form.tag in ("cylinder", "capsule"):
-                (radius,) = _numbers(form.get("radius"), 1)
-                (length,) = _numbers(form.get("length"), 1)
+                (radius,) = numbers_of(form.get("radius"), 1)
+                (length,) = numbers_of(form.get("length"), 1)
                 kind: GeomKind = "cylinder" if form.tag == "cylinder" else "capsule"
                 geoms.append(Geom(kind=kind, size=(radius, length / 2), **place))
             else:
+                if form.tag == "mesh":
+                    scale = numbers_of(form.get("scale", "1 1 1"), 3)
+                    meshes.append(
+                        MeshShape(
+                            form.get("filename", ""), place["position"], place["orientation"], scale
+                        )
+                    )
                 left_out.append(form.get("filename", form.tag))
     inertial = element.find("inertial")
     mass = None if inertial is None else inertial.find("mass")
     return Link(
         tuple(geoms),
-        None if mass is None else _numbers(mass.get("value"), 1)[0],
-        (0.0, 0.0, 0.0) if inertial is None else _origin(inertial)["position"],
+        None if mass is None else numbers_of(mass.get("value"), 1)[0],
+        (0.0, 0.0, 0.0) if inertial is None else origin_of(inertial)["position"],
         robot,
         tuple(left_out),
         parent,
+        tuple(meshes),
     )
 
 
-def _origin(element: ET.Element) -> dict[str, Any]:
+def origin_of(element: ET.Element) -> dict[str, Any]:
+    """Position (m) and orientation (wxyz) of an element's frame in its parent's."""
     from scipy.spatial.transform import Rotation
 
     origin = element.find("origin")
     if origin is None:
         return {"position": (0.0, 0.0, 0.0), "orientation": (1.0, 0.0, 0.0, 0.0)}
-    rpy = _numbers(origin.get("rpy", "0 0 0"), 3)
+    rpy = numbers_of(origin.get("rpy", "0 0 0"), 3)
     x, y, z, w = Rotation.from_euler("xyz", rpy).as_quat().tolist()
-    return {"position": _numbers(origin.get("xyz", "0 0 0"), 3), "orientation": (w, x, y, z)}
+    return {"position": numbers_of(origin.get("xyz", "0 0 0"), 3), "orientation": (w, x, y, z)}
 
 
-def _numbers(text: str | None, count: int) -> tuple[Any, ...]:
+def numbers_of(text: str | None, count: int) -> tuple[Any, ...]:
+    """The numbers of an attribute; raise ValueError unless there are so many."""
     values = tuple(float(word) for word in (text or "").split())
     if len(values) != count:
         raise ValueError(f"{text!r} where {count} numbers belong")

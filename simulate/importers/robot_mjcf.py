@@ -1,0 +1,92 @@
+"""A robot from MJCF, as MuJoCo compiles it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from safestage_eval.errors import InputError
+from safestage_eval.importers.importer import SourceError
+from safestage_eval.importers.robot_model import RobotJoint, RobotLink, RobotModel
+from simulate.world.describe import Description
+
+from .foreign_facts import ForeignFacts
+
+
+def robot_from_mjcf(path: Path) -> RobotModel:
+    """Read a robot, the tree of bodies with the most joints of a model.
+
+    Raises:
+        InputError: MuJoCo cannot read it, or it has a shape that no trace can hold.
+        SourceError: nothing in it is jointed.
+    """
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise InputError(
+            str(path), f"MuJoCo cannot read it: {' '.join(str(error).split())}."
+        ) from None
+    axes = {
+        int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
+        int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
+    }
+    joints: dict[int, list[RobotJoint]] = {}
+    for j in range(model.njnt):
+        kind = axes.get(int(model.jnt_type[j]))
+        if kind is not None:
+            joints.setdefault(int(model.jnt_bodyid[j]), []).append(_joint(model, j, kind))
+    if not joints:
+        raise SourceError(str(path), "has no joint that turns or slides.", "the model of a robot")
+    roots = [int(model.body_rootid[body]) for body, some in joints.items() for _ in some]
+    root = max(dict.fromkeys(roots), key=roots.count)
+    about = Description(model, ForeignFacts(model).facts)
+    links = []
+    for body in range(1, model.nbody):
+        if int(model.body_rootid[body]) != root:
+            continue
+        said = about.body(body)
+        kind = "robot" if said.kind in ("object", "fixture") else said.kind
+        parent = None if body == root else about.body(int(model.body_parentid[body])).name
+        # a part that can touch nothing is a mere frame
+        mass = said.mass if said.geoms else 0.0
+        links.append(
+            RobotLink(
+                said.model_copy(
+                    update={"kind": kind, "parent": parent, "movable": True, "mass": mass}
+                ),
+                tuple(model.body_pos[body].tolist()),
+                tuple(model.body_quat[body].tolist()),
+                tuple(joints.get(body, ())),
+            )
+        )
+    return RobotModel(tuple(links), {mesh.key: mesh for mesh in about.meshes})
+
+
+def _joint(model: mujoco.MjModel, j: int, kind: str) -> RobotJoint:
+    limited = bool(model.jnt_limited[j])
+    low, high = model.jnt_range[j].tolist()
+    follows = None
+    for e in range(model.neq):
+        joint = int(mujoco.mjtEq.mjEQ_JOINT)
+        if (
+            int(model.eq_type[e]) == joint
+            and int(model.eq_obj1id[e]) == j
+            and model.eq_obj2id[e] >= 0
+        ):
+            offset, factor, *curved = model.eq_data[e][:5].tolist()
+            if not np.any(curved):
+                other = int(model.eq_obj2id[e])
+                rest = float(model.qpos0[model.jnt_qposadr[j]])
+                before = float(model.qpos0[model.jnt_qposadr[other]])
+                follows = (model.joint(other).name, factor, rest + offset - factor * before)
+    return RobotJoint(
+        model.joint(j).name,
+        "prismatic" if kind == "prismatic" else "revolute",
+        tuple(model.jnt_axis[j].tolist()),
+        tuple(model.jnt_pos[j].tolist()),
+        (low, high) if limited else None,
+        follows,
+        float(model.qpos0[model.jnt_qposadr[j]]),
+    )
