@@ -26,7 +26,7 @@ REFUSED: tuple[type[Refused], ...] = (Stateless,)
 FROM_SIMULATE = ("mujoco",)
 """Formats that need MuJoCo: ``simulate.importers.NAME`` has a class ``IMPORTER``."""
 
-TITLES = {"mujoco": "MuJoCo states (robosuite, robomimic, LIBERO, MimicGen, RoboCasa)"}
+TITLES = {"mujoco": "MuJoCo states (robosuite, robomimic, LIBERO, MimicGen, RoboCasa, MJX)"}
 """Of the formats whose file may be out of reach."""
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from safestage_eval._text.json_text import from_json
-from safestage_eval.importers.hdf5 import fingerprint, layout, numbered, open_hdf5
+from safestage_eval.importers.hdf5 import fingerprint, is_hdf5, layout, numbered, open_hdf5
 
 from .stored_states import Stored
 
@@ -27,8 +27,18 @@ class DemoFile:
         """Close the file."""
         self._file.close()
 
-    def told_by(self) -> str | None:
-        """By what it is a file of MuJoCo states; None if it is none."""
+    @classmethod
+    def told_by(cls, path: Path) -> str | None:
+        """By what a path is a file of MuJoCo states; None if it is none."""
+        if not is_hdf5(path):
+            return None
+        file = cls(path)
+        try:
+            return file._told_by()
+        finally:
+            file.close()
+
+    def _told_by(self) -> str | None:
         import h5py
 
         data = self._file.get("data")

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from safestage_eval.episode import Episode, Header, Source
 from safestage_eval.importers import Account
-from safestage_eval.importers.hdf5 import is_hdf5
 from safestage_eval.importers.importer import Importer, Settings, SourceError
 
-from . import state_folders
 from .foreign_facts import ForeignFacts
 from .hdf5_demos import DemoFile
 from .model_file import Loaded, load_model
 from .recorder_mujoco import RecorderMujoco
+from .state_arrays import StateArrays
+from .state_folders import StateFolders
 from .state_rows import Rows, episode, split
 from .stored_states import Stored
 from .weights import weigh
@@ -28,49 +28,45 @@ from .weights import weigh
 F64 = NDArray[np.float64]
 
 
+STORES: tuple[type[DemoFile | StateFolders | StateArrays], ...] = (
+    DemoFile,
+    StateFolders,
+    StateArrays,
+)
+"""Where states are stored: each class says ``told_by(path)``, and has ``names``, ``read``,
+``fingerprint`` and ``close``."""
+
+
 class MujocoStates(Importer):
     """A file of demonstrations, or a folder of stored states."""
 
     name: ClassVar[str] = "mujoco"
-    title: ClassVar[str] = "MuJoCo states (robosuite, robomimic, LIBERO, MimicGen, RoboCasa)"
+    title: ClassVar[str] = "MuJoCo states (robosuite, robomimic, LIBERO, MimicGen, RoboCasa, MJX)"
 
     def __init__(self, path: Path, settings: Settings) -> None:
         """Open the file or list the folder."""
         super().__init__(path, settings)
-        self._file = DemoFile(path) if path.is_file() else None
+        self._store = next((s for s in STORES if s.told_by(path)), DemoFile)(path)
         self._last: tuple[str, Loaded] | None = None
         python = settings.python
         self._elsewhere = None if python is None else RecorderMujoco(python)
-        self._folders = {f.name: f for f in state_folders.episode_folders(path)}
 
     @classmethod
     def recognise(cls, path: Path) -> str | None:
-        """By ``data/demo_*/states`` of an HDF5 file, or by ``episode_*/states.npz``."""
-        if path.is_dir():
-            folders = state_folders.episode_folders(path)
-            return f"{folders[0].name}/states.npz" if folders else None
-        if not is_hdf5(path):
-            return None
-        file = DemoFile(path)
-        try:
-            return file.told_by()
-        finally:
-            file.close()
+        """By what one of ``STORES`` finds."""
+        return next((told for store in STORES if (told := store.told_by(path))), None)
 
     def episodes(self) -> Sequence[str]:
         """``demo_1`` or ``episode_000001``, in the order of their numbers."""
-        return self._file.names() if self._file is not None else list(self._folders)
+        return self._store.names()
 
     def fingerprint(self, name: str) -> str:
         """Digest of the model and of the states' first and last row."""
-        if self._file is not None:
-            return self._file.fingerprint(name)
-        return state_folders.fingerprint(self._folders[name])
+        return self._store.fingerprint(name)
 
     def close(self) -> None:
         """Close the file, and end the recorder's interpreter."""
-        if self._file is not None:
-            self._file.close()
+        self._store.close()
         if self._elsewhere is not None:
             self._elsewhere.close()
 
@@ -91,10 +87,7 @@ class MujocoStates(Importer):
 
     def read(self, name: str, account: Account) -> Episode:
         """One episode, every row computed anew from its state."""
-        if self._file is not None:
-            stored = self._file.read(name)
-        else:
-            stored = state_folders.read(self._folders[name])
+        stored = self._store.read(name)
         _need_states(stored)
         assert stored.model is not None
         assert stored.states is not None
@@ -136,7 +129,7 @@ def _clock(stored: Stored, time: F64, given: float | None, account: Account) -> 
         SourceError: rows without a time, and nothing that gives the step.
     """
     step = np.diff(time)
-    if given is None and (step > 0).all():
+    if given is None and stored.clocked and (step > 0).all():
         if time[0] > 1e-9:
             account.missing(
                 "the first rows",
@@ -152,7 +145,7 @@ def _clock(stored: Stored, time: F64, given: float | None, account: Account) -> 
             "its rows have no time that increases, and nothing says how far apart they are.",
             fix='--dt SECONDS, or dt = "50 ms" under [source] of a map file',
         )
-    if given is None:
+    if given is None and stored.clocked:
         account.guessed(
             "time", f"the rows' times do not increase: one row per action, {dt:.6g} s apart"
         )
@@ -194,6 +187,13 @@ def _success(stored: Stored, clock: F64, account: Account) -> tuple[bool | None,
             return False, None
         after = min(int(hits[0]) + 1, len(clock) - 1)
         return True, float(clock[after] - clock[0])
+    if stored.successful is not None:
+        account.missing(
+            "the moment of success", f"the collector says only that it was {'' if stored.successful else 'no '}success",
+            cost="what is judged up to success or after it, unless a goal is bound",
+            remedy="--map with success_time, or --bind with a goal",
+        )  # fmt: skip
+        return stored.successful, None
     if stored.libero is not None:
         account.missing(
             "success",

@@ -26,6 +26,8 @@ class Stored:
         meta: of the episode (``ep_meta``).
         about: of the file: ``env_args``, ``env_info``, ``problem_info`` and the like.
         index: number of the episode.
+        successful: whether it was a success, where the collector says so without its moment.
+        clocked: its rows have a time.
     """
 
     where: str
@@ -36,6 +38,8 @@ class Stored:
     meta: Mapping[str, Any] = field(default_factory=dict)
     about: Mapping[str, Any] = field(default_factory=dict)
     index: int | None = None
+    successful: bool | None = None
+    clocked: bool = True
 
     @property
     def libero(self) -> str | None:
