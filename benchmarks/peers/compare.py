@@ -44,6 +44,7 @@ def main() -> None:
     options.add_argument("--traces", type=Path, nargs="*", default=[], help="folders of traces")
     options.add_argument("--peers", nargs="*", default=list(PEERS), choices=list(PEERS))
     options.add_argument("--every", type=int, default=1, help="every so manieth trace")
+    options.add_argument("--first", type=int, default=0, help="how many traces to leave out first")
     options.add_argument("--out", type=Path, help="where to write the counts, as JSON")
     options.add_argument("--counts", type=Path, nargs="*", default=[], help="counts to add up")
     options.add_argument("--page", type=Path, help="page whose table is written anew")
@@ -73,7 +74,9 @@ def compare(peer: str, given: argparse.Namespace, tallies: dict[str, Tally]) -> 
 
     with importlib.import_module(peer).comparing(given.checkouts / PEERS[peer]) as judge:
         judge(None, tallies[peer])
-        refs = [ref for folder in given.traces for ref in discover([folder])][:: given.every]
+        refs = [ref for folder in given.traces for ref in discover([folder])][
+            given.first :: given.every
+        ]
         for number, ref in enumerate(refs, 1):
             judge(ref.open(), tallies[peer])
             if given.out and (number % 10 == 0 or number == len(refs)):

@@ -177,11 +177,11 @@ def _thermal_and_electrical(peer: SimpleNamespace, tally: Tally) -> None:
                 charged.append(evaluator.generate_damage()["body"])
             tally.verdict(said[rule], max(charged) > 0, rule, CODE, "unexplained")
             clamped = max(charged) >= 100
-            cooled = rule == "OOP201" and episode.channels[body, channel].min() < -20
             one = tally.count(cost, CODE, "sums")
             one.run += 1
             if abs(float(sums[cost] or 0) - sum(charged)) <= 1e-3 * max(1, sum(charged)):
                 one.agreed += 1
             else:
-                one.differences["at most 100 points in an evaluation there" if clamped else
-                                "cold costs as well there" if cooled else "unexplained"] += 1  # fmt: skip
+                one.differences[
+                    "at most 100 points in an evaluation there" if clamped else "unexplained"
+                ] += 1

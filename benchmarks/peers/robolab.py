@@ -9,24 +9,24 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from asked import Asked, with_states
 from numpy.typing import NDArray
-from peer_code import code_of
+from peer_code import code_of, functions
 from resampled import resampled
 from scipy.spatial.transform import Rotation
 from tally import Tally, verdicts
 
 from safestage_eval.episode import Episode
 from safestage_eval.episode.body import Geom
-from safestage_eval.evidence.measure import Signals
-from safestage_eval.relations.relations import Relations
-from safestage_eval.rules import RuleSet, load_rules
-from safestage_eval.verdicts.ask import ask
+from safestage_eval.rules import load_rules
+from safestage_eval.rules.resolve import bind_episode
+from safestage_eval.verdicts.judging import Judge
 
 RATE = 15.0
 """Hz: RoboLab looks once per control step."""
@@ -40,12 +40,9 @@ EVENTS = {
 }  # fmt: skip
 """OBJECT_STARTED_MOVING (RLB104) is a step of theirs on the way to the next two, never an event."""
 
-ASKED = """
-[ruleset]
-format  = 1
-name    = "asked"
-version = "1.0.0"
-extends = ["robolab"]
+STATES = with_states(
+    "robolab",
+    """
 [state.calm]
 of   = ["a"]
 when = { "speed(a)" = "< settled_speed" }
@@ -54,31 +51,33 @@ of   = ["a"]
 when = { "tilt(a)" = "<= tipped" }
 [state.in_workspace]
 of   = ["a"]
-when = { "in_scene(a)" = ">= 0 m" }
+[state.in_workspace.when]
+"place_x(a)" = [">= scene_back", "<= scene_front"]
+"place_y(a)" = [">= -scene_side", "<= scene_side"]
+"place_z(a)" = [">= scene_floor", "<= scene_top"]
 [state.above]
 of   = ["a", "b"]
 when = { "overlap_xy(a, b)" = ">= over_share" }
 [state.gripper_shut]
 of   = []
 when = { "gripper_opening()" = "<= shut" }
-"""
-"""The conditions of the rules, each as a state of its own."""
+[state.put_in]
+of   = ["a", "b"]
+when = { "inside(a, b)" = true, "gripped(a)" = false, "speed(a)" = "< settled_speed" }
+[state.put_on]
+of   = ["a", "b"]
+when = { "supports(b, a)" = true, "overlap_xy(a, b)" = ">= over_share", "gripped(a)" = false }
+""",
+)
+"""The conditions of the rules and of the two goals, each as a state of its own."""
 
-
-def _asked() -> RuleSet:
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "asked.toml"
-        path.write_text(ASKED, "utf-8")
-        return load_rules([path])
-
+RULES = load_rules(["robolab"])
 
 WHY = {
-    "RLB107": "all of the shape beside its origin",
+    "RLB105": "50 cm or more, which is the other event there",
     "RLB109": "let go where something bears it",
 }
 """What is known of rules that differ."""
-
-RULES, STATES = load_rules(["robolab"]), _asked()
 
 
 @contextmanager
@@ -260,6 +259,7 @@ def comparing(checkout: Path) -> Iterator[Callable[[Episode, Tally], None]]:
         def compare(episode: Episode | None, tally: Tally) -> None:
             if episode is None:
                 return
+            _path(checkout, episode, tally)
             rows = np.arange(0, len(episode), max(1, round(1 / (RATE * episode.dt))))
             scene = Scene(peer, episode, rows)
             _predicates(peer, scene, tally)
@@ -270,17 +270,12 @@ def comparing(checkout: Path) -> Iterator[Callable[[Episode, Tally], None]]:
 
 def _predicates(peer: SimpleNamespace, scene: Scene, tally: Tally) -> None:
     episode, rows, world = scene.episode, scene.rows, scene.world
-    relations = Relations(Signals(episode))
     logic, tasks = peer.predicate_logic, peer.conditionals
 
+    asked = Asked(episode, STATES)
+
     def ours(expression: str) -> NDArray[np.float64]:
-        series = ask(episode, expression, relations, STATES)
-        lower, upper = (
-            np.broadcast_to(series.lower, len(episode)),
-            np.broadcast_to(series.upper, len(episode)),
-        )
-        close = (lower == upper) | (upper - lower <= 1e-6)
-        return np.asarray(np.where(close, upper, np.nan)[rows], np.float64)
+        return asked(expression)[rows]
 
     def theirs(found: Any) -> NDArray[np.bool_]:
         return np.asarray(found.numpy(), bool)
@@ -304,9 +299,8 @@ def _predicates(peer: SimpleNamespace, scene: Scene, tally: Tally) -> None:
         tracker = peer.event_tracker.EventTracker(len(rows))
         gone = theirs(tracker._is_outside_workspace_batched(world.get_pose(body)[0]))
         tally.frames(
-            ours(f"in_workspace({body})"), ~gone, "in_scene(a) >= 0", "_is_outside_workspace_batched",
-            [("all of the shape beside its origin", ~gone)],
-        )  # fmt: skip
+            ours(f"in_workspace({body})"), ~gone, "RLB107, box", "_is_outside_workspace_batched"
+        )
     for goal in goals:
         for body in [
             b
@@ -325,6 +319,14 @@ def _predicates(peer: SimpleNamespace, scene: Scene, tally: Tally) -> None:
                     [("hovers above the rim", (above > rim) | (lowest > rim)),
                      ("between hull and cavity, at walls and rim", np.ones(len(rows), bool))],
                 )  # fmt: skip
+                placed = theirs(tasks.object_in_container(
+                    scene.env, body, goal, require_gripper_detached=True, require_stationary=True
+                ))  # fmt: skip
+                tally.frames(
+                    ours(f"put_in({body}, {goal})"), placed, "goal robolab_in_container", "object_in_container",
+                    [("hovers above the rim", (above > rim) | (lowest > rim)),
+                     ("between hull and cavity, at walls and rim", np.ones(len(rows), bool))],
+                )  # fmt: skip
             if (
                 f"{body}__{goal}" in scene.env.scene.sensors
                 or f"{goal}__{body}" in scene.env.scene.sensors
@@ -338,11 +340,39 @@ def _predicates(peer: SimpleNamespace, scene: Scene, tally: Tally) -> None:
                 over = theirs(logic.centroid_in_footprint(world, body, goal))
                 tally.frames(ours(f"above({body}, {goal})"), over, "overlap_xy(a, b) >= 50 %", "centroid_in_footprint",
                              [("bounding box beside footprint", np.ones(len(rows), bool))])  # fmt: skip
+                top = theirs(
+                    tasks.object_on_top(scene.env, body, goal, require_gripper_detached=True)
+                )
+                tally.frames(
+                    ours(f"put_on({body}, {goal})"), top, "goal robolab_on_top", "object_on_top",
+                    [("bears little, or half the footprint beside the bounding box", np.ones(len(rows), bool))],
+                )  # fmt: skip
     if scene.env.scene.articulations.get("robot") is not None:
         shut = theirs(tasks.gripper_fully_closed(scene.env))
         tally.frames(
             ours("gripper_shut()"), shut, "gripper_opening() <= 25 %", "gripper_fully_closed"
         )
+
+
+def _path(checkout: Path, episode: Episode, tally: Tally) -> None:
+    """The way of the first body of the gripper, at RoboLab's rate."""
+    file = checkout / "robolab/core/metrics/trajectory_metrics.py"
+    measure = functions(file, ["compute_ee_path_length"], {"np": np})["compute_ee_path_length"]
+    thin = resampled(episode, np.arange(0, len(episode), max(1, round(1 / (RATE * episode.dt)))))
+    tool = next((b for b in thin.header.bodies if b.kind == "gripper"), None)
+    if tool is None:
+        return
+    bodies = tuple(
+        b.model_copy(update={"tags": (*b.tags, "tool")}) if b is tool else b
+        for b in thin.header.bodies
+    )
+    tagged = replace(thin, header=thin.header.model_copy(update={"bodies": bodies}))
+    judge = Judge(tagged, RULES, bind_episode(RULES, tagged.header))
+    total = judge.cost(RULES.costs["RLB201"])[0]
+    theirs = measure(thin.track(tool.name).position)
+    tally.values(
+        np.array([total.value]), np.array([theirs]), "RLB201", "compute_ee_path_length", 0.001
+    )
 
 
 def _events(peer: SimpleNamespace, episode: Episode, whole: Scene, tally: Tally) -> None:

@@ -47,8 +47,8 @@ def comparing(checkout: Path) -> Iterator[Callable[[Episode | None, Tally], None
                 }  # fmt: skip
                 exec(code, space)
                 theirs.append(space["collide_flag"])
-            near = np.abs(np.abs(position[frames] - position[0]).sum(axis=1) - 0.001) < 1e-5
+            near = np.abs(np.abs(position[frames] - position[0]).sum(axis=1) - 0.001) < 1e-4
             tally.frames(1 - asked(f"unmoved({body})")[frames], np.array(theirs), "SLB101", "Automated Collision Check",
-                         [("within 0.01 mm of the limit", near)])  # fmt: skip
+                         [("within 0.1 mm of the limit: the initial state is that of several frames", near)])  # fmt: skip
 
     yield compare

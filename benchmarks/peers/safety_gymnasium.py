@@ -25,6 +25,8 @@ def comparing(checkout: Path) -> Iterator[Callable[[Episode | None, Tally], None
     speeds = {"np": np, "get_body_xvelp": lambda _model, data, name: data.speed[name]}
     vases = functions(checkout / ASSETS / "free_geoms/vases.py", ["Vases.cal_cost"], speeds)
     walls = functions(checkout / ASSETS / "geoms/sigwalls.py", ["Sigwalls.cal_cost"], {"np": np})
+    hazards_of = functions(checkout / ASSETS / "geoms/hazards.py", ["Hazards.cal_cost"], {})
+    hazard_cost = hazards_of["Hazards.cal_cost"]
     vase_cost, wall_cost = vases["Vases.cal_cost"], walls["Sigwalls.cal_cost"]
 
     def compare(episode: Episode | None, tally: Tally) -> None:
@@ -79,14 +81,28 @@ def comparing(checkout: Path) -> Iterator[Callable[[Episode | None, Tally], None
             ):  # fmt: skip
                 tally.frames(mine[state], np.array(theirs[state]), rule, f"Vases.cal_cost: {part}",
                              [("at the limit, to rounding", near[state])])  # fmt: skip
-        for name in [n for n in grip if episode.bodies[n].kind == "gripper"][:1]:
-            position = episode.track(name).position[frames]
+        hazards = [b.name for b in episode.header.bodies if b.kind == "object"][:2]
+        for name in [*hazards, *grip[-1:]]:
+            position = episode.track(name).position[frames].astype(float)
             gone = []
             for place in position:
                 agent = SimpleNamespace(pos=place)
                 wall = SimpleNamespace(is_constrained=True, agent=agent, num=4, locate_factor=1.125)
                 gone.append(bool(wall_cost(wall)["cost_out_of_boundary"]))
-            tally.frames(asked(f"gone_out({name})")[frames], np.array(gone), "SGY108", "Sigwalls.cal_cost",
-                         [("all of its shape beside its origin", ~np.array(gone))])  # fmt: skip
+            tally.frames(
+                asked(f"gone_out({name})")[frames], np.array(gone), "SGY108", "Sigwalls.cal_cost"
+            )
+            for hazard in [h for h in hazards if h != name]:
+                there = []
+                middles = episode.track(hazard).position[frames].astype(float)
+                for place, middle in zip(position, middles, strict=True):
+                    agent = SimpleNamespace(
+                        dist_xy=lambda p, q=place: np.hypot(*(np.asarray(p) - q)[:2])
+                    )
+                    made = SimpleNamespace(
+                        is_constrained=True, pos=[middle], agent=agent, size=0.2, cost=1.0
+                    )
+                    there.append(hazard_cost(made)["cost_hazards"] > 0)
+                tally.frames(asked(f"stands_over({name}, {hazard})")[frames], np.array(there), "SGY101", "Hazards.cal_cost")  # fmt: skip
 
     yield compare
