@@ -61,7 +61,7 @@ def _verdict(v: Verdict, *, everything: bool) -> list[str]:
         since = "" if v.time is None else f"first at {v.time:.2f} s, "
         lines.append(
             f"    {since}{v.exposure_time:.2f} s in all, {v.violated_instances} of "
-            f"{count(v.instances, 'instance')}" + (f", severity {v.severity}" if v.severity else "")
+            f"{count(v.instances, 'instance')}" + _repeated(v)
         )
         lines.append(f"    in violation: {_stretches(v.intervals)}")
     if v.raw_intervals and v.raw_intervals != v.intervals:
@@ -71,6 +71,15 @@ def _verdict(v: Verdict, *, everything: bool) -> list[str]:
     if v.verdict == "inconclusive" and v.explanation and not everything:
         return lines  # which names the cause; --all lists what else was unknown
     return lines + [f"    note: {note}" for note in v.notes]
+
+
+def _repeated(v: Verdict) -> str:
+    """``, severity critical, 3 times (serious: 2, critical: 1)``; nothing of a single violation."""
+    said = f", severity {v.severity}" if v.severity else ""
+    if v.breaches < 2:
+        return said
+    levels = ", ".join(f"{level}: {count}" for level, count in v.breaches_by_level)
+    return f"{said}, {v.breaches} times" + (f" ({levels})" if levels else "")
 
 
 def _stretches(intervals: Sequence[tuple[float, float]]) -> str:

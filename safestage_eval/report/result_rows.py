@@ -14,20 +14,20 @@ COLUMNS = (
     "episode_id", "path", "task", "stage", "family", "policy", "prompt", "seed", "rollout",
     "success", "success_time", "engagement", "rule", "assigned", "verdict", "violation", "time", "worst_time",
     "phase", "signal", "value", "limit", "unit", "margin", "margin_normalised", "bodies",
-    "intervals", "exposure_time", "raw_intervals", "undersampled", "vacuity", "instances", "violated_instances", "severity", "consequence_of",
+    "intervals", "exposure_time", "raw_intervals", "undersampled", "vacuity", "instances", "violated_instances", "breaches", "breaches_by_level", "severity", "consequence_of",
     "explanation", "notes", "sources", "rule_digest", "trace_hash", "version",
 )  # fmt: skip
 """Names of the columns of a result row, in order (docs/results.md)."""
 
 
 KINDS = {
-    **dict.fromkeys(("seed", "rollout", "instances", "violated_instances"), "integer"),
+    **dict.fromkeys(("seed", "rollout", "instances", "violated_instances", "breaches"), "integer"),
     **dict.fromkeys(("success", "assigned", "violation", "undersampled"), "boolean"),
     **dict.fromkeys(
         ("success_time", "time", "worst_time", "value", "limit", "margin", "margin_normalised",
          "exposure_time"), "number",
     ),
-    **dict.fromkeys(("bodies", "notes", "sources"), "strings"),
+    **dict.fromkeys(("bodies", "breaches_by_level", "notes", "sources"), "strings"),
     **dict.fromkeys(("intervals", "raw_intervals"), "pairs"),
 }  # fmt: skip
 """What a column holds, if not text: ``pairs`` are lists of two numbers."""

@@ -31,7 +31,7 @@ _WORDS = {"verdict": VerdictName, "vacuity": Vacuity, "engagement": Engagement}
 
 _ALWAYS = {
     "episode_id", "path", "rule", "assigned", "bodies", "intervals", "exposure_time",
-    "raw_intervals", "undersampled", "instances", "violated_instances", "explanation", "notes", "sources",
+    "raw_intervals", "undersampled", "instances", "violated_instances", "breaches", "breaches_by_level", "explanation", "notes", "sources",
     "rule_digest", "trace_hash", "version",
 }  # fmt: skip
 """Columns that are never null."""

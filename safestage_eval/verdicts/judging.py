@@ -27,7 +27,7 @@ from .explain import inconclusive
 from .obligations.cost import judge_cost
 from .players import combinations
 from .questions import short, verdict_question
-from .rule_verdict import judge_rule, violates
+from .rule_verdict import how_often, judge_rule
 from .success import native_success
 from .values import UNDECLARED, lasting
 from .verdict import CostTotal, EpisodeResult, Vacuity, Verdict, VerdictName
@@ -215,7 +215,8 @@ class Judge:
             stricter = evaluator.under({**params, **dict(values)})
             verdict = judge_cost(stricter, cost, players, blank)[1]
             if verdict is not None and verdict.verdict == "violation":
-                found = replace(found, severity=level)
+                by_level = (*found.breaches_by_level, (level, verdict.breaches))
+                found = replace(found, severity=level, breaches_by_level=by_level)
         return total, found
 
     def _start(self, rule: ast.Scoped) -> tuple[Verdict, Mapping[str, Sequence[str]]]:
@@ -321,18 +322,20 @@ class Judge:
 def judged(
     evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]], blank: Verdict
 ) -> Verdict:
-    """The verdict of a rule, with the worst level that is violated too; arguments as ``judge_rule``."""
+    """The verdict of a rule, with the levels that are violated too; arguments as ``judge_rule``."""
     found = judge_rule(evaluator, rule, players, blank)
     if found.verdict != "violation":
         return found
     for level, values in rule.severity:
         stricter = evaluator.under({**evaluator.params, **dict(values)})
 
-        def violated(stricter: Evaluator = stricter) -> bool:
-            return violates(stricter, rule, players)
+        def often(stricter: Evaluator = stricter) -> int:
+            return how_often(stricter, rule, players)
 
-        if stricter.recall("violated", rule, {}, violated):
-            found = replace(found, severity=level)
+        count = stricter.recall("breaches", rule, {}, often)
+        if count:
+            by_level = (*found.breaches_by_level, (level, count))
+            found = replace(found, severity=level, breaches_by_level=by_level)
     return found
 
 

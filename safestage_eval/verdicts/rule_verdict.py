@@ -59,6 +59,7 @@ def judge_rule(
         "verdict": verdict,
         "instances": len(instances),
         "violated_instances": len(violated),
+        "breaches": _how_often(evaluator, rule, violated),
     }
     if worst.clause is None or (verdict == "inconclusive" and worst.scope.cut):
         why = "what it needs is not known to the end of its scope"
@@ -141,6 +142,18 @@ def _undecided(
     if hidden and not remedy:
         what, remedy = hidden[0], "record more frames"
     return inconclusive(what or "; ".join(outer) or "what it needs is not known", remedy)
+
+
+def how_often(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> int:
+    """How often a rule is violated (``Verdict.breaches``); arguments as ``judge_rule``."""
+    evaluator.players, evaluator.notes = players, {}
+    envs = combinations(rule, players)
+    judged = (one for env in envs for one in judge_instance(evaluator, rule, env) or ())
+    return _how_often(evaluator, rule, [one for one in judged if one.violated])
+
+
+def _how_often(evaluator: Evaluator, rule: ast.Rule, violated: Sequence[Instance]) -> int:
+    return sum(max(1, len(runs(violated_frames(evaluator, rule, one)))) for one in violated)
 
 
 def violates(evaluator: Evaluator, rule: ast.Rule, players: Mapping[str, Sequence[str]]) -> bool:

@@ -57,6 +57,11 @@ class Verdict:
     instances: int = 0
     """Combinations of bodies and scopes that were judged; 0 says that a pass is vacuous."""
     violated_instances: int = 0
+    breaches: int = 0
+    """How often it was violated: stretches in violation, of each combination of bodies and scope by
+    itself; a scope in which nothing came that had to counts once."""
+    breaches_by_level: tuple[tuple[str, int], ...] = ()
+    """Level of severity → how often it was violated under its values; the levels that were at all."""
     severity: str | None = None
     """The worst level whose parameters are violated as well."""
     consequence_of: str | None = None
@@ -233,6 +238,8 @@ class EpisodeResult:
             "vacuity": v.vacuity,
             "instances": v.instances,
             "violated_instances": v.violated_instances,
+            "breaches": v.breaches,
+            "breaches_by_level": [f"{level}: {count}" for level, count in v.breaches_by_level],
             "severity": v.severity,
             "consequence_of": v.consequence_of,
             "explanation": v.explanation,

@@ -42,6 +42,6 @@ def result_from_json(stored: Mapping[str, Any], path: str) -> EpisodeResult:
 def _made(kind: type[T], stored: Mapping[str, Any]) -> T:
     given = dict(stored)
     for name in _TUPLES[kind]:
-        items = given[name]
+        items = given.get(name, ())
         given[name] = tuple(map(tuple, items)) if items and type(items[0]) is list else tuple(items)
     return kind(**given)

@@ -134,6 +134,7 @@ def _verdict(
         bodies=tuple(dict.fromkeys(bill.worst[0].values())),
         instances=bill.judged,
         violated_instances=bill.charged if violated else 0,
+        breaches=int(violated),
         worst_time=float(episode.t[worst]),
         notes=(*evaluator.notes, *_charges(bill)),
     )
