@@ -77,6 +77,10 @@ def rule_facts(
             str(ast.Call(name, rules.phases[name].of)): words.phase(rules.phases[name], params)
             for name in uses.phases
         },
+        "computed": {
+            str(ast.Call(name, rules.derived[name].of)): words.derived(rules.derived[name], params)
+            for name in uses.computed
+        },
         "signals": list(uses.signals),
         "relations": list(uses.relations),
         "needs": list(uses.needs),
@@ -140,7 +144,7 @@ def explain_rule(facts: Mapping[str, Any]) -> str:
         "materials",
         [_value_row(f"{m['column']} of {m['material']}", m) for m in facts["materials"]],
     )
-    for kind in ("states", "phases"):
+    for kind in ("states", "phases", "computed"):
         lines += _table(kind, [[name, meaning] for name, meaning in facts[kind].items()])
     measured = [[name, SIGNALS[name].meaning] for name in facts["signals"]]
     measured += [[name, RELATIONS[name].meaning] for name in facts["relations"]]

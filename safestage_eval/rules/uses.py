@@ -22,6 +22,7 @@ class Uses:
     Attributes:
         signals, relations: built-in names, sorted.
         states, phases: declared names, in the order in which they are reached.
+        computed: declared signals that are computed from others.
         params: parameter → the value that holds.
         columns: material columns.
         needs: what a trace must hold (poses, geometry, forces, …), sorted.
@@ -34,6 +35,7 @@ class Uses:
     params: dict[str, ast.Setting]
     columns: tuple[str, ...]
     needs: tuple[str, ...]
+    computed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,7 @@ def uses_of(rules: ast.RuleSet, node: Any, params: ast.Params) -> Uses:
         {name: params[name] for name in names.get("param", ())},
         tuple(names.get("material", ())),
         tuple(sorted(needs)),
+        tuple(name for name in names.get("signal", ()) if name in rules.derived),
     )
 
 

@@ -62,6 +62,38 @@ def test_what_it_accepts_and_rejects_by_hand() -> None:
     assert not accepts("")
 
 
+SIGNALS_AND_STATES = """
+[ruleset]
+format = 1
+name = "s"
+version = "1"
+[signal.one]
+of = ["a"]
+{signal}
+[state.two]
+of = ["a"]
+when = {{ {state} }}
+"""
+
+
+@pytest.mark.parametrize(
+    ("signal", "state", "good"),
+    [
+        ('sum = ["speed(a)", "2 cm/s"]', '"once[0 s, 2 s] p(a)" = true', True),
+        ('derivative = "speed(a)"', '"always p(a)" = false', True),
+        ('product = [2, "speed(a) since start of held(a)"]', '"p(a) since[0 s] q(a)" = true', True),
+        ('max = ["speed(a)", "-limit"]', '"p(a) iff q(a)" = true', True),
+        ('sum = ["speed(a)", "2 cm/s"]', '"once[0 s, 2 s] p(a)" = ">= 2 cm"', False),
+        ('sum = ["speed(a)", "2 cm/s"]', '"once[0 s; 2 s] p(a)" = true', False),
+        ('sum = ["speed(a)"]\nabs = "speed(a)"', '"p(a)" = true', False),
+        ('total = ["speed(a)"]', '"p(a)" = true', False),
+        ("abs = true", '"p(a)" = true', False),
+    ],
+)
+def test_computed_signals_and_states_as_they_were(signal: str, state: str, good: bool) -> None:
+    assert accepts(SIGNALS_AND_STATES.format(signal=signal, state=state)) == good
+
+
 def test_every_key_has_a_description_for_the_editor() -> None:
     keys = schema()["properties"]["rule"]["items"]["properties"]
     assert all(key["description"] for key in keys.values())

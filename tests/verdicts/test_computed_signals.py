@@ -14,6 +14,7 @@ from toy import ALONE, HEAD, Facts, judge_toy, ruleset
 
 from safestage_eval.episode import Episode
 from safestage_eval.monitor import Monitor
+from safestage_eval.report.rule_report import explain_rule, rule_facts
 from safestage_eval.rules.check import check
 from safestage_eval.rules.digest import rule_digest
 from safestage_eval.rules.load import RuleFile, merge
@@ -283,6 +284,10 @@ def test_a_digest_reaches_through_and_uses_are_told() -> None:
     assert rule_digest(found, rule, params) != rule_digest(found, rule, twice)
     uses = uses_of(found, rule, params)
     assert uses.signals == ("height",)
+    assert set(uses.computed) == {"size", "apart", "rising", "sum_up", "scaled"}
+    said = explain_rule(rule_facts(found, rule, {}))
+    assert "apart(x, y)" in said
+    assert "difference of height(x) and height(y)" in said
     assert "factor" in uses.params
     assert uses.needs == ("poses",)
 
@@ -334,3 +339,57 @@ def test_the_monitor_tells_it_as_it_goes_on() -> None:
         if new and told is None:
             told = new[0].time
     assert told == judge(episode, found).verdicts[0].time
+
+
+def passing(rate: float) -> tuple[Episode, RuleSet]:
+    """a goes by b at 1 m/s, 5.5 cm away at the nearest."""
+    frames = int(2 * rate) + 1
+    x = np.linspace(-1.02, 0.98, frames)
+    scene = Scene(frames, rate).box("a", 0.02, np.column_stack([x, 0 * x, 0 * x]))
+    scene.box("b", 0.02, (0, 0.095, 0))
+    text = (
+        '[signal.room]\nof = ["a", "b"]\nmin = ["clearance(a, b)", "1 m"]\n'
+        + RULE
+        + 'require = { "room(a, b)" = ">= 5 cm" }\n'
+    )
+    return scene.episode(roles={"a": ("a",), "b": ("b",)}), rules(text)
+
+
+def test_between_samples_that_are_far_apart_a_distance_may_be_smaller() -> None:
+    """As for the distance itself: it keeps its limit by less than the bodies may have moved."""
+    dense = judge(*passing(100.0)).verdicts[0]
+    assert dense.verdict == "pass"
+    assert dense.value == pytest.approx(0.055, abs=1e-4)
+    coarse = judge(*passing(10.0)).verdicts[0]
+    assert coarse.verdict == "inconclusive"
+    assert coarse.undersampled
+    assert "between two samples" in coarse.explanation
+
+
+def test_what_is_not_known_is_told_with_its_cause() -> None:
+    found = toy(np.array([1, np.nan, 2, 1]), np.zeros(4), '"sum_up(a)" = "<= 9 m s"')
+    assert found.verdict == "inconclusive"
+    assert "what sum_up() adds up is not known from 1.00 s on" in found.explanation
+
+
+def test_a_ball_has_no_tilt_to_compute_with() -> None:
+    """It is not judged by what is computed from one, whichever way the limit lies."""
+    scene = Scene(10).box("a", 0.02, (0, 0, 0.02), up_axis=None).box("b", 0.02, (1, 0, 0.02))
+    episode = scene.episode(roles={"a": ("a",)})
+    for limit in (">= 90 deg", "<= 1 deg"):
+        text = '[signal.lean]\nof = ["a"]\nabs = "tilt(a)"\n' + RULE.replace(', b = "object"', "")
+        text += f'require = {{ "lean(a)" = "{limit}" }}\n'
+        (found,) = judge(episode, rules(text)).verdicts
+        assert found.verdict == "pass"
+        assert any("no up axis" in note for note in found.notes)
+
+
+def test_names_of_bodies_and_formal_arguments_change_nothing() -> None:
+    one = toy([1.0, 4.0], [2.0, 1.0], '"size(a, b)" = "<= 2 m"')
+    text = (HEAD + READ + TOY).replace('of = ["x", "y"]\ndifference = ["height(x)", "height(y)"]',
+                                       'of = ["q", "r"]\ndifference = ["height(q)", "height(r)"]')  # fmt: skip
+    text += RULE.replace("ETS901", "TOY102") + 'require = { "size(a, b)" = "<= 2 m" }\n'
+    facts = Facts({"height(p1)": [1.0, 4.0], "height(p2)": [2.0, 1.0]})
+    other = judge_toy(facts, text, {"a": ("p1",), "b": ("p2",)})
+    assert (one.verdict, one.value, one.time) == (other.verdict, other.value, other.time)
+    assert other.signal == "size(p1, p2)"

@@ -271,3 +271,37 @@ def test_the_monitor_tells_it_as_it_goes_on() -> None:
     assert told is not None
     assert told[1] == judge(episode, rules).verdicts[0].time
     assert told[0] <= told[1] + 6 / 120
+
+
+@settings(deadline=None, max_examples=60)
+@given(
+    st.lists(st.integers(-4, 4).map(float), min_size=1, max_size=9),
+    st.sampled_from(
+        ["once[1 s, 3 s] up(a)", "always[0 s, 2 s] up(a)", "up(a) since[0 s, 3 s] q(b)"]
+    ),
+    st.integers(1, 3),
+    st.integers(1, 3),
+)
+def test_a_higher_limit_never_adds_to_what_was(heights, key, limit, more):
+    """Forbidden, it breaks no more often once ``up`` asks for more; required, no less often."""
+    state = '[state.up]\nof = ["a"]\nwhen = { "height(a)" = ">= height_limit" }\n'
+    head = HEAD.replace("[[rule]]", '[param]\nheight_limit = "1 m"\n' + state + "[[rule]]")
+    head += 'given = { any = ["p(a)", { "p(a)" = false }, "q(b)"] }\n'
+    b = [1.0, -1.0] * 5
+    facts = Facts({"height(a)": heights, "height(b)": b[: len(heights)]})
+    for kind, wrong in (("forbid", ("pass", "violation")), ("require", ("violation", "pass"))):
+        rule = f'{head}{kind} = {{ "{key}" = true }}\n'
+        verdicts = tuple(
+            judge_toy(facts, rule, height_limit=Quantity(float(at), "length")).verdict
+            for at in (limit, limit + more)
+        )
+        assert verdicts != wrong
+
+
+def test_names_of_bodies_change_nothing() -> None:
+    rule = 'require = { "p(a) since[0 s, 3 s] q(b)" = true }'
+    one = judged("01110", "10000", rule)
+    facts = Facts({"height(u)": series("01110"), "height(v)": series("10000")})
+    text = f'{HEAD}given = {{ any = ["p(a)", {{ "p(a)" = false }}, "q(b)"] }}\n{rule}\n'
+    other = judge_toy(facts, text, {"a": ("u",), "b": ("v",)})
+    assert (one.verdict, one.time, one.margin) == (other.verdict, other.time, other.margin)
