@@ -20,7 +20,7 @@ from safestage_eval.units import DIMENSIONS, UNIT_DIMENSION
 from . import parse, structure
 from .clauses import CLAUSES
 from .keys import IN_BIND, NAMED, REPEATED, TABLES, Key
-from .operations import OPERATIONS
+from .operations import OPERATIONS, OperationSpec
 
 FILE = "rules.schema.json"
 
@@ -98,6 +98,8 @@ def _table(kind: str) -> dict[str, Any]:
     if kind == "signal":
         out["allOf"] = [_options(spec) for spec in SIGNALS.values()]
         out["oneOf"] = [{"required": [name]} for name in ("base", *OPERATIONS)]
+        for name, operation in OPERATIONS.items():
+            out["properties"][name] |= _operands(operation)
     if kind == "charge":
         out["oneOf"] = [{"required": ["when"]}, {"required": ["of"]}]
     return out
@@ -179,9 +181,7 @@ def _key(key: Key) -> dict[str, Any]:
         case "charges":
             return _list(_table("charge"))
         case "operands":
-            since = f"(?: since {parse.EVENT})?"
-            one = _text(f"(?:{parse.CALL}{since}|{_ANY_QUANTITY}|-?{_NAME})")
-            return {"anyOf": [one, _list({"anyOf": [{"type": "number"}, one]})]}
+            return {}  # as many as the operation takes
         case "flag":
             return {"type": "boolean"}
         case "number":
@@ -192,6 +192,15 @@ def _key(key: Key) -> dict[str, Any]:
             return {"enum": ["start", "second", "step"]}
         case "axis" | "side":
             raise ValueError(f"{key.kind} is a key of bind files, which have no schema")
+
+
+def _operands(operation: OperationSpec) -> dict[str, Any]:
+    """A list of signals and constants, or just one signal."""
+    since = f"(?: since {parse.EVENT})?"
+    one = _text(f"(?:{parse.CALL}{since}|{_ANY_QUANTITY}|-?{_NAME})")
+    several = _list({"anyOf": [{"type": "number"}, one]})
+    several |= {"minItems": operation.least, "maxItems": operation.most}
+    return {"anyOf": [one, several]} if operation.least == 1 else several
 
 
 def _condition(nested: str | None) -> dict[str, Any]:

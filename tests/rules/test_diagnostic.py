@@ -144,6 +144,15 @@ CASES = [
              .replace('"moved(j)"', '«"moved(j)"»')),
     ("R415", rule(GOOD.replace(" }", ', "speed(j)" = «"<= 1 m/s"» }'))
              .replace('b = "object"', 'b = "object", j = "every joint tagged revolute"')),
+    ("R416", rule(GOOD.replace(" }", ', "far(a)" = "<= 1 m" }'))
+             + '[signal.far]\nof = ["x"]\nsum = «["height(x)"]»\n'),
+    ("R416", rule(GOOD.replace(" }", ', "far(a)" = "<= 1 m" }'))
+             + '[signal.far]\nof = ["x"]\nsum = ["height(x)", «true»]\n'),
+    ("R407", rule(GOOD.replace(" }", ', "far(a)" = "<= 1 m" }'))
+             + '[signal.far]\nof = ["x"]\nsum = «["height(x)", "1 N"]»\n'),
+    ("R407", rule(GOOD.replace(" }", ', "soon(a)" = «"<= 1 m"» }'))
+             + '[signal.soon]\nof = ["x"]\nderivative = "height(x)"\n'),
+    ("R307", rule(GOOD.replace(" }", ', «"once[2 s, 1 s] moved(a)"» = true }'))),
 ]  # fmt: skip
 
 
