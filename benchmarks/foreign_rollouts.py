@@ -28,7 +28,6 @@ def metaworld(folder: Path, seeds: range) -> None:
     import metaworld as package
     from metaworld.policies import ENV_POLICY_MAP
 
-    plates = {name: {"body_34": "object"} for name in ENV_POLICY_MAP if "plate-slide" in name}
     for name in sorted(ENV_POLICY_MAP):
         bench = package.MT1(name, seed=0)
         env = bench.train_classes[name]()
@@ -43,7 +42,7 @@ def metaworld(folder: Path, seeds: range) -> None:
 
             _roll(
                 env, folder, name, seed, actions, 500, lambda last: np.array([0, 0, 0, last[3]]),
-                policy="metaworld expert", instruction=name, kinds=plates.get(name, {}),
+                policy="metaworld expert", instruction=name,
             )  # fmt: skip
 
 

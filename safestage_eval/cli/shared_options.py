@@ -35,7 +35,8 @@ rules_option = click.option(
 
 bind_option = click.option(
     "--bind", type=click.Path(path_type=Path), metavar="FILE",
-    help="Read roles, goal, rules and values that headers lack from FILE, or from a built-in set (libero, robolab).",
+    help="Read roles, goal, rules and values that headers lack from FILE, or from a built-in set "
+    "(gymnasium_robotics, libero, maniskill, metaworld, robolab, robosuite).",
 )  # fmt: skip
 
 _ROLE_OPTIONS = (

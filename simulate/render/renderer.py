@@ -123,7 +123,7 @@ class EpisodeRenderer(Closing):
                 inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX,
             )
         for i, body in enumerate(episode.header.bodies):
-            node = spec.worldbody.add_body(name=body.name, mocap=True)
+            node = spec.worldbody.add_body(mocap=True)  # unnamed: one may be called world
             for geom in body.geoms:
                 color = style.colors.get(body.name) or _color(body, i)
                 solid = REGION_ALPHA if body.kind == "region" else 1.0
@@ -139,7 +139,7 @@ class EpisodeRenderer(Closing):
     def fade(self, opacity: Mapping[str, float]) -> None:
         """See bodies through from now on: name → 0 (unseen) … 1."""
         for name, alpha in opacity.items():
-            of = self._model.geom_bodyid == self._model.body(name).id
+            of = self._model.geom_bodyid == self._episode.body_index[name] + 1
             self._model.geom_rgba[of, 3] = alpha
 
     def frame(
@@ -155,10 +155,10 @@ class EpisodeRenderer(Closing):
         ``shadows``, ``robot``: whether they are drawn.
         """
         episode, data = self._episode, self._data
-        for body in episode.header.bodies:
+        for i, body in enumerate(episode.header.bodies):
             track = episode.tracks[body.name]
             row = index if len(track) > 1 else 0
-            slot = int(self._model.body(body.name).mocapid[0])
+            slot = int(self._model.body_mocapid[i + 1])  # body 0 is MuJoCo's world
             data.mocap_pos[slot] = track.position[row]
             data.mocap_quat[slot] = track.orientation[row]
         mujoco.mj_kinematics(self._model, data)

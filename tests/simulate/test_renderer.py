@@ -51,7 +51,7 @@ def test_a_sheet_keeps_the_order_of_its_pictures() -> None:
 
 def test_a_body_is_drawn_where_its_track_is() -> None:
     scene = Scene(frames=2)
-    scene.fixed("table")
+    scene.fixed("world")  # as other simulators call it
     path = np.array([[0.0, 0.0, 0.05], [0.0, 0.2, 0.05]])
     scene.body("orange", Geom(kind="sphere", size=(0.05,)), path)
     above = Camera(at=(0, 0, 0), distance=1.0, azimuth=180, elevation=-90)
