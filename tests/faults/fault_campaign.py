@@ -141,7 +141,7 @@ def full_disk(victim: Victim, times: int, chance: random.Random, place: Path) ->
         most = disk.used() if disk.mounted else 20_000
         for _ in range(times):
             shutil.rmtree(disk.folder, ignore_errors=True)
-            child = Child(victim, disk.folder, disk.fill(chance.randrange(4096, most)))
+            child = Child(victim, disk.folder, disk.fill(chance.randrange(most)))
             code = child.wait()
             committed = child.committed()
             row.tried += 1
@@ -186,7 +186,9 @@ def campaign(
     source = prepared(place)
     scorer = Scorer(source)
     every: list[Victim] = [Auditor(source), LabelWriters(source), *writers(source)]
-    every += [ServedRecorder(source), scorer]
+    if not asked.of or ServedRecorder.name in asked.of:
+        every.append(ServedRecorder(source))
+    every = [v for v in [*every, scorer] if not asked.of or v.name in asked.of]
     share, few = -(-asked.kills // (len(every) + 1)), max(1, asked.kills // 50)
     half = max(1, asked.faults // 2)
     rows: list[Row] = []
@@ -254,6 +256,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="+", choices=KINDS, default=KINDS, help="kinds of faults")
     parser.add_argument("--write", type=Path, help="page whose table is replaced")
+    parser.add_argument("--of", nargs="+", metavar="NAME", help="writers, as the table names them")
     args = parser.parse_args()
     logging.getLogger("werkzeug").setLevel(logging.ERROR)  # the store's, a line per request
 
@@ -262,7 +265,7 @@ def main() -> int:
             head, rest = args.write.read_text("utf-8").split(BEGIN)
             inside, tail = rest.split(END)
             before = [line for line in inside.splitlines() if line.startswith("| ")][1:]
-            kept = before if set(args.only) != set(KINDS) else []
+            kept = before if args.of or set(args.only) != set(KINDS) else []
             args.write.write_text(head + BEGIN + table(rows, kept) + END + tail, "utf-8")
 
     with tempfile.TemporaryDirectory() as place:

@@ -349,7 +349,8 @@ class _StoredEpisode:
     def channel(self, key: tuple[str, str]) -> NDArray[np.float32]:
         source = self.table("channels")
         table = source.rows(("frame_index", "name", "value"), self.index, key[0])
-        table = table.filter([name == key[1] for name in table["name"].to_pylist()])
+        own = [name == key[1] for name in table["name"].to_pylist()]
+        table = table.filter(pa.array(own, pa.bool_()))  # of no rows too
         frame = source.numbers(table, "frame_index", np.int32)[:, None]
         self.in_order(frame, f"channel {key[1]!r} of {key[0]!r}", self.length)
         values: NDArray[np.float32] = source.numbers(table, "value", np.float32)
