@@ -22,6 +22,7 @@ from safestage_eval.rules.load import merge
 from safestage_eval.rules.syntax import Quantity
 from safestage_eval.run.scores import Scores
 from safestage_eval.verdicts import judge
+from safestage_eval.whatif.mutants import mutants
 
 HEAD = '[[cost]]\ncode = "TOY201"\ntitle = "toy"\nroles = { a = "object" }\n'
 FILE = '[ruleset]\nformat = 1\nname = "toy"\nversion = "1"\n[param]\npatience = 2\nfar = "1 m"\n'
@@ -327,3 +328,21 @@ def test_a_cost_may_be_assigned_by_a_family(tmp_path: Path) -> None:
     file.write_text(text + '[family.x]\nrules = ["TOY201"]\n', "utf-8")
     assert check_rules([file]) == []
     assert load_rules([file]).costs["TOY201"].stage == "TOY"
+
+
+def test_mutants_mistake_too_little_for_too_much_and_a_part_for_the_whole() -> None:
+    charges = (
+        '{ of = "height(a)", below = "2 m", add = 1, per = "step" }, '
+        '{ of = "height(a)", above = "2 m", whole = true, add = 1, per = "step" }'
+    )
+    text = FILE.replace('[param]\npatience = 2\nfar = "1 m"\n', "")
+    text += HEAD + f"charge = [{charges}]\nbudget = 3\n"
+    rules = merge([RuleFile("toy.toml", text, tomllib.loads(text), asked=True)])
+    said = [m.what for m in mutants(rules, rules.costs["TOY201"])]
+    short, whole = "height(a) falls short of 2 m", "height(a), all of it where it is beyond 2 m"
+    for before, after in (
+        (short, "height(a) beyond 2 m"),
+        (short, "height(a) falls short of 2000.0 cm"),
+        (whole, "height(a) beyond 2 m"),
+    ):
+        assert any(before in one and one.endswith(after) for one in said), (after, said)
