@@ -1,7 +1,7 @@
 """The colours of the whole project, each for light and for dark grounds.
 
-Verdicts have a colour and a sign; roles have an outline and a hatching, in ink, and no colour of their own,
-so that what is protected never looks like what is violated. Verdicts and series are built on the
+Verdicts have a colour and a sign; roles have an outline and a hatching, in ink, or where that cannot be
+drawn a paint that no verdict has: what is protected never looks like what is violated. Verdicts and series are built on the
 hues of Okabe and Ito ("Color Universal Design", 2008), darker or lighter until they can be read as
 text: a contrast of at least 4.5 : 1 with every ground, of 3 : 1 for marks. Blue against vermilion is
 told apart by all kinds of colour-blind readers; even so no verdict is ever a colour alone.
@@ -71,15 +71,29 @@ SERIES = (
 """Several lines in one drawing, in this order."""
 
 HATCHINGS = {
-    "target": "plain",
+    "target": "rising",
     "protected": "cross",
     "fragile": "cross",
-    "dependent": "rising",
-    "container": "falling",
-    "support": "level",
+    "forbidden": "cross",
+    "dependent": "falling",
     "destination": "dots",
+    "container": "dots",
+    "bystander": "level",
 }
 """Role → hatching of a body that plays it, inside an outline; other roles have the outline alone."""
+
+PAINTS = {
+    "target": "#56b4e9",
+    "protected": "#cc79a7",
+    "fragile": "#cc79a7",
+    "forbidden": "#cc79a7",
+    "dependent": "#f0e442",
+    "destination": "#009e73",
+    "container": "#009e73",
+    "bystander": "#8a7fb8",
+    "pier": "#a3a3a3",
+}
+"""Role → colour in pictures and films, where nothing can be hatched; no verdict has any of these."""
 
 SURFACES = {
     "robot": Pair("#e2e4e7", "#c4c9cf"),
@@ -95,6 +109,12 @@ SURFACES = {
 
 MARK_INK = Pair("#20262c", "#14181c")
 """Outlines and hatchings of roles on those surfaces."""
+
+
+def fractions(colour: str) -> tuple[float, float, float]:
+    """Red, green and blue of ``#rrggbb``, each 0 … 1."""
+    r, g, b = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    return r, g, b
 
 
 def custom_properties() -> str:

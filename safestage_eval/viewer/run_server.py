@@ -20,14 +20,23 @@ SCRIPT = "text/javascript; charset=utf-8"
 class RunServer(GuardedServer):
     """Serves one run, and judges it meanwhile."""
 
-    def __init__(self, run: LiveRun, port: int = 0, names: tuple[str, ...] = ()) -> None:
-        """Bind to a port; 0 is any that is free. Raises InputError if it is taken.
+    def __init__(
+        self, run: LiveRun, port: int = 0, names: tuple[str, ...] = (), *, judging: bool = True
+    ) -> None:
+        """Bind to a port, and judge what is left of the run meanwhile.
 
-        ``names``: host names by which browsers reach it, besides those of the loopback interface.
+        Args:
+            run: to be served.
+            port: 0 is any that is free.
+            names: host names by which browsers reach it, besides those of the loopback interface.
+            judging: False leaves that to somebody else.
+
+        Raises:
+            InputError: the port is taken.
         """
         self.run = run
         super().__init__(_Handler, Guard(names), port)
-        if run.left:
+        if judging and run.left:
             threading.Thread(target=run.judge_all, daemon=True).start()
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from safestage_eval.episode import Episode, Header
 from safestage_eval.errors import InputError
+from safestage_eval.palette import PAINTS, VERDICTS, fractions
 
 from .renderer import Image
 
@@ -21,13 +22,10 @@ if TYPE_CHECKING:
 Color = tuple[float, float, float]
 
 ROLE_COLORS: dict[str, Color] = {
-    "target": (0.16, 0.48, 0.85),
-    "dependent": (0.93, 0.55, 0.12),
-    "protected": (0.87, 0.24, 0.20),
-    "destination": (0.25, 0.62, 0.33),
+    role: fractions(PAINTS[role]) for role in ("target", "dependent", "protected", "destination")
 }
 """Role → colour; others keep their own."""
-VIOLATED, PASSED = (0.80, 0.10, 0.10), (0.15, 0.50, 0.20)
+VIOLATED, PASSED = (fractions(VERDICTS[name].light) for name in ("violation", "pass"))
 BAR = 40
 """Pixels of the bar below a picture."""
 

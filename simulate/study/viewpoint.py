@@ -11,19 +11,13 @@ from numpy.typing import NDArray
 from safestage_eval.episode import Body, Episode
 from safestage_eval.geometry.pose import matrix
 from safestage_eval.geometry.shape import BodyShape
-from simulate.render.marks import ROLE_COLORS, Color
+from safestage_eval.palette import PAINTS, fractions
+from simulate.render.marks import Color
 from simulate.render.renderer import FOV, Camera, EpisodeRenderer
 
 F64 = NDArray[np.float64]
 
-COLORS: dict[str, Color] = {
-    **ROLE_COLORS,
-    "fragile": (0.87, 0.24, 0.20),
-    "forbidden": (0.87, 0.24, 0.20),
-    "bystander": (0.60, 0.35, 0.75),
-    "pier": (0.55, 0.40, 0.25),
-    "container": (0.25, 0.62, 0.33),
-}
+COLORS: dict[str, Color] = {role: fractions(paint) for role, paint in PAINTS.items()}
 """Role → colour; the first role that a body plays counts."""
 OTHER_ROLE: Color = (0.60, 0.35, 0.75)
 OBJECT: Color = (0.78, 0.78, 0.72)

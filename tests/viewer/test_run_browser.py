@@ -7,13 +7,13 @@ import pytest
 from browser import PHONE, browser, tab  # noqa: F401
 from scenes import Scene
 from studio import run, safe_and_unsafe
-from test_run_report import made_of, row
+from test_run_report import drawn, made_of, row
 
 from safestage_eval.episode import Geom
 from safestage_eval.formats import discover, save
 from safestage_eval.run.settings import load_settings
 from safestage_eval.viewer.live_run import LiveRun
-from safestage_eval.viewer.run_report import report_page
+from safestage_eval.viewer.run_report import prepared, report_page, write_folder
 from safestage_eval.viewer.run_server import RunServer
 
 RULE = """
@@ -398,3 +398,80 @@ def test_the_task_table_shows_the_rate_that_is_chosen(tab, listed):  # noqa: F81
         tab.click(f"button[data-metric={metric}]")
         assert cell.inner_text() == f"{100 * int(k[place]) / n:.0f}"
         assert tab.locator(".choices button[aria-pressed=true]").inner_text() == metric
+
+
+def great(folder, count, rules=6):
+    """A report of many made episodes, as a folder."""
+    rows = [
+        {**row(i), "rule": f"ETS1{k:02d}", "verdict": row(i)["verdict"] if k == 0 else "pass"}
+        for i in range(count)
+        for k in range(rules)
+    ]
+    prepared(folder)
+    return write_folder(
+        made_of(rows, pieces=drawn({}, {f"e{i}": f"e{i}" for i in range(count)})), folder
+    )
+
+
+def test_a_report_of_a_thousand_episodes_is_painted_within_a_second(tab, tmp_path):  # noqa: F811
+    page = great(tmp_path / "great", 1000)
+    asked, _ = opened(tab, page.as_uri())
+    files = [page, page.parent / "data" / "run.js"]
+    assert {url.rpartition("/")[2] for url in asked} == {file.name for file in files}
+    assert sum(file.stat().st_size for file in files) < 1_500_000  # of 15 MB that it might have
+    painted = tab.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime")
+    assert painted <= 1000
+
+
+def test_ten_thousand_rows_scroll_within_the_time_of_a_frame(tab, tmp_path):  # noqa: F811
+    opened(tab, great(tmp_path / "great", 10_000, rules=1).as_uri())
+    tab.click("#to-episodes")
+    wait_for_count(tab, "10,000 episodes")
+    work = tab.evaluate(
+        """async () => {
+            const box = document.getElementById("list"), own = [];
+            let most = 0;
+            for (let i = 0; i < 200; i++) {
+                await new Promise((done) => requestAnimationFrame(done));
+                const begin = performance.now();
+                box.scrollTop += 2999;
+                safestage.list.draw();
+                document.body.getBoundingClientRect();
+                own.push(performance.now() - begin);
+                most = Math.max(most, document.querySelectorAll(".row").length);
+            }
+            own.sort((a, b) => a - b);
+            return [own[100], most, box.scrollTop];
+        }"""
+    )
+    median, rows, top = work
+    assert median < 1000 / 60
+    assert rows < 60
+    assert top > 500_000
+    tab.evaluate("safestage.list.box.scrollTop = safestage.list.box.scrollHeight")
+    tab.wait_for_selector("[aria-posinset='10000']")
+
+
+def test_the_list_fills_while_a_server_judges(tab, written):  # noqa: F811
+    run = LiveRun("a run", discover(written / "traces"), load_settings(["fsh"]))
+    server = RunServer(run, judging=False)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        opened(tab, server.url)
+        assert "judging: 2 left" in tab.locator("#count").inner_text()
+        assert tab.locator(".row .verdict").all_inner_texts() == ["not judged", "not judged"]
+        tab.locator(".row").last.click()  # whatever is asked for comes at once
+        ready(tab)
+        assert tab.locator(".finding h3").first.inner_text().startswith("violation")
+        run.judge_all()
+        tab.wait_for_function(
+            "() => document.getElementById('alarm').textContent.includes('reload')"
+        )
+        assert tab.locator(".row .verdict").all_inner_texts() == ["violation", "pass"]
+        tab.reload()
+        tab.wait_for_selector("#index[data-ready]", state="attached")
+        tab.click("#to-results")
+        assert tab.locator("#headline").is_visible()
+    finally:
+        server.shutdown()
+        server.server_close()

@@ -99,6 +99,9 @@ export class WitnessDrawing {
         from = [from[0], from[1], height]; to = [to[0], to[1], height];
       }
     }
+    const idle = witness.kind === "path" && Math.hypot(...from.map((x, k) => x - to[k])) < 0.005;
+    for (const mesh of [this.rod, ...this.ends]) mesh.visible = !idle;
+    if (idle) { this.label.hidden = true; return; }
     const said = this._measured() ?? `≈ ${amount(100 * Math.hypot(...from.map((x, k) => x - to[k])), "cm")}`;
     const colour = colourNow(bad ? "violation" : "accent");
     this.ink.color.setStyle(colourNow("mark-ink")); this.glass.color.setStyle(colour);
