@@ -6,10 +6,10 @@ import signal
 import subprocess
 import sys
 
-import av
 import numpy as np
 import pytest
 from browser import PHONE
+from films import COLOURS, film
 from PIL import Image
 from sitting import SECRETS, record, rules, served, session
 
@@ -95,21 +95,6 @@ def test_a_sitting_by_keyboard_is_saved_key_by_key_and_goes_on_after_a_reload(ta
     assert len(whole) > 10_000
     for secret in (*SECRETS, "SECRET-FILE", "came too close"):
         assert secret.encode() not in whole
-
-
-COLOURS = [(220, 30, 30), (30, 180, 40), (40, 60, 220)]
-
-
-def film(path):
-    """An MP4 of three seconds, each in a colour of its own."""
-    with av.open(str(path), "w") as file:
-        stream = file.add_stream("libx264", rate=15)
-        stream.width, stream.height, stream.pix_fmt = 320, 180, "yuv420p"
-        for colour in COLOURS:
-            picture = np.full((180, 320, 3), colour, np.uint8)
-            for _ in range(15):
-                file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, "rgb24")))
-        file.mux(stream.encode())
 
 
 def test_a_video_beside_the_trace_is_shown_first_and_plays(traces, tab, tmp_path):

@@ -5,6 +5,7 @@ import threading
 import numpy as np
 import pytest
 from browser import PHONE, browser, tab  # noqa: F401
+from films import film
 from scenes import Scene
 from studio import run, safe_and_unsafe
 from test_run_report import drawn, made_of, row
@@ -475,3 +476,27 @@ def test_the_list_fills_while_a_server_judges(tab, written):  # noqa: F811
     finally:
         server.shutdown()
         server.server_close()
+
+
+def test_a_camera_film_keeps_the_time_of_the_replay(tab, tmp_path):  # noqa: F811
+    traces = safe_and_unsafe(tmp_path / "traces")
+    film(traces / "unsafe.mp4")
+    done = run("report", traces, "-r", "fsh", "-o", tmp_path / "out", "-j", "1")
+    assert done.code == 0, done.err
+    opened(tab, (tmp_path / "out" / "index.html").as_uri(), "#episode=safe")
+    ready(tab)
+    assert not tab.get_by_role("button", name="camera film").is_visible()
+    tab.keyboard.press("k")  # the other one
+    tab.wait_for_function(
+        "() => safestage.pane.data?.id === 'unsafe' && safestage.pane.player.replay"
+    )
+    tab.evaluate("safestage.pane.player.seek(1.5)")
+    tab.get_by_role("button", name="camera film").click()
+    seen = "() => { const v = document.querySelector('video'); return v.readyState >= 2 && !v.seeking && Math.abs(v.currentTime - %s) < 0.1; }"
+    tab.wait_for_function(seen % 1.5)
+    tab.keyboard.press("ArrowRight")
+    tab.wait_for_function(seen % 2.5)
+    assert tab.locator(".clock").inner_text().startswith("2.5")
+    tab.get_by_role("button", name="3-D").click()
+    assert tab.evaluate("safestage.pane.player.replay.time") == pytest.approx(2.5, abs=0.05)
+    assert tab.locator(".screen canvas").is_visible()

@@ -4,8 +4,8 @@ import { badge, byId, element, seconds, spoken } from "./elements.js";
 import { headOf } from "./film.js";
 import { library, piece } from "./pieces.js";
 import { SafestageReplay } from "./replay.js";
-import { meshesOf } from "./player_panel.js";
-import { plainCard } from "./finding_cards.js";
+import { VIOLATING, meshesOf } from "./player_panel.js";
+import { culprits, plainCard } from "./finding_cards.js";
 import { plotCurve } from "./curve_plot.js";
 import { WitnessDrawing } from "./witness_drawing.js";
 
@@ -28,11 +28,12 @@ async function keyFrame(data, film, head, finding, time) {
   const { canvas, tags } = theStage();
   const replay = new SafestageReplay(canvas, film, { shared: await meshesOf(head) });
   const drawing = finding.witness ? new WitnessDrawing(replay, finding, tags) : null;
-  for (const name of finding.verdict === "violation" ? finding.bodies : []) replay.tints[name] = "#d55e00";
+  for (const name of finding.verdict === "violation" ? culprits(data, finding) : []) replay.tints[name] = VIOLATING;
   replay.seek(time);
   const image = element("img", { src: canvas.toDataURL("image/png"), alt: `Key frame at ${seconds(time)}` });
+  const said = drawing && !drawing.label.hidden ? `: ${drawing.label.textContent}` : "";
   drawing?.dispose(); replay.dispose();
-  return image;
+  return element("figure", {}, element("figcaption", {}, `${finding.rule}, ${seconds(time)}${said}`), image);
 }
 
 async function drawnCurve(data, finding) {
@@ -54,9 +55,7 @@ async function pictures(table, place) {
   const finding = data.findings?.find((one) => one.verdict === "violation") ?? data.findings?.[0];
   if (!finding) return [];
   const time = finding.worst ?? finding.time ?? data.success ?? data.end;
-  const frame = await keyFrame(data, film, headOf(film).head, finding, time);
-  const shot = element("figure", {}, element("figcaption", {}, `${finding.rule}, ${seconds(time)}`), frame);
-  return [shot, await drawnCurve(data, finding)];
+  return [await keyFrame(data, film, headOf(film).head, finding, time), await drawnCurve(data, finding)];
 }
 
 function told(table, place) {

@@ -13,6 +13,13 @@ function numbers(pairs) {
 const status = (finding) => (finding.assigned ?? finding.own) ? "assigned to this task"
   : finding.follows ? `follows ${finding.follows}` : "not assigned";
 
+/** The bodies that a violation is painted on: what is protected from them is not. */
+export function culprits(data, finding) {
+  const guarded = new Set(["protected", "fragile"].flatMap((role) => data.roles[role] ?? []));
+  const others = finding.bodies.filter((name) => !guarded.has(name));
+  return others.length ? others : finding.bodies;
+}
+
 /** A finding as the list of the run has it, for an episode without evidence. */
 export function plainCard(row) {
   const pairs = [
@@ -102,13 +109,6 @@ export class FindingCards {
     }
   }
 
-  /** The bodies that a violation is painted on: what is protected from them is not. */
-  _culprits(finding) {
-    const guarded = new Set(["protected", "fragile"].flatMap((role) => this.data.roles[role] ?? []));
-    const others = finding.bodies.filter((name) => !guarded.has(name));
-    return others.length ? others : finding.bodies;
-  }
-
   redraw() { for (const plot of this.plots) plot.redraw(); }
 
   /** Mark what is violated at a time; returns the bodies that are to blame. */
@@ -117,7 +117,7 @@ export class FindingCards {
     for (const { finding, node } of this.cards) {
       const now = finding.verdict === "violation" && finding.intervals.some(([a, b]) => a <= time && time < b);
       node.classList.toggle("now", now);
-      if (now) this._culprits(finding).forEach((name) => guilty.add(name));
+      if (now) culprits(this.data, finding).forEach((name) => guilty.add(name));
     }
     cancelAnimationFrame(this.pending);
     this.pending = requestAnimationFrame(() => this.redraw());

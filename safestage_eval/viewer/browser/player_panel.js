@@ -8,6 +8,7 @@ import { swatchOf } from "./role_marks.js";
 import { WitnessDrawing } from "./witness_drawing.js";
 
 const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
+export const VIOLATING = "#d55e00";  // of a body that violates something, on either ground
 const meshes = new Map();  // name of a piece -> mesh
 
 /** The meshes that a film has in common with others, loaded. */
@@ -51,7 +52,7 @@ export class PlayerPanel {
       this.names.setAttribute("aria-pressed", String(!this.tags.classList.contains("nameless")));
     };
     this.source.onclick = () => this._show(this.video.hidden ? "video" : "replay");
-    this.video.onseeking = this.video.ontimeupdate = () => { if (!this.video.hidden) this._moved(this.start + this.video.currentTime); };
+    this.video.onseeking = this.video.ontimeupdate = () => { if (!this.video.hidden) this._moved(this._filmTime()); };
     this.video.onplay = this.video.onpause = () => this._playing(!this.video.paused);
     this.video.onerror = () => { if (!this.video.hidden) this._fail("The camera film cannot be played here."); };
   }
@@ -106,10 +107,15 @@ export class PlayerPanel {
     this.seek(this.time);
   }
 
+  _filmTime() {
+    const { begin, pace } = this.data.clock;
+    return Math.min(begin + this.video.currentTime / pace, this.end);
+  }
+
   _setSpeed() {
     const speed = Number(this.speed.value);
     if (this.replay) this.replay.speed = speed;
-    this.video.playbackRate = this.video.defaultPlaybackRate = speed;
+    this.video.playbackRate = this.video.defaultPlaybackRate = speed * (this.data?.clock.pace ?? 1);
   }
 
   _playing(yes) {
@@ -134,17 +140,17 @@ export class PlayerPanel {
 
   seek(time) {
     const at = Math.min(Math.max(time, this.start), this.end);
-    if (!this.video.hidden) this.video.currentTime = at - this.start;
+    if (!this.video.hidden) this.video.currentTime = Math.max(at - this.data.clock.begin, 0) * this.data.clock.pace;
     if (this.replay && !this.canvas.hidden) this.replay.seek(at); else this._moved(at);
   }
 
   /** Paint bodies that violate something now. */
   tint(names) {
     if (!this.replay) return;
-    const { tints } = this.replay, colour = "#d55e00";
+    const { tints } = this.replay;
     let changed = false;
     for (const { name } of this.replay.film.bodies) {
-      const wanted = names.has(name) ? colour : null;
+      const wanted = names.has(name) ? VIOLATING : null;
       if ((tints[name] ?? null) !== wanted) { tints[name] = wanted; changed = true; }
     }
     for (const { body, element: tag } of this.replay.tags) tag.classList.toggle("bad", names.has(body.name));

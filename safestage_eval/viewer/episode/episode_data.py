@@ -62,6 +62,7 @@ def episode_data(
         "goal": judge.success,
         "success": judge.success_time,
         "film": film_at,
+        "clock": _film_clock(again),
         "start": float(t[0]),
         "end": float(t[-1]),
         "roles": {role: list(names) for role, names in again.binding.roles.items() if names},
@@ -93,6 +94,16 @@ def listed(again: Again, *, everything: bool = False) -> list[Finding]:
             ORDER.index(pair[1].verdict), pair[0].code not in assigned, place.get(pair[0].code, -1)
         ),
     )  # fmt: skip
+
+
+def _film_clock(again: Again) -> dict[str, float]:
+    """When the camera film begins (s), and how many of its seconds one of the episode's takes."""
+    header, t = again.episode.header, again.episode.t
+    video = header.video
+    if video is None:
+        return {"begin": float(t[0]), "pace": 1.0}
+    begin = float(t[min(video.first_frame, len(t) - 1)])
+    return {"begin": begin, "pace": 1 / (video.rate * video.frames_per_picture * header.frame_dt)}
 
 
 def _phases(again: Again) -> list[dict[str, Any]]:
