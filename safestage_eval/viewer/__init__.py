@@ -1,1 +1,1 @@
-"""Pages for a browser: one episode or a whole campaign, each complete in one HTML file."""
+"""The run browser: a list of episodes, each with its replay and evidence, live or as files."""

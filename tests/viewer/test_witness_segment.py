@@ -36,8 +36,20 @@ def test_a_displacement_is_the_way_gone_since_its_reference(header):
     assert said(header, "displacement(cup) since success", success=None) is None
 
 
-@pytest.mark.parametrize(
-    "signal", [None, "tilt(cup)", "clearance(cup, ghost)", "displacement(ghost)", "lift(cup) since end of held(cup)"]
-)  # fmt: skip
+def test_other_measurements_are_told_where_they_are_made(header):
+    touch = {
+        "kind": "touch",
+        "name": "contact_force",
+        "a": ["cup"],
+        "b": ["vase, big"],
+        "flat": False,
+    }
+    assert said(header, "contact_force(cup, vase, big)", 0.1) == touch
+    assert said(header, "start of contact(vase, big, cup)") == touch | {"name": "contact"}
+    assert said(header, "tilt(cup)") == {"kind": "value", "name": "tilt", "body": "cup"}
+    assert said(header, "lift(cup) since end of held(cup)")["kind"] == "value"
+
+
+@pytest.mark.parametrize("signal", [None, "cost", "clearance(cup, ghost)", "displacement(ghost)"])
 def test_of_anything_else_nothing_is_drawn(header, signal):
     assert said(header, signal) is None

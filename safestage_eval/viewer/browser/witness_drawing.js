@@ -1,11 +1,11 @@
 // The witness of a finding in the picture: the shortest segment between two bodies with its length, the limit as
-// a shell around the one that is guarded; or the way that a body has gone.
+// a shell around the one that is guarded; the way that a body has gone; or what is measured, where it is.
 
 import { poseAt } from "./film.js";
 import { convexParts, nearestOf, placed } from "./convex.js";
 import { outlineOf, shellOf } from "./limit_shell.js";
 import { colourNow } from "./theme_colours.js";
-import { amount } from "./elements.js";
+import { amount, spoken } from "./elements.js";
 
 const ALWAYS = 10;  // drawn after everything else
 
@@ -83,34 +83,45 @@ export class WitnessDrawing {
 
   place() {
     const { witness, replay } = this, thick = 0.003 * replay.eye.distance;
-    let from, to, bad = false;
-    if (witness.kind === "path") {
-      const body = this.bodies.get(witness.body);
-      from = poseAt(replay.film, body, witness.since).slice(0, 3);
-      to = poseAt(replay.film, body, Math.max(replay.time, witness.since)).slice(0, 3);
-      bad = this.finding.intervals.some(([a, b]) => a <= replay.time && replay.time < b);
-    } else {
-      const found = nearestOf(this._placed(witness.a, witness.flat), this._placed(witness.b, witness.flat));
-      if (!found) return;
-      ({ from, to } = found);
-      bad = witness.limit ? found.distance < witness.limit : found.distance <= 0;
-      if (witness.flat) {
-        const height = this._height(witness.b);
-        from = [from[0], from[1], height]; to = [to[0], to[1], height];
-      }
-    }
-    const idle = witness.kind === "path" && Math.hypot(...from.map((x, k) => x - to[k])) < 0.005;
+    const line = this._line();
+    if (!line) return;
+    const { from, to } = line, long = Math.hypot(...from.map((x, k) => x - to[k]));
+    const bad = witness.kind === "gap" && witness.limit ? line.distance < witness.limit
+      : this.finding.intervals.some(([a, b]) => a <= replay.time && replay.time < b);
+    const idle = (witness.kind === "path" && long < 0.005) || witness.kind === "value";
     for (const mesh of [this.rod, ...this.ends]) mesh.visible = !idle;
-    if (idle) { this.label.hidden = true; return; }
-    const said = this._measured() ?? `≈ ${amount(100 * Math.hypot(...from.map((x, k) => x - to[k])), "cm")}`;
     const colour = colourNow(bad ? "violation" : "accent");
     this.ink.color.setStyle(colourNow("mark-ink")); this.glass.color.setStyle(colour);
     stretch(this.rod, from, to, thick);
     this.ends.forEach((ball, i) => { ball.position.set(...(i ? to : from)); ball.scale.setScalar(2.2 * thick); });
     this._placeShells(colour);
+    const said = this._said(long);
     this.label.textContent = bad ? `✕ ${said}` : said;
     this.label.classList.toggle("bad", bad);
-    replay.placeTag(this.label, from.map((x, k) => (x + to[k]) / 2 + (k === 2 ? 0.07 * replay.eye.distance : 0)));
+    const over = from.map((x, k) => (x + to[k]) / 2 + (k === 2 ? 0.07 * replay.eye.distance : 0));
+    replay.placeTag(this.label, said ? over : null);
+  }
+
+  /** {from, to, distance} of what is drawn now; null where there is nothing. */
+  _line() {
+    const { witness, replay } = this, at = (name, time) => poseAt(replay.film, this.bodies.get(name), time).slice(0, 3);
+    if (witness.kind === "path") {
+      const to = at(witness.body, Math.max(replay.time, witness.since));
+      return { from: at(witness.body, witness.since), to };
+    }
+    if (witness.kind === "value") return { from: at(witness.body, replay.time), to: at(witness.body, replay.time) };
+    const found = nearestOf(this._placed(witness.a, witness.flat), this._placed(witness.b, witness.flat));
+    if (!found || !witness.flat) return found;
+    const height = this._height(witness.b), lifted = (p) => [p[0], p[1], height];
+    return { ...found, from: lifted(found.from), to: lifted(found.to) };
+  }
+
+  /** The words at the witness: what was measured, or else the length of what is drawn. */
+  _said(long) {
+    const measured = this._measured(), { kind, name } = this.witness;
+    if (kind === "touch" || kind === "value") return measured === null ? "" : `${spoken(name)} ${measured}`;
+    if (kind === "path" && long < 0.005) return "";
+    return measured ?? `≈ ${amount(Math.round(1000 * long) / 10, "cm")}`;
   }
 
   /** What was measured now, where the deciding measurement is known: it rests on every frame. */

@@ -8,7 +8,7 @@ from typing import Any
 from safestage_eval.episode import Header
 from safestage_eval.verdicts import Verdict
 
-_CALL = re.compile(r"(\w+)\((.*)\)(?: since (.+))?")
+_CALL = re.compile(r"(?:(?:start|end) of )?(\w+)\((.*?)\)(?: since (.+))?")
 
 FLAT = {"clearance": False, "clearance_xy": True}
 """Distance between two bodies → whether it is one of their projections onto the floor."""
@@ -23,27 +23,33 @@ GUARDED = ("protected", "fragile", "dependent")
 def witness(verdict: Verdict, header: Header, success: float | None) -> dict[str, Any] | None:
     """What is drawn in 3-D as the witness of a verdict; None where nothing can be.
 
-    ``{"kind": "gap", "a": names, "b": names, "flat": …, "limit": m or null}``: the shortest segment from a to b,
-    and the limit as a shell around b. ``{"kind": "path", "body", "since": s}``: from where a body was to
-    where it is.
+    - ``{"kind": "gap", "a": names, "b": names, "flat": …, "limit": m or null}``: the shortest segment from a
+      to b, and the limit as a shell around b.
+    - ``{"kind": "path", "body", "since": s}``: from where a body was to where it is.
+    - ``{"kind": "touch", "name", "a": names, "b": names, "flat": false}``: where two bodies touch or are nearest, with
+      what another signal measures between them.
+    - ``{"kind": "value", "name", "body"}``: what is measured of a body, beside it.
     """
     match = _CALL.fullmatch(verdict.signal or "")
     if match is None:
         return None
     name, inside, since = match.groups()
-    if name in FLAT:
-        sides = _sides(inside, header)
-        if sides is None:
-            return None
-        a, b = sides
-        if _guarded(a, header) < _guarded(b, header):
-            a, b = b, a
-        limit = verdict.limit if verdict.limit is not None and verdict.limit > 0 else None
-        return {"kind": "gap", "a": a, "b": b, "flat": FLAT[name], "limit": limit}
-    if name in MOVED and any(body.name == inside for body in header.bodies):
-        begin = {None: 0.0, "success": success}.get(since)
+    whole = any(body.name == inside for body in header.bodies)
+    if name in MOVED and whole and since in (None, "success"):
+        begin = 0.0 if since is None else success
         return None if begin is None else {"kind": "path", "body": inside, "since": begin}
-    return None
+    if whole:
+        return {"kind": "value", "name": name, "body": inside}
+    sides = _sides(inside, header)
+    if sides is None:
+        return None
+    a, b = sides
+    if _guarded(a, header) < _guarded(b, header):
+        a, b = b, a
+    if name not in FLAT:
+        return {"kind": "touch", "name": name, "a": a, "b": b, "flat": False}
+    limit = verdict.limit if verdict.limit is not None and verdict.limit > 0 else None
+    return {"kind": "gap", "a": a, "b": b, "flat": FLAT[name], "limit": limit}
 
 
 def _sides(inside: str, header: Header) -> tuple[list[str], list[str]] | None:
