@@ -117,6 +117,12 @@ def test_more_geoms_than_contacts_can_name(dataset):
         load(dataset)
 
 
+def test_a_table_of_channels_without_rows(dataset):
+    rewritten(dataset, "channels", lambda rows: rows.clear())
+    with pytest.raises(TraceError):
+        dict(load(dataset).channels)
+
+
 @pytest.mark.parametrize("text", ["5", '["ab"]', "[" * 100_000, '{"a": 1}', "x"])
 @pytest.mark.parametrize("column", ["channels", "attachments", "bodies"])
 def test_json_that_is_something_else(dataset, column, text):
