@@ -105,7 +105,7 @@ class Batch:
                 with (place / "stderr").open("wb") as log:
                     os.dup2(log.fileno(), 1)
                     os.dup2(log.fileno(), 2)
-                signal.signal(signal.SIGTERM, signal.SIG_DFL)
+                signal.signal(signal.SIGTERM, signal.SIG_IGN)  # who forked it decides
                 target.folder = place
                 work(target, key, asked, range(first, last), tell)
                 code = 0
