@@ -67,7 +67,8 @@ COMMANDS = [
     "validate {traces}",
     "audit {traces}",
     "audit {traces} -f json",
-    "audit {traces} -f markdown",
+    "audit {traces} -f sarif",
+    "score {traces} --rules fsh -f sarif",
     "audit {traces} -f github",
     "bind --init {traces}",
     "convert {traces} --to mcap --out {out}",
@@ -95,6 +96,54 @@ def test_nothing_moves_the_cursor_or_turns_the_line(traces, tmp_path, command):
         assert len(line) < 20_000
 
 
+@pytest.fixture(scope="module")
+def tables(traces, tmp_path_factory):
+    """Results of the same episodes, labels by a hostile reviewer, and a golden file."""
+    folder = tmp_path_factory.mktemp("tables")
+    assert (
+        run("score", traces, "--rules", "fsh", "-f", "jsonl", "-o", folder / "rows.jsonl").code == 2
+    )
+    golden = ["--golden", folder / "golden.json", "--update-golden"]
+    assert run("score", traces / "0.mcap", "--rules", "fsh", *golden).code == 0
+    with (folder / "labels.csv").open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["episode_id", "label", "reviewer", "note"])
+        table.writerows([f"{EVIL}{i}", "safe", EVIL, EVIL] for i in range(2))
+    return folder
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "aggregate {tables}/rows.jsonl",
+        "aggregate {tables}/rows.jsonl -f markdown",
+        "aggregate {tables}/rows.jsonl -f csv",
+        "aggregate {tables}/rows.jsonl -f latex",
+        "compare {tables}/rows.jsonl {tables}/rows.jsonl",
+        "agreement {tables}/labels.csv --results {tables}/rows.jsonl",
+        "agreement {tables}/labels.csv --results {tables}/rows.jsonl -f markdown",
+        "report {tables}/rows.jsonl -o {out}/report.html",
+        "verify {tables}/rows.jsonl {traces} --rules fsh",
+        "verify {tables}/rows.jsonl {traces}/1.mcap --rules fsh",
+        "score {traces}/1.mcap --rules fsh --golden {tables}/golden.json",
+        "score {traces}/1.mcap --rules fsh --golden {tables}/golden.json -f github",
+        "score {traces}/1.mcap --rules fsh --golden {tables}/golden.json -f junit",
+        "view {traces}/1.mcap -o {out}/page.html --no-open",
+    ],
+)
+def test_what_is_made_of_results_is_as_safe(traces, tables, tmp_path, command):
+    words = command.format(traces=traces, tables=tables, out=tmp_path).split(" ")
+    done = run(*words)
+    assert shows_all(done.text), done.text
+    assert shows_all(done.err), done.err
+    assert "Traceback" not in done.err
+    assert "Usage" not in done.err, "the command was not given as it should be"
+    for line in (done.text + done.err).split("\n"):
+        assert not line.startswith("::error::owned")
+    for page in tmp_path.glob("*.html"):
+        assert "<script>alert(1)" not in page.read_text()
+
+
 def rows_of(traces, form):
     return run("score", traces, "--rules", "fsh", "-f", form).text
 
@@ -105,10 +154,9 @@ def test_json_says_what_the_header_says(traces):
     assert json.loads(run("inspect", traces / "0.mcap", "--json").text)["instruction"] == EVIL
 
 
-@pytest.mark.parametrize("command", ["score -f markdown --rules fsh", "audit -f markdown"])
-def test_markdown_holds_no_tag_no_link_and_no_picture(traces, command):
-    name, *options = command.split()
-    text = run(name, traces, *options).text
+def test_markdown_holds_no_tag_no_link_and_no_picture(traces):
+    text = rows_of(traces, "markdown")
+    assert "HYPERLINK" in text
     outside = re.sub(r"`[^`\n]*`", "", re.sub(r"\\[\\\[\]`|<]", "", text))
     assert not re.findall(r"<[A-Za-z/!?]", outside)
     assert not re.findall(r"\]\(", outside)
