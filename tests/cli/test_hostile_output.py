@@ -73,8 +73,7 @@ COMMANDS = [
     "bind --init {traces}",
     "convert {traces} --to mcap --out {out}",
     "pack {traces} --out {out}",
-    "slack {traces} --rules fsh",
-    "sweep {traces} edge --rules fsh --values 1cm,3cm",
+    "sweep {traces} --rules fsh -p edge --values 1cm,3cm",
     "diff {traces} --rules fsh --set edge=3cm",
     "rules check \x1b[31m\u202enone.toml",
     "rules show \x1b[31mX",
@@ -103,6 +102,8 @@ def tables(traces, tmp_path_factory):
     assert (
         run("score", traces, "--rules", "fsh", "-f", "jsonl", "-o", folder / "rows.jsonl").code == 2
     )
+    what_if = ["-f", "parquet", "-o", folder / "rows.parquet", "--what-if", "edge"]
+    assert run("score", traces, "--rules", "fsh", *what_if).code == 2
     golden = ["--golden", folder / "golden.json", "--update-golden"]
     assert run("score", traces / "0.mcap", "--rules", "fsh", *golden).code == 0
     with (folder / "labels.csv").open("w", newline="") as file:
@@ -115,6 +116,8 @@ def tables(traces, tmp_path_factory):
 @pytest.mark.parametrize(
     "command",
     [
+        "slack {tables}/rows.parquet",
+        "sweep {tables}/rows.parquet -p edge --values 1cm,3cm -f csv",
         "aggregate {tables}/rows.jsonl",
         "aggregate {tables}/rows.jsonl -f markdown",
         "aggregate {tables}/rows.jsonl -f csv",
