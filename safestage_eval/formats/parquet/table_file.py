@@ -57,21 +57,33 @@ class Footer:
         return frozenset(self.metadata.schema.to_arrow_schema().names)
 
     @cached_property
-    def texts(self) -> tuple[str, ...]:
-        """Columns of plain texts: many rows may share one, and each would come to hold a copy."""
-        schema = self.metadata.schema.to_arrow_schema()
-        return tuple(field.name for field in schema if _is_text(field.type))
+    def wide(self) -> tuple[frozenset[str], frozenset[str], frozenset[str]]:
+        """Columns of plain texts, of texts in a dictionary, and of lists or records.
+
+        Many rows may share one text, and each would come to hold a copy; a row of a list may hold any
+        number of values.
+        """
+        plain, shared, nested = set(), set(), set()
+        for field in self.metadata.schema.to_arrow_schema():
+            kind = field.type
+            if _is_text(kind):
+                plain.add(field.name)
+            elif pa.types.is_dictionary(kind):
+                shared.add(field.name)
+            elif pa.types.is_nested(kind):
+                nested.add(field.name)
+        return frozenset(plain), frozenset(shared), frozenset(nested)
 
     @cached_property
-    def lists(self) -> dict[str, tuple[int, ...]]:
-        """Column of lists or records → places of what lies in it; a row may hold any number."""
-        schema = self.metadata.schema
+    def leaves(self) -> dict[str, list[int]]:
+        """Column of lists or records → places of what lies in it."""
+        schema, nested = self.metadata.schema, self.wide[2]
         found: dict[str, list[int]] = {}
         for place in range(len(schema)):
-            name, nested, _ = schema.column(place).path.partition(".")
-            if nested and schema.column(place).path not in self.columns:
+            name = schema.column(place).path.partition(".")[0]
+            if name in nested:
                 found.setdefault(name, []).append(place)
-        return {name: tuple(places) for name, places in found.items()}
+        return found
 
 
 FOOTERS: dict[tuple[Path, Hashable], Footer] = {}
@@ -169,7 +181,7 @@ class TableFile:
     @cached_property
     def _file_of_texts(self) -> pq.ParquetFile:
         """The same, which reads each text once."""
-        return self._opened(list(self.footer.texts))
+        return self._opened(sorted(self.footer.wide[0]))
 
     def _opened(self, texts: list[str] | None) -> pq.ParquetFile:
         if self._source is not None:
@@ -194,7 +206,10 @@ class TableFile:
         """
         columns = list(dict.fromkeys(columns))
         rows = sum(self.footer.index.rows[group] for group in groups)
-        values = rows * len(columns) + self._in_lists(groups, columns)
+        plain, shared, nested = self.footer.wide
+        values = rows * len(columns)
+        if not nested.isdisjoint(columns):
+            values += self._in_lists(groups, columns)
         current().demand_decoded(4 * values, self._size, str(self.path))
         if 4 * rows * len(columns) > LARGEST:
             raise TraceError(
@@ -203,7 +218,7 @@ class TableFile:
                 f"{LARGEST // 4 // len(columns):,} rows of {len(columns)} columns",
                 "write row groups of one episode each" if len(self.footer.index.rows) == 1 else "",
             )
-        texts = [name for name in columns if name in self.footer.texts]
+        texts = [name for name in columns if name in plain] if rows > 1 else []
         file = self._file_of_texts if texts else self._file
         try:
             table = file.read_row_groups(groups, columns=columns, use_threads=False)
@@ -211,7 +226,8 @@ class TableFile:
             raise self._unreadable(error) from None
         if table.column_names != columns:
             raise self._other_columns(table.column_names, columns)
-        table = self._unfolded(table, texts)
+        if rows > 1 and (texts or not shared.isdisjoint(columns)):
+            table = self._unfolded(table, texts, shared)
         if table.num_rows != rows or any(len(column) != rows for column in table.itercolumns()):
             name = next((name for name in columns if len(table[name]) != rows), columns[0])
             raise TraceError(
@@ -223,20 +239,21 @@ class TableFile:
 
     def _in_lists(self, groups: Sequence[int], columns: Sequence[str]) -> int:
         """Values in the lists of some columns, as the footer states them."""
-        lists, metadata = self.footer.lists, self.footer.metadata
-        places = [place for name in columns for place in lists.get(name, ())]
+        leaves, metadata = self.footer.leaves, self.footer.metadata
+        places = [place for name in columns for place in leaves.get(name, ())]
         return sum(
             metadata.row_group(group).column(place).num_values
             for group in groups
             for place in places
         )
 
-    def _unfolded(self, table: pa.Table, texts: Sequence[str]) -> pa.Table:
+    def _unfolded(self, table: pa.Table, texts: Sequence[str], shared: frozenset[str]) -> pa.Table:
         """Give each row its own text, unless that takes too much room. Raises TraceError."""
         import pyarrow.compute as pc
 
         total = 0
-        for chunk in (chunk for column in table.columns for chunk in column.chunks):
+        folded = [name for name in table.column_names if name in shared or name in texts]
+        for chunk in (chunk for name in folded for chunk in table[name].chunks):
             if isinstance(chunk, pa.DictionaryArray) and _is_text(chunk.dictionary.type):
                 lengths = pc.binary_length(chunk.dictionary)
                 if len(chunk) * (pc.max(lengths).as_py() or 0) > SMALL:
