@@ -44,7 +44,7 @@ def say(text: str, *, err: bool = False) -> None:
 
 def say_lines(text: str, *, err: bool = False) -> None:
     """Print lines that were made of printable names; their other control characters are escaped."""
-    _print(printable_lines(text), err=err, nl=not text.endswith("\n"))
+    _print(printable_lines(text), err=err, nl=bool(text) and not text.endswith("\n"))
 
 
 def _print(text: str, *, err: bool, nl: bool = True) -> None:

@@ -61,8 +61,8 @@ def command(
 
     \b
     Examples:
-      safestage score traces/ -f parquet -o rows.parquet --manifest rows.parquet.intoto.json
-      safestage verify rows.parquet traces/
+      safestage score traces/ -f csv -o r.csv --manifest r.csv.intoto.json
+      safestage verify r.csv traces/
       safestage verify rows.csv traces/ --rules fsh --sample 20 --seed 7
 
     Exit code 0: everything is as stated. 1: something differs. 2: something could not be verified,

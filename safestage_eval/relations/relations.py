@@ -270,6 +270,8 @@ class Relations(Support):
         query = self.signals.query("signal", name, bodies, options=options)
         growth = Growth.WHOLE if self.blind else Growth.PER_FRAME
         partial = self.store.partial(query, frames, measure, growth)
+        if len(bodies) < len(SIGNALS[name].args):  # a sentence names what it was measured against
+            self.graph.bearers(self.episode.body_index[bodies[0]])
         return partial.series(frames, SIGNALS[name].dimension)
 
     def _known_part(self, name: str, bodies: Sequence[str], series: Series) -> Series:
